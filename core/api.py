@@ -84,7 +84,7 @@ def check(source: Source, settings: Sequence[str] = ()) -> str:
 
     faults: list[Fault] = []
     executing(source, settings, None, "", faults, store="")
-    found = collected(
+    text = collected(
         lambda: (
             describe(read(source, settings))
             if isinstance(source, Configuration)
@@ -93,7 +93,7 @@ def check(source: Source, settings: Sequence[str] = ()) -> str:
         faults,
     )
     raise_all(faults)
-    return found
+    return text
 
 
 def run(
@@ -191,7 +191,7 @@ def study(
     faults = start_faults_of(out, workers, resume, overwrite, shared=True) + needed("study")
     where = executing(source, settings, workers, dask, faults, store=store)
     plan = collected(lambda: read_study(raw(source), settings), faults)
-    if where.store and not any(one.place == where.store_place for one in faults):
+    if where.store and not any(fault.place == where.store_place for fault in faults):
         faults += other_study(plan, where.store, where.store_place)
     raise_all(faults)
     told(tell, "warning", plan.warnings)
@@ -230,11 +230,11 @@ def gap(
 
     faults = start_faults_of(out, workers, resume, overwrite)
     where = executing(source, settings, workers, dask, faults)
-    plan, found = gap_plan(raw(source), settings)
-    table, wrong, place = opened(data, tables.ReadOptions(encoding, delimiter, decimal))
+    plan, plan_faults = gap_plan(raw(source), settings)
+    table, form_faults, place = opened(data, tables.ReadOptions(encoding, delimiter, decimal))
     file = None if isinstance(data, pd.DataFrame) else Path(data)
-    readings, more = checked_table(plan, table, wrong, place, file)
-    raise_all([*found, *faults, *more])
+    readings, data_faults = checked_table(plan, table, form_faults, place, file)
+    raise_all([*plan_faults, *faults, *data_faults])
     assert plan is not None
     assert readings is not None
     told(tell, READ, readings.understood)
@@ -264,7 +264,7 @@ def reproduce(
 
     faults = start_faults_of(out, workers, resume, overwrite)
     where = executing({}, (), workers, dask, faults)
-    plan = collected(lambda: read_claims([Path(one) for one in claims], settings), faults)
+    plan = collected(lambda: read_claims([Path(path) for path in claims], settings), faults)
     raise_all(faults)
     folder, kept = folder_for(out)
     done = comparing(plan, folder, executor_of(where), progress, resume, overwrite or out is None)
@@ -287,15 +287,15 @@ def report(
     """
     from .workflows.report import report as built
 
-    several = [folders] if isinstance(folders, str | PathLike) else list(folders)
-    paths = [Path(one) for one in several]
-    target, drawn = (None if one is None else Path(one) for one in (out, figures))
+    sources = [folders] if isinstance(folders, str | PathLike) else list(folders)
+    paths = [Path(folder) for folder in sources]
+    target, drawn = (None if path is None else Path(path) for path in (out, figures))
     if watch:
         return _watched(paths, target, drawn, tell)
     raise_all(page_faults(paths, target, drawn))
-    found = built(paths, target, drawn)
-    told(tell, "warning", found.remarks)
-    return found
+    page = built(paths, target, drawn)
+    told(tell, "warning", page.remarks)
+    return page
 
 
 def _watched(
@@ -307,10 +307,10 @@ def _watched(
     page, shown_before = out or beside(folders[0]), set[Path]()
     raise_all([*watch_faults(folders, figures), *page_faults(folders[:1], page)])
 
-    def shown(found: Report) -> None:
-        if found.path not in shown_before:
-            told(tell, "page", [f"{found.path}, renewed every 5 s; Ctrl-C ends it"])
-        shown_before.add(found.path)
+    def shown(built_page: Report) -> None:
+        if built_page.path not in shown_before:
+            told(tell, "page", [f"{built_page.path}, renewed every 5 s; Ctrl-C ends it"])
+        shown_before.add(built_page.path)
 
     return watch(folders[0], page, shown)
 

@@ -110,9 +110,9 @@ def beside(folder: Path) -> Path:
 
 def _page_faults(folders: Sequence[Path], out: Path | None) -> list[Fault]:
     faults = [
-        Fault(str(one), "is not a directory" if one.exists() else "does not exist")
-        for one in folders
-        if not one.is_dir()
+        Fault(str(folder), "is not a directory" if folder.exists() else "does not exist")
+        for folder in folders
+        if not folder.is_dir()
     ]
     if len(folders) > 1 and len(faults) < len(folders):
         faults = []  # what is there is compared, and the rest is said

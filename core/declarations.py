@@ -68,12 +68,14 @@ READING = "reading"
 """Name of the parameter that sets several others together."""
 
 
-def completed(parameters: Iterable[Parameter], given: Mapping[str, Value]) -> dict[str, Value]:
+def completed(parameters: Iterable[Parameter], stated: Mapping[str, Value]) -> dict[str, Value]:
     """Every parameter: as given, else its default in the reading that is given or the default."""
-    declared = {one.name: one for one in parameters}
-    own = declared[READING].default if READING in declared else None
-    reading = given.get(READING, own)
-    return {name: one.default_in(reading) for name, one in declared.items()} | dict(given)
+    declared = {parameter.name: parameter for parameter in parameters}
+    default_reading = declared[READING].default if READING in declared else None
+    reading = stated.get(READING, default_reading)
+    return {name: parameter.default_in(reading) for name, parameter in declared.items()} | dict(
+        stated
+    )
 
 
 @dataclass(frozen=True, slots=True)

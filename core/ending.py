@@ -33,11 +33,11 @@ def exit_status() -> Iterator[None]:
         typer.echo("interrupted: nothing more is written", err=True)
         raise typer.Exit(INTERRUPTED) from None
     except OSError as error:
-        typer.echo(f"failed: {_told(error)}", err=True)
+        typer.echo(f"failed: {_message(error)}", err=True)
         raise typer.Exit(1) from None
 
 
-def _told(error: OSError) -> str:
+def _message(error: OSError) -> str:
     """What an error of the system means for the file that was to be written."""
     why = cause(error)
     if why is None or not error.filename:

@@ -91,19 +91,19 @@ def cause(error: OSError) -> tuple[str, str] | None:
 
 def unwritable(path: Path, place: str) -> list[Fault]:
     """A fault where nothing can be written at or below `path`; leaves no trace."""
-    found = path
-    while not found.exists() and found != found.parent:
-        found = found.parent
-    if not found.is_dir():
-        return [Fault(place, f"cannot be written: {found} is not a directory; name another")]
+    existing = path
+    while not existing.exists() and existing != existing.parent:
+        existing = existing.parent
+    if not existing.is_dir():
+        return [Fault(place, f"cannot be written: {existing} is not a directory; name another")]
     try:
-        with tempfile.TemporaryFile(dir=found) as file:
+        with tempfile.TemporaryFile(dir=existing) as file:
             file.write(b"\0" * PROBE)
         return []
     except OSError as error:
         reason, remedy = cause(error) or (error.strerror or "not writable", "")
         remedy = f"{remedy}, or " if remedy else ""
-        text = f"cannot be written ({found}: {reason}); {remedy}name another directory"
+        text = f"cannot be written ({existing}: {reason}); {remedy}name another directory"
         return [Fault(place, text)]
 
 

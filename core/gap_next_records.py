@@ -30,8 +30,8 @@ class Separation:
     possible: bool = True
 
     def __str__(self) -> str:
-        mine, other = " + ".join(self.names), " + ".join(self.instead_of)
-        return f"{mine} instead of {other}: {self.text}"
+        names, rivals = " + ".join(self.names), " + ".join(self.instead_of)
+        return f"{names} instead of {rivals}: {self.text}"
 
 
 @dataclass(frozen=True, slots=True)

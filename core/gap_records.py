@@ -95,10 +95,10 @@ class Gate:
     @property
     def significant(self) -> bool:
         """Whether any output disagrees."""
-        return any(one.significant for one in self.outputs)
+        return any(output.significant for output in self.outputs)
 
     def __str__(self) -> str:
-        return "; ".join(str(one) for one in self.outputs)
+        return "; ".join(str(output) for output in self.outputs)
 
 
 @dataclass(frozen=True, slots=True)
@@ -223,7 +223,9 @@ class FoundEffect:
     counterpart: str = ""
 
     def __str__(self) -> str:
-        return f"{self.name} ({self.family}): " + ", ".join(str(one) for one in self.parameters)
+        return f"{self.name} ({self.family}): " + ", ".join(
+            str(parameter) for parameter in self.parameters
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -258,9 +260,9 @@ class Rival:
     correlation: float = nan
 
     def __str__(self) -> str:
-        mine, other = " + ".join(self.names), " + ".join(self.instead_of)
+        names, rivals = " + ".join(self.names), " + ".join(self.instead_of)
         alike = "" if isnan(self.correlation) else f" (correlation {self.correlation:.3f})"
-        return f"{mine} instead of {other}{alike}: {self.measurement}"
+        return f"{names} instead of {rivals}{alike}: {self.measurement}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -308,10 +310,10 @@ class Remainder:
     share: float
 
     def __str__(self) -> str:
-        share = f"{100 * self.share:.1f} %" if self.share >= 1e-3 else "under 0.1 %"
+        fraction = f"{100 * self.share:.1f} %" if self.share >= 1e-3 else "under 0.1 %"
         return (
             f"{self.output}: {self.shape}; rms {self.rms:.3g} {self.unit}, {self.ratio:.2g} times "
-            f"the noise, {share} of the gap"
+            f"the noise, {fraction} of the gap"
         )
 
 
@@ -382,4 +384,4 @@ class GapResult:
     @property
     def names(self) -> tuple[str, ...]:
         """The effects that are in the corrected model."""
-        return tuple(one.name for one in self.effects)
+        return tuple(effect.name for effect in self.effects)

@@ -36,10 +36,10 @@ Tell = Callable[[str], None]
 Found = TypeVar("Found")
 
 
-def collected(found: Callable[[], Found], faults: Sequence[Fault]) -> Found:
+def collected(compute: Callable[[], Found], faults: Sequence[Fault]) -> Found:
     """What `found` returns; its faults are raised together with those found before."""
     try:
-        return found()
+        return compute()
     except InputError as error:
         raise InputError([*error.faults, *faults]) from None
 
@@ -70,7 +70,7 @@ def table_faults_of(
     if out is None:
         options = {"--resume": resume, "--overwrite": overwrite, "--partitioned": partitioned}
         text = "needs a file or directory to write to: out"
-        return faults + [Fault(name, text) for name, given in options.items() if given]
+        return faults + [Fault(name, text) for name, is_set in options.items() if is_set]
     target = Target(Path(out), partitioned)
     if not partitioned:
         faults += file_faults(target.path, read)

@@ -97,8 +97,8 @@ class RunResult:
         """What was asked and what was found, a sentence each: `asked`, `found`, `published`,
         `limits`, `promise` and `proof`, as far as the summary has them.
         """
-        found = self.summary.get("answers")
-        return found if isinstance(found, Mapping) else {}
+        stated = self.summary.get("answers")
+        return stated if isinstance(stated, Mapping) else {}
 
 
 def unit_of_cost(summary: Mapping[str, Any]) -> str:
@@ -131,11 +131,19 @@ def _mechanism(known: object) -> list[str]:
     """The mechanism and its requirements, a line each."""
     if not isinstance(known, Mapping):
         return []
-    own = _described(known)
-    requirements = [one for one in known.get("requirements") or () if isinstance(one, Mapping)]
+    mechanism = _described(known)
+    requirements = [
+        requirement
+        for requirement in known.get("requirements") or ()
+        if isinstance(requirement, Mapping)
+    ]
     alone = len(requirements) == 1 and requirements[0].get("name") == known.get("name")
-    each = [f"requirement {_described(one)}" for one in requirements if _described(one)]
-    return each if alone else [*([f"mechanism {own}"] if own else []), *each]
+    lines = [
+        f"requirement {_described(requirement)}"
+        for requirement in requirements
+        if _described(requirement)
+    ]
+    return lines if alone else [*([f"mechanism {mechanism}"] if mechanism else []), *lines]
 
 
 def _described(known: Mapping[str, Any]) -> str:
@@ -159,9 +167,9 @@ def model_lines(summary: Mapping[str, Any]) -> list[str]:
     if not statement:
         return []
     choices = summary.get("choices") or {}
-    labels = {name: str(one.get("model") or statement) for name, one in choices.items()}
-    told = [f"{name}: {label}" for name, label in labels.items() if label != statement]
-    return [f"model: {statement}", *told]
+    labels = {name: str(choice.get("model") or statement) for name, choice in choices.items()}
+    others = [f"{name}: {label}" for name, label in labels.items() if label != statement]
+    return [f"model: {statement}", *others]
 
 
 @dataclass(frozen=True, slots=True)

@@ -118,30 +118,34 @@ def simulate(
     where = executing(source, settings, workers, dask, faults, block_rows, store)
     configuration = collected(lambda: _read(source, settings), faults)
     raise_all(faults)
-    given = configuration.settings
+    model_settings = configuration.settings
     simulation = Simulation(
         build_model(configuration),
         configuration.seed,
         configuration.model_name,
-        given.effects,
-        dict(given.zero),
+        model_settings.effects,
+        dict(model_settings.zero),
     )
     understood, notes, index = list[str](), list[str](), None
     rows: Any = None
     if not isinstance(inputs, pd.DataFrame):
-        rows = streamed(simulation, Path(inputs), given.columns, understood.extend, notes.extend)
+        rows = streamed(
+            simulation, Path(inputs), model_settings.columns, understood.extend, notes.extend
+        )
     if rows is not None:
         columns = list(rows.names.values())
     else:
         table, place = readable(inputs, tables.ReadOptions(encoding, delimiter, decimal))
-        read = inputs_in(simulation, table, place, given.columns, understood.extend, notes.extend)
+        read = inputs_in(
+            simulation, table, place, model_settings.columns, understood.extend, notes.extend
+        )
         rows, columns, index = rows_of(read), list(map(str, read)), read.index
     told(tell, READ, understood)
     told(tell, "note", notes)
     computing = simulation.computed(rows, columns, configuration.toml())
     target = _target(out, partitioned, resume, overwrite)
-    found = _computed(computing, where, target, progress, frame, [*understood, *notes])
-    return found.set_axis(index) if index is not None and frame else found
+    outputs = _computed(computing, where, target, progress, frame, [*understood, *notes])
+    return outputs.set_axis(index) if index is not None and frame else outputs
 
 
 def _read(source: Source, settings: Sequence[str]) -> Configuration:

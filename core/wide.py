@@ -30,8 +30,8 @@ def executing(
     from .configuration.execution import read_execution
     from .workflows.execution import Execution
 
-    given = Execution(workers, dask, block_rows, store=store or "")
+    options = Execution(workers, dask, block_rows, store=store or "")
     tables = {} if isinstance(source, Configuration) else raw(source)
-    found, wrong = read_execution(tables, settings, given, store is not None)
-    faults += wrong
-    return found if store is not None else replace(found, store="")
+    execution, execution_faults = read_execution(tables, settings, options, store is not None)
+    faults += execution_faults
+    return execution if store is not None else replace(execution, store="")

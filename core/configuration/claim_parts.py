@@ -59,9 +59,9 @@ def tried(section: Section, build: Callable[[], object]) -> None:
 
 def convertible(section: Section, recipe: Recipe, unit: str) -> None:
     """Report values whose unit, as far as it is known, cannot be stated in that of the claim."""
-    for own in units_of(recipe):
+    for recipe_unit in units_of(recipe):
         try:
-            converted(1.0, "" if own == "1" else own, "" if unit == "1" else unit)
+            converted(1.0, "" if recipe_unit == "1" else recipe_unit, "" if unit == "1" else unit)
         except ValueError as error:
             section.fault("", f"{recipe.by}: {error}")
 
@@ -72,22 +72,22 @@ def units_of(recipe: Recipe) -> tuple[str, ...]:
         case Derivative():
             per = recipe.recipe.unit_of(recipe.name) or "1"
             return tuple(
-                one if per == "1" else f"({one})/({per})" for one in units_of(recipe.recipe)
+                unit if per == "1" else f"({unit})/({per})" for unit in units_of(recipe.recipe)
             )
         case Constant():
             return (recipe.unit,)
         case ByCalculation():
-            known = {one.name: one.unit for one in recipe.kind.outputs}
+            known = {output.name: output.unit for output in recipe.kind.outputs}
             return tuple(known[name] or "1" for name in recipe.quantities if name in known)
         case ByModel():
-            outputs = {one.name: one.unit for one in recipe.kind.outputs}
+            outputs = {output.name: output.unit for output in recipe.kind.outputs}
             return tuple(
                 recipe.statistic.unit(outputs[name]) or "1"
                 for name in recipe.outputs
                 if name in outputs
             )
         case ByProblem():
-            units = {one.name: one.unit for one in recipe.problem.outputs}
+            units = {output.name: output.unit for output in recipe.problem.outputs}
             return tuple(units[name] or "1" for name in recipe.outputs if name in units)
         case _:
             return ()

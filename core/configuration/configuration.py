@@ -70,8 +70,8 @@ class Configuration:
     def tables(self) -> dict[str, Any]:
         """The resolved configuration as a file has it; an object in the place of a name stays."""
         read = tomllib.loads(self.toml())
-        named = {"problem": self.resolved["problem"]} if "problem" in self.resolved else {}
-        return read | named
+        original = {"problem": self.resolved["problem"]} if "problem" in self.resolved else {}
+        return read | original
 
     @cached_property
     def hash(self) -> str:

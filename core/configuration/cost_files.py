@@ -56,22 +56,24 @@ def fill_costs(filled: Filled, folder: Path, faults: list[Fault]) -> None:
         if (prices := _read(name, folder, "costs.file", filled, faults)) is not None:
             (_fill_parts if stack else _fill_variables)(filled, prices, faults)
     for at, part in tables_in(filled.table, "part"):
-        own = part.get("costs")
-        if not isinstance(own, dict):
+        part_costs = part.get("costs")
+        if not isinstance(part_costs, dict):
             continue
         place = f"part[{at}].costs"
         faults += [
             Fault(f"{place}.{key}", "is not a known key: costs of a part are a file")
-            for key in own
+            for key in part_costs
             if key != "file"
         ]
         del part["costs"]
-        if "file" not in own:
+        if "file" not in part_costs:
             faults.append(Fault(f"{place}.file", "is missing: name a table of costs"))
             continue
-        if (prices := _read(own["file"], folder, f"{place}.file", filled, faults)) is not None:
-            mine = [row for row in prices.rows if row.get("part") in (None, part.get("name"))]
-            _fill_part(filled, part, at, replace(prices, rows=mine), faults)
+        if (
+            prices := _read(part_costs["file"], folder, f"{place}.file", filled, faults)
+        ) is not None:
+            part_rows = [row for row in prices.rows if row.get("part") in (None, part.get("name"))]
+            _fill_part(filled, part, at, replace(prices, rows=part_rows), faults)
     if isinstance(costs, dict) and stack and not costs:
         del filled.table["costs"]
     if len(faults) > before:
@@ -81,7 +83,7 @@ def fill_costs(filled: Filled, folder: Path, faults: list[Fault]) -> None:
 def _stand_in(table: Raw) -> None:
     """Costs of parts for those that a faulty file does not state: they are not missing as well."""
     for _, part in tables_in(table, "part"):
-        owners = [one for _, one in tables_in(part, "process")]
+        owners = [process for _, process in tables_in(part, "process")]
         for owner in [*owners, *([part] if "t_min" in part and "machine" not in part else [])]:
             owner.setdefault("cost", {"model": "reciprocal", "a": 1.0, "b": 0.0})
         for _, machine in tables_in(part, "machine"):
@@ -93,9 +95,9 @@ def _stand_in(table: Raw) -> None:
 def tables_in(table: Mapping[str, Any], key: str) -> Iterator[tuple[int, Raw]]:
     """The tables of a list of tables, with their places."""
     value = table.get(key)
-    for at, one in enumerate(value if isinstance(value, list) else []):
-        if isinstance(one, dict):
-            yield at, one
+    for at, entry in enumerate(value if isinstance(value, list) else []):
+        if isinstance(entry, dict):
+            yield at, entry
 
 
 # ---------------------------------------------------------------- the file
@@ -109,28 +111,34 @@ def _read(
         faults.append(Fault(place, f"must be the name of a file, got {name}"))
         return None
     try:
-        found = tables.opened_whole(folder / name, name)
+        cost_table = tables.opened_whole(folder / name, name)
     except InputError as error:
-        faults += [Fault(place, f"{one.place} {one.message}".strip()) for one in error.faults]
+        faults += [Fault(place, f"{fault.place} {fault.message}".strip()) for fault in error.faults]
         return None
-    columns, units, notes = _columns(found)
-    own = [
+    columns, units, notes = _columns(cost_table)
+    form_faults = [
         Fault(place, f"{name}: column {c} is there twice")
         for c in COLUMNS
         if list(columns.values()).count(c) > 1
     ]
     have = set(columns.values())
     if "cost" not in have:
-        own.append(Fault(place, f"{name}: column cost is missing{_nearest('cost', found)}"))
+        form_faults.append(
+            Fault(place, f"{name}: column cost is missing{_nearest('cost', cost_table)}")
+        )
     if not have & {"t", "grade", "process"}:
-        own.append(Fault(place, f"{name}: column t or grade is missing: what the costs are for"))
+        form_faults.append(
+            Fault(place, f"{name}: column t or grade is missing: what the costs are for")
+        )
     if {"variable", "part"} <= have:
-        own.append(Fault(place, f"{name}: has a column variable and a column part: keep one"))
-    if own:
-        faults += own
+        form_faults.append(
+            Fault(place, f"{name}: has a column variable and a column part: keep one")
+        )
+    if form_faults:
+        faults += form_faults
         return None
     filled.notes += [f"{name}: {note}" for note in notes]
-    cells = found.cells[list(columns)].rename(columns=columns)
+    cells = cost_table.cells[list(columns)].rename(columns=columns)
     rows, wrong = _rows(cells, name)
     faults += [Fault(place, text) for text in wrong]
     currency = units.get("cost", "")
@@ -147,17 +155,17 @@ def _contradiction(name: str, currency: str, stated: Any) -> str:
     return f'is missing beside {whose}: write currency = "{currency}"'
 
 
-def _nearest(name: str, found: tables.Table) -> str:
-    return nearest(name, [str(column) for column in found.cells])
+def _nearest(name: str, cost_table: tables.Table) -> str:
+    return nearest(name, [str(column) for column in cost_table.cells])
 
 
-def _columns(found: tables.Table) -> tuple[dict[str, str], dict[str, str], list[str]]:
+def _columns(cost_table: tables.Table) -> tuple[dict[str, str], dict[str, str], list[str]]:
     """Columns of the file by what they are, units, notes on those that are not used."""
     columns: dict[str, str] = {}
     units: dict[str, str] = {}
     unused = []
-    for name in map(str, found.cells):
-        spelt = str(found.headers.get(name, name))
+    for name in map(str, cost_table.cells):
+        spelt = str(cost_table.headers.get(name, name))
         match = _HEADER.match(spelt)
         stem = (match[1] if match else spelt).casefold()
         unit = (match[2] or match[3] or "") if match else ""
@@ -168,8 +176,8 @@ def _columns(found: tables.Table) -> tuple[dict[str, str], dict[str, str], list[
             unused.append(spelt)
             continue
         columns[name] = stem
-        if unit or found.units.get(name):
-            units[stem] = unit or found.units[name]
+        if unit or cost_table.units.get(name):
+            units[stem] = unit or cost_table.units[name]
     return columns, units, [f"not used: {', '.join(unused)}"] if unused else []
 
 
@@ -191,7 +199,9 @@ def _rows(cells: pd.DataFrame, name: str) -> tuple[list[dict[str, Any]], list[st
                 wrong.append(f'{name}, line {line}: {column} must be a number {what}, got "{text}"')
             elif text:
                 row[str(column)] = number
-        if "cost" not in row and not any(f"line {line}:" in one for one in wrong):
+        if "cost" not in row and not any(
+            f"line {line}:" in text_of_fault for text_of_fault in wrong
+        ):
             wrong.append(f"{name}, line {line}: cost is empty")
         rows.append(row)
     return rows, wrong
@@ -211,8 +221,10 @@ def _fill_variables(filled: Filled, prices: Prices, faults: list[Fault]) -> None
     """`[costs.NAME]` of the variables of a file; prices of machines into their tables."""
     costs, variables = filled.table.setdefault("costs", {}), filled.table.get("variables")
     for name, rows in _by(prices, "variable", faults):
-        own = variables.get(name) if isinstance(variables, dict) else None
-        machines = {one.get("name"): one for _, one in tables_in(own or {}, "machine")}
+        variable = variables.get(name) if isinstance(variables, dict) else None
+        machines = {
+            machine.get("name"): machine for _, machine in tables_in(variable or {}, "machine")
+        }
         for process, some in _grouped(rows, "process").items():
             if process is not None and process in machines:
                 _price(machines[process], process, some, prices.place, faults)
@@ -237,7 +249,7 @@ def _fill_parts(filled: Filled, prices: Prices, faults: list[Fault]) -> None:
     parts = {part.get("name"): (at, part) for at, part in tables_in(filled.table, "part")}
     for name, rows in _by(prices, "part", faults):
         if name not in parts:
-            text = f'"{name}" of the file is not a part{nearest(name, [str(one) for one in parts])}'
+            text = f'"{name}" of the file is not a part{nearest(name, [str(p) for p in parts])}'
             faults.append(Fault(prices.place, text))
             continue
         at, part = parts[name]
@@ -257,18 +269,20 @@ def _by(prices: Prices, key: str, faults: list[Fault]) -> Iterator[tuple[str, li
 
 
 def _grouped(rows: list[Raw], key: str) -> dict[str | None, list[Raw]]:
-    found: dict[str | None, list[Raw]] = {}
+    groups: dict[str | None, list[Raw]] = {}
     for row in rows:
-        found.setdefault(row.get(key), []).append(row)
-    return found
+        groups.setdefault(row.get(key), []).append(row)
+    return groups
 
 
 def _fill_part(filled: Filled, part: Raw, at: int, prices: Prices, faults: list[Fault]) -> None:
     """Prices of one part: of its processes and machines, by grade, or as a table of t."""
     owners = {
-        one.get("name"): one for key in ("process", "machine") for _, one in tables_in(part, key)
+        owner.get("name"): owner
+        for key in ("process", "machine")
+        for _, owner in tables_in(part, key)
     }
-    machines = {one.get("name") for _, one in tables_in(part, "machine")}
+    machines = {machine.get("name") for _, machine in tables_in(part, "machine")}
     name = str(part.get("name", at))
     for process, rows in _grouped(prices.rows, "process").items():
         if process is None:
@@ -286,7 +300,7 @@ def _fill_part(filled: Filled, part: Raw, at: int, prices: Prices, faults: list[
                 Fault(
                     prices.place,
                     f'part {name} has no process or machine "{process}"'
-                    f"{nearest(process, [str(one) for one in owners])}",
+                    f"{nearest(process, [str(owner) for owner in owners])}",
                 )
             )
         elif process in machines:
@@ -335,32 +349,32 @@ def _fill_table(
         if (curve := _curve(prices.rows, prices, unit, name, faults)) is not None:
             owner[key] = curve
         return
-    found: dict[str, float] = {}
+    prices_by_grade: dict[str, float] = {}
     before = len(faults)
     for row in by_grade:
         grade = row["grade"] if not row["grade"].isdigit() else f"IT{row['grade']}"
-        if grade in found:
+        if grade in prices_by_grade:
             faults.append(Fault(prices.place, f"{name}: {grade} has two prices"))
         if grade not in GRADES:
             faults.append(
                 Fault(prices.place, f'{name}: "{grade}" is not a grade{nearest(grade, GRADES)}')
             )
-        found[grade] = row["cost"]
+        prices_by_grade[grade] = row["cost"]
     if len(faults) == before:
-        _narrow_grades(filled, owner, name, found)
-        owner[key] = found
+        _narrow_grades(filled, owner, name, prices_by_grade)
+        owner[key] = prices_by_grade
 
 
-def _narrow_grades(filled: Filled, owner: Raw, name: str, found: dict[str, float]) -> None:
+def _narrow_grades(filled: Filled, owner: Raw, name: str, by_grade: dict[str, float]) -> None:
     """The range of grades, where the file prices only an inner one; prices beyond are left out."""
     asked = owner.get("grade")
-    if not (isinstance(asked, list) and len(asked) == 2 and all(one in GRADES for one in asked)):
+    if not (isinstance(asked, list) and len(asked) == 2 and all(end in GRADES for end in asked)):
         return
-    first, last = (GRADES.index(one) for one in asked)
-    priced = [at for at in range(first, last + 1) if GRADES[at] in found]
-    for grade in [grade for grade in found if grade in GRADES]:
+    first, last = (GRADES.index(end) for end in asked)
+    priced = [at for at in range(first, last + 1) if GRADES[at] in by_grade]
+    for grade in [grade for grade in by_grade if grade in GRADES]:
         if not first <= GRADES.index(grade) <= last:
-            del found[grade]
+            del by_grade[grade]
     if len(priced) > 1 and (priced[0], priced[-1]) != (first, last):
         ends = GRADES[priced[0]], GRADES[priced[-1]]
         owner["grade"] = list(ends)
@@ -408,9 +422,9 @@ def _curve(
         values = [float(converted(value, prices.t_unit, unit)) for value in values]
     order = np.argsort(values, kind="stable").tolist()
     t = [values[at] for at in order]
-    twice = sorted({one for one in t if t.count(one) > 1})
-    for one in twice:
-        faults.append(Fault(prices.place, f"{name}: t = {one:g} has two costs"))
+    twice = sorted({value for value in t if t.count(value) > 1})
+    for repeated in twice:
+        faults.append(Fault(prices.place, f"{name}: t = {repeated:g} has two costs"))
     if len(t) < 2 and not twice:
         faults.append(Fault(prices.place, f"{name}: needs costs at two values of t at least"))
     if len(t) < 2 or twice:

@@ -35,15 +35,15 @@ def read_measured(
     stated = [key for key in (BOUNDS if deviates else keys()) if key in section]
     for key in stated:
         section.fault(key, "is stated beside measured, which tells it: keep one")
-    found = read_sample(section, variable.unit, None, mid or 0.0, t, follows=not deviates)
-    if found is None or stated:
+    sample = read_sample(section, variable.unit, None, mid or 0.0, t, follows=not deviates)
+    if sample is None or stated:
         return None
-    if found.offset and mid is None:
+    if sample.offset and mid is None:
         section.fault(
             "measured.mean",
             f'must be "corrected": errors of {variable.name} have no '
             "mid-limit here and count as centred, and the sample is "
-            f"{found.offset:+.4g} {variable.unit} off",
+            f"{sample.offset:+.4g} {variable.unit} off",
         )
         return None
-    return found
+    return sample

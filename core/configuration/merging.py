@@ -23,7 +23,7 @@ def merge(table: dict[str, Any], over: Mapping[str, Any], whole: bool = False) -
             continue
         if meets and not whole:
             return False
-        for other in INSTEAD.get(key, ()):
-            table.pop(other, None)
+        for replaced in INSTEAD.get(key, ()):
+            table.pop(replaced, None)
         table[key] = value
     return True

@@ -14,6 +14,6 @@ def belongs(problem: str, kind: Any, model: str, measured: type[MeasurableModel]
 
 def stranger(problem: str, model: str, measured: type[MeasurableModel]) -> str:
     """What is said of a problem that a model does not belong to."""
-    named = " or ".join(f'"{one}"' for one in measured.corrects)
-    mine = f"it corrects {named}" if named else "it corrects none (`simulate` takes it)"
-    return f'the model {model} does not belong to the problem "{problem}": {mine}'
+    corrected = " or ".join(f'"{name}"' for name in measured.corrects)
+    reason = f"it corrects {corrected}" if corrected else "it corrects none (`simulate` takes it)"
+    return f'the model {model} does not belong to the problem "{problem}": {reason}'

@@ -31,11 +31,11 @@ def load_named(section: Section, key: str, group: str, default: str = "") -> Any
 
 def problem_of(top: Section) -> Any:
     """What `problem` names: a class of this suite, or what stands for a plain pymoo problem."""
-    found = load_named(top, "problem", "problems")
-    if found is None or hasattr(found, "configured"):
-        return found
+    loaded = load_named(top, "problem", "problems")
+    if loaded is None or hasattr(loaded, "configured"):
+        return loaded
     try:
-        return plain_kind(found)
+        return plain_kind(loaded)
     except InputError as error:
         for fault in error.faults:
             top.fault("problem", fault.message)

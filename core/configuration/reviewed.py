@@ -12,17 +12,17 @@ from .review import reopened
 
 def reviewed(run: Path, parts: Sequence[Path], since: Sequence[Path], options: ReadOptions) -> str:
     """Sentences and the table of the parts. Raises InputError with every fault."""
-    one = reopened(run, parts, since, options)
-    found = review(
-        one.before,
-        one.design,
-        one.now,
-        one.reset,
-        one.made,
-        one.since,
-        one.attributed,
-        [name for name in one.made if name in one.earlier],
+    problem = reopened(run, parts, since, options)
+    result = review(
+        problem.before,
+        problem.design,
+        problem.now,
+        problem.reset,
+        problem.made,
+        problem.since,
+        problem.attributed,
+        [name for name in problem.made if name in problem.earlier],
     )
-    shown = found.parts.dropna(axis="columns", how="all")
+    shown = result.parts.dropna(axis="columns", how="all")
     table = shown.to_string(index=False, float_format="%.4g", na_rep="-")
-    return "\n".join([*found.lines, "", table])
+    return "\n".join([*result.lines, "", table])

@@ -31,7 +31,7 @@ def built_points(
 
     Raises InputError with the faults of all points, each named once.
     """
-    builder = _Builder(variable_table(run, [one.key for one in factors], base.resolved))
+    builder = _Builder(variable_table(run, [factor.key for factor in factors], base.resolved))
     faults: dict[str, Fault] = {}
     points = []
     for row in design[[factor.key for factor in factors]].to_dict("records"):
@@ -40,8 +40,8 @@ def built_points(
             points.append(builder.point(values))
         except InputError as error:
             for fault in error.faults:
-                found = _placed(fault, values)
-                faults.setdefault(str(found), found)
+                placed = _placed(fault, values)
+                faults.setdefault(str(placed), placed)
     listed = list(faults.values())
     if len(listed) > SHOWN:
         more = Fault("vary", f"{len(listed) - SHOWN} more faults of this kind")
@@ -90,12 +90,14 @@ class _Builder:
 
     def _first(self, key: str, table: Table) -> Point:
         """The first point of a problem."""
-        found = read_table(table, [])
-        assert found.problem is not None
-        assert found.algorithm is not None
+        configuration = read_table(table, [])
+        assert configuration.problem is not None
+        assert configuration.algorithm is not None
         self._numbers[key] = len(self.problems)
-        self.problems.append(found.problem)
-        return Point(self._numbers[key], found.algorithm, found.budget, found.engine)
+        self.problems.append(configuration.problem)
+        return Point(
+            self._numbers[key], configuration.algorithm, configuration.budget, configuration.engine
+        )
 
 
 def _placed(fault: Fault, values: Mapping[str, Level]) -> Fault:

@@ -172,9 +172,9 @@ def _entries(folder: Path) -> list[dict[str, Any]]:
 def patient(attempt: Callable[[], Found | None], seconds: float = PATIENCE) -> Found | None:
     """What `attempt` returns, tried again for so long while it is None."""
     until = time.monotonic() + seconds
-    while (found := attempt()) is None and time.monotonic() < until:
+    while (outcome := attempt()) is None and time.monotonic() < until:
         time.sleep(STEP)
-    return found
+    return outcome
 
 
 def _flock(handle: int, kind: int) -> bool:

@@ -121,8 +121,8 @@ KINDS: Mapping[str, Kind] = {
 
 def present(folder: Path, patterns: Iterable[str]) -> list[str]:
     """Names of the files in a directory that fit one of the patterns, in their order."""
-    found = (sorted(folder.glob(pattern)) for pattern in patterns)
-    files = (path for path in chain.from_iterable(found) if path.is_file() or path.is_symlink())
+    matches = (sorted(folder.glob(pattern)) for pattern in patterns)
+    files = (path for path in chain.from_iterable(matches) if path.is_file() or path.is_symlink())
     return list(dict.fromkeys(path.relative_to(folder).as_posix() for path in files))
 
 
@@ -140,7 +140,7 @@ def folders(folder: Path) -> list[Path]:
     """The directory, and those below it that commands write into."""
     patterns = chain.from_iterable((*kind.files, *kind.pages) for kind in KINDS.values())
     parents = {str(Path(pattern).parent) for pattern in patterns}
-    return [folder / one for one in sorted(parents) if (folder / one).is_dir()]
+    return [folder / parent for parent in sorted(parents) if (folder / parent).is_dir()]
 
 
 def fits(name: str, patterns: Iterable[str]) -> bool:

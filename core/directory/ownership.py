@@ -53,8 +53,8 @@ class Ownership:
         if not occupied(self.folder):
             return True
         here = self.standing
-        mine = here.unfinished is not None and here.command == self.command
-        return mine and not present(self.folder, KINDS[self.command].state)
+        same_command = here.unfinished is not None and here.command == self.command
+        return same_command and not present(self.folder, KINDS[self.command].state)
 
     @property
     def joined(self) -> bool:
@@ -115,16 +115,16 @@ class Ownership:
         """Let processes in that help with the same result."""
         try:
             self._lock.share()
-        except Held as other:
-            raise RunError(f"{self.folder} {BUSY.format(other)}") from None
+        except Held as holder:
+            raise RunError(f"{self.folder} {BUSY.format(holder)}") from None
         self._still_ours()
 
     def exclude(self) -> bool:
         """Wait until all that helped are through; whether it is left to us to complete it."""
         try:
             self._lock.exclude(LAST)
-        except Held as other:
-            raise RunError(f"{self.folder} {BUSY.format(other)}") from None
+        except Held as holder:
+            raise RunError(f"{self.folder} {BUSY.format(holder)}") from None
         if (self.folder / MANIFEST).exists():
             return False
         self._still_ours()
@@ -222,10 +222,10 @@ def _taken(folder: Path, command: str, shared: bool) -> Lock:
             return acquire(folder, command, same if shared else None, PATIENCE)
         except FileNotFoundError:  # its last owner had made it for nothing, and took it away
             continue
-        except Held as other:
+        except Held as holder:
             soon = shared and command in commands(folder) and time.monotonic() < until
             if not soon:
-                raise refuse("--out", f"{folder} {BUSY.format(other)}") from None
+                raise refuse("--out", f"{folder} {BUSY.format(holder)}") from None
 
 
 def _unmade(made: Sequence[Path]) -> None:
@@ -236,6 +236,6 @@ def _unmade(made: Sequence[Path]) -> None:
 
 def busy_faults(folder: Path, place: str) -> list[Fault]:
     """A fault where a process holds a directory."""
-    if other := holders(folder):
-        return [Fault(place, f"{folder} {BUSY.format(other)}")]
+    if holder := holders(folder):
+        return [Fault(place, f"{folder} {BUSY.format(holder)}")]
     return []

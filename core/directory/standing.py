@@ -85,13 +85,13 @@ def not_whole(folder: Path) -> tuple[Fault, ...]:
 
 def seal_of(folder: Path) -> bytes:
     """The marks of a directory as bytes."""
-    found = []
+    marks = []
     for name in (MANIFEST, UNFINISHED):
         try:
-            found.append((folder / name).read_bytes())
+            marks.append((folder / name).read_bytes())
         except OSError:
-            found.append(b"")
-    return b"\0".join(found)
+            marks.append(b"")
+    return b"\0".join(marks)
 
 
 def occupied(folder: Path) -> bool:

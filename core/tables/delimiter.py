@@ -52,22 +52,22 @@ def separator(lines: list[str], place: str, stated: str | None) -> Separator:
         return Separator("")
     if _clean(sample, SPACE) >= CLEAN:
         return Separator(SPACE)
-    named = [sign for sign in CANDIDATES if sample and sign in sample[0]]
-    if len(named) == 1:  # rows of many lengths: each is reported
-        return Separator(named[0])
+    in_header = [sign for sign in CANDIDATES if sample and sign in sample[0]]
+    if len(in_header) == 1:  # rows of many lengths: each is reported
+        return Separator(in_header[0])
     raise _unknown(place, list(CANDIDATES))
 
 
 def _confirmed(sample: list[str], sign: str, score: float, place: str) -> Separator:
     """The delimiter where the detector agrees, or where nothing speaks against it."""
-    named, quote = sign, '"'
+    detected, quote = sign, '"'
     if score < 1.0 or any("'" in line for line in sample[:DETECTED]):
-        named, quote = _detected(sample)
-    if named != sign and score < 1.0:
-        raise _unknown(place, [sign, named])
-    for other in CANDIDATES:
-        if other != sign and _as_often(sample, other):
-            raise _unknown(place, [sign, other])
+        detected, quote = _detected(sample)
+    if detected != sign and score < 1.0:
+        raise _unknown(place, [sign, detected])
+    for candidate in CANDIDATES:
+        if candidate != sign and _as_often(sample, candidate):
+            raise _unknown(place, [sign, candidate])
     if sign == "," and _names_a_unit(sample):
         raise _unknown(place, [",", ""])
     return Separator(sign, quote)
@@ -78,12 +78,12 @@ def _detected(sample: list[str]) -> tuple[str, str]:
     from clevercsv import Detector
 
     try:
-        found = Detector().detect("\n".join(sample[:DETECTED]), delimiters=[*CANDIDATES, SPACE])
+        dialect = Detector().detect("\n".join(sample[:DETECTED]), delimiters=[*CANDIDATES, SPACE])
     except (ValueError, RuntimeError, IndexError):
-        found = None
-    if found is None:
+        dialect = None
+    if dialect is None:
         return "", '"'
-    return found.delimiter or "", "'" if found.quotechar == "'" else '"'
+    return dialect.delimiter or "", "'" if dialect.quotechar == "'" else '"'
 
 
 def _as_often(sample: list[str], sign: str) -> bool:
@@ -148,7 +148,7 @@ def _is_value(cell: str, sign: str) -> bool:
     """Whether a cell is a value, or text that no other delimiter stands in."""
     if notation(cell) or is_date(cell) or is_missing(cell):
         return True
-    return not any(other in cell for other in CANDIDATES if other != sign)
+    return not any(candidate in cell for candidate in CANDIDATES if candidate != sign)
 
 
 def _unknown(place: str, fitting: list[str]) -> Exception:

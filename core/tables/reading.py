@@ -36,10 +36,10 @@ def read_table(
     readings with the option that decides.
     """
     path = Path(path)
-    found, faults = opened(path, path.name, ReadOptions(encoding, delimiter, decimal))
+    table, faults = opened(path, path.name, ReadOptions(encoding, delimiter, decimal))
     raise_all(faults)
-    assert found is not None
-    return found
+    assert table is not None
+    return table
 
 
 def opened(
@@ -99,9 +99,9 @@ def _from_parquet(content: bytes, place: str) -> tuple[Table, list[Fault]]:
     names = names_of(list(table.headers))
     units = {names[n]: split_header(n)[1] for n in names if names[n] != n}
     columns = Columns({names[str(n)]: frame[n].to_numpy() for n in frame}, range(1, len(frame) + 1))
-    own = {names[n]: n for n in table.headers}
+    headers = {names[n]: n for n in table.headers}
     numeric = tuple(names[n] for n in table.numeric)
-    return replace(table, columns=columns, units=units, numeric=numeric, headers=own), faults
+    return replace(table, columns=columns, units=units, numeric=numeric, headers=headers), faults
 
 
 def table_of(frame: pd.DataFrame, place: str, kind: str = "frame") -> tuple[Table, list[Fault]]:

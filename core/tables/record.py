@@ -74,7 +74,7 @@ class Table:
         """What was understood, to be shown before anything is made of it."""
         columns = ", ".join(self._described(str(name)) for name in self.columns.names)
         first = f"{place}: {len(self.columns)} rows; {self.dialect}"
-        return (first, f"{place}: columns {columns}", *(f"{place}: {one}" for one in self.notes))
+        return (first, f"{place}: columns {columns}", *(f"{place}: {note}" for note in self.notes))
 
     def record(self) -> dict[str, Any]:
         """What was understood, to be stored with a result."""

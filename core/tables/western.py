@@ -40,11 +40,11 @@ def western(content: bytes) -> str:
         text = content.decode("cp1252")
     except UnicodeDecodeError:
         return NO
-    found = {_judged(token) for token in set(_TOKEN.findall(text))}
-    return NO if NO in found else UNSURE if UNSURE in found else SURE
+    ratings = {_rated(token) for token in set(_TOKEN.findall(text))}
+    return NO if NO in ratings else UNSURE if UNSURE in ratings else SURE
 
 
-def _judged(token: str) -> str:
+def _rated(token: str) -> str:
     """One word with a letter or sign that is not ASCII."""
     if _SYMBOL.fullmatch(token):
         return SURE
