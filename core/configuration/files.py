@@ -6,7 +6,8 @@ import copy
 from pathlib import Path
 
 from ..errors import Fault
-from .cost_files import Filled, Raw, fill_costs
+from .cost_files import fill_costs
+from .cost_rows import Filled, Raw
 from .measured_files import fill_measured
 
 

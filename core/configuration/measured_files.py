@@ -9,7 +9,8 @@ from typing import Any
 
 from .. import tables
 from ..errors import Fault, InputError, nearest
-from .cost_files import Raw, tables_in
+from .cost_files import tables_in
+from .cost_rows import Raw
 
 SUFFIXES = (".dfq", ".dfd")
 OPTIONS = ("encoding", "delimiter", "decimal")
