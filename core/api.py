@@ -1,4 +1,4 @@
-"""The Python interface: what the commands do, as functions that return what they found.
+"""The Python interface: what the commands do, as functions that return their results.
 
 Each takes a configuration as a path, a dictionary or what `read` returns, and tables as paths or
 pandas frames. Nothing is written unless `out` is given. `tell` is called with each line that the
@@ -141,7 +141,7 @@ def search(
     start: Frame | None = None,
     settings: Sequence[str] = (),
 ) -> Search:
-    """A search in a loop of one's own: `ask` for designs, `tell` what came out, take the `result`.
+    """A search in the caller's loop: `ask` for designs, `tell` their outputs, take the `result`.
 
     `start` are designs, one per row, that the first generation begins with (the first of them, if
     they are more than it holds); a front or an allocation can be given as it stands. The algorithm
@@ -281,9 +281,8 @@ def report(
 ) -> Report:
     """Build the page of a result again, or compare several runs; says where it is.
 
-    With `watch` the page of one directory is renewed until its result is complete; it lies beside
-    the directory where `out` says nothing else. Raises ConfigurationError where nothing can be
-    built.
+    With `watch` the page of one directory is renewed until its result is complete; without `out`
+    the page lies next to the directory. Raises ConfigurationError where nothing can be built.
     """
     from .workflows.report import report as built
 
@@ -301,7 +300,7 @@ def report(
 def _watched(
     folders: list[Path], out: Path | None, figures: Path | None, tell: Tell | None
 ) -> Report:
-    """`report` again and again; where the page lies is told when it is first there."""
+    """`report` again and again; the path of the page is reported when it first exists."""
     from .workflows.report import watch
 
     page, shown_before = out or beside(folders[0]), set[Path]()

@@ -93,7 +93,7 @@ def page_faults(
 
 
 def watch_faults(folders: Sequence[Path], figures: Path | None) -> list[Fault]:
-    """What cannot be had of a page that is renewed."""
+    """Options that cannot be combined with a page that is renewed."""
     faults = []
     if len(folders) != 1:
         faults.append(Fault("--watch", f"takes one directory, got {len(folders)}"))
@@ -104,7 +104,7 @@ def watch_faults(folders: Sequence[Path], figures: Path | None) -> list[Fault]:
 
 
 def beside(folder: Path) -> Path:
-    """The page of a directory that others work in: beside it."""
+    """The path of the page of a directory that other processes work in: next to the directory."""
     return folder.resolve().with_suffix(".html")
 
 
@@ -115,7 +115,7 @@ def _page_faults(folders: Sequence[Path], out: Path | None) -> list[Fault]:
         if not folder.is_dir()
     ]
     if len(folders) > 1 and len(faults) < len(folders):
-        faults = []  # what is there is compared, and the rest is said
+        faults = []  # existing directories are compared, missing ones are reported
     if out is None and len(folders) == 1:
         return faults or busy_faults(folders[0], "report") or unwritable(folders[0], "--out")
     if out is None:

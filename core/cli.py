@@ -75,7 +75,7 @@ def _called(name: str, asked: Asked, *arguments: Any, **options: Any) -> Finishe
 
 
 def _ended(finished: Finished) -> int:
-    """Say how a command ended, and where its page is; the exit status."""
+    """Print how a command ended, and where its page is; returns the exit status."""
     for line in finished.lines:
         typer.echo(line, err=finished.status != "done")
     page = finished.folder / "report.html"

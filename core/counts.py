@@ -2,7 +2,7 @@
 
 A count declares its `Need` where its range is declared: `Parameter(need=...)` of a model, problem
 or calculation, `field(metadata={"need": ...})` of an algorithm or a design, `Section.integer`.
-Whatever declares none is held for a number that is kept (`PLAIN`). The budgets do not depend on the
+A count without one is taken for numbers that are kept (`PLAIN`). The budgets do not depend on the
 machine, so that a configuration is accepted everywhere or nowhere; `--force` asks for more.
 """
 
@@ -27,11 +27,11 @@ _FORCED: ContextVar[bool] = ContextVar("forced", default=False)
 
 @dataclass(frozen=True, slots=True)
 class Need:
-    """What a count takes: bytes and seconds for each, and bytes for each pair where all are held
-    against all.
+    """What a count takes: bytes and seconds for each, and bytes for each pair where all are
+    compared with all.
 
-    `of` names one of them ("individual"). The numbers are measured, and rather too low: what is
-    refused is really too much.
+    `of` is what is counted ("individual"). The numbers are measured, and rather too low: a count
+    that is refused is really too large.
     """
 
     of: str
@@ -66,7 +66,7 @@ PLAIN = Need("number", bytes=8.0)
 INDIVIDUALS = Need("individual", bytes=2.5e3, seconds=2e-5)
 """Of a population: pymoo keeps an object for each."""
 PAIRED = Need("individual", bytes=2.5e3, seconds=2e-5, bytes_per_pair=15.0)
-"""Of a population whose members are held against each other, as reference directions are."""
+"""Of a population whose members are compared pairwise, as reference directions are."""
 GENERATIONS = Need("generation", bytes=400.0, seconds=1e-3)
 EVALUATIONS = Need("evaluation", seconds=2e-5)
 POINTS = Need("point", bytes=1.5e3, seconds=1e-3)

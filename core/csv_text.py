@@ -1,7 +1,7 @@
 """Text of CSV files in which no spreadsheet finds a formula, and the same files read again.
 
-A spreadsheet computes a cell that begins with `=`, `+`, `-` or `@`, be it a name from somebody
-else's table. An apostrophe in front makes it text. Numbers are no text, and stay as they are.
+A spreadsheet computes a cell that begins with `=`, `+`, `-` or `@`, even a name from a table of
+the user's. An apostrophe in front makes it text. Numbers are no text, and stay as they are.
 """
 
 from __future__ import annotations

@@ -33,7 +33,7 @@ class Kind(StrEnum):
 
 
 TOLERANCES = frozenset({Kind.HALF_WIDTH, Kind.STANDARD_DEVIATION, Kind.FULL_CLEARANCE, Kind.GRADE})
-"""The kinds that are tolerances: narrower is tighter and dearer."""
+"""The kinds that are tolerances: a narrower one is tighter and more expensive."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,11 +65,11 @@ class Parameter:
 
 
 READING = "reading"
-"""Name of the parameter that sets several others together."""
+"""Name of the parameter (an interpretation of a document) that sets several others together."""
 
 
 def completed(parameters: Iterable[Parameter], stated: Mapping[str, Value]) -> dict[str, Value]:
-    """Every parameter: as given, else its default in the reading that is given or the default."""
+    """Every parameter: as stated, else its default in the stated or the default interpretation."""
     declared = {parameter.name: parameter for parameter in parameters}
     default_reading = declared[READING].default if READING in declared else None
     reading = stated.get(READING, default_reading)

@@ -35,7 +35,7 @@ PROBE = 4096
 
 
 def write_bytes(path: Path, content: bytes) -> None:
-    """Write `content` beside `path` and move it there in one step; the umask is kept."""
+    """Write `content` next to `path` and move it there in one step; the umask is kept."""
     part = _part(path)
     try:
         handle = os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666)
@@ -75,7 +75,7 @@ def write_with(path: Path, writer: Callable[[Path], object]) -> None:
 
 
 def clear_parts(path: Path) -> None:
-    """Remove what a killed process left of `path`; what another one writes just now stays."""
+    """Remove leftovers of killed processes of `path`; a file that is being written stays."""
     for part in path.parent.glob(f".{path.name}.*.part"):
         if not part.is_file() or not PART.fullmatch(part.name):
             continue

@@ -37,7 +37,7 @@ Found = TypeVar("Found")
 
 
 def collected(compute: Callable[[], Found], faults: Sequence[Fault]) -> Found:
-    """What `found` returns; its faults are raised together with those found before."""
+    """The result of `compute`; its faults are raised together with the earlier `faults`."""
     try:
         return compute()
     except InputError as error:

@@ -1,4 +1,4 @@
-"""Which unit a number was probably meant in, where it is far from what its own unit allows."""
+"""The unit that a number was probably meant in, where it is out of range in its stated unit."""
 
 from __future__ import annotations
 

@@ -17,7 +17,7 @@ WORKERS = min(4, os.cpu_count() or 1)
 
 @dataclass(frozen=True)
 class Told:
-    """Options of every command that says something beside its result."""
+    """Options of every command that prints messages in addition to its result."""
 
     quiet: Annotated[bool, typer.Option("--quiet", help="Nothing on stderr but errors.")] = False
 

@@ -34,7 +34,7 @@ def describe(progress: Progress) -> str:
 
 
 def fraction(progress: Progress) -> float | None:
-    """Share that is done, of the whole or of the budget; None where both are open."""
+    """Fraction that is done, of the whole or of the budget; None where both are open."""
     if progress.share is not None:
         return progress.share
     pairs = (
@@ -60,12 +60,12 @@ def describe_study(progress: StudyProgress) -> str:
 
 
 def study_fraction(progress: StudyProgress) -> float | None:
-    """Share of the runs that have ended."""
+    """Fraction of the runs that have ended."""
     return (progress.done + progress.failed) / progress.total if progress.total else None
 
 
 def ended_share(progress: GapProgress | ClaimsProgress | BlockProgress) -> float | None:
-    """Share of the parts that have ended; None where there are none."""
+    """Fraction of the parts that have ended; None where there are none."""
     return progress.done / progress.total if progress.total else None
 
 
@@ -94,9 +94,9 @@ def describe_blocks(progress: BlockProgress) -> str:
 
 @dataclass(frozen=True)
 class Display:
-    """How the states of a command are shown: a line, the share that is done (None where it is not
-    known), and a phase whose first state is always shown. A command of one part alone shows nothing
-    where it `counts_parts`: the part ends before a line would be read.
+    """How the states of a command are shown: a line, the fraction that is done (None where it is
+    not known), and a phase whose first state is always shown. A command of a single part shows
+    nothing where it `counts_parts`: the part ends before a line would be read.
     """
 
     text: Callable[[Any], str]
@@ -171,7 +171,7 @@ def _bar(
     task = bar.add_task("starting", total=None)
 
     def update(progress: Any) -> None:
-        bar.start()  # with the first report: what is said before stands above the bar
+        bar.start()  # with the first report: earlier messages stand above the bar
         completed = fraction_of(progress)
         total = None if completed is None else 1.0
         bar.update(task, total=total, completed=completed, description=text(progress))

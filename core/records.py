@@ -94,7 +94,7 @@ class RunResult:
 
     @property
     def answers(self) -> Mapping[str, str]:
-        """What was asked and what was found, a sentence each: `asked`, `found`, `published`,
+        """The question and the results of a run, a sentence each: `asked`, `found`, `published`,
         `limits`, `promise` and `proof`, as far as the summary has them.
         """
         stated = self.summary.get("answers")
@@ -107,8 +107,8 @@ def unit_of_cost(summary: Mapping[str, Any]) -> str:
 
 
 def mechanism_lines(summary: Mapping[str, Any]) -> list[str]:
-    """What a run is about, where its configuration says it: the mechanism, its requirements, what
-    its costs are in and which of them are assumed.
+    """The subject of a run, where its configuration states it: the mechanism, its requirements, the
+    currency of its costs and which of them are assumed.
     """
     return [*_mechanism(summary.get("mechanism")), *_money(summary.get("costs"))]
 
@@ -160,8 +160,8 @@ def _described(known: Mapping[str, Any]) -> str:
 
 
 def model_lines(summary: Mapping[str, Any]) -> list[str]:
-    """By which of several models a run judged: a line, and one for each choice of which another
-    model says something. Nothing where there is but one model.
+    """The model that a run used, where there are several: a line, and one for each choice that
+    another model was used for. Nothing where there is only one model.
     """
     statement = str(summary.get("model_statement") or "")
     if not statement:
@@ -193,7 +193,9 @@ class Varied:
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """A reading of a figure, tested: "holds", "does not hold", "not shown" or "undecided"."""
+    """An interpretation of a figure and its test: "holds", "does not hold", "not shown" or
+    "undecided".
+    """
 
     figure: str
     key: str
@@ -212,7 +214,7 @@ class Recommendation:
     settings: Mapping[str, Any]
     shown: bool
     recovered: tuple[float, float, float]
-    """Share of what the reference misses of the best value that they recover: value, low, high."""
+    """Fraction of the reference's distance to the best that they recover: value, low, high."""
     sentence: str
 
 
@@ -224,7 +226,7 @@ class StudyResult:
     has the columns response, point, median, low, high, level, n, failed, reached. `courses` has,
     per key and level of a design that changes one key at a time, the course of a run over its
     generations: key, level, generation, median, low, high, and `optimum` where one is proven.
-    `mechanism` is what readers know it by, as far as that is stated.
+    `mechanism` holds its labels, as far as they are stated.
     """
 
     title: str

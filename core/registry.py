@@ -54,7 +54,7 @@ PLUGIN_FAULTS = (
     TypeError,
     ValueError,
 )
-"""What importing a plugin that is broken may raise; it is the user's to mend, with a name."""
+"""What importing a broken plugin may raise: a fault of the user's input that names the plugin."""
 
 
 def _offers(group: str) -> tuple[EntryPoint, ...]:
@@ -194,7 +194,7 @@ class Kinds(Mapping[str, type[Kind]]):
 
 
 def _begun(offer: EntryPoint) -> bool:
-    """Whether importing an entry point runs no code of a package that nobody has named."""
+    """Whether the package of an entry point is imported already: no unused plugin is run."""
     return offer.module.partition(".")[0] in sys.modules
 
 

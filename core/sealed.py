@@ -1,4 +1,4 @@
-"""Content that carries its own digest, so that damage is found before anything is made of it."""
+"""Content that carries its own digest, so that damage is detected before it is used."""
 
 from __future__ import annotations
 

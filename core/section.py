@@ -83,7 +83,7 @@ class Section:
 
     @property
     def faults(self) -> list[Fault]:
-        """What has been found wrong in the whole configuration until now."""
+        """The faults of the whole configuration until now."""
         return self._faults
 
     def fault(self, key: str, message: str) -> None:
@@ -93,7 +93,7 @@ class Section:
             self._faults.append(fault)
 
     def take(self, key: str) -> Any:
-        """The value as it stands in the file, or None."""
+        """The value as the file states it, or None."""
         self._known[key] = None
         return self._table.get(key)
 

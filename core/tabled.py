@@ -105,7 +105,7 @@ def simulate(
     delimiter: str | None = None,
     decimal: str | None = None,
 ) -> pd.DataFrame:
-    """A model's predictions beside its inputs, one operating point per row.
+    """A model's inputs and predictions, one operating point per row.
 
     Options as those of `evaluate`. Long Parquet files, and directories of such files, are read in
     batches. Raises ConfigurationError with every fault.
@@ -144,8 +144,8 @@ def simulate(
     told(tell, "note", notes)
     computing = simulation.computed(rows, columns, configuration.toml())
     target = _target(out, partitioned, resume, overwrite)
-    outputs = _computed(computing, where, target, progress, frame, [*understood, *notes])
-    return outputs.set_axis(index) if index is not None and frame else outputs
+    predictions = _computed(computing, where, target, progress, frame, [*understood, *notes])
+    return predictions.set_axis(index) if index is not None and frame else predictions
 
 
 def _read(source: Source, settings: Sequence[str]) -> Configuration:

@@ -1,4 +1,4 @@
-"""What a name of a unit is worth in SI, by the definitions of pint and a few of our own."""
+"""The value in SI of a unit by its name, by the definitions of pint and a few of our own."""
 
 from __future__ import annotations
 

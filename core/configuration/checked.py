@@ -25,7 +25,7 @@ def checked(source: Source, overrides: Sequence[str] = ()) -> str:
         return read_gap(source, overrides).configuration
     configuration = read(source, overrides)
     if configuration.problem is None:
-        build_model(configuration)  # it refuses what only its physics can tell
+        build_model(configuration)  # raises faults that only the physics of the model can detect
     else:
         searchable(configuration.problem.coarser())  # whatever its size, in seconds
     return describe(configuration)

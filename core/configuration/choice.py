@@ -82,7 +82,7 @@ def _step(section: Section, variable: Variable) -> Step | None:
 
 
 def resolved_choice(settings: ChoiceSettings) -> dict[str, Any]:
-    """The tables that say this; what was not given is left out."""
+    """The tables that state these settings; what was not given is left out."""
     limits = {name: _limit(bound.low, bound.high) for name, bound in settings.limits.items()}
     numbers = {} if settings.budget is None else {"budget": settings.budget}
     if settings.roughness_share is not None:

@@ -1,4 +1,4 @@
-"""Readings of claims by models and problems."""
+"""Interpretations of claims (`[[claim.reading]]`) by models and problems."""
 
 from __future__ import annotations
 

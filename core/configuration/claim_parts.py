@@ -1,4 +1,4 @@
-"""What all ways to recompute a claim share: names, tables of configurations, units."""
+"""Parts common to all ways to recompute a claim: names, tables of configurations, units."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from .reader import read_table
 
 
 def names_of(section: Section, key: str, count: int, known: Mapping[str, Any]) -> tuple[str, ...]:
-    """One name, or a list of as many as the claim prints; each of `known` where that is told."""
+    """One name, or a list of as many as the claim prints; each must be in `known`, if given."""
     value = section.take(key)
     names = [value] if isinstance(value, str) else section.names(key)
     if names is None:
@@ -38,7 +38,7 @@ def names_of(section: Section, key: str, count: int, known: Mapping[str, Any]) -
 
 
 def configured(section: Section, keys: tuple[str, ...]) -> Configuration | None:
-    """The configuration that some keys of a reading are; its faults are placed in the reading."""
+    """The configuration in some keys of an interpretation; its faults are placed in the latter."""
     table = {key: section.take(key) for key in keys if key in section}
     try:
         return read_table(table, [])
@@ -49,7 +49,7 @@ def configured(section: Section, keys: tuple[str, ...]) -> Configuration | None:
 
 
 def tried(section: Section, build: Callable[[], object]) -> None:
-    """Report what is wrong with something that can only be told by building it."""
+    """Report faults that only show when an object is built."""
     try:
         build()
     except InputError as error:

@@ -19,7 +19,7 @@ STUDY = "study"
 
 
 def read_recipe(section: Section, count: int, unit: str, study: str) -> Recipe | None:
-    """The recipe of a reading of a claim in `unit`; None where it is faulty."""
+    """The recipe of an interpretation of a claim in `unit`; None where it is faulty."""
     recipe = _recipe(section, count, study, unit)
     derived = _derived(section, recipe)
     if derived is not None and unit:

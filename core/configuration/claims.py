@@ -71,8 +71,8 @@ def _file(table: Table, faults: list[Fault]) -> ClaimsFile:
     study = top.text("study") or ""
     positions: dict[str, int] = {}
     claims = []
-    for at, table_of_claim in enumerate(top.tables("claim")):
-        section = _placed(top, table_of_claim, at)
+    for at, claim_table in enumerate(top.tables("claim")):
+        section = _placed(top, claim_table, at)
         name = section.text("id")
         if not name:
             section.fault("id", "is missing: name the claim")
@@ -101,7 +101,7 @@ def _needed(section: Section, key: str, remedy: str = "") -> str:
 
 
 def _claim(section: Section, name: str, study: str) -> Claim | None:
-    """A claim, None where it is so faulty that it cannot be judged."""
+    """A claim, None where it is so faulty that it cannot be tested."""
     place, quantity = _needed(section, "place"), _needed(section, "quantity")
     unit = _unit(section)
     relation = section.text("relation", RELATIONS) or "equal"
@@ -199,7 +199,7 @@ def _tolerance(section: Section, relation: str, step: float) -> tuple[float, str
 def _readings(
     section: Section, unit: str, relation: str, count: int, study: str
 ) -> tuple[Reading, ...]:
-    """How the claim is recomputed; every reading but the first says how it reads the document."""
+    """How the claim is recomputed; every interpretation but the first states what it assumes."""
     if relation == "within" and count != 2:
         section.fault("printed", f"must be [low, high] where the relation is within, got {count}")
     wanted = 1 if relation == "within" else count

@@ -224,7 +224,7 @@ def _fill_table(
 
 
 def _narrow_grades(filled: Filled, owner: Raw, name: str, by_grade: dict[str, float]) -> None:
-    """The range of grades, where the file prices only an inner one; prices beyond are left out."""
+    """Narrow the range of grades to that with prices in the file; prices beyond it are left out."""
     asked = owner.get("grade")
     if not (isinstance(asked, list) and len(asked) == 2 and all(end in GRADES for end in asked)):
         return

@@ -34,7 +34,7 @@ class Prices:
 
 @dataclass
 class Filled:
-    """Tables with the prices of their files in place, and what should be said of it."""
+    """Tables with the prices of their files in place, and notes for the user."""
 
     table: Raw
     notes: list[str] = field(default_factory=list)
@@ -119,7 +119,7 @@ def _columns(cost_table: tables.Table) -> tuple[dict[str, str], dict[str, str], 
 
 
 def _rows(cells: pd.DataFrame, name: str) -> tuple[list[dict[str, Any]], list[str]]:
-    """Rows with `t` and `cost` as numbers and empty cells left out; what is wrong with them."""
+    """Rows with `t` and `cost` as numbers and empty cells left out, and messages on bad cells."""
     rows, wrong = [], []
     for line, cell in zip(cells.index, cells.to_dict("records"), strict=True):
         row: dict[str, Any] = {}
@@ -136,9 +136,7 @@ def _rows(cells: pd.DataFrame, name: str) -> tuple[list[dict[str, Any]], list[st
                 wrong.append(f'{name}, line {line}: {column} must be a number {what}, got "{text}"')
             elif text:
                 row[str(column)] = number
-        if "cost" not in row and not any(
-            f"line {line}:" in text_of_fault for text_of_fault in wrong
-        ):
+        if "cost" not in row and not any(f"line {line}:" in message for message in wrong):
             wrong.append(f"{name}, line {line}: cost is empty")
         rows.append(row)
     return rows, wrong

@@ -29,7 +29,7 @@ def read_costs(section: Section, defaults: Mapping[str, CostCurve]) -> dict[str,
 
 
 def _read(section: Section, default: CostCurve) -> CostCurve | None:
-    """A curve with its share of a set-up and its inspection, which need a stated one."""
+    """A curve with its part of a set-up and of inspection, which require a stated curve."""
     added = [key for key in EXTRAS if key in section]
     more = read_extras(section)
     if added and "model" not in section:
@@ -45,7 +45,7 @@ def _read(section: Section, default: CostCurve) -> CostCurve | None:
 def narrowed(
     variable: Variable, setting: VariableSetting | None, curve: CostCurve | None
 ) -> tuple[VariableSetting | None, str]:
-    """The setting within the tolerances that a table of costs spans, and what to say of it."""
+    """The setting within the tolerances that a table of costs spans, and a note for the user."""
     stated = setting or VariableSetting()
     if not isinstance(curve, Table) or stated.value is not None:
         return setting, ""

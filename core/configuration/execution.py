@@ -25,11 +25,11 @@ class Usual(int):
 def read_execution(
     source: Source, overrides: Sequence[str], options: Execution, keeps: bool = False
 ) -> tuple[Execution, list[Fault]]:
-    """Where to compute: what is `given` as options or, where nothing is, the configuration's table.
+    """Where to compute: by the `options` or, where they state nothing, by the configuration.
 
-    With every fault, those of a Dask scheduler or, of a command that `keeps` blocks or runs, of a
-    store which does not answer included. What cannot be read at all is reported by who reads the
-    configuration.
+    Returns every fault, including those of a Dask scheduler that does not answer and, for a command
+    that `keeps` blocks or runs, of a store that does not. A configuration that cannot be read at
+    all is reported by its own reader.
     """
     faults: list[Fault] = []
     table = parsed_tables(source, overrides)

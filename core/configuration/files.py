@@ -12,7 +12,7 @@ from .measured_files import fill_measured
 
 
 def with_files(table: Raw, folder: Path, faults: list[Fault]) -> Filled:
-    """The tables of a run with what stands in their files, as seen from `folder`; faults are added
+    """The tables of a run with the contents of their files, as seen from `folder`; faults are added
     to `faults`.
     """
     filled = Filled(copy.deepcopy(table))

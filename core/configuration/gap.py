@@ -72,10 +72,10 @@ def gap_plan(source: Source, overrides: Sequence[str] = ()) -> tuple[GapPlan | N
         top.fault("model", 'is missing: name a model (see `tolevo list`), or model = "table"')
     configuration = _configuration(top, name or "", table, faults)
     settings = _settings(top.section("settings"))
-    has_outputs = configuration is not None or name == TABLE
-    free = read_free(top, configuration if name != TABLE else None) if has_outputs else {}
+    checkable = configuration is not None or name == TABLE
+    free = read_free(top, configuration if name != TABLE else None) if checkable else {}
     library = _library(top.section("effects"))
-    noise = _noise(top.section("noise"), configuration) if has_outputs else {}
+    noise = _noise(top.section("noise"), configuration) if checkable else {}
     blocks = _blocks(top.section("validation"))
     drop = _drop(top.section("data"))
     run, of_run = read_run(top, name or "", table, folder_of(source))
@@ -92,7 +92,7 @@ def gap_plan(source: Source, overrides: Sequence[str] = ()) -> tuple[GapPlan | N
         return None, faults
     plan = _of_model(simulated, model, name, table, configuration is not None)
     library = tuple(
-        effect for effect in library if effect not in {kept.effect.name for kept in plan.active}
+        name for name in library if name not in {kept.effect.name for kept in plan.active}
     )
     plan = replace(
         plan,
@@ -118,7 +118,7 @@ def _of_model(
     table: Mapping[str, Any],
     whole: bool,
 ) -> GapPlan:
-    """The part of a plan that says what is simulated; `whole` where nothing stands in for it."""
+    """The part of a plan that says what is simulated; `whole` unless defaults replace it."""
     of_table, active = name == TABLE, tuple(configuration.settings.effects)
     return GapPlan(
         model_name=str(name),
@@ -159,7 +159,7 @@ def _configuration(
 
 
 def _labels(configuration: Configuration, run: Run | None) -> Labels:
-    """What readers know the mechanism by: as the analysis states it, else as its run does."""
+    """Labels of the mechanism: as the analysis states them, else as its run does."""
     stated = configuration.settings.labels
     return stated if stated != Labels() or run is None else run.configuration.settings.labels
 
@@ -179,8 +179,8 @@ def _tables(name: str) -> tuple[str, ...]:
 
 
 def _stand_in(table: Mapping[str, Any], name: str | None) -> Configuration | None:
-    """The model as it is without what is given for it, but for a chain of as many joints, whose
-    columns the data have; None where it is not known.
+    """The model with its defaults instead of a faulty configuration, None where it is not known. A
+    chain keeps its number of joints, which decides the columns of the data.
     """
     try:
         part = {key: table[key] for key in ("columns",) if key in table and name == TABLE}
@@ -244,15 +244,12 @@ def _library(section: Section) -> tuple[str, ...]:
 
 def _effects_named(section: Section, key: str, value: Any, known: list[str]) -> list[str]:
     """The effects that names of effects and families stand for."""
-    if not isinstance(value, list) or not all(
-        isinstance(name_or_family, str) for name_or_family in value
-    ):
+    if not isinstance(value, list) or not all(isinstance(entry, str) for entry in value):
         section.fault(key, f'must be "all" or a list of names and families, got {shown(value)}')
         return []
     families: dict[str, str] = {}
-    if any(
-        name_or_family not in known for name_or_family in value
-    ):  # a family may have members of any plugin
+    # A family may have members of any plugin.
+    if any(entry not in known for entry in value):
         families = {name: registry.load("effects", name).family for name in known}
     effects: list[str] = []
     for entry in value:

@@ -70,11 +70,13 @@ def _allocation(path: Path, name: str, point: Any, variables: Mapping[str, Varia
         path = home / (FRONT if isinstance(point, int) else ALLOCATION)
     frame = tables.read(path, path.name)
     if set(CHOICE) <= set(frame):
-        values, place = _of_choices(frame, path.name, point)
+        values, origin = _of_choices(frame, path.name, point)
     else:
-        values, place = _of_designs(frame, path.name, point, path.name == FRONT and run is not None)
+        values, origin = _of_designs(
+            frame, path.name, point, path.name == FRONT and run is not None
+        )
     _check(values, path.name, variables)
-    return Built({k: float(v) for k, v in values.items()}, f"{name}, {place}", run)
+    return Built({k: float(v) for k, v in values.items()}, f"{name}, {origin}", run)
 
 
 def _wrong(text: str) -> InputError:

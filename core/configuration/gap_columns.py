@@ -35,7 +35,7 @@ def _column(section: Section) -> ColumnRole | None:
     of = section.text("of") or ""
     sense = sign_of(section, "sense") or 1
     section.finish()
-    if role is None:  # at fault, or without one: it is then of no use, and said in a note
+    if role is None:  # at fault, or no role: the column is not used, and a note says so
         return None
     if sense < 0 and role in UNSIGNED:
         section.fault("sense", f"has no meaning: a column of role {role} has no sign")

@@ -37,10 +37,10 @@ HERE = "this configuration"
 def as_drawn(
     top: Section, base: Configuration, run: Run | None, folder: Path
 ) -> tuple[Configuration, Drawing | None]:
-    """`base` with the drawing of `run` and the allocation of `built_to` in it, and what it says.
+    """`base` with the drawing of `run` and the allocation of `built_to`, and a record of both.
 
-    The model's own units are left alone where it is made to no drawing. A fault for everything in
-    the gap configuration that contradicts the run or the allocation.
+    A model whose units are made to no drawing is returned unchanged. Everything in the gap
+    configuration that contradicts the run or the allocation is a fault.
     """
     kind = None if base.model_name == TABLE else registry.load("models", base.model_name)
     if kind is None or not kind.made_to_a_drawing:
@@ -63,12 +63,12 @@ def as_drawn(
         base = _with_run(base, kind, stated, run.configuration)
     elif built.values:
         check_values(top, stated.variables, built, {})
-    at_values = _with_values(base, kind, built.values, "run" in top)
-    return at_values, _drawing(at_values, kind, stated, run, built)
+    configuration = _with_values(base, kind, built.values, "run" in top)
+    return configuration, _drawing(configuration, kind, stated, run, built)
 
 
 def _variables_of(kind: Any, run: Run | None) -> tuple[Variable, ...]:
-    """Those of the run's problem; without a run the model's own, or its first problem's."""
+    """Variables of the run's problem; without a run those of the model, or of its first problem."""
     if run is not None and run.configuration.problem is not None:
         return tuple(run.configuration.problem.variables)
     if kind.variables:
@@ -89,7 +89,7 @@ def _stated_here(top: Section, kind: Any, base: Configuration) -> Own:
 
 
 def _with_run(base: Configuration, kind: Any, stated: Own, run: Configuration) -> Configuration:
-    """The model at the run's drawing; what this configuration adds of its own stays."""
+    """The model at the run's drawing, with what this configuration adds to it."""
     if run is base:
         return base
     theirs = run.settings
@@ -144,8 +144,8 @@ def _merged(
 def _with_values(
     base: Configuration, kind: Any, values: Mapping[str, float], of_a_run: bool
 ) -> Configuration:
-    """The model at an allocation; `resolved` says all of it where no configuration `of_a_run`,
-    which has effects of its own, does.
+    """The model at an allocation. `resolved` states all of it, except for the effects where a
+    configuration `of_a_run` states them.
     """
     variables = dict(base.settings.variables)
     for name in variables.keys() & values.keys():
@@ -161,7 +161,7 @@ def _with_values(
     return replace(base, settings=settings, resolved=resolved)
 
 
-# -------------------------------------------------------------------- what it says
+# -------------------------------------------------------------------- the record of the drawing
 
 
 def _drawing(
@@ -194,7 +194,7 @@ def _drawing(
 def _allocation_from(
     stated: Own, run: Run | None, built: Built, zones: tuple[DrawnZone, ...]
 ) -> str:
-    """Where the zones come from; those that the allocation leaves out are named."""
+    """Where the zones come from; zones that are missing in the allocation are listed."""
     if built.values:
         by_default = [zone.variable for zone in zones if zone.variable not in built.values]
         return (
@@ -218,7 +218,7 @@ def _drawn_here(stated: Own, kind: Any) -> set[str]:
 def _assumed(
     stated: Own, run: Run | None, built: Built, zones: tuple[DrawnZone, ...], drawn_here: bool
 ) -> str:
-    """What the configuration does not name, and how to; empty where it names everything."""
+    """What the configuration does not state, and how to; empty where it states everything."""
     problem = None if run is None else run.configuration.problem
     whole = problem is not None and len(problem.fixed) == len(problem.variables)
     fixed_here = {name for name, setting in stated.variables.items() if setting.value is not None}

@@ -13,7 +13,7 @@ from .configuration import Configuration
 
 
 def read_free(top: Section, configuration: Configuration | None) -> dict[str, float]:
-    """Tolerance by parameter; without the table the model's own list."""
+    """Tolerance by parameter; without the table the model's own list of free parameters."""
     section = top.section("free")
     kind = registry.load("models", configuration.model_name) if configuration else None
     if "free" not in top:

@@ -1,4 +1,4 @@
-"""`[next_measurement]` of a gap analysis: how many readings, and where they may be taken."""
+"""`[next_measurement]` of a gap analysis: how many measurements, and where they may be taken."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ ABSOLUTE_ZERO = -273.15
 MESH = 100_000
 """Points that are asked at most."""
 STEPS = 33
-"""Values of each range at which it is asked whether all of them together hold a point."""
+"""Values of each range that are tried to see whether the ranges together hold a point."""
 
 
 def read_next(top: Section, model: MeasurableModel | None) -> NextPlan | None:
@@ -87,7 +87,7 @@ def _column(section: Section, name: str, model: MeasurableModel | None) -> Colum
     """The input of that name; a fault where there is none that can be chosen."""
     if model is None:
         return None
-    known = {column_of_model.name: column_of_model for column_of_model in (*model.columns, *EXTRAS)}
+    known = {c.name: c for c in (*model.columns, *EXTRAS)}
     free = [n for n, c in known.items() if not c.text and c.role is not Role.REPEAT]
     column = known.get(name)
     if name in {output.name for output in model.outputs}:

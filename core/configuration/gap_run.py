@@ -26,9 +26,9 @@ OF_A_RUN = ("problem", "model", "seed", "parameters", "variables", *LABELS, *PRO
 def read_run(
     top: Section, model: str, table: Mapping[str, Any], folder: Path
 ) -> tuple[dict[str, Any], Run | None]:
-    """The raw tables of that configuration: of the file that `run` names, or, where the analysis
-    is itself given a run configuration (as `corrected.toml` is), its own. Empty for none. Beside
-    them what the file says, None where there is none or it is at fault.
+    """The raw tables of that configuration: of the file that `run` names or, where the analysis is
+    itself a run configuration (as `corrected.toml` is), its own; empty for none. The second result
+    is the configuration in the file, None where there is none or it is at fault.
     """
     run = top.text("run")
     if "problem" in top:
@@ -72,7 +72,7 @@ def mixed(path: Path) -> list[Fault]:
 
 
 def _belongs(top: Section, model: str, run: Configuration) -> bool:
-    """Whether what is learnt of the model says something of the problem; a fault where not."""
+    """Whether a correction of the model applies to the problem; a fault where it does not."""
     if model == TABLE:
         top.fault(
             "run",

@@ -70,7 +70,7 @@ def _of_teeth(section: Section, kind: str) -> Gear | None:
 
 
 def check_gear(top: Section, model: Any, name: str) -> None:
-    """Faults of a gear beside a model, which knows its own from its parameters."""
+    """Faults of a `[gear]` next to a model, whose parameters determine its gear."""
     gear = read_gear(top)
     if gear is None or model is None:
         return
@@ -91,7 +91,7 @@ def check_gear(top: Section, model: Any, name: str) -> None:
 
 
 def _agree(first: Gear, second: Gear) -> bool:
-    """Whether no order of both differs."""
+    """Whether the orders that both gears have are equal."""
     both = set(first.orders) & set(second.orders)
     return bool(both) and all(abs(first.orders[n] - second.orders[n]) < 1e-6 for n in both)
 

@@ -1,4 +1,4 @@
-"""`measured` tables of parts, variables and machines: what their files say, put in its place."""
+"""`measured` tables of parts, variables and machines, filled in from their files."""
 
 from __future__ import annotations
 
@@ -39,17 +39,17 @@ def fill_measured(table: Raw, folder: Path, faults: list[Fault]) -> None:
                 faults.append(Fault(place, "is given beside values: keep one"))
                 continue
             wanted, before = measured.get("characteristic"), len(faults)
-            read = [_read(folder / name, wanted, options, place, faults) for name in names]
+            contents = [_read(folder / name, wanted, options, place, faults) for name in names]
             known = [
                 (values, name)
-                for values, name in zip(read, names, strict=True)
+                for values, name in zip(contents, names, strict=True)
                 if values is not None
             ]
             filled = together(
                 [values for values, _ in known], [name for _, name in known], place, faults
             )
             if len(faults) > before:
-                measured["values"] = None  # nothing more is said of them
+                measured["values"] = None  # no further faults are reported for them
                 continue
             owner["measured"] = filled | measured
 
@@ -151,15 +151,15 @@ def opened_parts(path: Path, options: tables.ReadOptions) -> MeasuredFile:
     """A file of measured parts. Raises InputError where it is not there, or cannot be read."""
     if path.suffix.lower() in SUFFIXES:
         return _of_aqdef(path, options)
-    parts = tables.opened_whole(path, path.name, options)
-    names = {name: name for name in parts.numeric}
-    names |= {parts.headers.get(name, name): name for name in parts.numeric}
+    table = tables.opened_whole(path, path.name, options)
+    names = {name: name for name in table.numeric}
+    names |= {table.headers.get(name, name): name for name in table.numeric}
 
     def values(name: str) -> Raw:
-        column, unit = parts.frame[name].dropna(), parts.units.get(name, "")
+        column, unit = table.frame[name].dropna(), table.units.get(name, "")
         return {"values": [float(value) for value in column]} | ({"unit": unit} if unit else {})
 
-    return MeasuredFile(path.name, tuple(parts.numeric), names, values)
+    return MeasuredFile(path.name, tuple(table.numeric), names, values)
 
 
 def _of_aqdef(path: Path, options: tables.ReadOptions) -> MeasuredFile:

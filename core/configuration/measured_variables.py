@@ -1,4 +1,4 @@
-"""`[variables.<name>.measured]`: what parts that were measured tell of a variable."""
+"""`[variables.<name>.measured]`: what measured parts say about a variable."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def read_measured(
     `mid` is its mid-limit, `t` the half-width where it is fixed. Of a half-width the sample gives
     the distribution, of a standard deviation its value.
     """
-    if "measured" not in section or "machine" in section:  # beside machines it is a fault already
+    if "measured" not in section or "machine" in section:  # next to machines it is a fault already
         section.known(("measured",))
         return None
     deviates = variable.kind is Kind.STANDARD_DEVIATION

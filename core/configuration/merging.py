@@ -1,4 +1,4 @@
-"""Tables over tables, as `--set` and what is given beside an object change a configuration."""
+"""Merging of tables: `--set`, and keys given in addition to an object, change a configuration."""
 
 from __future__ import annotations
 

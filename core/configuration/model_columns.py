@@ -1,4 +1,4 @@
-"""`[columns]`: which columns of a file are which of a model or problem, whatever their names."""
+"""`[columns]`: which column of a model or problem a column of a file is, whatever its name."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ VARIABLE = "variable"
 
 
 def read_model_columns(top: Section, kind: Any) -> dict[str, ColumnUse]:
-    """What each listed column of a file of readings or operating points is.
+    """What each listed column of a file of measurements or operating points is.
 
     A column is given by the name that the model has for it (`"Spiel" = "backlash_arcmin"`), or by a
     table of its role and unit, and `of` where the model has several columns of that role.
@@ -103,7 +103,7 @@ def _by_role(section: Section, known: Mapping[str, tuple[str, str]]) -> ColumnUs
     if role == "ignore":
         return ColumnUse("")
     if role is None and not of:
-        return None  # without a role it is of no use, and said in a note
+        return None  # without a role it is not used, and a note says so
     if role == "std" and f"{of}_std" in known:
         of = f"{of}_std"
     fitting = [

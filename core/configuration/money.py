@@ -28,10 +28,10 @@ def read_currency(top: Section) -> str:
 def read_money(
     top: Section, costs: Mapping[str, CostCurve], defaults: Mapping[str, CostCurve]
 ) -> tuple[Money, dict[str, CostCurve]]:
-    """Currency and assumed curves, and all curves that the configuration comes to.
+    """Currency and assumed curves, and all curves that are in use.
 
-    `defaults` are those that it does not state. With a currency they are worth nothing without
-    `[costs] scale_assumed`, which says what one assumed unit is worth.
+    `defaults` are the curves that it does not state. With a currency they can only be used with
+    `[costs] scale_assumed`, the price of one assumed unit.
     """
     section, currency = top.section("costs"), read_currency(top)
     scale = section.number("scale_assumed", within=POSITIVE)

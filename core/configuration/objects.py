@@ -24,8 +24,8 @@ KEPT = (*(field.name for field in fields(Budget)), "engine")
 def with_names(tables: Mapping[str, Any]) -> dict[str, Any]:
     """The tables with names and settings in the place of objects.
 
-    A problem of this suite becomes the tables that describe it, below those that are given beside
-    it; any other object keeps itself beside its name. An algorithm becomes its table.
+    A problem of this suite becomes the tables that describe it, which the other given tables
+    override; any other object becomes a name that keeps the object. An algorithm becomes its table.
     """
     described, problem = dict(tables), tables.get("problem")
     if isinstance(problem, PlainProblem):

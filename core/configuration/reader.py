@@ -83,7 +83,7 @@ def read_table(
 ) -> Configuration:
     """The configuration in the tables of a file; raises InputError with `faults` and its own.
 
-    `notes` are what its files came to; files of other configurations are looked for in `folder`.
+    `notes` come from its files; files of other configurations are looked for in `folder`.
     Limits may be out of reach where they need not be `reachable`.
     """
     top = Section(table, "", faults)
@@ -111,7 +111,7 @@ def _read_problem(
     references = top.text("references", REFERENCES) or "documents"
     seed, labels = _seed(top), read_labels(top)
     effects = read_effects(top, model, model_name)
-    read_unresolved(top, model, model_name)  # act on readings: an allocation has none
+    read_unresolved(top, model, model_name)  # they act on measurements: an allocation has none
     outputs = model.outputs if model else ()
     zero, sense = read_zero(top, outputs), read_sense(top, outputs)
     if (
@@ -120,7 +120,7 @@ def _read_problem(
         and not belongs(top.take("problem"), problem_class, model_name, model)
     ):
         top.fault("model", stranger(top.take("problem"), model_name, model))
-    if kind is None:  # its sections cannot be judged
+    if kind is None:  # its sections cannot be checked
         tables = getattr(problem_class, "tables_of", ())
         top.known(("parameters", "variables", "columns", *tables, *PROBLEM_ONLY))
         top.finish()

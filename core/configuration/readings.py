@@ -1,4 +1,4 @@
-"""`[[reading]]`: what somebody reads from a figure, to be tested by a study."""
+"""`[[reading]]`: an interpretation of a figure, to be tested by a study."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ EXPECT = (BETTER, "worse")
 def read_readings(
     top: Section, factors: tuple[Factor, ...], responses: tuple[str, ...]
 ) -> tuple[Reading, ...]:
-    """The readings, each of two levels that the study compares."""
+    """The interpretations, each of two levels that the study compares."""
     parsed = [
         _reading(top.item("reading", at), factors, responses)
         for at in range(len(top.tables("reading")))
@@ -48,7 +48,7 @@ def _reading(
 
 
 def _level(section: Section, name: str, value: Any, factor: Factor) -> Level | None:
-    """The level of the factor that is meant; a fault where the study has none such."""
+    """The level of the factor that is meant; a fault where the study has no such level."""
     for level in factor.grid():
         if level == value and not isinstance(value, bool):
             return level

@@ -30,7 +30,7 @@ EXPECTED = (
 
 def with_reducers(top: Section, problem_class: Any, folder: Path) -> Section:
     """The configuration with the reducers in the place of `[reducers]`, for a problem that nests
-    them (`nests`: its keys); a faulty one is what stands there.
+    them (`nests`: its keys); a faulty one is left as it is written.
     """
     if rows := getattr(problem_class, "nests_in", ""):
         return _with_rows(top, rows, folder)

@@ -45,7 +45,7 @@ def _tables(problem: ToleranceProblem) -> dict[str, Any]:
 
 
 def _with_machines(problem: ToleranceProblem) -> dict[str, Any]:
-    """The `[variables]` tables, machines included; what these fix is left out."""
+    """The `[variables]` tables, machines included; keys that machines determine are left out."""
     settings = problem.settings
     resolved = resolved_variables(settings.variables, problem.variables)
     for name, offers in settings.machines.items():

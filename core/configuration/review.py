@@ -24,7 +24,7 @@ from .reader import read_table
 from .source import Table, load
 
 REPLACED = ("distribution", "cp", "cpk", "shift", "measured")
-"""Keys of a part whose process is told by parts that were made."""
+"""Keys of a part that are replaced by the measurements of parts that were made."""
 ALLOCATION = ("point", "variable", "rounded")
 GAP = "gap.json"
 YIELDS = (YIELD, "ring_yield_percent")
@@ -33,13 +33,12 @@ YIELDS = (YIELD, "ring_yield_percent")
 
 @dataclass(frozen=True)
 class Reopened:
-    """The problem of a run, the design its drawing has, and the same problem as production says.
+    """The problem of a run, the design on its drawing, and the same problem with measured parts.
 
-    `now` takes the means of the parts as they are found, `reset` as the run's configuration does,
-    None where no allocation keeps the promise then;
-    `since` is by earlier parts, where there are any. `made` are the parts with new values,
-    `earlier` those with values among the earlier ones.
-    `attributed` says what an analysis of the units' own measurement found.
+    `now` takes the means of the parts as they were measured, `reset` as the run's configuration
+    does; `reset` is None where no allocation keeps the promise then. `since` uses earlier parts,
+    where there are any. `made` are the parts with new values, `earlier` those with values among the
+    earlier ones. `attributed` is the result of a gap analysis of the units themselves.
     """
 
     before: ToleranceProblem
@@ -125,7 +124,7 @@ def _run(run: Path, faults: list[Fault]) -> tuple[Table | None, dict[str, float]
 
 
 def _with_promise(table: Table, faults: list[Fault]) -> None:
-    """Have a run without a promise promise the yield that it was limited to."""
+    """Give a run without a promise the yield of its limits as its promise."""
     if "promise" in table:
         table["limits"] = _without_promise(table.get("limits", {}))
         return
@@ -150,10 +149,10 @@ def _without_promise(limits: Table) -> Table:
 
 @dataclass(frozen=True)
 class Owner:
-    """What parts are measured of: a part of a stack or a variable; its table, unit and half-width.
+    """A part of a stack or a variable that is measured: its table, unit and half-width.
 
-    `follows` says that its scatter follows the tolerance, `shifts` that its mean may be as found,
-    `chosen` that it is made on machines or processes to choose from.
+    `follows` means that its scatter follows the tolerance, `shifts` that its mean may be that of
+    the sample, `chosen` that it is made on machines or processes to choose from.
     """
 
     name: str
@@ -166,13 +165,13 @@ class Owner:
 
     @property
     def names(self) -> set[str]:
-        """By which it is found in files."""
+        """Names under which files may hold its measurements."""
         known = self.table.get("measured") or {}
         labels = self.name, self.table.get("characteristic"), known.get("characteristic")
         return {str(name) for name in (*labels, split_unit(self.name)[0]) if name}
 
     def anew(self, measured: Table) -> Table:
-        """Its table with what parts say."""
+        """Its table with the values of measured parts."""
         replaced = REPLACED if self.follows else (*REPLACED, *BOUNDS)
         kept = {key: value for key, value in self.table.items() if key not in replaced}
         return kept | {"measured": measured}
@@ -228,7 +227,7 @@ def _opened(
 def _anew(
     table: Table, owners: Sequence[Owner], files: Sequence[MeasuredFile], faults: list[Fault]
 ) -> tuple[Table, tuple[str, ...]]:
-    """The tables with the values of the files in the place of what was known, and whose are new."""
+    """The tables with the values of the files in place of earlier ones, and whose are new."""
     anew = {
         owner.name: measured
         for owner in owners
@@ -289,7 +288,7 @@ def _measured(owner: Owner, files: Sequence[MeasuredFile], faults: list[Fault]) 
 
 
 def _with_sample_means(table: Table, shifting: Collection[str]) -> Table:
-    """The tables with the means of all samples as they are found, whether or not that is enough."""
+    """The tables with the mean of every sample as measured, even if the promise then fails."""
 
     def with_mean(name: str, owner_table: Any) -> Any:
         if (

@@ -12,16 +12,16 @@ from .review import reopened
 
 def reviewed(run: Path, parts: Sequence[Path], since: Sequence[Path], options: ReadOptions) -> str:
     """Sentences and the table of the parts. Raises InputError with every fault."""
-    problem = reopened(run, parts, since, options)
+    reopened_run = reopened(run, parts, since, options)
     result = review(
-        problem.before,
-        problem.design,
-        problem.now,
-        problem.reset,
-        problem.made,
-        problem.since,
-        problem.attributed,
-        [name for name in problem.made if name in problem.earlier],
+        reopened_run.before,
+        reopened_run.design,
+        reopened_run.now,
+        reopened_run.reset,
+        reopened_run.made,
+        reopened_run.since,
+        reopened_run.attributed,
+        [name for name in reopened_run.made if name in reopened_run.earlier],
     )
     shown = result.parts.dropna(axis="columns", how="all")
     table = shown.to_string(index=False, float_format="%.4g", na_rep="-")

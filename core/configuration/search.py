@@ -30,9 +30,11 @@ def read_algorithm(
     name = section.take("name") or name
     section.known(["engine"])
     if kind is None or "points" not in {field.name for field in fields(kind)}:
-        section.integer("points", Range(low=2), POINTS)  # of the exact front, whatever runs
+        section.integer(
+            "points", Range(low=2), POINTS
+        )  # of the exact front, whichever algorithm runs
     section.known(field.name for field in fields(Budget))
-    if kind is None:  # the settings of an unknown algorithm cannot be judged
+    if kind is None:  # the settings of an unknown algorithm cannot be checked
         return name, None
     if not kind.many_objectives and objectives != 1:
         section.fault(
@@ -49,7 +51,7 @@ def read_algorithm(
 def by_default(stated: Iterable[str], objectives: int, problem_default: str) -> str:
     """The problem's own algorithm, where it has one for so many objectives; else NSGA-II or the GA.
 
-    It is these, too, where the keys of `[algorithm]` that are `given` are theirs alone.
+    NSGA-II or the GA are also chosen where the `stated` keys of `[algorithm]` are theirs alone.
     """
     evolution = "ga" if objectives == 1 else "nsga2"
     if not problem_default or objectives > MOST_BY_DEFAULT:
@@ -107,12 +109,12 @@ def read_engine(section: Section, name: str, algorithm: AlgorithmSettings | None
             'them, or engine = "pymoo"',
         )
     elif engine == "array":
-        for key, only in (("crossover", CROSSOVERS[0]), ("mutation", MUTATIONS[0])):
-            operator = getattr(getattr(algorithm, key, None), "operator", only)
-            if operator != only:
+        for key, supported in (("crossover", CROSSOVERS[0]), ("mutation", MUTATIONS[0])):
+            operator = getattr(getattr(algorithm, key, None), "operator", supported)
+            if operator != supported:
                 section.fault(
                     f"{key}.operator",
-                    f"the array engine has {only} only, got "
+                    f"the array engine has {supported} only, got "
                     f'"{operator}": use it, or engine = "pymoo"',
                 )
     return engine

@@ -1,4 +1,4 @@
-"""`[sense]`: outputs whose positive reading means the opposite of the convention."""
+"""`[sense]`: outputs whose positive measurement means the opposite of the convention."""
 
 from __future__ import annotations
 

@@ -62,7 +62,7 @@ def some(design: pd.DataFrame, factors: tuple[Factor, ...], most: int) -> pd.Dat
 
 
 class _Builder:
-    """Reads points; a problem is built once, however many points share it."""
+    """Reads points; a problem that several points have in common is built once."""
 
     def __init__(self, run: Table) -> None:
         self.run = run

@@ -44,9 +44,9 @@ RESPONSE = ("hypervolume_ratio", "gap_percent")
 def read_study(source: Source, overrides: Sequence[str] = (), most: int | None = None) -> StudyPlan:
     """The study in a TOML file or dictionary, with `key=value` overrides applied.
 
-    `run.<key>` overrides the run configuration, wherever it stands. Of a design of more than `most`
-    settings only so many are read as the runs that they mean: the plan is then good to look at, not
-    to run. Raises InputError with every fault found.
+    `run.<key>` overrides the run configuration, in a file or in the table. If a design has more
+    than `most` settings, only about as many are read as run configurations: such a plan can be
+    described, but not run. Raises InputError with every fault.
     """
     faults: list[Fault] = []
     table = load(source, faults)
@@ -192,7 +192,7 @@ def _base(run: Table, varied: Any, faults: list[Fault]) -> Configuration | None:
 
 
 def _name_algorithm(run: Table, varied: Any, configuration: Configuration) -> bool:
-    """Whether the algorithm of a run that names none had to be named for what is varied of it."""
+    """Name the algorithm of a run where it names none and its settings are varied; whether done."""
     stated = run.get("algorithm", {})
     keys = [key.split(".") for key in flat(varied)] if isinstance(varied, dict) else []
     asked = [key[1] for key in keys if key[0] == "algorithm" and len(key) > 1]
@@ -221,7 +221,7 @@ def _responses(top: Section, base: Configuration | None) -> tuple[str, ...]:
 
 
 def _design(section: Section, folder: Path) -> Design | None:
-    """The design with its settings; a file of it is looked for beside the configuration."""
+    """The design with its settings; a file of it is looked for next to the configuration."""
     kind = section.text("kind", DESIGNS)
     if kind is None:
         if "kind" not in section:
@@ -238,12 +238,12 @@ def _design(section: Section, folder: Path) -> Design | None:
 
 def _hopeless(section: Section, design: Design | None) -> bool:
     """Whether settings are stopped that are behind beyond chance."""
-    stops = section.flag("hopeless") or False
+    hopeless = section.flag("hopeless") or False
     section.finish()
-    if stops and design is not None and design.analysis not in RACED:
+    if hopeless and design is not None and design.analysis not in RACED:
         text = f"cannot be had of {design.kind}: its statistics need every run; use one of"
         section.fault("hopeless", f"{text} {', '.join(RACED)}")
-    return stops
+    return hopeless
 
 
 def _faulty(faults: list[Fault], table: str) -> bool:

@@ -1,4 +1,4 @@
-"""`model = "table"`: a configuration whose predictions stand in the table itself."""
+"""`model = "table"`: a configuration whose predictions are columns of the table itself."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def read_table_model(top: Section, seed: int, faults: list[Fault]) -> Configurat
         Output(name, "", "") for name in top.section("columns").given() if name not in columns
     ]
     columns = _turned(columns, read_sense(top, (*outputs_of(columns), *unknown)), top)
-    if len(faults) > before:  # without its columns nothing can be said of its effects
+    if len(faults) > before:  # its effects cannot be checked without its columns
         top.finish()
         raise InputError(faults)
     model = table_model(columns, gear)

@@ -1,4 +1,4 @@
-"""`[[unresolved]]`: smooth terms without a name that a gap analysis left in the corrected model."""
+"""`[[unresolved]]`: smooth terms of the corrected model that no effect of the library explains."""
 
 from __future__ import annotations
 
@@ -40,14 +40,14 @@ def _term(section: Section) -> Active | None:
                 key, "is missing: a term has an output, a variable, a shape and coefficients"
             )
             faulty = True
-    keys: dict[str, Any] = {}
+    term_table: dict[str, Any] = {}
     for key in (*(field.name for field in fields(Term)), "coefficients"):
         if key in section:
             value = _value(section, key)
             faulty |= value is None
-            keys[key] = value
-    if not faulty and len(keys.get("heights", ())) != len(keys.get("knots", ())) * (
-        keys["shape"] == "curve"
+            term_table[key] = value
+    if not faulty and len(term_table.get("heights", ())) != len(term_table.get("knots", ())) * (
+        term_table["shape"] == "curve"
     ):
         section.fault(
             "heights", "must be one for each of the knots of a curve, and of no other shape"
@@ -56,7 +56,7 @@ def _term(section: Section) -> Active | None:
     section.finish()
     if faulty:
         return None
-    effect, values = unresolved_of(keys)
+    effect, values = unresolved_of(term_table)
     if len(values) != effect.term.count:
         section.fault(
             "coefficients",

@@ -62,7 +62,7 @@ def _neighbours(key: str, base: Mapping[str, Any]) -> list[str]:
 
 
 def _factor(section: Section, key: str, value: Any, base_value: Any) -> Factor | None:
-    """A factor from its levels or range; `own` is the run's own value."""
+    """A factor from its levels or range; `base_value` is the value in the run configuration."""
     whole = isinstance(base_value, int) and not isinstance(base_value, bool)
     if isinstance(value, list):
         return _levels(section, key, value, base_value)

@@ -1,4 +1,4 @@
-"""`[zero]`: what an instrument reads where the model says nothing, by output."""
+"""`[zero]`: the offset of an instrument where the model predicts zero, by output."""
 
 from __future__ import annotations
 

@@ -13,9 +13,9 @@ from pathlib import Path
 class Kind:
     """The files of one command, as patterns relative to its directory.
 
-    `marks` tell that a directory holds such a result, `state` is what a broken one goes on from,
-    `files` are all of the result but `pages`, which `report` builds again. `saved` says in words
-    what the state is.
+    `marks` show that a directory holds such a result, `state` is what an interrupted one resumes
+    from, `files` are all of the result but `pages`, which `report` builds again. `saved` says in
+    words what the state is.
     """
 
     marks: tuple[str, ...]
@@ -116,7 +116,7 @@ KINDS: Mapping[str, Kind] = {
         saved="the search as it was saved last",
     ),
 }
-"""By command; those that tell most first, where a directory holds more than one result."""
+"""By command; the most specific ones first, where a directory holds more than one result."""
 
 
 def present(folder: Path, patterns: Iterable[str]) -> list[str]:
@@ -127,7 +127,7 @@ def present(folder: Path, patterns: Iterable[str]) -> list[str]:
 
 
 def kinds_in(folder: Path) -> list[str]:
-    """Commands whose results or states a directory holds, by the files that tell them."""
+    """Commands whose results or states a directory holds, by their characteristic files."""
     return [name for name, kind in KINDS.items() if present(folder, (*kind.marks, *kind.state))]
 
 

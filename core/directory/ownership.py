@@ -120,7 +120,7 @@ class Ownership:
         self._still_ours()
 
     def exclude(self) -> bool:
-        """Wait until all that helped are through; whether it is left to us to complete it."""
+        """Wait until all that helped are through; whether this process completes the result."""
         try:
             self._lock.exclude(LAST)
         except Held as holder:
@@ -136,7 +136,7 @@ class Ownership:
         (self.folder / UNFINISHED).unlink(missing_ok=True)
 
     def release(self) -> None:
-        """Let go of the directory; one that was made for nothing goes."""
+        """Release the directory; one that was made and not used is removed."""
         self._lock.release()
         if not self.begun:
             for path in self._made:
@@ -144,7 +144,7 @@ class Ownership:
                     path.rmdir()
 
     def unwritten(self, path: object, reason: str, remedy: str) -> TolevoError:
-        """What is said where a file cannot be written: why, what is kept, and how to go on."""
+        """The error where a file cannot be written: why, what is kept, and how to go on."""
         if not self.begun:
             return refuse("--out", UNCHANGED.format(path, reason, remedy))
         kind = KINDS[self.command]
@@ -157,7 +157,7 @@ class Ownership:
         )
 
     def _still_ours(self) -> None:
-        """Raises RunError where somebody else began anew while the lock was passed on."""
+        """Raises RunError where another process began anew while the lock was passed on."""
         with suppress(ValueError):
             mark = read_unfinished(self.folder)
             if mark is not None and mark.token == self._token:
@@ -209,7 +209,7 @@ def owned(
 
 def _taken(folder: Path, command: str, shared: bool) -> Lock:
     def same() -> bool:
-        """Whether those who hold it share what we would do."""
+        """Whether its holders run the same command."""
         with suppress(ValueError):
             mark = read_unfinished(folder)
             return mark is not None and mark.command == command
@@ -220,7 +220,7 @@ def _taken(folder: Path, command: str, shared: bool) -> Lock:
         folder.mkdir(parents=True, exist_ok=True)
         try:
             return acquire(folder, command, same if shared else None, PATIENCE)
-        except FileNotFoundError:  # its last owner had made it for nothing, and took it away
+        except FileNotFoundError:  # its last owner had not needed it, and removed it
             continue
         except Held as holder:
             soon = shared and command in commands(folder) and time.monotonic() < until

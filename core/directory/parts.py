@@ -20,7 +20,7 @@ def is_part(name: str, known: Callable[[str], bool]) -> bool:
 
 
 def sweep(folders: Iterable[Path], known: Callable[[str], bool]) -> None:
-    """Remove the leftovers in directories that nobody else writes into."""
+    """Remove the leftovers in directories that no other process writes into."""
     for folder in folders:
         for path in folder.iterdir():
             if not is_part(path.name, known):

@@ -22,10 +22,10 @@ OWNERS = ".at-work-"
 class Standing:
     """How a directory stands.
 
-    `command` is whose result it holds, empty where that is not known. A complete one has a
-    manifest, an unfinished one a mark of its own; one with neither is of an older version, or
-    nothing. `faults` say what is not of one piece or cannot be read; nothing may be made of such a
-    directory. `missing` are files of a complete one that are gone, `holders` who works in it.
+    `command` is the one whose result it holds, empty where that is not known. A complete result has
+    a manifest, an unfinished one a mark of its own; one with neither is of an older version, or
+    none. `faults` say what does not belong together or cannot be read; such a directory may not be
+    used. `missing` are files of a complete result that are gone, `holders` who works in it.
     """
 
     command: str = ""
@@ -35,7 +35,7 @@ class Standing:
     missing: tuple[str, ...] = ()
     holders: str = ""
     seal: bytes = field(default=b"", repr=False)
-    """The marks as bytes: equal as long as nobody has begun or ended anything."""
+    """The marks as bytes: equal as long as no command has begun or ended."""
 
     @property
     def complete(self) -> bool:

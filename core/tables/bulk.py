@@ -1,4 +1,4 @@
-"""Long files: the layout comes from their first and last lines, the readings all at once.
+"""Long files: the layout comes from their first and last lines, the cells are read all at once.
 
 Whatever is not plain (quoted line breaks, empty lines, rows of many lengths) is read cell by cell
 instead, with the same result.

@@ -19,7 +19,7 @@ DETECTED = 40
 CANDIDATES = (",", ";", "\t", "|")
 SPACE = " "
 STEADY, CLEAN = 0.8, 0.9
-"""Least share of rows of one length, and of cells that no other delimiter stands in."""
+"""Least fraction of rows of one length, and of cells without any other delimiter."""
 _SEP = re.compile(r'"?sep=(?P<sign>[^"\r\n])"?[;,\t]*\s*', re.IGNORECASE)
 _UNIT = re.compile(r"\s*[\[(]?(?:mm|µm|um|arcmin|deg|Nm|N|rad|mrad|s|°C|%)[\])]?\s*")
 
@@ -34,7 +34,7 @@ class Separator:
 
 
 def separator(lines: list[str], place: str, stated: str | None) -> Separator:
-    """How the cells of the lines are separated. Raises InputError where it cannot be told."""
+    """How the cells of the lines are separated. Raises InputError where it is ambiguous."""
     first = _SEP.fullmatch(lines[0]) if lines else None
     skipped = 1 if first else 0
     if stated is not None:
@@ -117,8 +117,8 @@ def _single(sample: list[str]) -> bool:
 
 
 def _clean(sample: list[str], sign: str) -> float:
-    """Share of cells without another delimiter, of rows that are separated by `sign`; 0 where the
-    rows are of many lengths or have no names above them.
+    """The fraction of cells without another delimiter in rows that are separated by `sign`; 0 where
+    the rows are of many lengths or have no names above them.
     """
     if not any(sign in line for line in sample):
         return 0.0
@@ -134,7 +134,7 @@ def _clean(sample: list[str], sign: str) -> float:
     tops = [at for at, row in enumerate(rows) if len(row) == count and all(row)]
     if count < 2 or not tops:
         return 0.0
-    # Without names every row is a reading, which is reported when the table is laid out.
+    # Without names every row holds measurements, which is reported when the table is laid out.
     header = next((at for at in tops if not any(notation(cell) for cell in rows[at])), -1)
     below = rows[header + 1 :]
     whole = [row for row in below if len(row) == count or not any(row[count:])]
@@ -145,7 +145,7 @@ def _clean(sample: list[str], sign: str) -> float:
 
 
 def _is_value(cell: str, sign: str) -> bool:
-    """Whether a cell is a value, or text that no other delimiter stands in."""
+    """Whether a cell is a value, or text without any other delimiter."""
     if notation(cell) or is_date(cell) or is_missing(cell):
         return True
     return not any(candidate in cell for candidate in CANDIDATES if candidate != sign)

@@ -8,7 +8,7 @@ the detector must agree, or a word must confirm one encoding alone.
 from __future__ import annotations
 
 COMMON = 0.9
-"""Share of characters of the first level that text has at least."""
+"""Least fraction of characters of the first level in a text."""
 FAMILIES = {
     "gb18030": "gb18030",
     "gbk": "gb18030",
@@ -54,12 +54,14 @@ WORDS["euc_jp"] = WORDS["cp932"]
 def east_asian(content: bytes, detected: str) -> list[str]:
     """The encodings that `content` can be, one where the detector or its words decide."""
     texts = {name: text for name in WORDS if (text := _text(content, name)) is not None}
-    worded = {name for name, text in texts.items() if any(w in text for w in WORDS[name].split())}
+    confirmed = {
+        name for name, text in texts.items() if any(w in text for w in WORDS[name].split())
+    }
     family = FAMILIES.get(detected, "")
-    if family in texts and (family in worded or not worded):
+    if family in texts and (family in confirmed or not confirmed):
         return [family]
-    if len(worded) == 1:
-        return list(worded)
+    if len(confirmed) == 1:
+        return list(confirmed)
     return sorted(texts)
 
 

@@ -25,7 +25,7 @@ LATIN = {"fr", "es", "it", "pt", "da", "no", "nb", "nn", "sv", "nl", "de", "en",
 """Languages whose letters are those of cp1252."""
 WESTERN = {"windows-1252", "iso-8859-1", "iso-8859-15", "cp1252"}
 GUESSES = ("cp1252", "cp1250", "cp850", "gbk", "big5", "cp932", "euc_kr", "mac_roman")
-"""Encodings whose reading is shown where one must be stated."""
+"""Encodings whose decoded text is shown where one must be stated."""
 CHUNK = 1 << 16
 """Bytes that are looked through at once."""
 _NOT_ISO = bytes(range(0x80, 0xA0))
@@ -36,7 +36,7 @@ _CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f]")
 def decoded(
     content: bytes, place: str, stated: str | None = None, allowed: str = ""
 ) -> tuple[str, str]:
-    """The text of a file and its encoding. Raises InputError where it cannot be told.
+    """The text of a file and its encoding. Raises InputError where it is ambiguous.
 
     Control characters are no text, but those `allowed`.
     """

@@ -1,4 +1,4 @@
-"""Where the column names stand: below a preamble, above a row of units, above the readings."""
+"""Where the column names stand: below a preamble, above a row of units, above the measurements."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ SAMPLE = 400
 
 @dataclass(slots=True)
 class Layout:
-    """The rows of a table apart: names, units, readings; `faults` where they cannot be told."""
+    """The rows of a table by kind: names, units, measurements; `faults` where that is ambiguous."""
 
     header: Row = (0, [])
     units: Row | None = None
@@ -114,7 +114,7 @@ def _is_header(row: list[str], count: int) -> bool:
 
 
 def _chosen(rows: list[Row], names: list[int], first: int) -> tuple[int, int | None]:
-    """The row of names, and that of units below it: the last ones before the readings."""
+    """The row of names, and that of units below it: the last ones before the measurements."""
     last = names[-1]
     cells = rows[last][1]
     if len(names) > 1 and last == first - 1 and is_unit_row(cells, list(range(len(cells)))):
@@ -164,7 +164,7 @@ def _without_names(rows: list[Row], count: int, place: str) -> Layout:
 
 
 def _without_summaries(layout: Layout, numeric: list[int]) -> None:
-    """Leave out rows of limits below the names, and of means or an end mark below the readings."""
+    """Leave out rows of limits below the names, and of means or an end mark below the data."""
     dropped = []
     while layout.body and _names_summary(layout.body[0][1]):
         dropped.append(layout.body.pop(0))

@@ -26,7 +26,7 @@ Tell = Callable[[Iterable[str]], None]
 
 
 def silent(lines: Iterable[str]) -> None:
-    """Tell nobody."""
+    """Discard the lines."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,7 +112,7 @@ def fitted(
 
 
 def _of_aqdef(table: Table, names: Mapping[str, str], free: Mapping[str, str]) -> dict[str, str]:
-    """Times and batches of a Q-DAS file that nobody mapped."""
+    """Times and batches of a Q-DAS file that no `[columns]` entry maps."""
     if table.dialect.kind != AQDEF:
         return {}
     return {
@@ -134,7 +134,7 @@ def _clock(cells: pd.Series[Any]) -> tuple[pd.Series[Any], list[str], list[str]]
         return cells, [], []
     try:
         elapsed, start = seconds(texts)
-    except ValueError as error:  # said once, not of every row
+    except ValueError as error:  # reported once, not for every row
         return pd.Series(np.arange(len(cells), dtype=float), index=cells.index), [], [str(error)]
     return pd.Series(elapsed, index=cells.index), [f"seconds since {start:%Y-%m-%d %H:%M:%S}"], []
 

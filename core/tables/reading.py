@@ -32,8 +32,8 @@ def read_table(
 ) -> Table:
     """The table in a file: CSV in any dialect, XLSX or Parquet.
 
-    What is not stated is detected. Raises InputError with every fault, where a file has two
-    readings with the option that decides.
+    What is not stated is detected. Raises InputError with every fault; for an ambiguous
+    file it names the option that decides.
     """
     path = Path(path)
     table, faults = opened(path, path.name, ReadOptions(encoding, delimiter, decimal))

@@ -1,7 +1,7 @@
 """The decimal sign of every column of a file: what its numbers prove, and what is asked for.
 
 A column is read by its own evidence, one without any by that of the file. Nothing is guessed: where
-numbers fit two readings, the fault names `--decimal`.
+numbers fit two interpretations, the fault names `--decimal`.
 """
 
 from __future__ import annotations

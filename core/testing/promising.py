@@ -1,4 +1,4 @@
-"""The contract of a problem that promises a yield by what samples tell of its variables."""
+"""The contract of a problem that promises a yield on the basis of samples of its variables."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from .problem import ProblemContract
 
 
 class PromisingContract(ProblemContract):
-    """What every `Promising` problem must keep beside the contract of a problem."""
+    """What every `Promising` problem must keep in addition to the contract of a problem."""
 
     def promising(self) -> Promising:
         """The problem that is tried, with an assured promise."""

@@ -101,8 +101,8 @@ class Content:
 
     def _value_key(self, at: int, key: str, index: int, value: str, number: int | None) -> None:
         if index == 0:
-            for described in self.characteristics:
-                self._value_key(at, key, described, value, number)
+            for known_index in self.characteristics:
+                self._value_key(at, key, known_index, value, number)
             return
         raw = self.characteristics.get(index)
         if raw is None:

@@ -27,9 +27,9 @@ def read_aqdef(path: str | Path, encoding: str | None = None) -> list[Characteri
     Raises InputError with every fault.
     """
     path = Path(path)
-    read, faults = characteristics(path, path.name, encoding)
+    measured, faults = characteristics(path, path.name, encoding)
     raise_all(faults)
-    return read
+    return measured
 
 
 def characteristics(
@@ -46,9 +46,9 @@ def characteristics(
         return [], list(error.faults)
     content.place = place
     _check(content)
-    read = [_characteristic(content, index) for index in sorted(content.characteristics)]
-    _twice(read, content)
-    return read, content.faults
+    measured = [_characteristic(content, index) for index in sorted(content.characteristics)]
+    _twice(measured, content)
+    return measured, content.faults
 
 
 _SEPARATORS = "\x0f\x14\x1a"
@@ -162,7 +162,7 @@ def _limit(
 
 
 def _fill(characteristic: Characteristic, raw: Raw, content: Content, place: str) -> None:
-    """The values with what stands beside them."""
+    """Fill in the values with their attributes, sizes, batches and times."""
     formats: dict[str, int] = {}
     for line, value in zip(raw.lines, raw.values, strict=True):
         where = f"{content.place}: row {line}"
