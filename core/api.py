@@ -114,7 +114,7 @@ def run(
 
     `algorithm` and `seed` take the place of those in the configuration. `progress` is called after
     every generation. The result does not depend on `workers`. With `resume`, `out` may hold the
-    same run, which is gone on with. Raises ConfigurationError with every fault.
+    same run, which is then continued. Raises ConfigurationError with every fault.
     """
     from .workflows.run import run as running
     from .workflows.run.reach import searchable
@@ -179,8 +179,8 @@ def study(
     """Many optimisations over settings and seeds, and what the settings do.
 
     They run in `workers` processes (one where none are named), or on the Dask scheduler at `dask`.
-    With the address of a `store` that machines share, several of them may be at work, each with an
-    `out` of its own. Raises ConfigurationError with every fault.
+    With the address of a `store` that machines share, several machines may work on it, each with
+    its own `out`. Raises ConfigurationError with every fault.
     """
     from .configuration.study import read_study
     from .registry import needed
@@ -217,7 +217,7 @@ def gap(
     delimiter: str | None = None,
     decimal: str | None = None,
 ) -> Gap:
-    """Where model and measurement disagree, the missing effect by its name, the corrected model.
+    """Where model and measurement disagree, which effect is missing, and the corrected model.
 
     Raises ConfigurationError with every fault of the configuration and of the data.
     """
@@ -254,7 +254,7 @@ def reproduce(
     resume: bool = False,
     overwrite: bool = False,
 ) -> Reproduction:
-    """Every figure that documents print, computed again; those of the package where none is named.
+    """Recompute every figure that documents print, by default those that the package ships.
 
     Raises ConfigurationError with every fault of every file.
     """

@@ -17,9 +17,9 @@ TABLES = (".csv", ".txt", ".parquet", ".pq", "")
 def start_faults(
     out: Path, workers: int | None, resume: bool, overwrite: bool, shared: bool = False
 ) -> list[Fault]:
-    """Faults of what a command that writes a directory is started with.
+    """Faults in the arguments of a command that writes a directory.
 
-    Where the result may be `shared`, one that resumes it helps those at work.
+    Where the result may be `shared`, a command that resumes it joins those at work.
     """
     faults = directory_faults(out, overwrite or resume, busy=not (shared and resume))
     return faults + choice_faults(workers, resume, overwrite)

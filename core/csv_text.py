@@ -26,8 +26,8 @@ EXACT: Mapping[str, Any] = (
     if tuple(map(int, pd.__version__.split(".")[:2])) >= (3, 1)
     else {"float_precision": "round_trip"}
 )
-"""With this pandas reads every number as it was written, the last digit of some was lost before
-3.1."""
+"""Options with which pandas reads every number as it was written; before 3.1 the last digit of some
+was lost."""
 
 
 def csv_text(frame: pd.DataFrame, header: bool = True) -> str:

@@ -1,4 +1,4 @@
-"""What the functions of the Python interface take, and how they hand it on."""
+"""Arguments of the functions of the Python interface, and how they are passed on."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ Frame = AnyPath | pd.DataFrame
 """A table: a path, or a frame whose columns bear the names that the file would have."""
 READ = "read"
 NOTES = "notes"
-"""Key in `attrs` of returned frames: what was understood, and what the user should know."""
+"""Key in `attrs` of returned frames: how the table was read, and notes for the user."""
 Tell = Callable[[str], None]
 Found = TypeVar("Found")
 
@@ -84,7 +84,7 @@ def table_faults_of(
 
 
 def folder_for(out: AnyPath | None) -> tuple[Path, Scratch | None]:
-    """Where the files go: the user's directory, or one that goes with the result."""
+    """The directory of the files: the user's, or a temporary one, removed with the result."""
     if out is not None:
         return Path(fspath(out)), None
     kept = Scratch()

@@ -1,4 +1,4 @@
-"""Models, problems, algorithms, effects and all other kinds of plugins by name, ours and others'.
+"""Models, problems, algorithms, effects and all other kinds of plugins by name.
 
 Names, origins and summaries come from the metadata of installed distributions (entry points) and
 from source text; a plugin is imported only when it is used.
@@ -64,7 +64,7 @@ def _offers(group: str) -> tuple[EntryPoint, ...]:
 
 @lru_cache(maxsize=32)
 def _offered(group: str, path: tuple[str, ...]) -> tuple[EntryPoint, ...]:
-    """What the distributions on `path`, the one of this process, offer: they are read once."""
+    """The entry points of the distributions on `path` (`sys.path`), which are read once."""
     offers = entry_points(group=f"tolevo.{group}")
     return tuple(sorted(offers, key=lambda offer: (offer.name, offer.value)))
 
@@ -173,8 +173,8 @@ class Kinds(Mapping[str, type[Kind]]):
         return len(names(self.group))
 
     def sound(self) -> dict[str, type[Kind]]:
-        """Ours, and those of plugins that a configuration has named before: they are imported
-        already. One that cannot be used is named when it is asked for.
+        """Our classes, and those of plugins that are imported already since a configuration named
+        them. One that cannot be used is reported when it is asked for.
         """
         classes = {}
         for name in dict.fromkeys(offer.name for offer in _offers(self.group) if _begun(offer)):

@@ -58,7 +58,7 @@ def evaluate(
     them, and empty where it does not look. Blocks of `block_rows` rows run in `workers` processes
     or on the Dask scheduler at `dask`; no byte depends on it. `out` is a file, or a directory with
     a Parquet file per block (`partitioned`); `resume` computes what is missing of it. Machines
-    that name the same `store` share the blocks, each with an `out` of its own. Without
+    that name the same `store` share the blocks, each with its own `out`. Without
     `frame` an empty frame is returned, for results too large to be held. Raises ConfigurationError
     with every fault.
     """
@@ -168,7 +168,7 @@ def _computed(
     frame: bool,
     notes: Sequence[str],
 ) -> pd.DataFrame:
-    """The table, by blocks; of one block no other process is begun."""
+    """The table, by blocks; no other process is started for a single block."""
     from .workflows.blocks import computed
     from .workflows.execution import executor_of
 

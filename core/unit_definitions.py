@@ -158,7 +158,7 @@ def _longhand(name: str) -> str:
 
 
 def _times(unit: Unit, factor: Unit, power: int) -> Unit:
-    """The product with a power of another unit; of a temperature with a zero, a difference."""
+    """The product with a power of another unit; a temperature counts as a difference."""
     powers = dict(unit.dimensions)
     for base, exponent in factor.dimensions:
         powers[base] = powers.get(base, 0) + exponent * power

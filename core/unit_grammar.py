@@ -15,7 +15,7 @@ import re
 from dataclasses import dataclass
 
 LONGEST = 200
-"""Characters of a unit at most: more is no unit, and nesting is bounded."""
+"""Largest number of characters of a unit, which also bounds the nesting."""
 EXPONENT = 9
 """Largest exponent."""
 _LETTER = "A-Za-zµμ"

@@ -54,7 +54,7 @@ SUFFIXES = frozenset(
 """The unit suffixes that names of parameters, variables and outputs end with."""
 
 LONGEST = 300
-"""Characters of a quantity at most."""
+"""Largest number of characters of a quantity."""
 SHOWN = 60
 """Characters of a text that a message repeats."""
 _QUANTITY = re.compile(r"([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)\s*(.*)")

@@ -1,4 +1,4 @@
-"""Where a command computes: what its options say and, where they say nothing, its configuration."""
+"""Where a command computes: by its options and, where they state nothing, by its configuration."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def executing(
 ) -> Execution:
     """Where to compute; what is wrong with that is added to `faults`.
 
-    A command that can keep what has ended in a shared `store` says so, "" where none is asked for.
+    A command that can keep finished parts in a shared `store` passes its address, "" for none.
     """
     from .configuration.execution import read_execution
     from .workflows.execution import Execution

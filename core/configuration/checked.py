@@ -14,7 +14,7 @@ from .source import Source
 from .study import is_study, read_study
 
 CHECKED = 300
-"""Settings of a study that are read as runs: the rest would take its time."""
+"""Settings of a study that are read as runs: reading all of them would take too long."""
 
 
 def checked(source: Source, overrides: Sequence[str] = ()) -> str:

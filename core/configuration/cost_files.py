@@ -56,7 +56,7 @@ def fill_costs(filled: Filled, folder: Path, faults: list[Fault]) -> None:
 
 
 def _stand_in(table: Raw) -> None:
-    """Costs of parts for those that a faulty file does not state: they are not missing as well."""
+    """Give dummy costs to parts that a faulty file does not price, so that no faults follow."""
     for _, part in tables_in(table, "part"):
         owners = [process for _, process in tables_in(part, "process")]
         for owner in [*owners, *([part] if "t_min" in part and "machine" not in part else [])]:

@@ -24,7 +24,7 @@ Raw = dict[str, Any]
 
 @dataclass(frozen=True)
 class Prices:
-    """Rows of a cost file: names of columns as above, units of `t` and `cost`, place in a fault."""
+    """Rows of a cost file by column, its place in faults, and the units of `t` and `cost`."""
 
     rows: list[dict[str, Any]]
     place: str
@@ -43,7 +43,7 @@ class Filled:
 def read_prices(
     name: Any, folder: Path, place: str, filled: Filled, faults: list[Fault]
 ) -> Prices | None:
-    """The rows of a file, None and every fault where it cannot be used."""
+    """The rows of a file; None, and every fault in `faults`, where it cannot be used."""
     if not isinstance(name, str):
         faults.append(Fault(place, f"must be the name of a file, got {name}"))
         return None

@@ -1,7 +1,7 @@
-"""`[execution]`: where a command computes; it is no part of what is computed.
+"""`[execution]`: where a command computes; the results do not depend on it.
 
 The table is taken out before anything else is read, so that neither the resolved configuration nor
-its hash knows of it.
+its hash contains it.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from .source import EXECUTION, Source, parsed_tables
 
 
 class Usual(int):
-    """A number of processes that a command has by itself: a configuration may say another."""
+    """A command's default number of processes, which a configuration may override."""
 
 
 def read_execution(

@@ -54,7 +54,7 @@ def read_gap(source: Source, overrides: Sequence[str] = ()) -> GapPlan:
 
 
 def gap_plan(source: Source, overrides: Sequence[str] = ()) -> tuple[GapPlan | None, list[Fault]]:
-    """`read_gap` that hands back the faults.
+    """`read_gap` that returns the faults.
 
     The plan is then good enough to check data with: defaults stand for what is at fault. It is None
     where not even the columns are known.

@@ -20,7 +20,7 @@ from .reader import read
 
 ALLOCATION, FRONT, CONFIG = "allocation.csv", "front.csv", "config.toml"
 CHOICE = ("choice", "point", "variable", "rounded")
-"""Columns by which the allocation of a run is known."""
+"""Columns by which the allocation of a run is recognised."""
 FORMS = 'a run\'s allocation.csv, a table of designs, or { run = "runs/x", point = "knee" }'
 
 
@@ -61,7 +61,7 @@ def read_built(top: Section, folder: Path, variables: Iterable[Variable]) -> Bui
 
 
 def _allocation(path: Path, name: str, point: Any, variables: Mapping[str, Variable]) -> Built:
-    """The values, and the run that they are of. Raises InputError."""
+    """The values, and the run that they come from. Raises InputError."""
     home = path if is_folder(path) else path.parent
     run = _run_of(home)
     if is_folder(path):
@@ -123,7 +123,7 @@ def _of_choices(frame: pd.DataFrame, place: str, point: Any) -> tuple[dict[str, 
 def _of_designs(
     frame: pd.DataFrame, place: str, point: Any, front: bool
 ) -> tuple[dict[str, Any], str]:
-    """One row of a table of designs: counted from 1, those of a front from 0 as everywhere."""
+    """One row of a table of designs. Rows are counted from 1, those of a front from 0."""
     first = 0 if front else 1
     if point is None and len(frame) > 1:
         last = first + len(frame) - 1

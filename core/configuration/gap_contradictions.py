@@ -19,7 +19,7 @@ CLOSE = 1e-9
 
 @dataclass(frozen=True)
 class Own:
-    """What the gap configuration itself says of the units."""
+    """What the gap configuration itself states about the units."""
 
     parameters: Mapping[str, Value]
     variables: Mapping[str, VariableSetting]
@@ -28,7 +28,7 @@ class Own:
 
 @dataclass(frozen=True)
 class Run:
-    """The run whose drawing the units are built to, and how faults and pages call it."""
+    """The run whose drawing the units are built to, and its name in faults and on pages."""
 
     name: str
     configuration: Configuration
@@ -71,7 +71,7 @@ def check_pair(top: Section, run: Run, built: Built) -> None:
 def check_own(
     top: Section, stated: Own, run: Run, built: Built, of_the_bench: Iterable[str]
 ) -> None:
-    """Faults where this configuration says other than the run or the allocation."""
+    """Faults where this configuration contradicts the run or the allocation."""
     theirs = run.configuration.settings
     section = top.section("parameters")
     for name, value in stated.parameters.items():
@@ -100,7 +100,7 @@ def check_values(
     theirs: Mapping[str, VariableSetting],
     run: str = "",
 ) -> None:
-    """The same of variables: value, mid-limit and distribution."""
+    """Faults where variables contradict them: value, mid-limit and distribution."""
     for name, setting in stated.items():
         section = top.section("variables").section(name)
         run_setting = theirs.get(name, VariableSetting())
@@ -126,7 +126,7 @@ def check_values(
 
 
 def _same(first: Value, second: Value) -> bool:
-    """Whether two values are equal, numbers but for rounding."""
+    """Whether two values are equal, numbers up to rounding."""
     if isinstance(first, int | float) and isinstance(second, int | float):
         return math.isclose(first, second, rel_tol=CLOSE, abs_tol=1e-12)
     if isinstance(first, tuple | list) and isinstance(second, tuple | list):

@@ -235,7 +235,7 @@ def _assumed(
 
 
 def _zones(settings: Settings, kind: Any, run: Run | None, built: Built) -> tuple[DrawnZone, ...]:
-    """Every variable of the allocation; of the problem where the model itself has none."""
+    """The zone of every variable of the model, or of the problem where the model has none."""
     drawn, variables = dict(settings.variables), tuple(kind.variables)
     if not variables and (run is not None or built.values):
         variables = _variables_of(kind, run)
@@ -250,7 +250,7 @@ def _zones(settings: Settings, kind: Any, run: Run | None, built: Built) -> tupl
 
 
 def _law(distribution: Distribution) -> str:
-    """Name and parameters of a distribution; of measured parts their number."""
+    """Name and parameters of a distribution; for measured parts, how many there are."""
     name, *values = written(distribution).items()
     parameters = [f"{key} {value:g}" for key, value in values if isinstance(value, int | float)]
     parameters += [f"{len(value)} {key}" for key, value in values if isinstance(value, list)]

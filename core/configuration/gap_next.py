@@ -23,7 +23,7 @@ READINGS = Range(1, 100_000)
 ABSOLUTE_ZERO = -273.15
 """[degC]"""
 MESH = 100_000
-"""Points that are asked at most."""
+"""Largest number of points that are tried."""
 STEPS = 33
 """Values of each range that are tried to see whether the ranges together hold a point."""
 
@@ -56,7 +56,7 @@ def read_next(top: Section, model: MeasurableModel | None) -> NextPlan | None:
 
 
 def _known(section: Section, key: str, stated: Iterable[str] | None) -> list[str]:
-    """Names of effects; a fault for each that is none."""
+    """The names that are effects; a fault for each that is not."""
     names, asked = registry.names("effects"), list(stated or ())
     for name in asked:
         if name not in names:
@@ -171,7 +171,7 @@ def _reached(section: Section, model: MeasurableModel, spans: dict[str, Span]) -
         for span in spans.values()
     ]
     if len(axes) > 3 or prod(len(axis) for axis in axes) > MESH:
-        return  # asked again of the points themselves
+        return  # the points themselves are tested again
     mesh = np.meshgrid(*axes, indexing="ij")
     table = {name: axis.ravel() for name, axis in zip(spans, mesh, strict=True)}
     if not inside(model, table).any():

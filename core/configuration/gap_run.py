@@ -63,7 +63,7 @@ def _read(top: Section, model: str, path: Path) -> tuple[dict[str, Any], Configu
 
 
 def mixed(path: Path) -> list[Fault]:
-    """Faults of the result whose file this is, where the set there is not of one piece."""
+    """Faults of the result that a file belongs to, where its files do not belong together."""
     if not kind_of(path.parent):
         return []
     here = standing(path.parent)
@@ -92,9 +92,9 @@ def _belongs(top: Section, model: str, run: Configuration) -> bool:
 
 
 def counterparts(text: str) -> dict[str, str]:
-    """What each effect of a configuration with a problem does there; empty where it does nothing.
+    """What each effect of a configuration does in its problem; empty where it does nothing.
 
-    Raises InputError where the text is no such configuration.
+    Raises InputError where the text is no configuration with a problem.
     """
     problem = read_table(tomllib.loads(text), []).problem
     if problem is None:

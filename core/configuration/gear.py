@@ -10,7 +10,7 @@ from ..section import POSITIVE, Range, Section
 
 GEAR = "gear"
 DECLARED = "declared"
-"""Kind of a gear of which orders are given."""
+"""Kind of a gear that is given by its orders."""
 
 
 def read_gear(top: Section) -> Gear | None:
@@ -35,7 +35,7 @@ def read_gear(top: Section) -> Gear | None:
 
 
 def _of_orders(section: Section, kind: str | None) -> Gear | None:
-    """Orders by what makes them."""
+    """A gear by its orders, named after their causes."""
     inner = section.section("orders")
     numbers = {name: inner.number(name, "", POSITIVE) for name in inner.given()}
     teeth = [name for names in TEETH.values() for name in names if name in section]
@@ -97,5 +97,5 @@ def _agree(first: Gear, second: Gear) -> bool:
 
 
 def resolved_gear(gear: Gear | None) -> dict[str, Mapping[str, Any]]:
-    """The `[gear]` table by its orders, none where there is no gear."""
+    """The `[gear]` table with the orders of the gear, empty where there is none."""
     return {GEAR: {"orders": dict(gear.orders)}} if gear is not None else {}

@@ -21,8 +21,8 @@ REVISED = {"nominal": "nominal sizes", "made_to": "limits", "unit": "units"}
 def fill_measured(table: Raw, folder: Path, faults: list[Fault]) -> None:
     """Put the values of every file of measured parts in its place; faults are added to `faults`.
 
-    Of a Q-DAS file lots, nominal and half the distance of its limits (`made_to`) come along where
-    the configuration does not state them.
+    Lots, nominal and half the distance of the limits (`made_to`) of a Q-DAS file are taken over
+    where the configuration does not state them.
     """
     for owner_place, owner in _owners(table):
         measured = owner.get("measured")
@@ -91,8 +91,8 @@ def _stated(value: Any) -> str:
 def together(
     characteristics: list[Raw], names: Sequence[str], place: str, faults: list[Fault]
 ) -> Raw:
-    """The values of several files of one characteristic, in their order, each file a lot of its own
-    where it names none. Files of different revisions of the drawing, or units, are a fault.
+    """The values of several files of one characteristic, in their order, a file without
+    lots being one lot. Files of different revisions of the drawing, or units, are a fault.
     """
     if len(characteristics) < 2:
         return characteristics[0] if characteristics else {}
@@ -125,8 +125,8 @@ def together(
 
 @dataclass(frozen=True)
 class MeasuredFile:
-    """A file of measured parts, opened once: what its characteristics are called, by what each is
-    asked for, and the values of one by its label.
+    """A file of measured parts, opened once: the labels of its characteristics, the label by every
+    name that a characteristic may be requested by, and the values by label.
     """
 
     place: str

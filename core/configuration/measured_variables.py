@@ -8,7 +8,7 @@ from ..models.inputs.reading import keys
 from ..section import Section
 
 BOUNDS = ("value", "low", "high", "limits", "mid")
-"""Keys of a variable that a measured standard deviation leaves no room for."""
+"""Keys that a variable with a measured standard deviation may not have."""
 
 
 def read_measured(
@@ -17,8 +17,8 @@ def read_measured(
     """The `measured` table of a variable of a half-width or standard deviation; None where there is
     none, or after a fault.
 
-    `mid` is its mid-limit, `t` the half-width where it is fixed. Of a half-width the sample gives
-    the distribution, of a standard deviation its value.
+    `mid` is its mid-limit, `t` the half-width where it is fixed. The sample gives
+    the distribution of a half-width, or the value of a standard deviation.
     """
     if "measured" not in section or "machine" in section:  # next to machines it is a fault already
         section.known(("measured",))

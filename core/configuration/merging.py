@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 INSTEAD = {"value": ("low", "high"), "low": ("value",), "high": ("value",)}
-"""Keys that go where another is set: a fixed value takes the place of a range, and the reverse."""
+"""Keys that are removed when another is set: a fixed value replaces a range, and the reverse."""
 
 
 def merge(table: dict[str, Any], over: Mapping[str, Any], whole: bool = False) -> bool:

@@ -55,7 +55,7 @@ def read_money(
 
 
 def _listed(section: Section, costs: Mapping[str, CostCurve]) -> tuple[str, ...]:
-    """`assumed = ["pin_radius_um"]`: stated curves that are assumptions all the same."""
+    """`assumed = ["pin_radius_um"]`: stated curves that are nevertheless assumptions."""
     names = section.names("assumed") if section.take("assumed") != [] else []
     unknown = [name for name in names or () if name not in costs]
     for name in unknown:

@@ -1,4 +1,4 @@
-"""A name in a configuration that an object stands behind."""
+"""A name in a configuration that represents an object."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which problems a model belongs to: either of them says so."""
+"""Which problems a model belongs to, as the problem or the model declares."""
 
 from __future__ import annotations
 

@@ -42,7 +42,7 @@ def with_reducers(top: Section, problem_class: Any, folder: Path) -> Section:
 
 
 def _with_rows(top: Section, key: str, folder: Path) -> Section:
-    """The same of a problem whose `[[joint]]` tables, or others, name a reducer each (`run`)."""
+    """The same for a problem whose `[[joint]]` or other tables each name a reducer (`run`)."""
     known: dict[str, Nested] = {}
     rows = []
     for at, row in enumerate(top.tables(key)):

@@ -1,4 +1,4 @@
-"""Every point of a design read as the run configuration that it means."""
+"""Every point of a design, read as a run configuration."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ class _Builder:
 
 
 def _placed(fault: Fault, values: Mapping[str, Level]) -> Fault:
-    """A fault at the varied key that causes it, else at the run's, with the values of the point."""
+    """A fault at the varied key that causes it, else in the run, with the values of the point."""
     if fault.place in values:
         return Fault(f"vary.{fault.place}", fault.message)
     where = ", ".join(f"{key} = {value}" for key, value in values.items())

@@ -23,7 +23,7 @@ def build_model(configuration: Configuration) -> Any:
 
 
 def arguments_of(configuration: Configuration) -> dict[str, Any]:
-    """What the registered model of a configuration is set up from: parameters, designs, inputs."""
+    """The arguments of the registered model of a configuration: parameters, designs, inputs."""
     kind = registry.load("models", configuration.model_name)
     stated = configuration.settings
     settings = {

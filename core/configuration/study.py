@@ -173,7 +173,7 @@ def _toml(value: Any) -> str:
 
 
 def _base(run: Table, varied: Any, faults: list[Fault]) -> Configuration | None:
-    """The run as it is, by the algorithm whose settings are `varied`; with its faults."""
+    """The run as configured, by the algorithm whose settings are `varied`; its faults are added."""
     try:
         configuration = read_table(run, [])
         if _name_algorithm(run, varied, configuration):
@@ -237,7 +237,7 @@ def _design(section: Section, folder: Path) -> Design | None:
 
 
 def _hopeless(section: Section, design: Design | None) -> bool:
-    """Whether settings are stopped that are behind beyond chance."""
+    """Whether settings that are significantly worse are stopped."""
     hopeless = section.flag("hopeless") or False
     section.finish()
     if hopeless and design is not None and design.analysis not in RACED:

@@ -92,7 +92,7 @@ def table_model(columns: Mapping[str, ColumnRole], gear: Gear | None = None) -> 
 
 
 def outputs_of(columns: Mapping[str, ColumnRole]) -> tuple[Output, ...]:
-    """What was measured."""
+    """The measured columns as outputs."""
     return tuple(Output(n, c.unit, "measured") for n, c in columns.items() if c.role == "measured")
 
 

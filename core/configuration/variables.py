@@ -105,7 +105,7 @@ def _zone(section: Section, variable: Variable) -> Zone | None:
 def _agreed(
     section: Section, variable: Variable, mid: float | None, parameters: Mapping[str, Value]
 ) -> float | None:
-    """The mid-limit, which `[parameters]` may state as well, or instead."""
+    """The mid-limit; `[parameters]` may state it as well, or instead."""
     name = mid_parameter(variable.name)
     parameter = parameters.get(name)
     if (

@@ -58,11 +58,11 @@ class Ownership:
 
     @property
     def joined(self) -> bool:
-        """Whether others may be at work on the same result: nothing may be retired."""
+        """Whether others may be at work on the same result, so that nothing may be retired."""
         return not self._lock.exclusive
 
     def check(self, resume: bool, overwrite: bool, apart: Sequence[str] = ()) -> None:
-        """Look at what is there. Raises InputError where it cannot be gone on with or replaced."""
+        """Check what is there. Raises InputError where it cannot be continued or replaced."""
         if not resume:
             if not overwrite and occupied(self.folder):
                 raise refuse("--out", OCCUPIED.format(self.folder))
@@ -79,7 +79,7 @@ class Ownership:
             self.standing = standing(self.folder, apart)
 
     def begin(self, keep: Sequence[str] = ()) -> None:
-        """Retire what is there but the files `keep`, of which the new result goes on.
+        """Retire what is there except the files `keep`, which the new result continues from.
 
         From here on the directory is that of an unfinished result.
         """
@@ -112,7 +112,7 @@ class Ownership:
             write_unfinished(self.folder, self.command, self._token)
 
     def share(self) -> None:
-        """Let processes in that help with the same result."""
+        """Let other processes join in the same result."""
         try:
             self._lock.share()
         except Held as holder:
@@ -179,10 +179,10 @@ def owned(
 ) -> Iterator[Ownership]:
     """Hold the directory of a result for a `tolevo <command>`, made where there is none.
 
-    With `resume` what it holds is gone on with, and where `shared` others may be at work on it.
-    Files of `apart` check themselves. Raises InputError where another process holds it, where it
-    is not empty and neither `resume` nor `overwrite` is given, or where what it holds is not of one
-    piece; RunError where a file cannot be written later on.
+    With `resume` its result is continued, and where `shared` others may be at work on it. The files
+    in `apart` check themselves. Raises InputError where another process holds it, where it is not
+    empty and neither `resume` nor `overwrite` is given, or where its files do not belong together;
+    RunError where a file cannot be written later on.
     """
     made = [path for path in (folder, *folder.parents) if not path.exists()]
     try:

@@ -1,4 +1,4 @@
-"""The verdict on a directory: complete, unfinished, of more than one piece, or without a mark."""
+"""The state of a directory: complete, unfinished, inconsistent, or without a mark."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ OWNERS = ".at-work-"
 
 @dataclass(frozen=True, slots=True)
 class Standing:
-    """How a directory stands.
+    """The state of a directory.
 
     `command` is the one whose result it holds, empty where that is not known. A complete result has
     a manifest, an unfinished one a mark of its own; one with neither is of an older version, or
@@ -39,12 +39,12 @@ class Standing:
 
     @property
     def complete(self) -> bool:
-        """Whether it is a complete set of one piece."""
+        """Whether it is a complete set of files that belong together."""
         return self.manifest is not None and not self.faults and not self.missing
 
 
 def standing(folder: Path, apart: Iterable[str] = ()) -> Standing:
-    """The verdict on a directory; files of `apart` check themselves and are not looked at."""
+    """The state of a directory; the files in `apart` check themselves and are not tested."""
     busy, seal = holders(folder), seal_of(folder)
     faults: list[Fault] = []
     manifest = unfinished = None
@@ -70,7 +70,7 @@ def standing(folder: Path, apart: Iterable[str] = ()) -> Standing:
 
 
 def not_whole(folder: Path) -> tuple[Fault, ...]:
-    """Why nothing is to be read from a result: it is unfinished, or not of one piece."""
+    """Why a result must not be read: it is unfinished, or its files do not belong together."""
     here = standing(folder)
     if here.unfinished is None:
         return here.faults

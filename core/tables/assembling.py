@@ -23,13 +23,13 @@ from .typed import is_label
 from .unit_text import names_of, split_header, unit_of_cell
 
 SHOWN = 100
-"""Bad rows of a table, or bad cells of one column, that are named; the rest is counted."""
+"""Bad rows of a table, or bad cells of one column, that are listed; the rest is counted."""
 
 
 def assembled(
     rows: list[Row], dialect: Dialect, place: str, options: ReadOptions, bulk: Bulk | None = None
 ) -> tuple[Table | None, list[Fault]]:
-    """The table in the rows of a file, which are not empty; of a long one, in its bulk."""
+    """The table in the rows of a file, which are not empty; for a long file, in its bulk."""
     layout = laid_out(rows, place)
     header, body = _squared(layout)
     faults = [*layout.faults, *_form_faults(header, body, place)]
@@ -165,7 +165,7 @@ def _form_faults(header: list[str], body: list[Row], place: str) -> list[Fault]:
 def _missing_notes(
     name: str, cells: Any, lines: list[int], values: NDArray[Any] | None
 ) -> list[str]:
-    """How many cells of a column of numbers are none."""
+    """A note on the cells of a column of numbers that hold no number."""
     known = values
     if known is None:
         known = np.asarray(pd.to_numeric(pd.Series(cells, dtype=object), errors="coerce"))

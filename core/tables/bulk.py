@@ -135,10 +135,10 @@ def _from_end(text: str, lines: int) -> int:
 
 
 def proven(cells: pa.Array) -> tuple[Evidence, NDArray[np.float64] | None] | None:
-    """What the cells of a column prove, and its numbers; None where they must be looked at singly.
+    """What the cells of a column prove, and its numbers; None where they must be read one by one.
 
-    All of them are numbers or marks of missing values (NaN) then, with a sign that is decimal in
-    one of them at least, or none of the probes is a number.
+    The cells are then numbers or marks of missing values (NaN), with a sign that is decimal in at
+    least one of them, or none of the probes is a number.
     """
     places = np.unique(np.linspace(0, len(cells) - 1, PROBES).astype(int)).tolist()
     probes = [notation(cells[at].as_py()) for at in places]

@@ -1,4 +1,4 @@
-"""The delimiter of a text file: clevercsv's opinion, and a rule of ours that must agree."""
+"""The delimiter of a text file, by clevercsv and by a rule of this package, which must agree."""
 
 from __future__ import annotations
 

@@ -79,7 +79,7 @@ def _is_measurement(cell: str) -> bool:
 
 
 def _first_measurement(rows: list[Row], count: int, numeric: list[int]) -> int:
-    """The first full row with a number or a mark where numbers are; of text the second one."""
+    """The first full row with a number in a numeric column; without such columns the second one."""
     if not numeric:
         return next((at + 1 for at, (_, row) in enumerate(rows) if len(row) >= count), 0) or 1
     for at, (_, row) in enumerate(rows):

@@ -1,4 +1,4 @@
-"""Columns of a table by the names and in the units of what reads it."""
+"""Columns of a table with the names and in the units of the model that reads it."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ AQDEF = "aqdef"
 OF_AQDEF = {"time": "time_s", "batch": "lot"}
 """What the times and batches of a Q-DAS file are."""
 Tell = Callable[[Iterable[str]], None]
-"""Takes what was understood of a table, line by line."""
+"""Takes the notes on how a table was read, line by line."""
 
 
 def silent(lines: Iterable[str]) -> None:
@@ -42,7 +42,7 @@ class ColumnUse:
 
 @dataclass(frozen=True, slots=True)
 class Fitted:
-    """Cells by the names of what reads them, what to say of that, and what is wrong."""
+    """Cells by the names of the model that reads them, notes on that, and faults."""
 
     cells: pd.DataFrame
     notes: tuple[str, ...] = ()
@@ -63,7 +63,7 @@ def fitted(
     """The table with its columns named and in units as `known` (unit by name) has them.
 
     `uses` says what columns of the file are; one whose name and unit are those of a known name,
-    "torque [N mm]" of "torque_Nm", is it without being asked.
+    "torque [N mm]" of "torque_Nm", is matched by itself.
     """
     spelt = {spelling: name for name, spelling in table.headers.items()}
     spelt |= {str(name): str(name) for name in table.cells}

@@ -52,7 +52,7 @@ def notation(cell: str) -> Notation | None:
 
 
 def _sure(mantissa: str, points: int, commas: int, group: str) -> Notation | None:
-    """Of a number with spaces between its groups, or with an exponent: a sign is decimal."""
+    """Notation with spaces between groups of digits, or with an exponent: a sign is decimal."""
     if points + commas != 1:
         return None
     return Notation(DECIMAL, None, group) if points else Notation(None, DECIMAL, group)
@@ -68,7 +68,7 @@ def _both(mantissa: str) -> Notation | None:
 
 
 def _single_sign(mantissa: str, sign: str, count: int) -> Notation | None:
-    """One kind of sign: several of it group thousands; one with three digits behind is either."""
+    """One kind of sign: several group thousands; a single one before three digits is either."""
     if count > 1:
         what = THOUSANDS if _GROUPED[sign].fullmatch(mantissa) else None
     else:

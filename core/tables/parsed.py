@@ -1,4 +1,4 @@
-"""Columns of a table as what they must be, with every fault and its place."""
+"""Columns of a table in their required types, with every fault and its place."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def read(path: Path, place: str, options: ReadOptions = AS_DETECTED) -> pd.DataF
 def formed(
     path: Path, place: str, options: ReadOptions = AS_DETECTED
 ) -> tuple[pd.DataFrame | None, list[Fault]]:
-    """`read` that hands back the faults, with what can be read all the same."""
+    """`read` that returns the faults, with what can be read nevertheless."""
     table, faults = opened(path, place, options)
     return (None if table is None else table.cells), faults
 
@@ -67,7 +67,7 @@ def parsed(
     optional: Iterable[str] = (),
     text: Iterable[str] = (),
 ) -> tuple[pd.DataFrame, list[Fault]]:
-    """`numbers` that hands back the faults; bad cells are NaN, unknown columns are left out."""
+    """`numbers` that returns the faults; bad cells are NaN, unknown columns are left out."""
     needed, text = list(needed), set(text)
     known = list(dict.fromkeys([*needed, *optional]))
     extra = [name for name in frame.columns if name not in known]

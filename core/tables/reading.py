@@ -45,9 +45,9 @@ def read_table(
 def opened(
     path: Path, place: str, options: ReadOptions = AS_DETECTED
 ) -> tuple[Table | None, list[Fault]]:
-    """`read_table` that hands back the faults, with what can be read all the same.
+    """`read_table` that returns the faults, with what can be read nevertheless.
 
-    Rows of another length are left out then, and of columns of one name all but the first; None
+    Rows of another length are then left out, and all but the first of columns with one name; None
     where not even the column names are known.
     """
     if faults := options.faults():

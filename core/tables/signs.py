@@ -20,7 +20,7 @@ PROBES = 64
 
 
 class Exact(str):
-    """A number that a file holds as such, not as text: nothing is to be decided."""
+    """A number that a file stores as a number, not as text: its sign need not be decided."""
 
     __slots__ = ()
 
@@ -75,7 +75,7 @@ class Evidence:
 
 
 def evidence(cells: Sequence[str]) -> Evidence:
-    """What the cells of a column prove; of a column of text only that it holds no number."""
+    """What the cells of a column prove; for a column of text only that it holds no number."""
     proof = Evidence()
     places: list[int] = np.linspace(0, len(cells) - 1, PROBES).astype(int).tolist()
     if len(cells) > 2 * PROBES and not any(notation(cells[at]) for at in places):

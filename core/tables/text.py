@@ -22,7 +22,7 @@ def rows_of_text(
 ) -> tuple[list[Row], Dialect, Bulk | None]:
     """The rows of a file that are not empty, by the number of their line, and its dialect.
 
-    Of a long file, the rows at both ends and the bulk of it.
+    For a long file, the rows at both ends and the bulk of it.
     """
     text, encoding = decoded(content, place, options.encoding)
     head = text[:100_000].splitlines()

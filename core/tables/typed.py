@@ -14,7 +14,7 @@ LONGEST = 15
 
 
 def whole_if_so(values: NDArray[np.float64], whole_numbers: bool = True) -> NDArray[Any]:
-    """Numbers, whole ones as such where they may be, None where one is missing."""
+    """Numbers, as integers where all are whole and may be; None where one is missing."""
     bad = np.isnan(values)
     if bad.any():
         column = values.astype(object)

@@ -19,7 +19,7 @@ class AlgorithmContract:
     settings: ClassVar[AlgorithmSettings]
 
     def problem(self) -> ToleranceProblem:
-        """The problem it is tried on."""
+        """The problem that the algorithm is tested on."""
         raise TypeError("give the problem to try the algorithm on")
 
     def test_evaluation_budget_is_exact(self) -> None:

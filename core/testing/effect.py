@@ -37,7 +37,7 @@ class EffectContract:
     """Whether a row depends on those before it."""
 
     def columns(self) -> tuple[Column, ...]:
-        """The columns of the table that it is tried on."""
+        """The columns of the table that the effect is tested on."""
         return COLUMNS
 
     def table(self) -> dict[str, np.ndarray]:
@@ -56,7 +56,7 @@ class EffectContract:
         return numbers | {name: np.array(column, dtype=object) for name, column in labels.items()}
 
     def target(self, table: dict[str, np.ndarray] | None) -> Target:
-        """What it acts on: override it for an effect that has a place in certain models only."""
+        """What the effect acts on; override it for an effect of certain models only."""
         outputs = (Output("reading_arcsec", "arcsec", ""),)
         return replace(target_from("table", outputs, self.columns(), table), gear=RV_40E)
 

@@ -35,7 +35,7 @@ def read_aqdef(path: str | Path, encoding: str | None = None) -> list[Characteri
 def characteristics(
     path: Path, place: str, encoding: str | None = None
 ) -> tuple[list[Characteristic], list[Fault]]:
-    """`read_aqdef` that hands back the faults."""
+    """`read_aqdef` that returns the faults."""
     content = Content(place)
     try:
         for file in _files(path, place):
