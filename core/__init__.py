@@ -67,11 +67,11 @@ def __dir__() -> list[str]:
 
 
 if not TYPE_CHECKING:  # type checkers know the names above, and no others
-    _named = lazily(__name__, _PLACES, _RENAMED)
+    _lazy = lazily(__name__, _PLACES, _RENAMED)
 
     def __getattr__(name):
         if name == "__version__":
             from importlib.metadata import version
 
             return version("tolevo")
-        return _named(name)
+        return _lazy(name)

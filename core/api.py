@@ -1,4 +1,4 @@
-"""The Python interface: what the commands do, as functions that return what they found.
+"""The Python interface: what the commands do, as functions that return their results.
 
 Each takes a configuration as a path, a dictionary or what `read` returns, and tables as paths or
 pandas frames. Nothing is written unless `out` is given. `tell` is called with each line that the
@@ -84,7 +84,7 @@ def check(source: Source, settings: Sequence[str] = ()) -> str:
 
     faults: list[Fault] = []
     executing(source, settings, None, "", faults, store="")
-    found = collected(
+    text = collected(
         lambda: (
             describe(read(source, settings))
             if isinstance(source, Configuration)
@@ -93,7 +93,7 @@ def check(source: Source, settings: Sequence[str] = ()) -> str:
         faults,
     )
     raise_all(faults)
-    return found
+    return text
 
 
 def run(
@@ -114,7 +114,7 @@ def run(
 
     `algorithm` and `seed` take the place of those in the configuration. `progress` is called after
     every generation. The result does not depend on `workers`. With `resume`, `out` may hold the
-    same run, which is gone on with. Raises ConfigurationError with every fault.
+    same run, which is then continued. Raises ConfigurationError with every fault.
     """
     from .workflows.run import run as running
     from .workflows.run.reach import searchable
@@ -141,7 +141,7 @@ def search(
     start: Frame | None = None,
     settings: Sequence[str] = (),
 ) -> Search:
-    """A search in a loop of one's own: `ask` for designs, `tell` what came out, take the `result`.
+    """A search in the caller's loop: `ask` for designs, `tell` their outputs, take the `result`.
 
     `start` are designs, one per row, that the first generation begins with (the first of them, if
     they are more than it holds); a front or an allocation can be given as it stands. The algorithm
@@ -179,8 +179,8 @@ def study(
     """Many optimisations over settings and seeds, and what the settings do.
 
     They run in `workers` processes (one where none are named), or on the Dask scheduler at `dask`.
-    With the address of a `store` that machines share, several of them may be at work, each with an
-    `out` of its own. Raises ConfigurationError with every fault.
+    With the address of a `store` that machines share, several machines may work on it, each with
+    its own `out`. Raises ConfigurationError with every fault.
     """
     from .configuration.study import read_study
     from .registry import needed
@@ -191,7 +191,7 @@ def study(
     faults = start_faults_of(out, workers, resume, overwrite, shared=True) + needed("study")
     where = executing(source, settings, workers, dask, faults, store=store)
     plan = collected(lambda: read_study(raw(source), settings), faults)
-    if where.store and not any(one.place == where.store_place for one in faults):
+    if where.store and not any(fault.place == where.store_place for fault in faults):
         faults += other_study(plan, where.store, where.store_place)
     raise_all(faults)
     told(tell, "warning", plan.warnings)
@@ -217,7 +217,7 @@ def gap(
     delimiter: str | None = None,
     decimal: str | None = None,
 ) -> Gap:
-    """Where model and measurement disagree, the missing effect by its name, the corrected model.
+    """Where model and measurement disagree, which effect is missing, and the corrected model.
 
     Raises ConfigurationError with every fault of the configuration and of the data.
     """
@@ -230,11 +230,11 @@ def gap(
 
     faults = start_faults_of(out, workers, resume, overwrite)
     where = executing(source, settings, workers, dask, faults)
-    plan, found = gap_plan(raw(source), settings)
-    table, wrong, place = opened(data, tables.ReadOptions(encoding, delimiter, decimal))
+    plan, plan_faults = gap_plan(raw(source), settings)
+    table, form_faults, place = opened(data, tables.ReadOptions(encoding, delimiter, decimal))
     file = None if isinstance(data, pd.DataFrame) else Path(data)
-    readings, more = checked_table(plan, table, wrong, place, file)
-    raise_all([*found, *faults, *more])
+    readings, data_faults = checked_table(plan, table, form_faults, place, file)
+    raise_all([*plan_faults, *faults, *data_faults])
     assert plan is not None
     assert readings is not None
     told(tell, READ, readings.understood)
@@ -254,7 +254,7 @@ def reproduce(
     resume: bool = False,
     overwrite: bool = False,
 ) -> Reproduction:
-    """Every figure that documents print, computed again; those of the package where none is named.
+    """Recompute every figure that documents print, by default those that the package ships.
 
     Raises ConfigurationError with every fault of every file.
     """
@@ -264,7 +264,7 @@ def reproduce(
 
     faults = start_faults_of(out, workers, resume, overwrite)
     where = executing({}, (), workers, dask, faults)
-    plan = collected(lambda: read_claims([Path(one) for one in claims], settings), faults)
+    plan = collected(lambda: read_claims([Path(path) for path in claims], settings), faults)
     raise_all(faults)
     folder, kept = folder_for(out)
     done = comparing(plan, folder, executor_of(where), progress, resume, overwrite or out is None)
@@ -281,36 +281,35 @@ def report(
 ) -> Report:
     """Build the page of a result again, or compare several runs; says where it is.
 
-    With `watch` the page of one directory is renewed until its result is complete; it lies beside
-    the directory where `out` says nothing else. Raises ConfigurationError where nothing can be
-    built.
+    With `watch` the page of one directory is renewed until its result is complete; without `out`
+    the page lies next to the directory. Raises ConfigurationError where nothing can be built.
     """
     from .workflows.report import report as built
 
-    several = [folders] if isinstance(folders, str | PathLike) else list(folders)
-    paths = [Path(one) for one in several]
-    target, drawn = (None if one is None else Path(one) for one in (out, figures))
+    sources = [folders] if isinstance(folders, str | PathLike) else list(folders)
+    paths = [Path(folder) for folder in sources]
+    target, drawn = (None if path is None else Path(path) for path in (out, figures))
     if watch:
         return _watched(paths, target, drawn, tell)
     raise_all(page_faults(paths, target, drawn))
-    found = built(paths, target, drawn)
-    told(tell, "warning", found.remarks)
-    return found
+    page = built(paths, target, drawn)
+    told(tell, "warning", page.remarks)
+    return page
 
 
 def _watched(
     folders: list[Path], out: Path | None, figures: Path | None, tell: Tell | None
 ) -> Report:
-    """`report` again and again; where the page lies is told when it is first there."""
+    """`report` again and again; the path of the page is reported when it first exists."""
     from .workflows.report import watch
 
     page, shown_before = out or beside(folders[0]), set[Path]()
     raise_all([*watch_faults(folders, figures), *page_faults(folders[:1], page)])
 
-    def shown(found: Report) -> None:
-        if found.path not in shown_before:
-            told(tell, "page", [f"{found.path}, renewed every 5 s; Ctrl-C ends it"])
-        shown_before.add(found.path)
+    def shown(built_page: Report) -> None:
+        if built_page.path not in shown_before:
+            told(tell, "page", [f"{built_page.path}, renewed every 5 s; Ctrl-C ends it"])
+        shown_before.add(built_page.path)
 
     return watch(folders[0], page, shown)
 

@@ -17,9 +17,9 @@ TABLES = (".csv", ".txt", ".parquet", ".pq", "")
 def start_faults(
     out: Path, workers: int | None, resume: bool, overwrite: bool, shared: bool = False
 ) -> list[Fault]:
-    """Faults of what a command that writes a directory is started with.
+    """Faults in the arguments of a command that writes a directory.
 
-    Where the result may be `shared`, one that resumes it helps those at work.
+    Where the result may be `shared`, a command that resumes it joins those at work.
     """
     faults = directory_faults(out, overwrite or resume, busy=not (shared and resume))
     return faults + choice_faults(workers, resume, overwrite)
@@ -93,7 +93,7 @@ def page_faults(
 
 
 def watch_faults(folders: Sequence[Path], figures: Path | None) -> list[Fault]:
-    """What cannot be had of a page that is renewed."""
+    """Options that cannot be combined with a page that is renewed."""
     faults = []
     if len(folders) != 1:
         faults.append(Fault("--watch", f"takes one directory, got {len(folders)}"))
@@ -104,18 +104,18 @@ def watch_faults(folders: Sequence[Path], figures: Path | None) -> list[Fault]:
 
 
 def beside(folder: Path) -> Path:
-    """The page of a directory that others work in: beside it."""
+    """The path of the page of a directory that other processes work in: next to the directory."""
     return folder.resolve().with_suffix(".html")
 
 
 def _page_faults(folders: Sequence[Path], out: Path | None) -> list[Fault]:
     faults = [
-        Fault(str(one), "is not a directory" if one.exists() else "does not exist")
-        for one in folders
-        if not one.is_dir()
+        Fault(str(folder), "is not a directory" if folder.exists() else "does not exist")
+        for folder in folders
+        if not folder.is_dir()
     ]
     if len(folders) > 1 and len(faults) < len(folders):
-        faults = []  # what is there is compared, and the rest is said
+        faults = []  # existing directories are compared, missing ones are reported
     if out is None and len(folders) == 1:
         return faults or busy_faults(folders[0], "report") or unwritable(folders[0], "--out")
     if out is None:

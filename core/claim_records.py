@@ -18,13 +18,15 @@ if TYPE_CHECKING:
 
 
 def _stored(values: NDArray[np.generic]) -> dict[str, Any]:
-    """An array with its type; JSON has no word for what is not finite."""
-    plain = [str(one) if one != one or one in (inf, -inf) else one for one in values.tolist()]
+    """An array with its type; numbers that are not finite are text, since JSON cannot hold them."""
+    plain = [
+        str(value) if value != value or value in (inf, -inf) else value for value in values.tolist()
+    ]
     return {"type": values.dtype.str, "values": plain}
 
 
-def _array(given: Any) -> NDArray[np.generic]:
-    return np.asarray(given["values"]).astype(given["type"])
+def _array(stored: Any) -> NDArray[np.generic]:
+    return np.asarray(stored["values"]).astype(stored["type"])
 
 
 Column = Annotated[NDArray[np.generic], PlainValidator(_array), PlainSerializer(_stored)]

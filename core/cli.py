@@ -51,9 +51,9 @@ def command(name: str) -> Callable[[Callable[..., Finished | None]], Callable[..
     def registered(function: Callable[..., Finished | None]) -> Callable[..., Any]:
         whole = grouped(function)
 
-        def ending(**given: Any) -> None:
-            with exit_status(), forced(given.get("force", False)):
-                finished = whole(**given)
+        def ending(**options: Any) -> None:
+            with exit_status(), forced(options.get("force", False)):
+                finished = whole(**options)
             if finished is not None:
                 raise typer.Exit(_ended(finished))
 
@@ -64,18 +64,18 @@ def command(name: str) -> Callable[[Callable[..., Finished | None]], Callable[..
     return registered
 
 
-def _called(name: str, asked: Asked, *given: Any, **options: Any) -> Finished:
+def _called(name: str, asked: Asked, *arguments: Any, **options: Any) -> Finished:
     """What a function of the Python interface returns, its progress shown on the terminal."""
     from . import api
     from .progress import shown
 
     with shown(name, asked.quiet) as progress:
-        finished: Finished = getattr(api, name)(*given, **options, progress=progress)
+        finished: Finished = getattr(api, name)(*arguments, **options, progress=progress)
         return finished
 
 
 def _ended(finished: Finished) -> int:
-    """Say how a command ended, and where its page is; the exit status."""
+    """Print how a command ended, and where its page is; returns the exit status."""
     for line in finished.lines:
         typer.echo(line, err=finished.status != "done")
     page = finished.folder / "report.html"
@@ -111,15 +111,15 @@ def gap(
     asked: Asked,
 ) -> Finished:
     """Find where model and measurement disagree, name the missing effect, correct the model."""
-    given = into.arguments() | asked.arguments() | asdict(dialect)
-    return _called("gap", asked, config, data, **given)
+    options = into.arguments() | asked.arguments() | asdict(dialect)
+    return _called("gap", asked, config, data, **options)
 
 
 @command("study")
 def study(config: Config, *, into: Into, shared: Shared, asked: Asked) -> Finished:
     """Run many optimisations over settings and seeds, and say what the settings do."""
-    given = into.arguments() | asked.arguments() | asdict(shared)
-    return _called("study", asked, config, **given)
+    options = into.arguments() | asked.arguments() | asdict(shared)
+    return _called("study", asked, config, **options)
 
 
 @command("reproduce")
@@ -150,8 +150,8 @@ def evaluate(
     asked: Asked,
 ) -> None:
     """Evaluate a configuration's problem at given designs."""
-    given = asked.arguments() | asdict(dialect) | asdict(blocks)
-    _called("evaluate", asked, config, designs, out, **given, quality=quality, frame=False)
+    options = asked.arguments() | asdict(dialect) | asdict(blocks)
+    _called("evaluate", asked, config, designs, out, **options, quality=quality, frame=False)
     typer.echo(f"written: {out}")
 
 
@@ -166,8 +166,8 @@ def simulate(
     asked: Asked,
 ) -> None:
     """Predict a configuration's model at given operating points."""
-    given = asked.arguments() | asdict(dialect) | asdict(blocks)
-    _called("simulate", asked, config, inputs, out, **given, frame=False)
+    options = asked.arguments() | asdict(dialect) | asdict(blocks)
+    _called("simulate", asked, config, inputs, out, **options, frame=False)
     typer.echo(f"written: {out}")
 
 
@@ -184,12 +184,12 @@ def report(
     watch: Annotated[
         bool, typer.Option("--watch", help="Renew the page until the result is complete.")
     ] = False,
-    told: Told,
+    messages: Told,
 ) -> None:
     """Build the page of a result again, or compare several runs."""
     from .api import report
 
-    typer.echo(f"page: {report(folders, out, figures, watch=watch, tell=told.tell).path}")
+    typer.echo(f"page: {report(folders, out, figures, watch=watch, tell=messages.tell).path}")
 
 
 @command("check")

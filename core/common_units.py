@@ -1,4 +1,4 @@
-"""The units of this trade, as pint defines them: reading these names alone needs no registry.
+"""Common units of mechanical engineering, as pint defines them: these names need no registry.
 
 The registry of pint takes half a second to import and build. Any other name is looked up there; a
 test compares every number here with it.

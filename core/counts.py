@@ -2,7 +2,7 @@
 
 A count declares its `Need` where its range is declared: `Parameter(need=...)` of a model, problem
 or calculation, `field(metadata={"need": ...})` of an algorithm or a design, `Section.integer`.
-Whatever declares none is held for a number that is kept (`PLAIN`). The budgets do not depend on the
+A count without one is taken for numbers that are kept (`PLAIN`). The budgets do not depend on the
 machine, so that a configuration is accepted everywhere or nowhere; `--force` asks for more.
 """
 
@@ -20,18 +20,18 @@ MEMORY = 8.0 * 2**30
 TIME = 30.0 * 86_400.0
 """Seconds that one count may take on one core."""
 _HUGE = 10**100
-"""A count that is taken for all that are larger: it is beyond every budget, and still a float."""
+"""Larger counts are replaced by this one: it exceeds every budget, and is still a float."""
 _UNITS = (("years", 365.25 * 86_400.0), ("days", 86_400.0), ("hours", 3600.0))
 _FORCED: ContextVar[bool] = ContextVar("forced", default=False)
 
 
 @dataclass(frozen=True, slots=True)
 class Need:
-    """What a count takes: bytes and seconds for each, and bytes for each pair where all are held
-    against all.
+    """What a count takes: bytes and seconds for each, and bytes for each pair where all are
+    compared with all.
 
-    `of` names one of them ("individual"). The numbers are measured, and rather too low: what is
-    refused is really too much.
+    `of` is what is counted ("individual"). The numbers are measured, and rather too low: a count
+    that is refused is really too large.
     """
 
     of: str
@@ -62,23 +62,23 @@ class Need:
 
 
 PLAIN = Need("number", bytes=8.0)
-"""Of a count that declares nothing: a number is kept for each."""
+"""For a count that declares nothing: a number is kept for each."""
 INDIVIDUALS = Need("individual", bytes=2.5e3, seconds=2e-5)
-"""Of a population: pymoo keeps an object for each."""
+"""For a population: pymoo keeps an object for each."""
 PAIRED = Need("individual", bytes=2.5e3, seconds=2e-5, bytes_per_pair=15.0)
-"""Of a population whose members are held against each other, as reference directions are."""
+"""For a population whose members are compared pairwise, as reference directions are."""
 GENERATIONS = Need("generation", bytes=400.0, seconds=1e-3)
 EVALUATIONS = Need("evaluation", seconds=2e-5)
 POINTS = Need("point", bytes=1.5e3, seconds=1e-3)
-"""Of a front: a row of every variable and output."""
+"""For a front: a row of every variable and output."""
 SAMPLES = Need("sample", bytes=120.0, seconds=1e-6)
 """Units that are drawn, with a dozen inputs each."""
 SETTINGS = Need("setting", bytes=2e4, seconds=0.05)
-"""Of a study: a setting is read as a run configuration, and runs once at least."""
+"""For a study: a setting is read as a run configuration, and runs once at least."""
 RUNS = Need("run", bytes=1e4, seconds=0.05)
-"""Of a study: the course of each is kept."""
+"""For a study: the course of each is kept."""
 BLOCK_ROWS = Need("row", bytes=1e3, seconds=1e-6)
-"""Of a block of a table: a worker holds all of them, with every column."""
+"""For a block of a table: a worker holds all of them, with every column."""
 PER_CORE = 16
 """Processes that may be asked for per core of the machine."""
 PROCESS = 2.0e8
@@ -133,7 +133,7 @@ def too_many_workers(count: int) -> str:
 
 
 def shown(count: int) -> str:
-    """A count, one of many digits by its power of ten."""
+    """A count as text; one of many digits by its power of ten."""
     return str(count) if count < 10**18 else f"about 1e{int(math.log10(count))}"
 
 

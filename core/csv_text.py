@@ -1,7 +1,7 @@
 """Text of CSV files in which no spreadsheet finds a formula, and the same files read again.
 
-A spreadsheet computes a cell that begins with `=`, `+`, `-` or `@`, be it a name from somebody
-else's table. An apostrophe in front makes it text. Numbers are no text, and stay as they are.
+A spreadsheet computes a cell that begins with `=`, `+`, `-` or `@`, even a name from a table of
+the user's. An apostrophe in front makes it text. Numbers are no text, and stay as they are.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ EXACT: Mapping[str, Any] = (
     if tuple(map(int, pd.__version__.split(".")[:2])) >= (3, 1)
     else {"float_precision": "round_trip"}
 )
-"""With this pandas reads every number as it was written, the last digit of some was lost before
-3.1."""
+"""Options with which pandas reads every number as it was written; before 3.1 the last digit of some
+was lost."""
 
 
 def csv_text(frame: pd.DataFrame, header: bool = True) -> str:
@@ -35,16 +35,18 @@ def csv_text(frame: pd.DataFrame, header: bool = True) -> str:
 
     Without its `header` it continues a file that has one.
     """
-    columns = [_each(frame.iloc[:, at].to_numpy(), neutral) for at in range(frame.shape[1])]
-    if all(one is None for one in columns):
-        found = frame
+    columns = [
+        _changed_cells(frame.iloc[:, at].to_numpy(), neutral) for at in range(frame.shape[1])
+    ]
+    if all(cells is None for cells in columns):
+        table = frame
     else:
-        found = frame.copy()
+        table = frame.copy()
         for at, cells in enumerate(columns):
             if cells is not None:
-                found.isetitem(at, cells)
+                table.isetitem(at, cells)
     names = [neutral(name) for name in frame.columns]
-    return found.to_csv(index=False, lineterminator="\n", header=names if header else False)
+    return table.to_csv(index=False, lineterminator="\n", header=names if header else False)
 
 
 def read_own_csv(path: Path | TextIO) -> pd.DataFrame:
@@ -52,13 +54,13 @@ def read_own_csv(path: Path | TextIO) -> pd.DataFrame:
 
     Raises OSError where the file cannot be read, ValueError where it is no table.
     """
-    found: pd.DataFrame = pd.read_csv(path, **EXACT)
-    for at in range(found.shape[1]):
-        cells = _each(found.iloc[:, at].to_numpy(), original)
+    table: pd.DataFrame = pd.read_csv(path, **EXACT)
+    for at in range(table.shape[1]):
+        cells = _changed_cells(table.iloc[:, at].to_numpy(), original)
         if cells is not None:
-            found.isetitem(at, cells)
-    found.columns = pd.Index([original(name) for name in found.columns])
-    return found
+            table.isetitem(at, cells)
+    table.columns = pd.Index([original(name) for name in table.columns])
+    return table
 
 
 def neutral(cell: Any) -> Any:
@@ -75,11 +77,11 @@ def original(cell: Any) -> Any:
 
 def originals(cells: NDArray[Any]) -> NDArray[Any]:
     """`original` of every cell."""
-    found = _each(cells, original)
-    return cells if found is None else found
+    changed = _changed_cells(cells, original)
+    return cells if changed is None else changed
 
 
-def _each(cells: NDArray[Any], change: Any) -> NDArray[Any] | None:
+def _changed_cells(cells: NDArray[Any], change: Any) -> NDArray[Any] | None:
     """The changed cells of a column; None where none changes."""
     if cells.dtype.kind not in "OUT":
         return None
@@ -87,6 +89,6 @@ def _each(cells: NDArray[Any], change: Any) -> NDArray[Any] | None:
     changed = {text: new for text in texts if (new := change(text)) != text}
     if not changed:
         return None
-    found = np.empty(len(cells), dtype=object)
-    found[:] = [changed.get(cell, cell) if isinstance(cell, str) else cell for cell in cells]
-    return found
+    column = np.empty(len(cells), dtype=object)
+    column[:] = [changed.get(cell, cell) if isinstance(cell, str) else cell for cell in cells]
+    return column

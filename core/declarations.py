@@ -33,7 +33,7 @@ class Kind(StrEnum):
 
 
 TOLERANCES = frozenset({Kind.HALF_WIDTH, Kind.STANDARD_DEVIATION, Kind.FULL_CLEARANCE, Kind.GRADE})
-"""The kinds that are tolerances: narrower is tighter and dearer."""
+"""The kinds that are tolerances: a narrower one is tighter and more expensive."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,15 +65,17 @@ class Parameter:
 
 
 READING = "reading"
-"""Name of the parameter that sets several others together."""
+"""Name of the parameter (an interpretation of a document) that sets several others together."""
 
 
-def completed(parameters: Iterable[Parameter], given: Mapping[str, Value]) -> dict[str, Value]:
-    """Every parameter: as given, else its default in the reading that is given or the default."""
-    declared = {one.name: one for one in parameters}
-    own = declared[READING].default if READING in declared else None
-    reading = given.get(READING, own)
-    return {name: one.default_in(reading) for name, one in declared.items()} | dict(given)
+def completed(parameters: Iterable[Parameter], stated: Mapping[str, Value]) -> dict[str, Value]:
+    """Every parameter: as stated, else its default in the stated or the default interpretation."""
+    declared = {parameter.name: parameter for parameter in parameters}
+    default_reading = declared[READING].default if READING in declared else None
+    reading = stated.get(READING, default_reading)
+    return {name: parameter.default_in(reading) for name, parameter in declared.items()} | dict(
+        stated
+    )
 
 
 @dataclass(frozen=True, slots=True)

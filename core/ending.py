@@ -15,13 +15,13 @@ INTERRUPTED = 130
 
 
 def _warned(message: Warning | str, *_: object, **__: object) -> None:
-    """What a model warns of, in a line without the place in the code."""
+    """Print a warning of a model in a line without the place in the code."""
     typer.echo(f"warning: {message}", err=True)
 
 
 @contextmanager
 def exit_status() -> Iterator[None]:
-    """Errors as lines on stderr and an exit status, never a traceback for what we foresee."""
+    """Errors as lines on stderr and an exit status, without a traceback for expected errors."""
     try:
         with warnings.catch_warnings():
             warnings.showwarning = _warned
@@ -33,12 +33,12 @@ def exit_status() -> Iterator[None]:
         typer.echo("interrupted: nothing more is written", err=True)
         raise typer.Exit(INTERRUPTED) from None
     except OSError as error:
-        typer.echo(f"failed: {_told(error)}", err=True)
+        typer.echo(f"failed: {_message(error)}", err=True)
         raise typer.Exit(1) from None
 
 
-def _told(error: OSError) -> str:
-    """What an error of the system means for the file that was to be written."""
+def _message(error: OSError) -> str:
+    """The message of an error of the system for the file that was to be written."""
     why = cause(error)
     if why is None or not error.filename:
         return str(error)

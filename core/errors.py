@@ -62,9 +62,9 @@ def refuse(place: str, message: str) -> InputError:
 
 def raise_all(faults: Iterable[Fault]) -> None:
     """Raise one `InputError` that carries all `faults`; do nothing where there are none."""
-    found = tuple(faults)
-    if found:
-        raise InputError(found)
+    collected = tuple(faults)
+    if collected:
+        raise InputError(collected)
 
 
 def nearest(name: str, valid: Iterable[str]) -> str:

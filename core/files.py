@@ -35,7 +35,7 @@ PROBE = 4096
 
 
 def write_bytes(path: Path, content: bytes) -> None:
-    """Write `content` beside `path` and move it there in one step; the umask is kept."""
+    """Write `content` next to `path` and move it there in one step; the umask is kept."""
     part = _part(path)
     try:
         handle = os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666)
@@ -75,7 +75,7 @@ def write_with(path: Path, writer: Callable[[Path], object]) -> None:
 
 
 def clear_parts(path: Path) -> None:
-    """Remove what a killed process left of `path`; what another one writes just now stays."""
+    """Remove leftovers of killed processes of `path`; a file that is being written stays."""
     for part in path.parent.glob(f".{path.name}.*.part"):
         if not part.is_file() or not PART.fullmatch(part.name):
             continue
@@ -91,19 +91,19 @@ def cause(error: OSError) -> tuple[str, str] | None:
 
 def unwritable(path: Path, place: str) -> list[Fault]:
     """A fault where nothing can be written at or below `path`; leaves no trace."""
-    found = path
-    while not found.exists() and found != found.parent:
-        found = found.parent
-    if not found.is_dir():
-        return [Fault(place, f"cannot be written: {found} is not a directory; name another")]
+    existing = path
+    while not existing.exists() and existing != existing.parent:
+        existing = existing.parent
+    if not existing.is_dir():
+        return [Fault(place, f"cannot be written: {existing} is not a directory; name another")]
     try:
-        with tempfile.TemporaryFile(dir=found) as file:
+        with tempfile.TemporaryFile(dir=existing) as file:
             file.write(b"\0" * PROBE)
         return []
     except OSError as error:
         reason, remedy = cause(error) or (error.strerror or "not writable", "")
         remedy = f"{remedy}, or " if remedy else ""
-        text = f"cannot be written ({found}: {reason}); {remedy}name another directory"
+        text = f"cannot be written ({existing}: {reason}); {remedy}name another directory"
         return [Fault(place, text)]
 
 

@@ -61,20 +61,20 @@ class Drawing:
 
     def lines(self) -> tuple[str, ...]:
         """The same for the terminal, what is assumed first."""
-        found = [self.assumed] if self.assumed else []
+        texts = [self.assumed] if self.assumed else []
         geometry = ", ".join(map(str, self.geometry))
-        found.append(f"simulated: {self.model}, {geometry}; from {self.geometry_from}")
+        texts.append(f"simulated: {self.model}, {geometry}; from {self.geometry_from}")
         zones, laws = ", ".join(map(str, self.zones)), ", ".join(self.distributions())
         if zones:
             text = f"built to: {zones}; from {self.allocation_from}"
-            found.append(f"{text}; distribution: {laws}" if laws else text)
+            texts.append(f"{text}; distribution: {laws}" if laws else text)
         if self.effects:
-            found.append(f"effects in the simulated units: {', '.join(self.effects)}")
-        return tuple(found)
+            texts.append(f"effects in the simulated units: {', '.join(self.effects)}")
+        return tuple(texts)
 
     def distributions(self) -> tuple[str, ...]:
         """The law of every input; once where it is one for all."""
-        laws = {one.variable: one.distribution for one in self.zones if one.distribution}
+        laws = {zone.variable: zone.distribution for zone in self.zones if zone.distribution}
         if len(set(laws.values())) == 1:
             return (next(iter(laws.values())),)
         return tuple(f"{name} {law}" for name, law in laws.items())

@@ -7,15 +7,15 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Separation:
-    """What the next measurement tells of `names` and `instead_of`, the data that are there
-    included.
+    """How well the next measurement, together with the present data, separates `names` from
+    `instead_of`.
 
     `now` and `expected` are the discrimination without and with it: the squared norm, in noise
-    units, of what the one says and the other cannot follow when it is fitted again. `chance` is
-    that the right one fits better then, `alike` that of as many readings like the present ones,
-    `alone` that only the right one stays within the distance of a set; `needed` readings like
-    the planned ones bring the chance to 0.95 (0 where none do). `text` says so. `possible` is false
-    where no design in the range tells them apart.
+    units, of the part of one prediction that a refit of the other cannot follow. `chance` is the
+    probability that the right one then fits better, `alike` the same with as many measurements
+    like the present ones, `alone` that only the right one stays within the distance of a set;
+    `needed` measurements like the planned ones raise the chance to 0.95 (0 where none do). `text`
+    says so. `possible` is false where no design in the range separates them.
     """
 
     names: tuple[str, ...]
@@ -30,18 +30,18 @@ class Separation:
     possible: bool = True
 
     def __str__(self) -> str:
-        mine, other = " + ".join(self.names), " + ".join(self.instead_of)
-        return f"{mine} instead of {other}: {self.text}"
+        names, rivals = " + ".join(self.names), " + ".join(self.instead_of)
+        return f"{names} instead of {rivals}: {self.text}"
 
 
 @dataclass(frozen=True, slots=True)
 class Sensitivity:
-    """What the next measurement shows of an effect that is barely there.
+    """How sensitive the next measurement is to an effect that is barely detectable.
 
     `amount` is the value of `parameter` that is looked for; `now`, `then` and `alike` the chances
     that an effect of that size passes the threshold of the whole library in the present data, with
-    the planned readings, and with as many like the present ones; `least_now` and `least_then` the
-    smallest values that are seen nine times out of ten.
+    the planned measurements, and with as many like the present ones; `least_now` and `least_then`
+    the smallest values that are detected nine times out of ten.
     """
 
     name: str
@@ -65,7 +65,7 @@ class Sensitivity:
 @dataclass(frozen=True, slots=True)
 class NextMeasurement:
     """The points of the next measurement, in `file` (empty where there are none), and what they
-    are expected to tell: of each pair of names, or of effects that are barely there.
+    are expected to show of each pair of effects, or of effects that are barely detectable.
 
     `telling` are the inputs whose values matter most.
     """

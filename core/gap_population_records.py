@@ -12,8 +12,8 @@ class PopulationLine:
     `model` is "before" or "after" (with the effects in it), `aspect` "location", "spread", "shape",
     "mixture", "trend" or "lots", `statistic` what of it. `low` and `high` are the 90 % interval of
     `difference` (nan where the statistic is never negative), `chance` the size that it reaches by
-    chance in any of the lines, `would_show` what would have been seen nine times out of ten;
-    `enough` is false where the units are too few to say that nothing differs.
+    chance in any of the lines, `would_show` the size that is detected nine times out of ten;
+    `enough` is false where the units are too few to conclude that nothing differs.
     """
 
     model: str
@@ -46,12 +46,12 @@ class PopulationLine:
 
 @dataclass(frozen=True, slots=True)
 class InputChange:
-    """What one input alone would have to do.
+    """The change of one input that would alone explain a difference.
 
-    `amount` is in `unit`, a factor for a widening without one; `share_of_tolerance` is of the
-    half-width of its zone. `distance` is twice the log likelihood by which it explains the data
-    worse than the best. `parts` is how many parts measured would show it, `readings` how many units
-    like these would tell it from the best (0: none would, or not known).
+    `amount` is in `unit`, a factor for a widening without one; `share_of_tolerance` is the fraction
+    of the half-width of its zone. `distance` is twice the log likelihood by which it explains the
+    data worse than the best. `parts` is how many measured parts would show it, `readings` how many
+    units like these would distinguish it from the best (0: none would, or not known).
     """
 
     input: str

@@ -1,7 +1,7 @@
 """Result records of `tolevo gap`: one per stage of its loop, and the whole.
 
-Every record prints as one plain sentence. Amounts are in the unit of the output they speak of,
-except where they are said to be in noise units (divided by the standard deviation of the noise).
+Every record prints as one plain sentence. Amounts are in the unit of their output, except where
+they are said to be in noise units (divided by the standard deviation of the noise).
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ class OutputGate:
 
     `rmse` is that of the recalibrated model, `noise` the standard deviation of the noise and
     `noise_source` where it comes from: "configuration", "column", "repeats" or "estimated".
-    `uncertainty` is the half-width of what noise alone leaves of the error (ASME V&V 20),
-    `whiteness` the chance that noise is as autocorrelated as what is left at the end (Ljung-Box).
+    `uncertainty` is the half-width of the error that noise alone causes (ASME V&V 20), `whiteness`
+    the p-value that noise is as autocorrelated as the final residual (Ljung-Box).
     """
 
     output: str
@@ -70,7 +70,7 @@ class Recalibrated:
 
 @dataclass(frozen=True, slots=True)
 class Detectable:
-    """The smallest effect of a kind that would have been seen: its rms on these rows."""
+    """The smallest effect of a kind that would have been detected: its rms on these rows."""
 
     name: str
     family: str
@@ -85,7 +85,7 @@ class Detectable:
 
 @dataclass(frozen=True, slots=True)
 class Gate:
-    """Stage 1: is there a gap at all; `unseen` are effects that what is free does as well."""
+    """Stage 1: is there a gap at all; `unseen` are effects that the free parameters can imitate."""
 
     outputs: tuple[OutputGate, ...]
     recalibrated: tuple[Recalibrated, ...] = ()
@@ -95,10 +95,10 @@ class Gate:
     @property
     def significant(self) -> bool:
         """Whether any output disagrees."""
-        return any(one.significant for one in self.outputs)
+        return any(output.significant for output in self.outputs)
 
     def __str__(self) -> str:
-        return "; ".join(str(one) for one in self.outputs)
+        return "; ".join(str(output) for output in self.outputs)
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,8 +106,9 @@ class Region:
     """Stage 2: where a residual shows.
 
     `kind` is "interval" (of `variable`, from `low` to `high`), "order", "direction", "trend",
-    "product" (of two variables) or "distribution". `share` is the part of the squared gap beyond
-    the noise that lies there, `statistic` the evidence and `threshold` what noise alone reaches.
+    "product" (of two variables) or "distribution". `share` is the fraction of the squared gap
+    beyond the noise that lies there, `statistic` the evidence and `threshold` the value that noise
+    alone reaches.
     """
 
     output: str
@@ -135,7 +136,7 @@ class Region:
 
 @dataclass(frozen=True, slots=True)
 class Score:
-    """Stage 3: what one effect of the library explains alone, beside the model's parameters.
+    """Stage 3: what one effect explains alone, in addition to the model's parameters.
 
     `gain` is the fall of the squared residual in noise units; `threshold` that which the best of
     the whole library reaches under noise.
@@ -202,8 +203,8 @@ class FoundParameter:
 class FoundEffect:
     """An effect that is in the corrected model, with its evidence.
 
-    `frequency` is the share of bootstrap replicates that name it (nan without bootstrap);
-    `at_bound` names parameters that physics stopped. `in_problem` is whether the problem whose
+    `frequency` is the fraction of bootstrap replicates that identify it (nan without bootstrap);
+    `at_bound` lists parameters at a physical bound. `in_problem` is whether the problem whose
     allocation is to be repeated has a counterpart of it (None: no allocation was given), and
     `counterpart` what that does, or why there is none.
     """
@@ -223,15 +224,17 @@ class FoundEffect:
     counterpart: str = ""
 
     def __str__(self) -> str:
-        return f"{self.name} ({self.family}): " + ", ".join(str(one) for one in self.parameters)
+        return f"{self.name} ({self.family}): " + ", ".join(
+            str(parameter) for parameter in self.parameters
+        )
 
 
 @dataclass(frozen=True, slots=True)
 class Measurement:
     """The next measurement: what to vary, where, and by how much the rivals then differ.
 
-    `difference` is the rms difference of the rivals' predictions per reading in noise units, and
-    `readings` how many such readings separate them (0 where none does).
+    `difference` is the rms difference of the rivals' predictions per measurement in noise units,
+    and `readings` how many such measurements separate them (0 where none does).
     """
 
     text: str
@@ -245,10 +248,10 @@ class Measurement:
 
 @dataclass(frozen=True, slots=True)
 class Rival:
-    """Stage 5: names that these data cannot tell from `instead_of`.
+    """Stage 5: effects that are indistinguishable from `instead_of` in these data.
 
-    `distance` is how much worse they fit: likelihood, and the price of further numbers.
-    `correlation` is that of what both do on these rows beside everything else that is fitted.
+    `distance` is how much worse they fit: likelihood, and the penalty of further parameters.
+    `correlation` is that of both on these rows, given everything else that is fitted.
     """
 
     names: tuple[str, ...]
@@ -258,16 +261,16 @@ class Rival:
     correlation: float = nan
 
     def __str__(self) -> str:
-        mine, other = " + ".join(self.names), " + ".join(self.instead_of)
+        names, rivals = " + ".join(self.names), " + ".join(self.instead_of)
         alike = "" if isnan(self.correlation) else f" (correlation {self.correlation:.3f})"
-        return f"{mine} instead of {other}{alike}: {self.measurement}"
+        return f"{names} instead of {rivals}{alike}: {self.measurement}"
 
 
 @dataclass(frozen=True, slots=True)
 class Shape:
-    """Stage 7: what is left without a name.
+    """Stage 7: the form of a residual that no effect explains.
 
-    `torque` and `direction` are "odd", "even", "none" or "unknown"; `between` are the names that
+    `torque` and `direction` are "odd", "even", "none" or "unknown"; `between` are the effects that
     come closest, none of which fits; `empirical` is a formula that beats a spline on held-out rows;
     `by` is what a wave grows with.
     """
@@ -293,10 +296,10 @@ class Shape:
 
 @dataclass(frozen=True, slots=True)
 class Remainder:
-    """What stands out beside the named effects and has no name: where, of which form, how large.
+    """A significant residual besides the identified effects: where, of which form, how large.
 
     `rms` is what the form explains, in the unit of the output, measured without it; `ratio` the
-    same over the noise floor, `share` the part of the squared gap beyond the noise that it is.
+    same over the noise floor, `share` its fraction of the squared gap beyond the noise.
     """
 
     output: str
@@ -308,17 +311,17 @@ class Remainder:
     share: float
 
     def __str__(self) -> str:
-        share = f"{100 * self.share:.1f} %" if self.share >= 1e-3 else "under 0.1 %"
+        fraction = f"{100 * self.share:.1f} %" if self.share >= 1e-3 else "under 0.1 %"
         return (
             f"{self.output}: {self.shape}; rms {self.rms:.3g} {self.unit}, {self.ratio:.2g} times "
-            f"the noise, {share} of the gap"
+            f"the noise, {fraction} of the gap"
         )
 
 
 @dataclass(frozen=True, slots=True)
 class UnresolvedTerm:
-    """A term without a name that is in the corrected model: its variables and shape, by how much it
-    lowers the squared error in noise units (`gain`), and its `[[unresolved]]` table.
+    """A term of the corrected model that no effect explains: its variables and shape, by how much
+    it lowers the squared error in noise units (`gain`), and its `[[unresolved]]` table.
     """
 
     output: str
@@ -333,21 +336,21 @@ class UnresolvedTerm:
 
 @dataclass(frozen=True, slots=True)
 class GapResult:
-    """Everything that `tolevo gap` found.
+    """The result of `tolevo gap`.
 
     `verdict` is "no_gap", "named", "ambiguous", "partial" or "unnamed". `residuals` has one row per
-    reading in the order of measuring: the inputs; `block`; and for each output O its measured value
-    `O`, whether it is an outlier (`O_outlier`), the recalibrated model `O_predicted` and with the
-    effects `O_corrected`, the residuals (measured less predicted) `O_before` and `O_after`, both on
-    rows the fit never saw (`O_before_held_out`, `O_after_held_out`), and the noise `O_noise`.
+    measurement in the order of measuring: the inputs; `block`; and for each output O its measured
+    value `O`, whether it is an outlier (`O_outlier`), the recalibrated model `O_predicted` and with
+    the effects `O_corrected`, the residuals (measured less predicted) `O_before` and `O_after`,
+    both on held-out rows (`O_before_held_out`, `O_after_held_out`), and the noise `O_noise`.
     `spectrum` has the columns output, order, before, after, threshold (amplitudes in the unit of
     the output). `units` holds the distributions of a batch (empty without one): output, share, and
-    the value that this share of the units stays below, measured, and drawn from the model before
-    and after; `population` compares them line by line, and `attribution` says which inputs may be
-    behind a difference.
+    the value that this fraction of the units stays below, measured, and drawn from the model before
+    and after; `population` compares them line by line, and `attribution` says which inputs may
+    cause a difference.
     `gap_before`, `gap_after` and `noise_floor` hold one number per output, and `total` in noise
     units. `next_points` are the operating points of `next_measurement` in the order of measuring.
-    `drawing` is what units that are made to one were simulated as.
+    `drawing` is the drawing that the simulated units are made to.
     """
 
     title: str
@@ -382,4 +385,4 @@ class GapResult:
     @property
     def names(self) -> tuple[str, ...]:
         """The effects that are in the corrected model."""
-        return tuple(one.name for one in self.effects)
+        return tuple(effect.name for effect in self.effects)

@@ -1,4 +1,4 @@
-"""What the functions of the Python interface take, and how they hand it on."""
+"""Arguments of the functions of the Python interface, and how they are passed on."""
 
 from __future__ import annotations
 
@@ -31,15 +31,15 @@ Frame = AnyPath | pd.DataFrame
 """A table: a path, or a frame whose columns bear the names that the file would have."""
 READ = "read"
 NOTES = "notes"
-"""Key in `attrs` of returned frames: what was understood, and what the user should know."""
+"""Key in `attrs` of returned frames: how the table was read, and notes for the user."""
 Tell = Callable[[str], None]
 Found = TypeVar("Found")
 
 
-def collected(found: Callable[[], Found], faults: Sequence[Fault]) -> Found:
-    """What `found` returns; its faults are raised together with those found before."""
+def collected(compute: Callable[[], Found], faults: Sequence[Fault]) -> Found:
+    """The result of `compute`; its faults are raised together with the earlier `faults`."""
     try:
-        return found()
+        return compute()
     except InputError as error:
         raise InputError([*error.faults, *faults]) from None
 
@@ -70,7 +70,7 @@ def table_faults_of(
     if out is None:
         options = {"--resume": resume, "--overwrite": overwrite, "--partitioned": partitioned}
         text = "needs a file or directory to write to: out"
-        return faults + [Fault(name, text) for name, given in options.items() if given]
+        return faults + [Fault(name, text) for name, is_set in options.items() if is_set]
     target = Target(Path(out), partitioned)
     if not partitioned:
         faults += file_faults(target.path, read)
@@ -84,7 +84,7 @@ def table_faults_of(
 
 
 def folder_for(out: AnyPath | None) -> tuple[Path, Scratch | None]:
-    """Where the files go: the user's directory, or one that goes with the result."""
+    """The directory of the files: the user's, or a temporary one, removed with the result."""
     if out is not None:
         return Path(fspath(out)), None
     kept = Scratch()

@@ -1,4 +1,4 @@
-"""Which unit a number was probably meant in, where it is far from what its own unit allows."""
+"""The unit that a number was probably meant in, where it is out of range in its stated unit."""
 
 from __future__ import annotations
 
@@ -42,13 +42,13 @@ def likely_unit(value: float, unit: str, low: float, high: float) -> str:
     if not unit or low <= value <= high or not (math.isfinite(low) and math.isfinite(high)):
         return ""
     try:
-        scales = {one: converted(1.0, one, unit) for one in COMMON if fits(one, unit)}
+        scales = {name: converted(1.0, name, unit) for name in COMMON if fits(name, unit)}
     except ValueError:
         return ""
     middle = math.sqrt(low * high) if low > 0.0 else 0.1 * high
     near = [
-        (abs(math.log(value * scale / middle)), one)
-        for one, scale in scales.items()
+        (abs(math.log(value * scale / middle)), name)
+        for name, scale in scales.items()
         if scale != 1.0 and low <= value * scale <= high and value * scale > 0.0
     ]
     return min(near)[1] if near else ""
@@ -56,8 +56,8 @@ def likely_unit(value: float, unit: str, low: float, high: float) -> str:
 
 def unit_hint(value: float, unit: str, low: float, high: float) -> str:
     """` (in m it would be 64 mm; write "0.064 m")`, empty where no common unit fits."""
-    other = likely_unit(value, unit, low, high)
-    if not other:
+    likely = likely_unit(value, unit, low, high)
+    if not likely:
         return ""
-    meant = converted(value, other, unit)
-    return f' (was {other} meant? "{value:g} {other}" is {meant:.6g} {unit})'
+    value_in_unit = converted(value, likely, unit)
+    return f' (was {likely} meant? "{value:g} {likely}" is {value_in_unit:.6g} {unit})'

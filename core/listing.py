@@ -26,5 +26,6 @@ def listed(as_json: bool = False) -> str:
 def _elementary_errors() -> list[dict[str, str]]:
     """The names that `[parameters.elementary_errors]` takes, in the form of `registry.listing`."""
     return [
-        {"name": one.name, "description": one.meaning, "origin": "manipulator"} for one in SOURCES
+        {"name": error.name, "description": error.meaning, "origin": "manipulator"}
+        for error in SOURCES
     ]

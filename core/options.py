@@ -17,7 +17,7 @@ WORKERS = min(4, os.cpu_count() or 1)
 
 @dataclass(frozen=True)
 class Told:
-    """Options of every command that says something beside its result."""
+    """Options of every command that prints messages in addition to its result."""
 
     quiet: Annotated[bool, typer.Option("--quiet", help="Nothing on stderr but errors.")] = False
 
@@ -116,22 +116,22 @@ def grouped(command: Callable[..., Any]) -> Callable[..., Any]:
     """A command whose arguments that are groups are options of their own, as typer wants them."""
     groups: dict[str, Any] = {}
     parameters: list[Parameter] = []
-    for one in signature(command, eval_str=True).parameters.values():
-        if is_dataclass(one.annotation):
-            groups[one.name] = one.annotation
-            parameters += _options(one.annotation)
+    for parameter in signature(command, eval_str=True).parameters.values():
+        if is_dataclass(parameter.annotation):
+            groups[parameter.name] = parameter.annotation
+            parameters += _options(parameter.annotation)
         else:
-            parameters.append(one.replace(kind=Parameter.KEYWORD_ONLY))
+            parameters.append(parameter.replace(kind=Parameter.KEYWORD_ONLY))
 
-    def taken_apart(**given: Any) -> Any:
+    def taken_apart(**options: Any) -> Any:
         built = {
-            name: kind(**{one.name: given.pop(one.name) for one in fields(kind)})
+            name: kind(**{option.name: options.pop(option.name) for option in fields(kind)})
             for name, kind in groups.items()
         }
-        return command(**given, **built)
+        return command(**options, **built)
 
     taken_apart.__name__, taken_apart.__doc__ = command.__name__, command.__doc__
-    taken_apart.__annotations__ = {one.name: one.annotation for one in parameters}
+    taken_apart.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
     taken_apart.__signature__ = Signature(parameters)  # type: ignore[attr-defined]
     return taken_apart
 
@@ -139,10 +139,14 @@ def grouped(command: Callable[..., Any]) -> Callable[..., Any]:
 def _options(group: Any) -> list[Parameter]:
     """The fields of a group as parameters."""
     hints = get_type_hints(group, include_extras=True)
-    found = []
-    for one in fields(group):
-        default = one.default_factory() if one.default_factory is not MISSING else one.default
+    parameters = []
+    for option in fields(group):
+        default = (
+            option.default_factory() if option.default_factory is not MISSING else option.default
+        )
         default = Parameter.empty if default is MISSING else default
         kind = Parameter.KEYWORD_ONLY
-        found.append(Parameter(one.name, kind, default=default, annotation=hints[one.name]))
-    return found
+        parameters.append(
+            Parameter(option.name, kind, default=default, annotation=hints[option.name])
+        )
+    return parameters

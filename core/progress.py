@@ -34,17 +34,17 @@ def describe(progress: Progress) -> str:
 
 
 def fraction(progress: Progress) -> float | None:
-    """Share that is done, of the whole or of the budget; None where both are open."""
+    """Fraction that is done, of the whole or of the budget; None where both are open."""
     if progress.share is not None:
         return progress.share
     pairs = (
         (progress.generation, progress.generations),
         (progress.evaluations, progress.evaluations_total),
     )
-    shares = [done / total for done, total in pairs if total]
-    if not shares and progress.remaining is not None:
-        shares = [progress.seconds / max(progress.seconds + progress.remaining, 1e-9)]
-    return min(1.0, max(shares)) if shares else None
+    fractions = [done / total for done, total in pairs if total]
+    if not fractions and progress.remaining is not None:
+        fractions = [progress.seconds / max(progress.seconds + progress.remaining, 1e-9)]
+    return min(1.0, max(fractions)) if fractions else None
 
 
 def describe_study(progress: StudyProgress) -> str:
@@ -60,43 +60,43 @@ def describe_study(progress: StudyProgress) -> str:
 
 
 def study_fraction(progress: StudyProgress) -> float | None:
-    """Share of the runs that have ended."""
+    """Fraction of the runs that have ended."""
     return (progress.done + progress.failed) / progress.total if progress.total else None
 
 
 def ended_share(progress: GapProgress | ClaimsProgress | BlockProgress) -> float | None:
-    """Share of the parts that have ended; None where there are none."""
+    """Fraction of the parts that have ended; None where there are none."""
     return progress.done / progress.total if progress.total else None
 
 
 def describe_gap(progress: GapProgress) -> str:
     """What is being done, replicates that have ended, and the time left in one line."""
     counted = f" {progress.done}/{progress.total}" if progress.total else ""
-    left = "" if progress.remaining is None else f", {progress.remaining:.0f} s left"
-    return f"{progress.phase}{counted}{left}"
+    remaining = "" if progress.remaining is None else f", {progress.remaining:.0f} s left"
+    return f"{progress.phase}{counted}{remaining}"
 
 
 def describe_claims(progress: ClaimsProgress) -> str:
     """Claims checked, the time left, and which one was the last."""
-    told = f"claims {progress.done}/{progress.total} checked, {progress.seconds:.0f} s"
+    text = f"claims {progress.done}/{progress.total} checked, {progress.seconds:.0f} s"
     if progress.remaining is not None:
-        told += f", some {progress.remaining:.0f} s left"
+        text += f", some {progress.remaining:.0f} s left"
     elif progress.done < progress.total:
-        told += ", all of them take some minutes"
-    return f"{told}, {progress.note}" if progress.note else told
+        text += ", all of them take some minutes"
+    return f"{text}, {progress.note}" if progress.note else text
 
 
 def describe_blocks(progress: BlockProgress) -> str:
     """Blocks that have ended, and the time left in one line."""
-    left = "" if progress.remaining is None else f", {progress.remaining:.0f} s left"
-    return f"blocks {progress.done}/{progress.total}{left}"
+    remaining = "" if progress.remaining is None else f", {progress.remaining:.0f} s left"
+    return f"blocks {progress.done}/{progress.total}{remaining}"
 
 
 @dataclass(frozen=True)
 class Display:
-    """How the states of a command are shown: a line, the share that is done (None where it is not
-    known), and a phase whose first state is always shown. A command of one part alone shows nothing
-    where it `counts_parts`: the part ends before a line would be read.
+    """How the states of a command are shown: a line, the fraction that is done (None where it is
+    not known), and a phase whose first state is always shown. A command of a single part shows
+    nothing where it `counts_parts`: the part ends before a line would be read.
     """
 
     text: Callable[[Any], str]
@@ -160,7 +160,7 @@ def _lines(text: Callable[[Any], str], phase: Callable[[Any], str]) -> Callable[
 
 @contextmanager
 def _bar(
-    text: Callable[[Any], str], share_of: Callable[[Any], float | None]
+    text: Callable[[Any], str], fraction_of: Callable[[Any], float | None]
 ) -> Iterator[Callable[[Any], None]]:
     from rich.console import Console
     from rich.progress import BarColumn, TextColumn
@@ -171,10 +171,10 @@ def _bar(
     task = bar.add_task("starting", total=None)
 
     def update(progress: Any) -> None:
-        bar.start()  # with the first report: what is said before stands above the bar
-        share = share_of(progress)
-        total = None if share is None else 1.0
-        bar.update(task, total=total, completed=share, description=text(progress))
+        bar.start()  # with the first report: earlier messages stand above the bar
+        completed = fraction_of(progress)
+        total = None if completed is None else 1.0
+        bar.update(task, total=total, completed=completed, description=text(progress))
 
     try:
         yield update

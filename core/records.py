@@ -94,11 +94,11 @@ class RunResult:
 
     @property
     def answers(self) -> Mapping[str, str]:
-        """What was asked and what was found, a sentence each: `asked`, `found`, `published`,
+        """The question and the results of a run, a sentence each: `asked`, `found`, `published`,
         `limits`, `promise` and `proof`, as far as the summary has them.
         """
-        found = self.summary.get("answers")
-        return found if isinstance(found, Mapping) else {}
+        stated = self.summary.get("answers")
+        return stated if isinstance(stated, Mapping) else {}
 
 
 def unit_of_cost(summary: Mapping[str, Any]) -> str:
@@ -107,8 +107,8 @@ def unit_of_cost(summary: Mapping[str, Any]) -> str:
 
 
 def mechanism_lines(summary: Mapping[str, Any]) -> list[str]:
-    """What a run is about, where its configuration says it: the mechanism, its requirements, what
-    its costs are in and which of them are assumed.
+    """The subject of a run, where its configuration states it: the mechanism, its requirements, the
+    currency of its costs and which of them are assumed.
     """
     return [*_mechanism(summary.get("mechanism")), *_money(summary.get("costs"))]
 
@@ -131,11 +131,19 @@ def _mechanism(known: object) -> list[str]:
     """The mechanism and its requirements, a line each."""
     if not isinstance(known, Mapping):
         return []
-    own = _described(known)
-    requirements = [one for one in known.get("requirements") or () if isinstance(one, Mapping)]
+    mechanism = _described(known)
+    requirements = [
+        requirement
+        for requirement in known.get("requirements") or ()
+        if isinstance(requirement, Mapping)
+    ]
     alone = len(requirements) == 1 and requirements[0].get("name") == known.get("name")
-    each = [f"requirement {_described(one)}" for one in requirements if _described(one)]
-    return each if alone else [*([f"mechanism {own}"] if own else []), *each]
+    lines = [
+        f"requirement {_described(requirement)}"
+        for requirement in requirements
+        if _described(requirement)
+    ]
+    return lines if alone else [*([f"mechanism {mechanism}"] if mechanism else []), *lines]
 
 
 def _described(known: Mapping[str, Any]) -> str:
@@ -152,16 +160,16 @@ def _described(known: Mapping[str, Any]) -> str:
 
 
 def model_lines(summary: Mapping[str, Any]) -> list[str]:
-    """By which of several models a run judged: a line, and one for each choice of which another
-    model says something. Nothing where there is but one model.
+    """The model that a run used, where there are several: a line, and one for each choice that
+    another model was used for. Nothing where there is only one model.
     """
     statement = str(summary.get("model_statement") or "")
     if not statement:
         return []
     choices = summary.get("choices") or {}
-    labels = {name: str(one.get("model") or statement) for name, one in choices.items()}
-    told = [f"{name}: {label}" for name, label in labels.items() if label != statement]
-    return [f"model: {statement}", *told]
+    labels = {name: str(choice.get("model") or statement) for name, choice in choices.items()}
+    others = [f"{name}: {label}" for name, label in labels.items() if label != statement]
+    return [f"model: {statement}", *others]
 
 
 @dataclass(frozen=True, slots=True)
@@ -185,7 +193,9 @@ class Varied:
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """A reading of a figure, tested: "holds", "does not hold", "not shown" or "undecided"."""
+    """An interpretation of a figure and its test: "holds", "does not hold", "not shown" or
+    "undecided".
+    """
 
     figure: str
     key: str
@@ -204,7 +214,7 @@ class Recommendation:
     settings: Mapping[str, Any]
     shown: bool
     recovered: tuple[float, float, float]
-    """Share of what the reference misses of the best value that they recover: value, low, high."""
+    """Fraction of the reference's distance to the best that they recover: value, low, high."""
     sentence: str
 
 
@@ -216,7 +226,7 @@ class StudyResult:
     has the columns response, point, median, low, high, level, n, failed, reached. `courses` has,
     per key and level of a design that changes one key at a time, the course of a run over its
     generations: key, level, generation, median, low, high, and `optimum` where one is proven.
-    `mechanism` is what readers know it by, as far as that is stated.
+    `mechanism` holds its labels, as far as they are stated.
     """
 
     title: str

@@ -1,4 +1,4 @@
-"""Models, problems, algorithms, effects and all other kinds of plugins by name, ours and others'.
+"""Models, problems, algorithms, effects and all other kinds of plugins by name.
 
 Names, origins and summaries come from the metadata of installed distributions (entry points) and
 from source text; a plugin is imported only when it is used.
@@ -54,7 +54,7 @@ PLUGIN_FAULTS = (
     TypeError,
     ValueError,
 )
-"""What importing a plugin that is broken may raise; it is the user's to mend, with a name."""
+"""What importing a broken plugin may raise: a fault of the user's input that names the plugin."""
 
 
 def _offers(group: str) -> tuple[EntryPoint, ...]:
@@ -64,17 +64,17 @@ def _offers(group: str) -> tuple[EntryPoint, ...]:
 
 @lru_cache(maxsize=32)
 def _offered(group: str, path: tuple[str, ...]) -> tuple[EntryPoint, ...]:
-    """What the distributions on `path`, the one of this process, offer: they are read once."""
-    found = entry_points(group=f"tolevo.{group}")
-    return tuple(sorted(found, key=lambda one: (one.name, one.value)))
+    """The entry points of the distributions on `path` (`sys.path`), which are read once."""
+    offers = entry_points(group=f"tolevo.{group}")
+    return tuple(sorted(offers, key=lambda offer: (offer.name, offer.value)))
 
 
 def _origin(offer: EntryPoint) -> str:
-    return _named(offer.dist) if offer.dist is not None else "unknown"
+    return _name_and_version(offer.dist) if offer.dist is not None else "unknown"
 
 
 @lru_cache
-def _named(dist: Distribution) -> str:
+def _name_and_version(dist: Distribution) -> str:
     """Its name and version, which are read from its metadata."""
     return f"{dist.name} {dist.version}"
 
@@ -118,16 +118,16 @@ def load(group: str, name: str) -> Any:
         return _by_path(kind, name)
     offer = _find(group, name)
     try:
-        found = offer.load()
+        loaded = offer.load()
     except PLUGIN_FAULTS as error:  # a plugin may raise anything while it is imported
         reason = f"{type(error).__name__}: {error}"
         text = f'"{name}" of {_origin(offer)} cannot be imported ({offer.value}): {reason}'
         raise refuse(kind, text) from error
-    for extra in getattr(found, "extras", ()):
+    for extra in getattr(loaded, "extras", ()):
         if offer.dist is not None and (missing := _missing(offer.dist.requires or [], extra)):
             command = f"pip install '{offer.dist.name}[{extra}]'"
             raise refuse(kind, f'"{name}" needs {", ".join(missing)}: {command}')
-    return found
+    return loaded
 
 
 def _by_path(kind: str, path: str) -> Any:
@@ -160,11 +160,11 @@ class Kinds(Mapping[str, type[Kind]]):
     def __getitem__(self, name: str) -> type[Kind]:
         if name not in names(self.group):
             raise KeyError(name)
-        found = load(self.group, name)
-        if not (isinstance(found, type) and issubclass(found, self.base)):
+        loaded = load(self.group, name)
+        if not (isinstance(loaded, type) and issubclass(loaded, self.base)):
             text = f'"{name}" of {origin(self.group, name)} is no {self.base.__name__}: '
             raise refuse(self.group.removesuffix("s"), f"{text}it must be a subclass of it")
-        return found
+        return loaded
 
     def __iter__(self) -> Iterator[str]:
         return iter(names(self.group))
@@ -173,28 +173,28 @@ class Kinds(Mapping[str, type[Kind]]):
         return len(names(self.group))
 
     def sound(self) -> dict[str, type[Kind]]:
-        """Ours, and those of plugins that a configuration has named before: they are imported
-        already. One that cannot be used is named when it is asked for.
+        """Our classes, and those of plugins that are imported already since a configuration named
+        them. One that cannot be used is reported when it is asked for.
         """
-        found = {}
-        for name in dict.fromkeys(one.name for one in _offers(self.group) if _begun(one)):
+        classes = {}
+        for name in dict.fromkeys(offer.name for offer in _offers(self.group) if _begun(offer)):
             try:
-                found[name] = self[name]
+                classes[name] = self[name]
             except InputError:
                 continue
-        return found
+        return classes
 
     def name_of(self, kind: type) -> str:
         """The name of a class in configurations. Raises LookupError where it is not registered."""
-        for name, one in self.sound().items():
-            if one is kind:
+        for name, registered in self.sound().items():
+            if registered is kind:
                 return name
         text = f"{kind.__module__}.{kind.__qualname__} is no entry point of tolevo.{self.group}"
         raise LookupError(text)
 
 
 def _begun(offer: EntryPoint) -> bool:
-    """Whether importing an entry point runs no code of a package that nobody has named."""
+    """Whether the package of an entry point is imported already: no unused plugin is run."""
     return offer.module.partition(".")[0] in sys.modules
 
 
@@ -212,7 +212,11 @@ def needed(extra: str) -> list[Fault]:
 def _missing(requirements: list[str], extra: str) -> list[str]:
     """The packages of an extra that are not installed."""
     marker = re.compile(rf"""extra *== *["']{re.escape(extra)}["']""")
-    wanted = [re.split(r"[^\w.-]", one)[0] for one in requirements if marker.search(one)]
+    wanted = [
+        re.split(r"[^\w.-]", requirement)[0]
+        for requirement in requirements
+        if marker.search(requirement)
+    ]
     return [name for name in wanted if not _installed(name)]
 
 
@@ -286,19 +290,19 @@ def _definition(
 
 def _spec(module: str) -> ModuleSpec | None:
     """Where a module lies; unlike importlib.util.find_spec it imports no parent package."""
-    found: ModuleSpec | None = None
+    spec: ModuleSpec | None = None
     parts = module.split(".")
     for end in range(1, len(parts) + 1):
-        if end > 1 and (found is None or found.submodule_search_locations is None):
+        if end > 1 and (spec is None or spec.submodule_search_locations is None):
             return None
-        where = None if found is None else list(found.submodule_search_locations or ())
-        found = _ask(".".join(parts[:end]), where)
-    return found
+        where = None if spec is None else list(spec.submodule_search_locations or ())
+        spec = _ask(".".join(parts[:end]), where)
+    return spec
 
 
 def _ask(name: str, where: list[str] | None) -> ModuleSpec | None:
     for finder in sys.meta_path:
-        found = finder.find_spec(name, where)
-        if found is not None:
-            return found
+        spec = finder.find_spec(name, where)
+        if spec is not None:
+            return spec
     return None

@@ -1,4 +1,4 @@
-"""What the functions of the Python interface return: tables, and files only when told to."""
+"""What the functions of the Python interface return: tables, and files only on request."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ FIGURE = "front.svg"
 
 
 class Scratch:
-    """A directory of files that nobody asked for; it goes with this object."""
+    """A temporary directory, which is removed with this object."""
 
     def __init__(self) -> None:
         self.path = Path(mkdtemp(prefix="tolevo-"))
@@ -40,12 +40,12 @@ class Scratch:
 
 @dataclass(frozen=True, eq=False)
 class Finished:
-    """How a command ended, what it found, and its files.
+    """How a command ended, its results, and its files.
 
     `status` is "done", "interrupted" or "no_feasible_point", `lines` the summary as the command
-    prints it, `record` all that was found. Nothing of it is in a directory of the user's before
-    `write`, unless `out` was given; `folder` is that directory then, else one that goes with this
-    object.
+    prints it, `record` all results. With `out` given, `folder` is that directory; otherwise it is a
+    temporary one that is removed with this object, and nothing is in a directory of the user's
+    before `write`.
     """
 
     status: str
@@ -110,7 +110,7 @@ class Run(Finished):
 
     @property
     def convergence(self) -> pd.DataFrame:
-        """Hypervolume and feasible share by generation."""
+        """Hypervolume and feasible fraction by generation."""
         return self.record.convergence
 
     @property

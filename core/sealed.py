@@ -1,4 +1,4 @@
-"""Content that carries its own digest, so that damage is found before anything is made of it."""
+"""Content that carries its own digest, so that damage is detected before it is used."""
 
 from __future__ import annotations
 
@@ -37,12 +37,12 @@ def sealed_record(record: Mapping[str, Any], of: str = "") -> dict[str, Any]:
     return {**record, KEY: digest_of(record, of)}
 
 
-def unsealed_record(found: Any, of: str = "") -> dict[str, Any]:
+def unsealed_record(stored: Any, of: str = "") -> dict[str, Any]:
     """What `sealed_record` was given. Raises ValueError where a value is another."""
-    if not isinstance(found, dict) or KEY not in found:
+    if not isinstance(stored, dict) or KEY not in stored:
         raise ValueError("it is no record with a digest")
-    record = {name: value for name, value in found.items() if name != KEY}
-    if found[KEY] != digest_of(record, of):
+    record = {name: value for name, value in stored.items() if name != KEY}
+    if stored[KEY] != digest_of(record, of):
         raise ValueError("it is damaged: its content does not fit its digest")
     return record
 

@@ -83,7 +83,7 @@ class Section:
 
     @property
     def faults(self) -> list[Fault]:
-        """What has been found wrong in the whole configuration until now."""
+        """The faults of the whole configuration until now."""
         return self._faults
 
     def fault(self, key: str, message: str) -> None:
@@ -93,7 +93,7 @@ class Section:
             self._faults.append(fault)
 
     def take(self, key: str) -> Any:
-        """The value as it stands in the file, or None."""
+        """The value as the file states it, or None."""
         self._known[key] = None
         return self._table.get(key)
 
@@ -214,8 +214,12 @@ class Section:
         if not isinstance(value, list):
             self.fault(key, f"must be a list of numbers, got {shown(value)}")
             return None
-        found = [self.as_number(f"{key}[{i}]", one, "") for i, one in enumerate(value)]
-        return tuple(one for one in found if one is not None) if None not in found else None
+        checked = [self.as_number(f"{key}[{i}]", entry, "") for i, entry in enumerate(value)]
+        return (
+            tuple(number for number in checked if number is not None)
+            if None not in checked
+            else None
+        )
 
     def section(self, key: str) -> Section:
         """The table at `key`, empty where there is none."""
@@ -233,21 +237,21 @@ class Section:
         """
         tables = self.tables(key)
         names: list[str] = []
-        found: list[Item | None] = []
+        items: list[Item | None] = []
         for at in range(len(tables)):
-            own = self.item(key, at)
-            name = own.text("name")
+            section = self.item(key, at)
+            name = section.text("name")
             if not name:
-                own.fault("name", f"is missing: name the {key}")
+                section.fault("name", f"is missing: name the {key}")
             elif name in names:
-                own.fault("name", f'"{name}" is named twice')
+                section.fault("name", f'"{name}" is named twice')
             names.append(name or "")
-            found.append(read(own, name or ""))
-            own.finish()
+            items.append(read(section, name or ""))
+            section.finish()
         if not tables and isinstance(self.take(key), list):
             self.fault(key, f"must list at least one {key}")
-        whole = tuple(one for one in found if one is not None)
-        return whole if found and len(whole) == len(found) else None
+        whole = tuple(item for item in items if item is not None)
+        return whole if items and len(whole) == len(items) else None
 
     def collecting(self, key: str, faults: list[Fault]) -> Section:
         """The table at `key`, whose faults go to a list of their own."""
@@ -260,30 +264,30 @@ class Section:
 
     def having(self, key: str, value: Any) -> Section:
         """The same table with a value that stands elsewhere in the configuration."""
-        found = Section({**self._table, key: value}, self._place, self._faults)
-        found._known = self._known
-        return found
+        extended = Section({**self._table, key: value}, self._place, self._faults)
+        extended._known = self._known
+        return extended
 
     def tables(self, key: str) -> list[Mapping[str, Any]]:
         """The tables of an array `[[key]]`, empty where there is none."""
         value = self.take(key)
         if value is None:
             return []
-        if not isinstance(value, list) or not all(isinstance(one, dict) for one in value):
+        if not isinstance(value, list) or not all(isinstance(entry, dict) for entry in value):
             self.fault(key, f"must be a list of tables: write [[{key}]]")
             return []
         return value
 
     def item(self, key: str, at: int, faults: list[Fault] | None = None) -> Section:
         """The table at place `at` (from 0) of `[[key]]`; its faults may go to a list."""
-        own = self._faults if faults is None else faults
-        return Section(self.tables(key)[at], f"{self.place(key)}[{at}]", own)
+        collector = self._faults if faults is None else faults
+        return Section(self.tables(key)[at], f"{self.place(key)}[{at}]", collector)
 
 
 def flat(table: Mapping[str, Any], place: str = "") -> dict[str, Any]:
     """Values of nested tables by dotted key."""
-    found: dict[str, Any] = {}
+    values: dict[str, Any] = {}
     for key, value in table.items():
         at = f"{place}{key}"
-        found |= flat(value, f"{at}.") if isinstance(value, dict) else {at: value}
-    return found
+        values |= flat(value, f"{at}.") if isinstance(value, dict) else {at: value}
+    return values

@@ -1,4 +1,4 @@
-"""Standard streams that are closed, or that nobody reads: a command goes on without them."""
+"""Standard streams that are closed or not read any more: a command goes on without them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import sys
 from typing import Any
 
 LOST = (errno.EPIPE, errno.EIO)
-"""A pipe whose reader has ended, and a terminal that is gone."""
+"""Errors of a pipe whose reader has ended, and of a terminal that is gone."""
 
 
 class Unread(io.FileIO):
@@ -28,8 +28,8 @@ class Unread(io.FileIO):
 def keep_standard_streams() -> None:
     """Let stdout and stderr end without an error where their reader does.
 
-    One that was closed before the start is opened on nothing: the next file would get its number,
-    and what a library prints would end up in that file.
+    A stream that was closed before the start is opened on the null device: otherwise the next file
+    would get its number, and the output of a library would end up in that file.
     """
     for number in range(3):
         try:

@@ -58,7 +58,7 @@ def evaluate(
     them, and empty where it does not look. Blocks of `block_rows` rows run in `workers` processes
     or on the Dask scheduler at `dask`; no byte depends on it. `out` is a file, or a directory with
     a Parquet file per block (`partitioned`); `resume` computes what is missing of it. Machines
-    that name the same `store` share the blocks, each with an `out` of its own. Without
+    that name the same `store` share the blocks, each with its own `out`. Without
     `frame` an empty frame is returned, for results too large to be held. Raises ConfigurationError
     with every fault.
     """
@@ -105,7 +105,7 @@ def simulate(
     delimiter: str | None = None,
     decimal: str | None = None,
 ) -> pd.DataFrame:
-    """A model's predictions beside its inputs, one operating point per row.
+    """A model's inputs and predictions, one operating point per row.
 
     Options as those of `evaluate`. Long Parquet files, and directories of such files, are read in
     batches. Raises ConfigurationError with every fault.
@@ -118,30 +118,34 @@ def simulate(
     where = executing(source, settings, workers, dask, faults, block_rows, store)
     configuration = collected(lambda: _read(source, settings), faults)
     raise_all(faults)
-    given = configuration.settings
+    model_settings = configuration.settings
     simulation = Simulation(
         build_model(configuration),
         configuration.seed,
         configuration.model_name,
-        given.effects,
-        dict(given.zero),
+        model_settings.effects,
+        dict(model_settings.zero),
     )
     understood, notes, index = list[str](), list[str](), None
     rows: Any = None
     if not isinstance(inputs, pd.DataFrame):
-        rows = streamed(simulation, Path(inputs), given.columns, understood.extend, notes.extend)
+        rows = streamed(
+            simulation, Path(inputs), model_settings.columns, understood.extend, notes.extend
+        )
     if rows is not None:
         columns = list(rows.names.values())
     else:
         table, place = readable(inputs, tables.ReadOptions(encoding, delimiter, decimal))
-        read = inputs_in(simulation, table, place, given.columns, understood.extend, notes.extend)
+        read = inputs_in(
+            simulation, table, place, model_settings.columns, understood.extend, notes.extend
+        )
         rows, columns, index = rows_of(read), list(map(str, read)), read.index
     told(tell, READ, understood)
     told(tell, "note", notes)
     computing = simulation.computed(rows, columns, configuration.toml())
     target = _target(out, partitioned, resume, overwrite)
-    found = _computed(computing, where, target, progress, frame, [*understood, *notes])
-    return found.set_axis(index) if index is not None and frame else found
+    predictions = _computed(computing, where, target, progress, frame, [*understood, *notes])
+    return predictions.set_axis(index) if index is not None and frame else predictions
 
 
 def _read(source: Source, settings: Sequence[str]) -> Configuration:
@@ -164,7 +168,7 @@ def _computed(
     frame: bool,
     notes: Sequence[str],
 ) -> pd.DataFrame:
-    """The table, by blocks; of one block no other process is begun."""
+    """The table, by blocks; no other process is started for a single block."""
     from .workflows.blocks import computed
     from .workflows.execution import executor_of
 

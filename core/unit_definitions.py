@@ -1,4 +1,4 @@
-"""What a name of a unit is worth in SI, by the definitions of pint and a few of our own."""
+"""The value in SI of a unit by its name, by the definitions of pint and a few of our own."""
 
 from __future__ import annotations
 
@@ -121,26 +121,26 @@ def unit_of(text: str) -> Unit:
     """
     parts = _written_out(text)
     if len(parts) == 1 and parts[0][1] == 1:
-        return _named(parts[0][0])
+        return _unit_named(parts[0][0])
     above = [name for name, power in parts if power > 0]
     if len(above) > 1 and not _PLAIN.isdisjoint(above):
         raise UnitError("a percentage of a unit is no unit")
-    found = NUMBER
+    product = NUMBER
     for name, power in parts:
-        found = _times(found, _named(name), power)
-    if not 1.0 / LARGEST < found.factor < LARGEST:
+        product = _times(product, _unit_named(name), power)
+    if not 1.0 / LARGEST < product.factor < LARGEST:
         raise UnitError(f'"{text}" is beyond all that is measured')
-    return found
+    return product
 
 
 def _written_out(text: str) -> Factors:
     """The factors of a text, none of a plain number, with abbreviations spelt out."""
-    found: Factors = ()
+    written_out: Factors = ()
     for name, power in factors(text) if text.strip() else ():
         longhand = _longhand(name)
         inner = ((name, 1),) if longhand == name else _written_out(longhand)
-        found += tuple((own, exponent * power) for own, exponent in inner)
-    return found
+        written_out += tuple((part, exponent * power) for part, exponent in inner)
+    return written_out
 
 
 def names_in(text: str) -> tuple[str, ...]:
@@ -157,13 +157,13 @@ def _longhand(name: str) -> str:
     return _TORQUES.get(name) or _OURS.get(name, name)
 
 
-def _times(one: Unit, other: Unit, power: int) -> Unit:
-    """The product with a power of another unit; of a temperature with a zero, a difference."""
-    powers = dict(one.dimensions)
-    for base, own in other.dimensions:
-        powers[base] = powers.get(base, 0) + own * power
+def _times(unit: Unit, factor: Unit, power: int) -> Unit:
+    """The product with a power of another unit; a temperature counts as a difference."""
+    powers = dict(unit.dimensions)
+    for base, exponent in factor.dimensions:
+        powers[base] = powers.get(base, 0) + exponent * power
     dimensions = tuple(sorted((base, total) for base, total in powers.items() if total))
-    return Unit(one.factor * other.factor**power, dimensions)
+    return Unit(unit.factor * factor.factor**power, dimensions)
 
 
 @lru_cache(maxsize=1)
@@ -181,7 +181,7 @@ def _names() -> frozenset[str]:
 
 
 @lru_cache(maxsize=1024)
-def _named(name: str) -> Unit:
+def _unit_named(name: str) -> Unit:
     """The unit of one name, with or without a prefix or a plural's s."""
     if name in COMMON:
         return Unit(*COMMON[name], ZEROS.get(name, Fraction(0)))
@@ -191,11 +191,11 @@ def _named(name: str) -> Unit:
 def looked_up(name: str) -> Unit:
     """The unit of one name by the definitions of pint."""
     prefix, stem = _split(name)
-    found = _defined(stem)
-    if prefix and found.zero:
+    unit = _defined(stem)
+    if prefix and unit.zero:
         raise UnitError(f'"{name}" is not a unit: what has a zero of its own takes no prefix')
     exponent = _PREFIXES[prefix] if prefix else 0
-    return Unit(found.factor * Fraction(10) ** exponent, found.dimensions, found.zero)
+    return Unit(unit.factor * Fraction(10) ** exponent, unit.dimensions, unit.zero)
 
 
 def _split(name: str) -> tuple[str, str]:

@@ -15,7 +15,7 @@ import re
 from dataclasses import dataclass
 
 LONGEST = 200
-"""Characters of a unit at most: more is no unit, and nesting is bounded."""
+"""Largest number of characters of a unit, which also bounds the nesting."""
 EXPONENT = 9
 """Largest exponent."""
 _LETTER = "A-Za-zµμ"
@@ -61,14 +61,14 @@ def factors(text: str) -> Factors:
     if len(text) > LONGEST:
         raise UnitError(f"no unit has more than {LONGEST} characters")
     reader = _Reader(_tokens(text.strip()))
-    found = reader.unit()
+    parsed = reader.unit()
     if reader.next is not _END:
         raise UnitError(f'"{reader.next.text}" is not expected there')
-    return found
+    return parsed
 
 
 def _tokens(text: str) -> list[_Token]:
-    found, at = [], 0
+    tokens, at = [], 0
     while at < len(text):
         match = _TOKEN.match(text, at)
         if match is None:
@@ -76,9 +76,9 @@ def _tokens(text: str) -> list[_Token]:
             comma = ": decimals follow a point" if sign == "," else ""
             raise UnitError(f'"{sign}" has no place in a unit{comma}')
         kind = str(match.lastgroup)
-        found.append(_Token(kind, match[kind], bool(match["space"])))
+        tokens.append(_Token(kind, match[kind], bool(match["space"])))
         at = match.end()
-    return found
+    return tokens
 
 
 class _Reader:
@@ -98,13 +98,13 @@ class _Reader:
         return token
 
     def unit(self) -> Factors:
-        found = self._product()
+        parsed = self._product()
         while self.next.kind == "over":
             self._take()
-            found += tuple((name, -exponent) for name, exponent in self._power())
+            parsed += tuple((name, -exponent) for name, exponent in self._power())
             if self.next.kind in ("times", "name", "open"):
                 raise UnitError('what follows a divisor is ambiguous: write "a/(b c)"')
-        return found
+        return parsed
 
     def _product(self) -> Factors:
         if self.next.kind == "number" and self.next.text == "1":
@@ -112,14 +112,14 @@ class _Reader:
             if self.next.kind not in ("over", "close", "end"):
                 raise UnitError('"1" stands only before "/"')
             return ()
-        found = self._power()
+        parsed = self._power()
         while self.next.kind in ("times", "name", "open"):
             if self.next.kind == "times":
                 self._take()
             elif not self.next.apart:
                 raise UnitError(f'a space, "*" or "/" is missing before "{self.next.text}"')
-            found += self._power()
-        return found
+            parsed += self._power()
+        return parsed
 
     def _power(self) -> Factors:
         base = self._base()
@@ -137,10 +137,10 @@ class _Reader:
         if token.kind != "open":
             shown = f'"{token.text}" stands' if token.text else "nothing stands"
             raise UnitError(f"{shown} where a unit is expected")
-        found = self.unit()
+        inner = self.unit()
         if self._take().kind != "close":
             raise UnitError('")" is missing')
-        return found
+        return inner
 
     def _exponent(self) -> int:
         token = self._take()
@@ -153,7 +153,7 @@ class _Reader:
 
 
 def _raised(base: Factors, exponent: int) -> Factors:
-    found = tuple((name, own * exponent) for name, own in base)
-    if any(abs(own) > EXPONENT for _, own in found):
+    raised = tuple((name, power * exponent) for name, power in base)
+    if any(abs(power) > EXPONENT for _, power in raised):
         raise UnitError(f"no exponent is beyond {EXPONENT}")
-    return found
+    return raised

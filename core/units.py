@@ -54,7 +54,7 @@ SUFFIXES = frozenset(
 """The unit suffixes that names of parameters, variables and outputs end with."""
 
 LONGEST = 300
-"""Characters of a quantity at most."""
+"""Largest number of characters of a quantity."""
 SHOWN = 60
 """Characters of a text that a message repeats."""
 _QUANTITY = re.compile(r"([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)\s*(.*)")
@@ -102,11 +102,11 @@ def dimension(unit: str) -> str:
     Raises ValueError where the unit is not known.
     """
     try:
-        found = unit_of(unit)
+        parsed = unit_of(unit)
     except UnitError as error:
         text = f'"{unit}" is not a unit; write "mm", "N m", "rad", "rpm", ...'
         raise ValueError(f"{text} ({error})") from error
-    return _in_si(found) if found.dimensions else ""
+    return _in_si(parsed) if parsed.dimensions else ""
 
 
 def fits(unit: str, to: str) -> bool:
@@ -148,10 +148,10 @@ def family(unit: str) -> tuple[str, float]:
     Raises ValueError where the unit is not known, or its zero is not that of the SI unit.
     """
     name = dimension(unit)
-    found = unit_of(unit)
-    if found.zero:
+    parsed = unit_of(unit)
+    if parsed.zero:
         raise ValueError(f'"{unit}" has a zero of its own; take an absolute unit')
-    return name, float(found.factor)
+    return name, float(parsed.factor)
 
 
 @lru_cache(maxsize=256)
@@ -167,15 +167,15 @@ def _affine(unit: str, to: str) -> tuple[float, float]:
 
 def _scale(unit: str, to: str, scale_only: bool = False) -> tuple[Fraction, Fraction]:
     """The same, exactly. Raises UnitError where it cannot be."""
-    own, wanted = unit_of(unit), unit_of(to)
-    factor = own.factor
-    if own.dimensions != wanted.dimensions:
-        if scale_only or own.dimensions != _PER_TIME or not _is_speed(to):
-            raise UnitError(_misfit(unit, own, to, wanted))
+    source, target = unit_of(unit), unit_of(to)
+    factor = source.factor
+    if source.dimensions != target.dimensions:
+        if scale_only or source.dimensions != _PER_TIME or not _is_speed(to):
+            raise UnitError(_misfit(unit, source, to, target))
         factor *= unit_of("turn").factor
-    if scale_only and own.zero != wanted.zero:
+    if scale_only and source.zero != target.zero:
         raise UnitError(f'it is a difference, "{unit}" a temperature: write K')
-    return factor / wanted.factor, (own.zero - wanted.zero) / wanted.factor
+    return factor / target.factor, (source.zero - target.zero) / target.factor
 
 
 _PER_TIME = ((TIME, -1),)
@@ -191,12 +191,14 @@ def _is_speed(unit: str) -> bool:
     )
 
 
-def _misfit(unit: str, own: Unit, to: str, wanted: Unit) -> str:
+def _misfit(unit: str, source: Unit, to: str, target: Unit) -> str:
     """Why a quantity in `unit` cannot be stated in `to`, where that is not plain."""
-    if own.without(ANGLE) == wanted.without(ANGLE) and own.power(ANGLE) != wanted.power(ANGLE):
-        if wanted.dimensions == _PER_TIME:
+    if source.without(ANGLE) == target.without(ANGLE) and source.power(ANGLE) != target.power(
+        ANGLE
+    ):
+        if target.dimensions == _PER_TIME:
             return f'"{unit}" is an angular speed, and {to} a frequency: write Hz or 1/s'
-        if not own.power(ANGLE):
+        if not source.power(ANGLE):
             return f'"{unit}" does not say of what angle: write it with one, as {to} has'
     if not set("'\"′″").isdisjoint(unit):
         return "' and \" are arc minutes and seconds: write ft and in for feet and inches"

@@ -1,4 +1,4 @@
-"""Where a command computes: what its options say and, where they say nothing, its configuration."""
+"""Where a command computes: by its options and, where they state nothing, by its configuration."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ def executing(
 ) -> Execution:
     """Where to compute; what is wrong with that is added to `faults`.
 
-    A command that can keep what has ended in a shared `store` says so, "" where none is asked for.
+    A command that can keep finished parts in a shared `store` passes its address, "" for none.
     """
     from .configuration.execution import read_execution
     from .workflows.execution import Execution
 
-    given = Execution(workers, dask, block_rows, store=store or "")
+    options = Execution(workers, dask, block_rows, store=store or "")
     tables = {} if isinstance(source, Configuration) else raw(source)
-    found, wrong = read_execution(tables, settings, given, store is not None)
-    faults += wrong
-    return found if store is not None else replace(found, store="")
+    execution, execution_faults = read_execution(tables, settings, options, store is not None)
+    faults += execution_faults
+    return execution if store is not None else replace(execution, store="")

@@ -18,11 +18,11 @@ TURN = {"rx_deg": "deg", "ry_deg": "deg", "rz_deg": "deg"}
 JOINTS = {f"joint_{at}_deg": "deg" for at in range(1, MOST + 1)}
 
 
-def with_poses(top: Section, named: Any, folder: Path) -> Section:
+def with_poses(top: Section, problem_class: Any, folder: Path) -> Section:
     """The configuration with the rows of the file in the place of its name, where a problem has a
     `[cell]`; a faulty one stays.
     """
-    cell = top.take("cell") if "cell" in getattr(named, "tables_of", ()) else None
+    cell = top.take("cell") if "cell" in getattr(problem_class, "tables_of", ()) else None
     name = cell.get("poses") if isinstance(cell, Mapping) else None
     if cell is None or not isinstance(name, str) or "." not in name:
         return top
@@ -33,21 +33,21 @@ def with_poses(top: Section, named: Any, folder: Path) -> Section:
         for fault in error.faults:
             section.fault("poses", f"{fault.place} {fault.message}")
         return top
-    left = {k: v for k, v in cell.items() if k != "poses"}
-    return top.having("cell", left | {key: rows})
+    remaining = {k: v for k, v in cell.items() if k != "poses"}
+    return top.having("cell", remaining | {key: rows})
 
 
 def _read(path: Path, name: str) -> tuple[str, list[list[float]]]:
     """`poses` or `joints_deg`, and the rows. Raises InputError."""
-    found = tables.fitted(tables.opened_whole(path, name), name, PLACE | TURN | JOINTS)
-    raise_all(list(found.faults))
-    cells = found.cells
-    joints = [one for one in JOINTS if one in cells]
-    turned = [one for one in TURN if one in cells]
-    if joints and not any(one in cells for one in PLACE):
+    fit = tables.fitted(tables.opened_whole(path, name), name, PLACE | TURN | JOINTS)
+    raise_all(list(fit.faults))
+    cells = fit.cells
+    joints = [joint for joint in JOINTS if joint in cells]
+    turned = [angle for angle in TURN if angle in cells]
+    if joints and not any(coordinate in cells for coordinate in PLACE):
         return "joints_deg", _numbers(cells[joints], name)
     wanted = [*PLACE, *(TURN if turned else ())]
-    if missing := [one for one in wanted if one not in cells]:
+    if missing := [column for column in wanted if column not in cells]:
         raise InputError(
             [
                 Fault(
@@ -70,4 +70,4 @@ def _numbers(cells: Any, name: str) -> list[list[float]]:
         row = int(np.argmin(np.all(np.isfinite(rows), axis=1))) + 1 if len(rows) else 0
         text = f"row {row} has an empty or infinite cell" if len(rows) else "has no rows"
         raise InputError([Fault(name, text)])
-    return [[float(one) for one in row] for row in rows]
+    return [[float(number) for number in row] for row in rows]

@@ -14,7 +14,7 @@ from .source import Source
 from .study import is_study, read_study
 
 CHECKED = 300
-"""Settings of a study that are read as runs: the rest would take its time."""
+"""Settings of a study that are read as runs: reading all of them would take too long."""
 
 
 def checked(source: Source, overrides: Sequence[str] = ()) -> str:
@@ -25,7 +25,7 @@ def checked(source: Source, overrides: Sequence[str] = ()) -> str:
         return read_gap(source, overrides).configuration
     configuration = read(source, overrides)
     if configuration.problem is None:
-        build_model(configuration)  # it refuses what only its physics can tell
+        build_model(configuration)  # raises faults that only the physics of the model can detect
     else:
         searchable(configuration.problem.coarser())  # whatever its size, in seconds
     return describe(configuration)

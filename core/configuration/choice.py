@@ -25,35 +25,35 @@ def read_choice(
     weights = _weights(section.section("weights"), objectives)
     limits = read_limits(section.section("limits"), outputs, variables)
     budget = section.number("budget", within=POSITIVE)
-    share = section.number("roughness_share", within=Range(low=0.0, high=1.0, open_low=True))
+    roughness = section.number("roughness_share", within=Range(low=0.0, high=1.0, open_low=True))
     section.finish()
     steps = _steps(top.section("rounding"), variables)
-    return ChoiceSettings(weights, limits, budget, steps, share)
+    return ChoiceSettings(weights, limits, budget, steps, roughness)
 
 
 def _weights(section: Section, objectives: Sequence[str]) -> dict[str, float]:
-    found = {name: section.number(name, within=Range(low=0.0)) for name in objectives}
+    numbers = {name: section.number(name, within=Range(low=0.0)) for name in objectives}
     for name in section.given():
-        if name not in found:
+        if name not in numbers:
             section.take(name)
             section.fault(name, unknown(name, list(objectives), "an objective of this run"))
     section.finish()
-    weights = {name: value for name, value in found.items() if value is not None}
+    weights = {name: value for name, value in numbers.items() if value is not None}
     if weights and not sum(weights.values()) > 0.0:
         section.fault("", "must not all be zero")
     return weights
 
 
 def _steps(section: Section, variables: Sequence[Variable]) -> dict[str, Step]:
-    found = {
+    steps = {
         v.name: _step(section, v) for v in variables if v.kind is not Kind.CHOICE and not v.integer
     }
     for v in variables:
-        if v.name not in found and v.name in section:
+        if v.name not in steps and v.name in section:
             section.take(v.name)
             section.fault(v.name, f"is a {v.kind}: it is not rounded")
     section.finish()
-    return {name: step for name, step in found.items() if step is not None}
+    return {name: step for name, step in steps.items() if step is not None}
 
 
 def _step(section: Section, variable: Variable) -> Step | None:
@@ -82,7 +82,7 @@ def _step(section: Section, variable: Variable) -> Step | None:
 
 
 def resolved_choice(settings: ChoiceSettings) -> dict[str, Any]:
-    """The tables that say this; what was not given is left out."""
+    """The tables that state these settings; what was not given is left out."""
     limits = {name: _limit(bound.low, bound.high) for name, bound in settings.limits.items()}
     numbers = {} if settings.budget is None else {"budget": settings.budget}
     if settings.roughness_share is not None:

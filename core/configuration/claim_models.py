@@ -1,4 +1,4 @@
-"""Readings of claims by models and problems."""
+"""Interpretations of claims (`[[claim.reading]]`) by models and problems."""
 
 from __future__ import annotations
 
@@ -27,22 +27,24 @@ PROBLEM_KEYS = (
 
 def by_model(section: Section, count: int) -> Recipe | None:
     """A statistic of a model's outputs; None where the model cannot be set up."""
-    found = configured(section, MODEL_KEYS)
+    configuration = configured(section, MODEL_KEYS)
     section.known(["at", "output", "statistic", "level", "threshold", "units", "derivative"])
-    if found is None:
+    if configuration is None:
         return None
-    kind = registry.load("models", found.model_name)
+    kind = registry.load("models", configuration.model_name)
     at = _points(section.section("at"), kind)
     drawn = section.integer("units", Range(low=2), SAMPLES) or 0
-    statistic = _statistic(section, drawn, max((len(one) for one in at.values()), default=1))
+    statistic = _statistic(section, drawn, max((len(points) for points in at.values()), default=1))
     if kind.population and not drawn:
-        section.fault("units", f"is missing: {found.model_name} draws units; say how many")
-    names = names_of(section, "output", count, {one.name: one.unit for one in kind.outputs})
+        section.fault("units", f"is missing: {configuration.model_name} draws units; say how many")
+    names = names_of(
+        section, "output", count, {output.name: output.unit for output in kind.outputs}
+    )
     recipe = ByModel(
-        found.model_name,
+        configuration.model_name,
         kind,
-        **arguments_of(found),
-        effects=found.settings.effects,
+        **arguments_of(configuration),
+        effects=configuration.settings.effects,
         at=at,
         outputs=names,
         statistic=statistic,
@@ -54,7 +56,7 @@ def by_model(section: Section, count: int) -> Recipe | None:
 
 def _points(section: Section, kind: Any) -> dict[str, tuple[float, ...]]:
     """The operating points: one value for all, or lists of one length."""
-    found = {}
+    points = {}
     for column in kind.columns:
         if column.text:
             continue
@@ -64,14 +66,14 @@ def _points(section: Section, kind: Any) -> dict[str, tuple[float, ...]]:
             value = section.quantity(column.name, column.unit)
             values = None if value is None else (value,)
         if values:
-            found[column.name] = values
+            points[column.name] = values
         elif column.needed and column.name not in section:
             section.fault(column.name, f"is missing: {column.meaning}")
     section.finish()
-    lengths = {len(values) for values in found.values()} - {1}
+    lengths = {len(values) for values in points.values()} - {1}
     if len(lengths) > 1:
         section.fault("", f"has lists of different lengths: {sorted(lengths)}")
-    return found
+    return points
 
 
 def _statistic(section: Section, drawn: int, rows: int) -> Statistic:
@@ -93,29 +95,34 @@ def _statistic(section: Section, drawn: int, rows: int) -> Statistic:
 
 def by_problem(section: Section, count: int) -> Recipe | None:
     """Outputs of a problem at a design; None where problem or design are faulty."""
-    found = configured(section, PROBLEM_KEYS)
+    configuration = configured(section, PROBLEM_KEYS)
     section.known(["reference", "design", "output", "derivative"])
-    if found is None or found.problem is None:
+    if configuration is None or configuration.problem is None:
         return None
-    problem = found.problem
-    known = {one.name: one.unit for one in problem.outputs}
+    problem = configuration.problem
+    known = {output.name: output.unit for output in problem.outputs}
     names = names_of(section, "output", count, known)
     printed = problem.references()
     label = section.text("reference", printed)
-    own = {v.name: v.document for v in problem.variables if v.document is not None} | problem.fixed
+    values = {
+        v.name: v.document for v in problem.variables if v.document is not None
+    } | problem.fixed
     if label is not None and label in printed:
-        own |= dict(zip(problem.names, printed[label].tolist(), strict=True))
+        values |= dict(zip(problem.names, printed[label].tolist(), strict=True))
     design = section.section("design")
     for variable in problem.variables:
         within = Range(variable.valid_low, variable.valid_high)
         value = design.number(variable.name, variable.unit, within)
         if value is not None:
-            own[variable.name] = value
-        elif variable.name not in own and variable.name not in design:
+            values[variable.name] = value
+        elif variable.name not in values and variable.name not in design:
             design.fault(variable.name, "is missing: no document prints it")
     design.finish()
-    if len(own) < len(problem.variables):
+    if len(values) < len(problem.variables):
         return None
     return ByProblem(
-        found.problem_name, problem, tuple(float(own[name]) for name in problem.names), names
+        configuration.problem_name,
+        problem,
+        tuple(float(values[name]) for name in problem.names),
+        names,
     )

@@ -1,4 +1,4 @@
-"""What all ways to recompute a claim share: names, tables of configurations, units."""
+"""Parts common to all ways to recompute a claim: names, tables of configurations, units."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from .reader import read_table
 
 
 def names_of(section: Section, key: str, count: int, known: Mapping[str, Any]) -> tuple[str, ...]:
-    """One name, or a list of as many as the claim prints; each of `known` where that is told."""
+    """One name, or a list of as many as the claim prints; each must be in `known`, if given."""
     value = section.take(key)
     names = [value] if isinstance(value, str) else section.names(key)
     if names is None:
@@ -38,7 +38,7 @@ def names_of(section: Section, key: str, count: int, known: Mapping[str, Any]) -
 
 
 def configured(section: Section, keys: tuple[str, ...]) -> Configuration | None:
-    """The configuration that some keys of a reading are; its faults are placed in the reading."""
+    """The configuration in some keys of an interpretation; its faults are placed in the latter."""
     table = {key: section.take(key) for key in keys if key in section}
     try:
         return read_table(table, [])
@@ -49,7 +49,7 @@ def configured(section: Section, keys: tuple[str, ...]) -> Configuration | None:
 
 
 def tried(section: Section, build: Callable[[], object]) -> None:
-    """Report what is wrong with something that can only be told by building it."""
+    """Report faults that only show when an object is built."""
     try:
         build()
     except InputError as error:
@@ -59,9 +59,9 @@ def tried(section: Section, build: Callable[[], object]) -> None:
 
 def convertible(section: Section, recipe: Recipe, unit: str) -> None:
     """Report values whose unit, as far as it is known, cannot be stated in that of the claim."""
-    for own in units_of(recipe):
+    for recipe_unit in units_of(recipe):
         try:
-            converted(1.0, "" if own == "1" else own, "" if unit == "1" else unit)
+            converted(1.0, "" if recipe_unit == "1" else recipe_unit, "" if unit == "1" else unit)
         except ValueError as error:
             section.fault("", f"{recipe.by}: {error}")
 
@@ -72,22 +72,22 @@ def units_of(recipe: Recipe) -> tuple[str, ...]:
         case Derivative():
             per = recipe.recipe.unit_of(recipe.name) or "1"
             return tuple(
-                one if per == "1" else f"({one})/({per})" for one in units_of(recipe.recipe)
+                unit if per == "1" else f"({unit})/({per})" for unit in units_of(recipe.recipe)
             )
         case Constant():
             return (recipe.unit,)
         case ByCalculation():
-            known = {one.name: one.unit for one in recipe.kind.outputs}
+            known = {output.name: output.unit for output in recipe.kind.outputs}
             return tuple(known[name] or "1" for name in recipe.quantities if name in known)
         case ByModel():
-            outputs = {one.name: one.unit for one in recipe.kind.outputs}
+            outputs = {output.name: output.unit for output in recipe.kind.outputs}
             return tuple(
                 recipe.statistic.unit(outputs[name]) or "1"
                 for name in recipe.outputs
                 if name in outputs
             )
         case ByProblem():
-            units = {one.name: one.unit for one in recipe.problem.outputs}
+            units = {output.name: output.unit for output in recipe.problem.outputs}
             return tuple(units[name] or "1" for name in recipe.outputs if name in units)
         case _:
             return ()

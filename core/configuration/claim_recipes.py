@@ -19,9 +19,9 @@ STUDY = "study"
 
 
 def read_recipe(section: Section, count: int, unit: str, study: str) -> Recipe | None:
-    """The recipe of a reading of a claim in `unit`; None where it is faulty."""
-    found = _recipe(section, count, study, unit)
-    derived = _derived(section, found)
+    """The recipe of an interpretation of a claim in `unit`; None where it is faulty."""
+    recipe = _recipe(section, count, study, unit)
+    derived = _derived(section, recipe)
     if derived is not None and unit:
         convertible(section, derived, unit)
     return derived
@@ -29,13 +29,13 @@ def read_recipe(section: Section, count: int, unit: str, study: str) -> Recipe |
 
 def _recipe(section: Section, count: int, study: str, unit: str = "") -> Recipe | None:
     """A recipe of `count` values; `unit` is that of a formula's results."""
-    given = [kind for kind in KINDS if kind in section]
-    if len(given) != 1:
-        text = f"names {' and '.join(given)}; one is enough" if given else "names nothing"
+    kinds = [kind for kind in KINDS if kind in section]
+    if len(kinds) != 1:
+        text = f"names {' and '.join(kinds)}; one is enough" if kinds else "names nothing"
         section.fault("", f"{text}: recompute by one of {', '.join(KINDS)}")
         section.known(section.given())
         return None
-    match given[0]:
+    match kinds[0]:
         case "calculation":
             return _by_calculation(section, count, study)
         case "model":
@@ -51,10 +51,10 @@ def _by_calculation(section: Section, count: int, study: str) -> Recipe | None:
     if kind is None:
         section.known(["quantity", "parameters", "derivative"])
         return None
-    known = {one.name: one.unit for one in kind.outputs}
+    known = {output.name: output.unit for output in kind.outputs}
     names = names_of(section, "quantity", count, known)
     parameters = read_parameters(section.section("parameters"), kind.parameters)
-    if study and any(one.name == STUDY for one in kind.parameters):
+    if study and any(parameter.name == STUDY for parameter in kind.parameters):
         parameters.setdefault(STUDY, study)
     for fault in kind().faults(kind().completed(parameters)):
         section.fault(f"parameters.{fault.place}", fault.message)
@@ -86,21 +86,21 @@ def _by_formula(section: Section, count: int, unit: str, study: str) -> Recipe |
 def _terms(section: Section, study: str) -> dict[str, tuple[Recipe, str]]:
     """The terms: a printed number with its unit, or a recipe and the unit in which it enters."""
     table = section.section("terms")
-    found = {}
+    terms = {}
     for name in table.given():
         if not isinstance(table.take(name), dict):
             table.fault(name, 'must be a table: { value = 1.0, unit = "mm" }, or a recipe')
             continue
-        own = table.section(name)
-        unit = own.text("unit")
+        term = table.section(name)
+        unit = term.text("unit")
         if not unit:
-            own.fault("unit", 'is missing: the unit in which it enters the formula, "1" for none')
-        recipe = _constant(own, unit or "1") if "value" in own else _term(own, study)
-        own.finish()
+            term.fault("unit", 'is missing: the unit in which it enters the formula, "1" for none')
+        recipe = _constant(term, unit or "1") if "value" in term else _term(term, study)
+        term.finish()
         if recipe is not None and unit:
-            convertible(own, recipe, unit)
-            found[name] = (recipe, unit)
-    return found
+            convertible(term, recipe, unit)
+            terms[name] = (recipe, unit)
+    return terms
 
 
 def _constant(section: Section, unit: str) -> Recipe | None:
@@ -116,22 +116,22 @@ def _derived(section: Section, recipe: Recipe | None) -> Recipe | None:
     """The derivative of the recipe where one is asked for."""
     if "derivative" not in section:
         return recipe
-    own = section.section("derivative")
-    name, step = own.text("by"), own.number("step", within=POSITIVE)
+    derivative = section.section("derivative")
+    name, step = derivative.text("by"), derivative.number("step", within=POSITIVE)
     for key in ("by", "step"):
-        if key not in own:
-            own.fault(key, "is missing: a derivative needs what it is by, and a step")
-    own.finish()
+        if key not in derivative:
+            derivative.fault(key, "is missing: a derivative needs what it is by, and a step")
+    derivative.finish()
     if recipe is None or name is None or step is None:
         return None
     known = recipe.shiftable()
     if recipe.unit_of(name) is None:
-        own.fault(
+        derivative.fault(
             "by",
             f'"{name}" is no input of {recipe.by}{nearest(name, known)}; known: {", ".join(known)}',
         )
         return None
     derived = Derivative(recipe, name, step)
     for sign in (-1.0, 1.0):
-        tried(own, partial(recipe.shifted, name, sign * step))
+        tried(derivative, partial(recipe.shifted, name, sign * step))
     return derived

@@ -48,16 +48,18 @@ def read_claims(paths: Sequence[Path], overrides: Sequence[str] = ()) -> Reprodu
 
 def _source(path: Path, overrides: Sequence[str], faults: list[Fault]) -> Source | None:
     """One file; its faults bear its name."""
-    own: list[Fault] = []
+    file_faults: list[Fault] = []
     table = load(path, faults)
     if table is None:
         return None
-    override(table, overrides, own)
-    found = _file(table, own)
-    if not own and not found.claims:
-        own.append(Fault("claim", "is missing: write a table [[claim]] for each printed figure"))
-    faults += [Fault(f"{path.name}: {fault.place}", fault.message) for fault in own]
-    return Source(found, json.dumps(table, sort_keys=True, default=str))
+    override(table, overrides, file_faults)
+    claims_file = _file(table, file_faults)
+    if not file_faults and not claims_file.claims:
+        file_faults.append(
+            Fault("claim", "is missing: write a table [[claim]] for each printed figure")
+        )
+    faults += [Fault(f"{path.name}: {fault.place}", fault.message) for fault in file_faults]
+    return Source(claims_file, json.dumps(table, sort_keys=True, default=str))
 
 
 def _file(table: Table, faults: list[Fault]) -> ClaimsFile:
@@ -67,19 +69,19 @@ def _file(table: Table, faults: list[Fault]) -> ClaimsFile:
     )
     seed = top.integer("seed", Range(low=0), None)
     study = top.text("study") or ""
-    seen: dict[str, int] = {}
+    positions: dict[str, int] = {}
     claims = []
-    for at, one in enumerate(top.tables("claim")):
-        section = _placed(top, one, at)
+    for at, claim_table in enumerate(top.tables("claim")):
+        section = _placed(top, claim_table, at)
         name = section.text("id")
         if not name:
             section.fault("id", "is missing: name the claim")
-        elif name in seen:
-            section.fault("id", f'"{name}" is that of claim[{seen[name]}] already')
-        seen[name or f"[{at}]"] = at
-        found = _claim(section, name or "", study)
-        if found is not None:
-            claims.append(found)
+        elif name in positions:
+            section.fault("id", f'"{name}" is that of claim[{positions[name]}] already')
+        positions[name or f"[{at}]"] = at
+        claim = _claim(section, name or "", study)
+        if claim is not None:
+            claims.append(claim)
     top.finish()
     return ClaimsFile(document, 0 if seed is None else seed, tuple(claims))
 
@@ -99,7 +101,7 @@ def _needed(section: Section, key: str, remedy: str = "") -> str:
 
 
 def _claim(section: Section, name: str, study: str) -> Claim | None:
-    """A claim, None where it is so faulty that it cannot be judged."""
+    """A claim, None where it is so faulty that it cannot be tested."""
     place, quantity = _needed(section, "place"), _needed(section, "quantity")
     unit = _unit(section)
     relation = section.text("relation", RELATIONS) or "equal"
@@ -152,19 +154,19 @@ def _printed(section: Section) -> tuple[tuple[float, ...], float]:
     if value is None:
         return (), 0.0
     many = isinstance(value, list)
-    given = value if isinstance(value, list) else [value]
-    found, steps = [], []
-    for at, one in enumerate(given):
-        number = _digits(one)
+    entries = value if isinstance(value, list) else [value]
+    numbers, steps = [], []
+    for at, entry in enumerate(entries):
+        number = _digits(entry)
         if number is None:
-            text = f'must be a number, or its digits as a string ("0.110"), got {shown(one)}'
+            text = f'must be a number, or its digits as a string ("0.110"), got {shown(entry)}'
             section.fault(f"printed[{at}]" if many else "printed", text)
             continue
-        found.append(float(number))
+        numbers.append(float(number))
         steps.append(0.5 * 10.0 ** int(number.as_tuple().exponent))
-    if many and not given:
+    if many and not entries:
         section.fault("printed", "names no number")
-    return tuple(found), max(steps, default=0.0)
+    return tuple(numbers), max(steps, default=0.0)
 
 
 def _digits(value: Any) -> Decimal | None:
@@ -197,18 +199,18 @@ def _tolerance(section: Section, relation: str, step: float) -> tuple[float, str
 def _readings(
     section: Section, unit: str, relation: str, count: int, study: str
 ) -> tuple[Reading, ...]:
-    """How the claim is recomputed; every reading but the first says how it reads the document."""
+    """How the claim is recomputed; every interpretation but the first states what it assumes."""
     if relation == "within" and count != 2:
         section.fault("printed", f"must be [low, high] where the relation is within, got {count}")
     wanted = 1 if relation == "within" else count
-    found = []
+    readings = []
     for at in range(len(section.tables("reading"))):
-        own = section.item("reading", at)
-        states = own.text("states") or ""
+        reading = section.item("reading", at)
+        states = reading.text("states") or ""
         if at and not states.strip():
-            own.fault("states", "is missing: only the first reading may be the literal one")
-        recipe = read_recipe(own, wanted, unit, study)
-        own.finish()
+            reading.fault("states", "is missing: only the first reading may be the literal one")
+        recipe = read_recipe(reading, wanted, unit, study)
+        reading.finish()
         if recipe is not None:
-            found.append(Reading(recipe, states))
-    return tuple(found)
+            readings.append(Reading(recipe, states))
+    return tuple(readings)

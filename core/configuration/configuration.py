@@ -41,7 +41,7 @@ class Configuration:
     resolved: Mapping[str, Any] = field(default_factory=dict, repr=False)
 
     def plan(self) -> RunPlan:
-        """What `tolevo run` does with it. Only of a configuration that has a problem."""
+        """The plan of `tolevo run`. The configuration must have a problem."""
         from ..workflows.run.plan import RunPlan
 
         assert self.problem is not None
@@ -68,10 +68,10 @@ class Configuration:
         return tomli_w.dumps(dict(self.resolved))
 
     def tables(self) -> dict[str, Any]:
-        """The resolved configuration as a file has it; an object in the place of a name stays."""
+        """The resolved configuration as in a file; an object in the place of a name is kept."""
         read = tomllib.loads(self.toml())
-        named = {"problem": self.resolved["problem"]} if "problem" in self.resolved else {}
-        return read | named
+        original = {"problem": self.resolved["problem"]} if "problem" in self.resolved else {}
+        return read | original
 
     @cached_property
     def hash(self) -> str:

@@ -18,37 +18,39 @@ from ..section import Section
 
 def read_costs(section: Section, defaults: Mapping[str, CostCurve]) -> dict[str, CostCurve]:
     """The curves that the configuration sets; only variables with a cost may have one."""
-    found = {
+    curves = {
         name: _read(section.section(name), default)
         for name, default in defaults.items()
         if name in section
     }
     section.known((*defaults, "scale_assumed", "assumed"))
     section.finish()
-    return {name: curve for name, curve in found.items() if curve is not None}
+    return {name: curve for name, curve in curves.items() if curve is not None}
 
 
-def _read(own: Section, default: CostCurve) -> CostCurve | None:
-    """A curve with its share of a set-up and its inspection, which need a stated one."""
-    added = [key for key in EXTRAS if key in own]
-    more = read_extras(own)
-    if added and "model" not in own:
-        own.fault(added[0], "is added to a stated cost: give its model and coefficients as well")
-        own.known(own.given())
+def _read(section: Section, default: CostCurve) -> CostCurve | None:
+    """A curve with its part of a set-up and of inspection, which require a stated curve."""
+    added = [key for key in EXTRAS if key in section]
+    more = read_extras(section)
+    if added and "model" not in section:
+        section.fault(
+            added[0], "is added to a stated cost: give its model and coefficients as well"
+        )
+        section.known(section.given())
         return None
-    curve = read_curve(own, default)
+    curve = read_curve(section, default)
     return None if curve is None else dearer(curve, more)
 
 
 def narrowed(
     variable: Variable, setting: VariableSetting | None, curve: CostCurve | None
 ) -> tuple[VariableSetting | None, str]:
-    """The setting within the tolerances that a table of costs spans, and what to say of it."""
-    given = setting or VariableSetting()
-    if not isinstance(curve, Table) or given.value is not None:
+    """The setting within the tolerances that a table of costs spans, and a note for the user."""
+    stated = setting or VariableSetting()
+    if not isinstance(curve, Table) or stated.value is not None:
         return setting, ""
-    low = variable.low if given.low is None else given.low
-    high = variable.high if given.high is None else given.high
+    low = variable.low if stated.low is None else stated.low
+    high = variable.high if stated.high is None else stated.high
     ends = max(low, curve.t[0]), min(high, curve.t[-1])
     if ends == (low, high) or ends[0] >= ends[1]:
         return setting, ""
@@ -58,7 +60,7 @@ def narrowed(
         f"search from {low:g} to {high:g} is narrowed to "
         f"{ends[0]:g} to {ends[1]:g}"
     )
-    return replace(given, low=ends[0], high=ends[1]), note
+    return replace(stated, low=ends[0], high=ends[1]), note
 
 
 def check_ends(
@@ -68,11 +70,11 @@ def check_ends(
     curve: CostCurve | None,
 ) -> None:
     """Report a range or value at which the cost is not finite."""
-    given = setting or VariableSetting()
-    ends = {"value": given.value}
-    if given.value is None:
-        low = variable.low if given.low is None else given.low
-        ends = {"low": low, "high": variable.high if given.high is None else given.high}
+    stated = setting or VariableSetting()
+    ends = {"value": stated.value}
+    if stated.value is None:
+        low = variable.low if stated.low is None else stated.low
+        ends = {"low": low, "high": variable.high if stated.high is None else stated.high}
     for key, end in ends.items():
         if curve is None or end is None:
             continue

@@ -45,16 +45,16 @@ def _commented(toml: str, lines: list[str]) -> str:
 
 def _effects(configuration: Configuration) -> list[str]:
     """The active effects, their causes and parameters, and what they do in the problem."""
-    active, problem = configuration.settings.effects, configuration.problem
-    if not active:
+    effects, problem = configuration.settings.effects, configuration.problem
+    if not effects:
         return []
     target, lines = _target(configuration), []
-    for one in active:
-        told = [f"{name} = {value:g}" for name, value in one.values.items()]
-        more = one.effect.described(one.values, target)
-        told += [f"{name} = {value:.6g} {unit}" for name, (value, unit) in more.items()]
-        values = ", ".join(told)
-        lines.append(f"  {one.effect.name} ({one.effect.family}): {one.effect.cause}")
+    for active in effects:
+        parameters = [f"{name} = {value:g}" for name, value in active.values.items()]
+        more = active.effect.described(active.values, target)
+        parameters += [f"{name} = {value:.6g} {unit}" for name, (value, unit) in more.items()]
+        values = ", ".join(parameters)
+        lines.append(f"  {active.effect.name} ({active.effect.family}): {active.effect.cause}")
         lines.append(f"    {values}")
     notes = problem.effect_notes() if problem is not None else ()
     return ["Effects", *lines, *(f"  {note}" for note in notes), ""]
@@ -86,8 +86,8 @@ def _variable(variable: Variable, setting: VariableSetting) -> str:
 
 def _assumptions(assumptions: Iterable[Assumption]) -> list[str]:
     return [
-        f"  {one.name} = {one.value} {one.unit} ({one.set_by}): {one.reason}".replace("  (", " (")
-        for one in assumptions
+        f"  {a.name} = {a.value} {a.unit} ({a.set_by}): {a.reason}".replace("  (", " (")
+        for a in assumptions
     ]
 
 

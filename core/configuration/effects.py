@@ -25,14 +25,14 @@ def read_effects(top: Section, model: Any, name: str) -> tuple[Active, ...]:
     target = target_of(model, name) if count and model is not None else None
     if target is not None and isinstance(model, type):
         target = replace(target, gear=_gear_of(model, top.take("parameters")))
-    found = [_effect(top.item("effect", at), target) for at in range(count)]
-    return tuple(one for one in found if one is not None)
+    effects = [_effect(top.item("effect", at), target) for at in range(count)]
+    return tuple(effect for effect in effects if effect is not None)
 
 
 def _gear_of(model: Any, parameters: Any) -> Gear | None:
     """The gear of a model that is not built yet: its parameters say it."""
-    found: Gear | None = model.gear_of(parameters if isinstance(parameters, Mapping) else {})
-    return found
+    gear: Gear | None = model.gear_of(parameters if isinstance(parameters, Mapping) else {})
+    return gear
 
 
 def _effect(section: Section, target: Target | None) -> Active | None:
@@ -56,29 +56,29 @@ def _effect(section: Section, target: Target | None) -> Active | None:
 def _values(section: Section, effect: Effect, target: Target) -> dict[str, float] | None:
     """The parameters by their full names; None where one is faulty or missing."""
     declared = effect.parameters(target)
-    found: dict[str, float] = {}
+    values: dict[str, float] = {}
     faulty = False
     for key in section.given():
         number = effect.parameter(key, target)
         value = None if number is None else _value(section, key, number)
         if number is None:
             section.take(key)
-            close = nearest(key, (one.name for one in declared))
+            close = nearest(key, (parameter.name for parameter in declared))
             section.fault(key, f"is not a parameter of {effect.name}{close}; {_listed(declared)}")
-        elif number.name in found:
+        elif number.name in values:
             section.fault(key, f"is given twice: as {number.name} and as {number.stem}")
         elif value is not None:
-            found[number.name] = value
+            values[number.name] = value
             continue
         faulty = True
-    missing = effect.missing(found, target)
+    missing = effect.missing(values, target)
     if faulty:
         return None
     for name in missing:
         section.fault(name, f"is missing: {effect.name} needs it")
-    if not found and not missing:
+    if not values and not missing:
         section.fault("", f"{effect.name} does nothing without parameters; {_listed(declared)}")
-    return found if found and not missing else None
+    return values if values and not missing else None
 
 
 def _value(section: Section, key: str, number: EffectParameter) -> float | None:
@@ -87,24 +87,24 @@ def _value(section: Section, key: str, number: EffectParameter) -> float | None:
         section.fault(key, f'needs a unit: write {key} = "... {number.unit}", or {number.name}')
         return None
     within = Range(number.low, number.high)
-    found = section.as_number(key, value, number.unit, within, scale_only=True)
-    if found is not None and number.choices and found not in number.choices:
+    converted = section.as_number(key, value, number.unit, within, scale_only=True)
+    if converted is not None and number.choices and converted not in number.choices:
         listed = ", ".join(f"{choice:g}" for choice in number.choices)
         section.fault(key, f"must be one of {listed}, got {shown(value)}")
         return None
-    return found
+    return converted
 
 
 def _listed(declared: Iterable[EffectParameter]) -> str:
-    return f"it takes {', '.join(one.name for one in declared) or 'one per lot: offset_<lot>_...'}"
+    return f"it takes {', '.join(p.name for p in declared) or 'one per lot: offset_<lot>_...'}"
 
 
 def resolved_effects(effects: Iterable[Active]) -> dict[str, list[Mapping[str, Any]]]:
     """The `[[effect]]` and `[[unresolved]]` tables, none where there is neither."""
-    every = tuple(effects)
+    active = tuple(effects)
     tables: list[Mapping[str, Any]] = [
-        {"name": one.effect.name, "parameters": dict(one.values)}
-        for one in every
-        if not isinstance(one.effect, Unresolved)
+        {"name": entry.effect.name, "parameters": dict(entry.values)}
+        for entry in active
+        if not isinstance(entry.effect, Unresolved)
     ]
-    return ({"effect": tables} if tables else {}) | resolved_unresolved(every)
+    return ({"effect": tables} if tables else {}) | resolved_unresolved(active)

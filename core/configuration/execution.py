@@ -1,7 +1,7 @@
-"""`[execution]`: where a command computes; it is no part of what is computed.
+"""`[execution]`: where a command computes; the results do not depend on it.
 
 The table is taken out before anything else is read, so that neither the resolved configuration nor
-its hash knows of it.
+its hash contains it.
 """
 
 from __future__ import annotations
@@ -19,57 +19,57 @@ from .source import EXECUTION, Source, parsed_tables
 
 
 class Usual(int):
-    """A number of processes that a command has by itself: a configuration may say another."""
+    """A command's default number of processes, which a configuration may override."""
 
 
 def read_execution(
-    source: Source, overrides: Sequence[str], given: Execution, keeps: bool = False
+    source: Source, overrides: Sequence[str], options: Execution, keeps: bool = False
 ) -> tuple[Execution, list[Fault]]:
-    """Where to compute: what is `given` as options or, where nothing is, the configuration's table.
+    """Where to compute: by the `options` or, where they state nothing, by the configuration.
 
-    With every fault, those of a Dask scheduler or, of a command that `keeps` blocks or runs, of a
-    store which does not answer included. What cannot be read at all is reported by who reads the
-    configuration.
+    Returns every fault, including those of a Dask scheduler that does not answer and, for a command
+    that `keeps` blocks or runs, of a store that does not. A configuration that cannot be read at
+    all is reported by its own reader.
     """
     faults: list[Fault] = []
     table = parsed_tables(source, overrides)
-    own = Section(table, "", faults).section(EXECUTION)
-    dask = own.text("dask") or ""
-    workers = own.integer("workers", Range(low=1), None)
-    block_rows = own.integer("block_rows", Range(low=1), BLOCK_ROWS)
-    store = own.text("store") or ""
-    own.finish()
+    section = Section(table, "", faults).section(EXECUTION)
+    dask = section.text("dask") or ""
+    workers = section.integer("workers", Range(low=1), None)
+    block_rows = section.integer("block_rows", Range(low=1), BLOCK_ROWS)
+    store = section.text("store") or ""
+    section.finish()
     if dask and workers is not None:
-        own.fault("dask", "has workers of its own; leave out workers")
+        section.fault("dask", "has workers of its own; leave out workers")
     faults += [
         fault
-        for fault in choice_faults(workers, False, False, own.place("workers"))
+        for fault in choice_faults(workers, False, False, section.place("workers"))
         if fault not in faults and workers is not None
     ]
-    faults += _option_faults(given)
-    asked = given
-    if not given.dask and (given.workers is None or isinstance(given.workers, Usual)):
+    faults += _option_faults(options)
+    asked = options
+    if not options.dask and (options.workers is None or isinstance(options.workers, Usual)):
         if dask:
-            asked = replace(asked, workers=None, dask=dask, dask_place=own.place("dask"))
+            asked = replace(asked, workers=None, dask=dask, dask_place=section.place("dask"))
         elif workers is not None:
             asked = replace(asked, workers=workers)
-    if given.dask and isinstance(given.workers, Usual):
+    if options.dask and isinstance(options.workers, Usual):
         asked = replace(asked, workers=None)
     if asked.block_rows is None and block_rows is not None:
         asked = replace(asked, block_rows=block_rows)
     if not asked.store and store:
-        asked = replace(asked, store=store, store_place=own.place("store"))
+        asked = replace(asked, store=store, store_place=section.place("store"))
     faults += unreachable(asked)
     if asked.store and (keeps or asked.store == store):
         faults += store_faults(asked.store, asked.store_place, look=keeps)
     return asked, faults
 
 
-def _option_faults(given: Execution) -> list[Fault]:
+def _option_faults(options: Execution) -> list[Fault]:
     """What is wrong with options."""
     faults = []
-    if given.block_rows is not None and given.block_rows < 1:
-        faults.append(Fault("--block-rows", f"must be at least 1, got {given.block_rows}"))
-    if given.dask and given.workers is not None and not isinstance(given.workers, Usual):
+    if options.block_rows is not None and options.block_rows < 1:
+        faults.append(Fault("--block-rows", f"must be at least 1, got {options.block_rows}"))
+    if options.dask and options.workers is not None and not isinstance(options.workers, Usual):
         faults.append(Fault("--dask", "has workers of its own; leave out --workers"))
     return faults

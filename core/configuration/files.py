@@ -6,12 +6,13 @@ import copy
 from pathlib import Path
 
 from ..errors import Fault
-from .cost_files import Filled, Raw, fill_costs
+from .cost_files import fill_costs
+from .cost_rows import Filled, Raw
 from .measured_files import fill_measured
 
 
 def with_files(table: Raw, folder: Path, faults: list[Fault]) -> Filled:
-    """The tables of a run with what stands in their files, as seen from `folder`; faults are added
+    """The tables of a run with the contents of their files, as seen from `folder`; faults are added
     to `faults`.
     """
     filled = Filled(copy.deepcopy(table))

@@ -54,7 +54,7 @@ def read_gap(source: Source, overrides: Sequence[str] = ()) -> GapPlan:
 
 
 def gap_plan(source: Source, overrides: Sequence[str] = ()) -> tuple[GapPlan | None, list[Fault]]:
-    """`read_gap` that hands back the faults.
+    """`read_gap` that returns the faults.
 
     The plan is then good enough to check data with: defaults stand for what is at fault. It is None
     where not even the columns are known.
@@ -72,24 +72,28 @@ def gap_plan(source: Source, overrides: Sequence[str] = ()) -> tuple[GapPlan | N
         top.fault("model", 'is missing: name a model (see `tolevo list`), or model = "table"')
     configuration = _configuration(top, name or "", table, faults)
     settings = _settings(top.section("settings"))
-    judged = configuration is not None or name == TABLE
-    free = read_free(top, configuration if name != TABLE else None) if judged else {}
+    checkable = configuration is not None or name == TABLE
+    free = read_free(top, configuration if name != TABLE else None) if checkable else {}
     library = _library(top.section("effects"))
-    noise = _noise(top.section("noise"), configuration) if judged else {}
+    noise = _noise(top.section("noise"), configuration) if checkable else {}
     blocks = _blocks(top.section("validation"))
     drop = _drop(top.section("data"))
     run, of_run = read_run(top, name or "", table, folder_of(source))
-    found = configuration or _stand_in(table, name)
-    found, drawing = (
-        (found, None) if found is None else as_drawn(top, found, of_run, folder_of(source))
+    simulated = configuration or _stand_in(table, name)
+    simulated, drawing = (
+        (simulated, None)
+        if simulated is None
+        else as_drawn(top, simulated, of_run, folder_of(source))
     )
-    model = build_model(found) if found is not None else None
+    model = build_model(simulated) if simulated is not None else None
     planned = read_next(top, model)
     top.finish()
-    if found is None:
+    if simulated is None:
         return None, faults
-    plan = _of_model(found, model, name, table, configuration is not None)
-    library = tuple(one for one in library if one not in {kept.effect.name for kept in plan.active})
+    plan = _of_model(simulated, model, name, table, configuration is not None)
+    library = tuple(
+        name for name in library if name not in {kept.effect.name for kept in plan.active}
+    )
     plan = replace(
         plan,
         free=free,
@@ -102,38 +106,38 @@ def gap_plan(source: Source, overrides: Sequence[str] = ()) -> tuple[GapPlan | N
         counterparts=counterparts if run else None,
         next_measurement=planned,
         drawing=drawing,
-        labels=_labels(found, of_run),
+        labels=_labels(simulated, of_run),
     )
     return _with_text(plan, table), faults
 
 
 def _of_model(
-    found: Configuration,
+    configuration: Configuration,
     model: MeasurableModel | None,
     name: str | None,
     table: Mapping[str, Any],
     whole: bool,
 ) -> GapPlan:
-    """The part of a plan that says what is simulated; `whole` where nothing stands in for it."""
-    of_table, active = name == TABLE, tuple(found.settings.effects)
+    """The part of a plan that says what is simulated; `whole` unless defaults replace it."""
+    of_table, active = name == TABLE, tuple(configuration.settings.effects)
     return GapPlan(
         model_name=str(name),
         model=None if of_table else model,
-        seed=found.seed,
-        parameters=_parameters(found),
+        seed=configuration.seed,
+        parameters=_parameters(configuration),
         given=dict(table.get("parameters", {})) if whole and not of_table else {},
-        columns=found.settings.definition if of_table else {},
-        rebuild=None if of_table else Rebuilt(found),
+        columns=configuration.settings.definition if of_table else {},
+        rebuild=None if of_table else Rebuilt(configuration),
         active=active,
-        zero=dict(found.settings.zero),
-        sense=dict(found.settings.sense),
-        gear=found.settings.gear,
-        uses=dict(found.settings.columns),
-        tables=found.settings.labels.stated()
-        | resolved_gear(found.settings.gear)
+        zero=dict(configuration.settings.zero),
+        sense=dict(configuration.settings.sense),
+        gear=configuration.settings.gear,
+        uses=dict(configuration.settings.columns),
+        tables=configuration.settings.labels.stated()
+        | resolved_gear(configuration.settings.gear)
         | resolved_effects(active)
         if of_table
-        else dict(found.resolved),
+        else dict(configuration.resolved),
     )
 
 
@@ -154,10 +158,10 @@ def _configuration(
         return None
 
 
-def _labels(found: Configuration, run: Run | None) -> Labels:
-    """What readers know the mechanism by: as the analysis states it, else as its run does."""
-    own = found.settings.labels
-    return own if own != Labels() or run is None else run.configuration.settings.labels
+def _labels(configuration: Configuration, run: Run | None) -> Labels:
+    """Labels of the mechanism: as the analysis states them, else as its run does."""
+    stated = configuration.settings.labels
+    return stated if stated != Labels() or run is None else run.configuration.settings.labels
 
 
 def _kind(name: str) -> Any:
@@ -175,8 +179,8 @@ def _tables(name: str) -> tuple[str, ...]:
 
 
 def _stand_in(table: Mapping[str, Any], name: str | None) -> Configuration | None:
-    """The model as it is without what is given for it, but for a chain of as many joints, whose
-    columns the data have; None where it is not known.
+    """The model with its defaults instead of a faulty configuration, None where it is not known. A
+    chain keeps its number of joints, which decides the columns of the data.
     """
     try:
         part = {key: table[key] for key in ("columns",) if key in table and name == TABLE}
@@ -208,59 +212,66 @@ def _settings(section: Section) -> GapSettings:
         "effects_at_most": Range(low=1, high=20),
         "parts_out_of_limits": Range(0.0, 1.0, open_low=True, open_high=True),
     }
-    given: dict[str, Any] = {
-        one.name: section.integer(one.name, ranges[one.name], NEEDS.get(one.name, PLAIN))
-        if isinstance(one.default, int)
-        else section.number(one.name, "", ranges[one.name])
-        for one in fields(GapSettings)
-        if one.name in ranges
+    values: dict[str, Any] = {
+        setting.name: section.integer(
+            setting.name, ranges[setting.name], NEEDS.get(setting.name, PLAIN)
+        )
+        if isinstance(setting.default, int)
+        else section.number(setting.name, "", ranges[setting.name])
+        for setting in fields(GapSettings)
+        if setting.name in ranges
     }
-    given["empirical"] = section.flag("empirical")
+    values["empirical"] = section.flag("empirical")
     section.finish()
-    found: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
-    return GapSettings(**found)
+    stated: dict[str, Any] = {name: value for name, value in values.items() if value is not None}
+    return GapSettings(**stated)
 
 
 def _library(section: Section) -> tuple[str, ...]:
     """Names of the effects that are considered."""
     known = registry.names("effects")
-    given = section.take("consider")
+    considered = section.take("consider")
     never = section.names("never") if "never" in section else []
     section.finish()
     wanted = known
-    if given is not None and given != "all":
-        wanted = _named(section, "consider", [given] if isinstance(given, str) else given, known)
-    unwanted = _named(section, "never", never or [], known)
+    if considered is not None and considered != "all":
+        wanted = _effects_named(
+            section, "consider", [considered] if isinstance(considered, str) else considered, known
+        )
+    unwanted = _effects_named(section, "never", never or [], known)
     return tuple(name for name in wanted if name not in unwanted)
 
 
-def _named(section: Section, key: str, given: Any, known: list[str]) -> list[str]:
+def _effects_named(section: Section, key: str, value: Any, known: list[str]) -> list[str]:
     """The effects that names of effects and families stand for."""
-    if not isinstance(given, list) or not all(isinstance(one, str) for one in given):
-        section.fault(key, f'must be "all" or a list of names and families, got {shown(given)}')
+    if not isinstance(value, list) or not all(isinstance(entry, str) for entry in value):
+        section.fault(key, f'must be "all" or a list of names and families, got {shown(value)}')
         return []
     families: dict[str, str] = {}
-    if any(one not in known for one in given):  # a family may have members of any plugin
+    # A family may have members of any plugin.
+    if any(entry not in known for entry in value):
         families = {name: registry.load("effects", name).family for name in known}
-    found: list[str] = []
-    for one in given:
-        members = [one] if one in known else [n for n, family in families.items() if family == one]
+    effects: list[str] = []
+    for entry in value:
+        members = (
+            [entry] if entry in known else [n for n, family in families.items() if family == entry]
+        )
         if not members:
             valid = [*known, *families.values()]
-            section.fault(key, f'"{one}" is no effect and no family{nearest(one, valid)}')
-        found += [name for name in members if name not in found]
-    return found
+            section.fault(key, f'"{entry}" is no effect and no family{nearest(entry, valid)}')
+        effects += [name for name in members if name not in effects]
+    return effects
 
 
 def _noise(section: Section, configuration: Configuration | None) -> dict[str, float]:
     """`[noise]`: a known standard deviation per output that is measured."""
     outputs = build_model(configuration).outputs if configuration else ()
-    units = {one.name: one.unit for one in outputs}
-    found = {n: section.number(n, units.get(n, ""), POSITIVE) for n in section.given()}
-    for name in found if units else ():
+    units = {output.name: output.unit for output in outputs}
+    deviations = {n: section.number(n, units.get(n, ""), POSITIVE) for n in section.given()}
+    for name in deviations if units else ():
         if name not in units:
             section.fault(name, f"is not a measured output{nearest(name, units)}")
-    return {name: value for name, value in found.items() if value is not None}
+    return {name: value for name, value in deviations.items() if value is not None}
 
 
 def _blocks(section: Section) -> str:
@@ -290,6 +301,6 @@ class Rebuilt:
 
 def _with_text(plan: GapPlan, table: Mapping[str, Any]) -> GapPlan:
     """The plan with the TOML text that repeats it: as given, with the settings complete."""
-    given = {key: value for key, value in table.items() if key != "settings"}
-    text = tomli_w.dumps({**given, "seed": plan.seed, "settings": asdict(plan.settings)})
+    stated = {key: value for key, value in table.items() if key != "settings"}
+    text = tomli_w.dumps({**stated, "seed": plan.seed, "settings": asdict(plan.settings)})
     return replace(plan, configuration=text)

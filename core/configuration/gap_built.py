@@ -20,7 +20,7 @@ from .reader import read
 
 ALLOCATION, FRONT, CONFIG = "allocation.csv", "front.csv", "config.toml"
 CHOICE = ("choice", "point", "variable", "rounded")
-"""Columns by which the allocation of a run is known."""
+"""Columns by which the allocation of a run is recognised."""
 FORMS = 'a run\'s allocation.csv, a table of designs, or { run = "runs/x", point = "knee" }'
 
 
@@ -35,10 +35,10 @@ class Built:
 
 def read_built(top: Section, folder: Path, variables: Iterable[Variable]) -> Built | None:
     """The allocation that `built_to` names, None where there is none or it is at fault."""
-    given = top.take("built_to")
-    if given is None:
+    stated = top.take("built_to")
+    if stated is None:
         return None
-    inner = top.of("built_to", given if isinstance(given, dict) else {"file": given})
+    inner = top.of("built_to", stated if isinstance(stated, dict) else {"file": stated})
     key = "run" if "run" in inner else "file"
     name, point = inner.text(key), inner.take("point")
     if key == "run" and "file" in inner:
@@ -46,20 +46,22 @@ def read_built(top: Section, folder: Path, variables: Iterable[Variable]) -> Bui
         inner.take("file")
     inner.finish()
     if name is None:
-        if not isinstance(given, str | dict) or key not in inner:
-            top.fault("built_to", f"must name {FORMS}, got {shown(given)}")
+        if not isinstance(stated, str | dict) or key not in inner:
+            top.fault("built_to", f"must name {FORMS}, got {shown(stated)}")
         return None
-    place = inner.place(key) if isinstance(given, dict) else "built_to"
+    place = inner.place(key) if isinstance(stated, dict) else "built_to"
     try:
-        return _found(folder / name, name, point, {one.name: one for one in variables})
+        return _allocation(
+            folder / name, name, point, {variable.name: variable for variable in variables}
+        )
     except InputError as error:
-        for one in error.faults:
-            top.fault(place, f"{one.place} {one.message}" if one.place else one.message)
+        for fault in error.faults:
+            top.fault(place, f"{fault.place} {fault.message}" if fault.place else fault.message)
         return None
 
 
-def _found(path: Path, name: str, point: Any, variables: Mapping[str, Variable]) -> Built:
-    """The values, and the run that they are of. Raises InputError."""
+def _allocation(path: Path, name: str, point: Any, variables: Mapping[str, Variable]) -> Built:
+    """The values, and the run that they come from. Raises InputError."""
     home = path if is_folder(path) else path.parent
     run = _run_of(home)
     if is_folder(path):
@@ -68,11 +70,13 @@ def _found(path: Path, name: str, point: Any, variables: Mapping[str, Variable])
         path = home / (FRONT if isinstance(point, int) else ALLOCATION)
     frame = tables.read(path, path.name)
     if set(CHOICE) <= set(frame):
-        values, said = _of_choices(frame, path.name, point)
+        values, origin = _of_choices(frame, path.name, point)
     else:
-        values, said = _of_designs(frame, path.name, point, path.name == FRONT and run is not None)
+        values, origin = _of_designs(
+            frame, path.name, point, path.name == FRONT and run is not None
+        )
     _check(values, path.name, variables)
-    return Built({k: float(v) for k, v in values.items()}, f"{name}, {said}", run)
+    return Built({k: float(v) for k, v in values.items()}, f"{name}, {origin}", run)
 
 
 def _wrong(text: str) -> InputError:
@@ -85,8 +89,8 @@ def _run_of(folder: Path) -> Configuration | None:
         return None
     if faults := standing(folder).faults:
         raise InputError(faults)
-    found = read(folder / CONFIG)
-    return found if found.problem is not None else None
+    configuration = read(folder / CONFIG)
+    return configuration if configuration.problem is not None else None
 
 
 def _of_choices(frame: pd.DataFrame, place: str, point: Any) -> tuple[dict[str, Any], str]:
@@ -101,25 +105,25 @@ def _of_choices(frame: pd.DataFrame, place: str, point: Any) -> tuple[dict[str, 
             f"{place} holds {len(by)} chosen points ({names}): say which, as "
             f'built_to = {{ run = "...", point = "{next(iter(by))[0].split()[0]}" }}'
         )
-    mine = [
-        one
-        for (label, at), one in by.items()
+    chosen = [
+        part
+        for (label, at), part in by.items()
         if point is None or str(point) in (label, at) or str(point) in label.split()
     ]
-    if len(mine) != 1:
+    if len(chosen) != 1:
         words = [word for label, _ in by for word in label.split()]
         raise _wrong(
             f"point {shown(point)} is not in {place}{nearest(str(point), words)}: it holds {names}"
         )
-    said = str(mine[0]["choice"].iloc[0]) if point is None else str(point)
-    values = dict(zip(mine[0]["variable"], mine[0]["rounded"], strict=True))
-    return values, f"point {said}"
+    label_of_point = str(chosen[0]["choice"].iloc[0]) if point is None else str(point)
+    values = dict(zip(chosen[0]["variable"], chosen[0]["rounded"], strict=True))
+    return values, f"point {label_of_point}"
 
 
 def _of_designs(
     frame: pd.DataFrame, place: str, point: Any, front: bool
 ) -> tuple[dict[str, Any], str]:
-    """One row of a table of designs: counted from 1, those of a front from 0 as everywhere."""
+    """One row of a table of designs. Rows are counted from 1, those of a front from 0."""
     first = 0 if front else 1
     if point is None and len(frame) > 1:
         last = first + len(frame) - 1
@@ -142,8 +146,8 @@ def _of_designs(
 
 def _check(values: dict[str, Any], place: str, variables: Mapping[str, Variable]) -> None:
     """Values as numbers within what they may be; other columns of a table are left out."""
-    mine = [name for name in values if name in variables]
-    if not mine:
+    known = [name for name in values if name in variables]
+    if not known:
         raise _wrong(
             f"{place} is an allocation of another problem: it has none of "
             f"{', '.join(list(variables)[:6])}, ..."
@@ -153,16 +157,16 @@ def _check(values: dict[str, Any], place: str, variables: Mapping[str, Variable]
     for name in strange:
         text = f"column {name} is no variable{nearest(name, variables)}"
         faults.append(Fault("", f"{place}: {text}; is it an allocation of another problem?"))
-    for name in mine:
-        one = variables[name]
+    for name in known:
+        variable = variables[name]
         try:
             number = float(values[name])
-            complaint = Range(one.valid_low, one.valid_high).complaint(number)
+            complaint = Range(variable.valid_low, variable.valid_high).complaint(number)
         except ValueError:
             complaint = f"must be a number, got {shown(values[name])}"
         if complaint:
             faults.append(Fault("", f"{place}: {name} {complaint}"))
     if faults:
         raise InputError(faults)
-    for name in [n for n in values if n not in mine]:
+    for name in [n for n in values if n not in known]:
         del values[name]

@@ -17,14 +17,16 @@ def read_columns(top: Section) -> dict[str, ColumnRole]:
     """Role and unit by column."""
     section = top.section("columns")
     names = section.given()
-    found = {name: _column(section.section(name)) for name in names}
-    given = {name: column for name, column in found.items() if column is not None}
-    bare = [name for name in names if found[name] is None and "role" not in section.section(name)]
+    columns = {name: _column(section.section(name)) for name in names}
+    valid = {name: column for name, column in columns.items() if column is not None}
+    without_role = [
+        name for name in names if columns[name] is None and "role" not in section.section(name)
+    ]
     if not names:
         top.fault("columns", 'is missing: model = "table" needs role and unit of each column')
-    elif len(given) + len(bare) == len(found):
-        _check(section, given)
-    return given
+    elif len(valid) + len(without_role) == len(columns):
+        _check(section, valid)
+    return valid
 
 
 def _column(section: Section) -> ColumnRole | None:
@@ -33,15 +35,15 @@ def _column(section: Section) -> ColumnRole | None:
     of = section.text("of") or ""
     sense = sign_of(section, "sense") or 1
     section.finish()
-    if role is None:  # at fault, or without one: it is then of no use, and said in a note
+    if role is None:  # at fault, or no role: the column is not used, and a note says so
         return None
     if sense < 0 and role in UNSIGNED:
         section.fault("sense", f"has no meaning: a column of role {role} has no sign")
     choices = ROLE_UNITS.get(role)
     wanted = choices[0] if choices else None
     try:
-        if unit and choices and not any(fits(unit, one) for one in choices):
-            listed = " or ".join(f'"{one}"' for one in choices)
+        if unit and choices and not any(fits(unit, choice) for choice in choices):
+            listed = " or ".join(f'"{choice}"' for choice in choices)
             section.fault("unit", f'must be a unit of {role} such as {listed}, got "{unit}"')
         elif unit and role not in PLAIN:
             dimension(unit)
@@ -79,10 +81,10 @@ def _check(section: Section, columns: dict[str, ColumnRole]) -> None:
 
 def _same(section: Section, name: str, output: str, columns: dict[str, ColumnRole]) -> None:
     """A prediction is in a unit of the same dimension as its measurement."""
-    mine, other = columns[name].unit, columns[output].unit
+    unit, output_unit = columns[name].unit, columns[output].unit
     try:
-        if not fits(mine, other):
-            text = f'"{mine}" does not fit {output}, which is in "{other}"'
+        if not fits(unit, output_unit):
+            text = f'"{unit}" does not fit {output}, which is in "{output_unit}"'
             section.section(name).fault("unit", text)
     except ValueError:
         return  # the unknown unit is reported where it stands

@@ -19,7 +19,7 @@ CLOSE = 1e-9
 
 @dataclass(frozen=True)
 class Own:
-    """What the gap configuration itself says of the units."""
+    """What the gap configuration itself states about the units."""
 
     parameters: Mapping[str, Value]
     variables: Mapping[str, VariableSetting]
@@ -28,7 +28,7 @@ class Own:
 
 @dataclass(frozen=True)
 class Run:
-    """The run whose drawing the units are built to, and how faults and pages call it."""
+    """The run whose drawing the units are built to, and its name in faults and on pages."""
 
     name: str
     configuration: Configuration
@@ -36,24 +36,24 @@ class Run:
 
 def check_pair(top: Section, run: Run, built: Built) -> None:
     """Faults where the allocation is of another run, or is not what the run fixes."""
-    mine, other = run.configuration, built.run
-    if other is not None and other is not mine:
-        if other.problem_name != mine.problem_name:
+    configuration, built_run = run.configuration, built.run
+    if built_run is not None and built_run is not configuration:
+        if built_run.problem_name != configuration.problem_name:
             top.fault(
                 "built_to",
-                f'is an allocation of another problem: "{other.problem_name}", '
-                f'and {run.name} is of "{mine.problem_name}"',
+                f'is an allocation of another problem: "{built_run.problem_name}", '
+                f'and {run.name} is of "{configuration.problem_name}"',
             )
             return
-        for name, value in other.settings.parameters.items():
-            wanted = mine.settings.parameters.get(name, value)
+        for name, value in built_run.settings.parameters.items():
+            wanted = configuration.settings.parameters.get(name, value)
             if not _same(value, wanted):
                 top.fault(
                     "built_to",
                     f"was made for {name} = {shown(value)}, and {run.name} has "
                     f"{shown(wanted)}: name the run that the units were made for",
                 )
-    problem = mine.problem
+    problem = configuration.problem
     for name, value in built.values.items():
         fixed = None if problem is None else problem.fixed.get(name)
         if fixed is not None and not _same(value, float(fixed)):
@@ -68,11 +68,13 @@ def check_pair(top: Section, run: Run, built: Built) -> None:
             top.fault("built_to", f"has no {', '.join(missing)}, which {run.name} searches")
 
 
-def check_own(top: Section, own: Own, run: Run, built: Built, of_the_bench: Iterable[str]) -> None:
-    """Faults where this configuration says other than the run or the allocation."""
+def check_own(
+    top: Section, stated: Own, run: Run, built: Built, of_the_bench: Iterable[str]
+) -> None:
+    """Faults where this configuration contradicts the run or the allocation."""
     theirs = run.configuration.settings
     section = top.section("parameters")
-    for name, value in own.parameters.items():
+    for name, value in stated.parameters.items():
         wanted = theirs.parameters.get(name, value)
         if name not in of_the_bench and not _same(value, wanted):
             section.fault(
@@ -81,47 +83,52 @@ def check_own(top: Section, own: Own, run: Run, built: Built, of_the_bench: Iter
                 "units are those of the run; leave it out here, or name the run of the "
                 "units that were measured",
             )
-    check_values(top, own.variables, built, theirs.variables, run.name)
-    values = {one.effect.name: dict(one.values) for one in theirs.effects}
-    for at, one in enumerate(own.effects):
-        if values.get(one.effect.name, dict(one.values)) != dict(one.values):
+    check_values(top, stated.variables, built, theirs.variables, run.name)
+    values = {active.effect.name: dict(active.values) for active in theirs.effects}
+    for at, active in enumerate(stated.effects):
+        if values.get(active.effect.name, dict(active.values)) != dict(active.values):
             top.fault(
                 f"effect[{at}]",
-                f"{one.effect.name} has other numbers in {run.name}: leave one of them out",
+                f"{active.effect.name} has other numbers in {run.name}: leave one of them out",
             )
 
 
 def check_values(
     top: Section,
-    own: Mapping[str, VariableSetting],
+    stated: Mapping[str, VariableSetting],
     built: Built,
     theirs: Mapping[str, VariableSetting],
     run: str = "",
 ) -> None:
-    """The same of variables: value, mid-limit and distribution."""
-    for name, mine in own.items():
+    """Faults where variables contradict them: value, mid-limit and distribution."""
+    for name, setting in stated.items():
         section = top.section("variables").section(name)
-        other = theirs.get(name, VariableSetting())
+        run_setting = theirs.get(name, VariableSetting())
         wanted, place = built.values.get(name), built.source
         if wanted is None:
-            wanted, place = other.value, run
-        if mine.value is not None and wanted is not None and not _same(mine.value, wanted):
+            wanted, place = run_setting.value, run
+        if setting.value is not None and wanted is not None and not _same(setting.value, wanted):
             section.fault(
-                "value", f"is {mine.value:g} here and {wanted:g} in {place}: leave it out here"
+                "value", f"is {setting.value:g} here and {wanted:g} in {place}: leave it out here"
             )
-        if mine.mid is not None and other.mid is not None and not _same(mine.mid, other.mid):
+        if (
+            setting.mid is not None
+            and run_setting.mid is not None
+            and not _same(setting.mid, run_setting.mid)
+        ):
             section.fault(
-                "mid", f"is {mine.mid:g} here and {other.mid:g} in {run}: leave it out here"
+                "mid",
+                f"is {setting.mid:g} here and {run_setting.mid:g} in {run}: leave it out here",
             )
-        law = other.distribution or Uniform()
-        if name in theirs and mine.distribution not in (None, law):
+        law = run_setting.distribution or Uniform()
+        if name in theirs and setting.distribution not in (None, law):
             section.fault("distribution", f"is another one in {run}: leave it out here")
 
 
-def _same(one: Value, other: Value) -> bool:
-    """Whether two values are equal, numbers but for rounding."""
-    if isinstance(one, int | float) and isinstance(other, int | float):
-        return math.isclose(one, other, rel_tol=CLOSE, abs_tol=1e-12)
-    if isinstance(one, tuple | list) and isinstance(other, tuple | list):
-        return len(one) == len(other) and all(map(_same, one, other))
-    return one == other
+def _same(first: Value, second: Value) -> bool:
+    """Whether two values are equal, numbers up to rounding."""
+    if isinstance(first, int | float) and isinstance(second, int | float):
+        return math.isclose(first, second, rel_tol=CLOSE, abs_tol=1e-12)
+    if isinstance(first, tuple | list) and isinstance(second, tuple | list):
+        return len(first) == len(second) and all(map(_same, first, second))
+    return first == second

@@ -37,10 +37,10 @@ HERE = "this configuration"
 def as_drawn(
     top: Section, base: Configuration, run: Run | None, folder: Path
 ) -> tuple[Configuration, Drawing | None]:
-    """`base` with the drawing of `run` and the allocation of `built_to` in it, and what it says.
+    """`base` with the drawing of `run` and the allocation of `built_to`, and a record of both.
 
-    The model's own units are left alone where it is made to no drawing. A fault for everything in
-    the gap configuration that contradicts the run or the allocation.
+    A model whose units are made to no drawing is returned unchanged. Everything in the gap
+    configuration that contradicts the run or the allocation is a fault.
     """
     kind = None if base.model_name == TABLE else registry.load("models", base.model_name)
     if kind is None or not kind.made_to_a_drawing:
@@ -55,20 +55,20 @@ def as_drawn(
     built = read_built(top, folder, _variables_of(kind, run)) or Built()
     if run is None and built.run is not None:
         run = Run(built.source.split(",")[0], built.run)
-    own = _own(top, kind, base)
+    stated = _stated_here(top, kind, base)
     if run is not None:
         check_pair(top, run, built)
         if base.problem is None:
-            check_own(top, own, run, built, kind.of_the_bench)
-        base = _with_run(base, kind, own, run.configuration)
+            check_own(top, stated, run, built, kind.of_the_bench)
+        base = _with_run(base, kind, stated, run.configuration)
     elif built.values:
-        check_values(top, own.variables, built, {})
-    found = _with_values(base, kind, built.values, "run" in top)
-    return found, _drawing(found, kind, own, run, built)
+        check_values(top, stated.variables, built, {})
+    configuration = _with_values(base, kind, built.values, "run" in top)
+    return configuration, _drawing(configuration, kind, stated, run, built)
 
 
 def _variables_of(kind: Any, run: Run | None) -> tuple[Variable, ...]:
-    """Those of the run's problem; without a run the model's own, or its first problem's."""
+    """Variables of the run's problem; without a run those of the model, or of its first problem."""
     if run is not None and run.configuration.problem is not None:
         return tuple(run.configuration.problem.variables)
     if kind.variables:
@@ -76,33 +76,37 @@ def _variables_of(kind: Any, run: Run | None) -> tuple[Variable, ...]:
     return tuple(registry.load("problems", kind.corrects[0]).variables)
 
 
-def _own(top: Section, kind: Any, base: Configuration) -> Own:
+def _stated_here(top: Section, kind: Any, base: Configuration) -> Own:
     """Parameters, variables and effects that are given here; faults of them are known already."""
     parameters = read_parameters(top.collecting("parameters", []), kind.parameters)
     section = top.collecting("variables", [])
-    found = {v.name: read_variable(section.section(v.name), v, {}) for v in kind.variables}
-    variables = {name: one for name, one in found.items() if one is not None}
+    settings = {v.name: read_variable(section.section(v.name), v, {}) for v in kind.variables}
+    variables = {name: setting for name, setting in settings.items() if setting is not None}
     return Own(parameters, variables, base.settings.effects)
 
 
 # -------------------------------------------------------------------- put together
 
 
-def _with_run(base: Configuration, kind: Any, own: Own, run: Configuration) -> Configuration:
-    """The model at the run's drawing; what this configuration adds of its own stays."""
+def _with_run(base: Configuration, kind: Any, stated: Own, run: Configuration) -> Configuration:
+    """The model at the run's drawing, with what this configuration adds to it."""
     if run is base:
         return base
     theirs = run.settings
-    known = {one.name for one in kind.parameters}
+    known = {parameter.name for parameter in kind.parameters}
     parameters = dict(base.settings.parameters)
     parameters |= {name: value for name, value in theirs.parameters.items() if name in known}
-    parameters |= own.parameters
+    parameters |= stated.parameters
     variables = dict(base.settings.variables)
     for name in variables.keys() & theirs.variables.keys():
-        variables[name] = _merged(variables[name], theirs.variables[name], own.variables.get(name))
-    mine = {one.effect.name for one in base.settings.effects}
+        variables[name] = _merged(
+            variables[name], theirs.variables[name], stated.variables.get(name)
+        )
+    active_here = {active.effect.name for active in base.settings.effects}
     more = (
-        one for one in _effects_of(theirs, kind, base.model_name) if one.effect.name not in mine
+        active
+        for active in _effects_of(theirs, kind, base.model_name)
+        if active.effect.name not in active_here
     )
     effects = (*more, *base.settings.effects)
     settings = replace(base.settings, parameters=parameters, variables=variables, effects=effects)
@@ -112,7 +116,7 @@ def _with_run(base: Configuration, kind: Any, own: Own, run: Configuration) -> C
 def _effects_of(theirs: Settings, kind: Any, model: str) -> Iterator[Active]:
     """A run's effects that have a place in the model, and its parameters that are one there."""
     target = replace(target_of(kind, model), gear=kind.gear_of(theirs.parameters))
-    yield from (one for one in theirs.effects if one.effect.applies(target))
+    yield from (active for active in theirs.effects if active.effect.applies(target))
     for quantity in kind.changeable:
         value = theirs.parameters.get(quantity.name, 0.0)
         if isinstance(value, int | float) and value:
@@ -123,14 +127,14 @@ def _effects_of(theirs: Settings, kind: Any, model: str) -> Iterator[Active]:
 
 
 def _merged(
-    base: VariableSetting, theirs: VariableSetting, own: VariableSetting | None
+    base: VariableSetting, theirs: VariableSetting, stated: VariableSetting | None
 ) -> VariableSetting:
     """A variable of the model: mid-limit and distribution of the run, its value where it is
     fixed, or the one that is given here.
     """
     value = base.value if theirs.value is None else theirs.value
-    if own is not None and own.value is not None:
-        value = own.value
+    if stated is not None and stated.value is not None:
+        value = stated.value
     mid = base.mid if theirs.mid is None else theirs.mid
     return replace(
         base, value=value, mid=mid, distribution=theirs.distribution, sample=theirs.sample
@@ -140,8 +144,8 @@ def _merged(
 def _with_values(
     base: Configuration, kind: Any, values: Mapping[str, float], of_a_run: bool
 ) -> Configuration:
-    """The model at an allocation; `resolved` says all of it where no configuration `of_a_run`,
-    which has effects of its own, does.
+    """The model at an allocation. `resolved` states all of it, except for the effects where a
+    configuration `of_a_run` states them.
     """
     variables = dict(base.settings.variables)
     for name in variables.keys() & values.keys():
@@ -157,12 +161,14 @@ def _with_values(
     return replace(base, settings=settings, resolved=resolved)
 
 
-# -------------------------------------------------------------------- what it says
+# -------------------------------------------------------------------- the record of the drawing
 
 
-def _drawing(found: Configuration, kind: Any, own: Own, run: Run | None, built: Built) -> Drawing:
-    settings = found.settings
-    declared = {one.name: one for one in kind.parameters}
+def _drawing(
+    configuration: Configuration, kind: Any, stated: Own, run: Run | None, built: Built
+) -> Drawing:
+    settings = configuration.settings
+    declared = {parameter.name: parameter for parameter in kind.parameters}
     geometry = tuple(
         Dimension(
             name,
@@ -172,25 +178,29 @@ def _drawing(found: Configuration, kind: Any, own: Own, run: Run | None, built: 
         )
         for name in kind.geometry
     )
-    geometry_from = run.name if run else HERE if _drawn_here(own, kind) else DEFAULT
+    geometry_from = run.name if run else HERE if _drawn_here(stated, kind) else DEFAULT
     zones = _zones(settings, kind, run, built)
     return Drawing(
-        found.model_name,
+        configuration.model_name,
         geometry_from,
-        _allocation_from(own, run, built, zones),
+        _allocation_from(stated, run, built, zones),
         geometry,
         zones,
-        tuple(one.effect.name for one in settings.effects),
-        _assumed(own, run, built, zones, bool(_drawn_here(own, kind))),
+        tuple(active.effect.name for active in settings.effects),
+        _assumed(stated, run, built, zones, bool(_drawn_here(stated, kind))),
     )
 
 
-def _allocation_from(own: Own, run: Run | None, built: Built, zones: tuple[DrawnZone, ...]) -> str:
-    """Where the zones come from; those that the allocation leaves out are named."""
+def _allocation_from(
+    stated: Own, run: Run | None, built: Built, zones: tuple[DrawnZone, ...]
+) -> str:
+    """Where the zones come from; zones that are missing in the allocation are listed."""
     if built.values:
-        left = [one.variable for one in zones if one.variable not in built.values]
-        return f"{built.source} ({', '.join(left)}: {DEFAULT})" if left else built.source
-    if any(one.value is not None for one in own.variables.values()):
+        by_default = [zone.variable for zone in zones if zone.variable not in built.values]
+        return (
+            f"{built.source} ({', '.join(by_default)}: {DEFAULT})" if by_default else built.source
+        )
+    if any(setting.value is not None for setting in stated.variables.values()):
         return f"{HERE}, and {DEFAULT}"
     return f"{run.name} where it fixes them, and {DEFAULT}" if run and _fixed(run) else DEFAULT
 
@@ -200,19 +210,19 @@ def _fixed(run: Run) -> bool:
     return problem is not None and bool(problem.fixed)
 
 
-def _drawn_here(own: Own, kind: Any) -> set[str]:
+def _drawn_here(stated: Own, kind: Any) -> set[str]:
     """Parameters of the drawing, not of the bench, that this configuration gives."""
-    return set(own.parameters) - set(kind.of_the_bench)
+    return set(stated.parameters) - set(kind.of_the_bench)
 
 
 def _assumed(
-    own: Own, run: Run | None, built: Built, zones: tuple[DrawnZone, ...], drawn_here: bool
+    stated: Own, run: Run | None, built: Built, zones: tuple[DrawnZone, ...], drawn_here: bool
 ) -> str:
-    """What the configuration does not name, and how to; empty where it names everything."""
+    """What the configuration does not state, and how to; empty where it states everything."""
     problem = None if run is None else run.configuration.problem
     whole = problem is not None and len(problem.fixed) == len(problem.variables)
-    given = {name for name, one in own.variables.items() if one.value is not None}
-    if built.values or whole or (zones and all(one.variable in given for one in zones)):
+    fixed_here = {name for name, setting in stated.variables.items() if setting.value is not None}
+    if built.values or whole or (zones and all(zone.variable in fixed_here for zone in zones)):
         missing = [] if run else [RUN]
         what = "geometry and distributions"
     else:
@@ -220,29 +230,31 @@ def _assumed(
         what = "allocation" if run else "drawing"
     if not missing:
         return ""
-    besides = " beside what [parameters] and [variables] say" if drawn_here or given else ""
+    besides = " beside what [parameters] and [variables] say" if drawn_here or fixed_here else ""
     return f"answered for {DEFAULT} {what}{besides}: {'; '.join(missing)}"
 
 
 def _zones(settings: Settings, kind: Any, run: Run | None, built: Built) -> tuple[DrawnZone, ...]:
-    """Every variable of the allocation; of the problem where the model itself has none."""
-    found, variables = dict(settings.variables), tuple(kind.variables)
+    """The zone of every variable of the model, or of the problem where the model has none."""
+    drawn, variables = dict(settings.variables), tuple(kind.variables)
     if not variables and (run is not None or built.values):
         variables = _variables_of(kind, run)
         theirs = run.configuration.settings.variables if run else {}
-        for one in variables:
-            here = theirs.get(one.name, VariableSetting(mid=one.mid))
-            value = built.values.get(one.name, here.value)
-            found[one.name] = replace(here, value=value)
-    return tuple(_zone(one, found.get(one.name, VariableSetting())) for one in variables)
+        for variable in variables:
+            here = theirs.get(variable.name, VariableSetting(mid=variable.mid))
+            value = built.values.get(variable.name, here.value)
+            drawn[variable.name] = replace(here, value=value)
+    return tuple(
+        _zone(variable, drawn.get(variable.name, VariableSetting())) for variable in variables
+    )
 
 
 def _law(distribution: Distribution) -> str:
-    """Name and parameters of a distribution; of measured parts their number."""
+    """Name and parameters of a distribution; for measured parts, how many there are."""
     name, *values = written(distribution).items()
-    said = [f"{key} {value:g}" for key, value in values if isinstance(value, int | float)]
-    said += [f"{len(value)} {key}" for key, value in values if isinstance(value, list)]
-    return " ".join([str(name[1]), *said])
+    parameters = [f"{key} {value:g}" for key, value in values if isinstance(value, int | float)]
+    parameters += [f"{len(value)} {key}" for key, value in values if isinstance(value, list)]
+    return " ".join([str(name[1]), *parameters])
 
 
 def _zone(variable: Variable, setting: VariableSetting) -> DrawnZone:

@@ -13,31 +13,31 @@ from .configuration import Configuration
 
 
 def read_free(top: Section, configuration: Configuration | None) -> dict[str, float]:
-    """Tolerance by parameter; without the table the model's own list."""
+    """Tolerance by parameter; without the table the model's own list of free parameters."""
     section = top.section("free")
     kind = registry.load("models", configuration.model_name) if configuration else None
     if "free" not in top:
         if configuration is None or kind is None:
             return {}
         return dict(kind.free_of(configuration.settings.parameters))
-    given = top.take("free")
+    stated = top.take("free")
     known = _freeable(kind) if kind is not None else {}
-    found: dict[str, float | None] = {}
-    for key, value in flat(given).items() if isinstance(given, dict) else ():
+    tolerances: dict[str, float | None] = {}
+    for key, value in flat(stated).items() if isinstance(stated, dict) else ():
         if key not in known:
             why = "is not a parameter of the model" if kind else 'model = "table" has no parameters'
             section.fault(key, f"{why}{nearest(key, known)}")
             continue
-        found[key] = section.as_number(key, value, known[key], POSITIVE)
-    return {key: value for key, value in found.items() if value is not None}
+        tolerances[key] = section.as_number(key, value, known[key], POSITIVE)
+    return {key: value for key, value in tolerances.items() if value is not None}
 
 
 def _freeable(kind: Any) -> dict[str, str]:
     """Unit by name of every parameter that is a number, those of tables by dotted name."""
-    found: dict[str, str] = {}
-    for one in kind.parameters:
-        if isinstance(one.default, Mapping):
-            found |= {f"{one.name}.{name}": split_unit(name)[1] for name in one.choices}
-        elif isinstance(one.default, float):
-            found[one.name] = one.unit
-    return found
+    units: dict[str, str] = {}
+    for parameter in kind.parameters:
+        if isinstance(parameter.default, Mapping):
+            units |= {f"{parameter.name}.{name}": split_unit(name)[1] for name in parameter.choices}
+        elif isinstance(parameter.default, float):
+            units[parameter.name] = parameter.unit
+    return units

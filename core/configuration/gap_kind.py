@@ -16,7 +16,7 @@ OWN = (
     "settings",
     "next_measurement",
 )
-"""What such a configuration may have beside that of its model."""
+"""Keys of such a configuration in addition to those of its model."""
 OTHERS_HAVE = ("run", "columns")
 
 

@@ -1,4 +1,4 @@
-"""`[next_measurement]` of a gap analysis: how many readings, and where they may be taken."""
+"""`[next_measurement]` of a gap analysis: how many measurements, and where they may be taken."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ READINGS = Range(1, 100_000)
 ABSOLUTE_ZERO = -273.15
 """[degC]"""
 MESH = 100_000
-"""Points that are asked at most."""
+"""Largest number of points that are tried."""
 STEPS = 33
-"""Values of each range at which it is asked whether all of them together hold a point."""
+"""Values of each range that are tried to see whether the ranges together hold a point."""
 
 
 def read_next(top: Section, model: MeasurableModel | None) -> NextPlan | None:
@@ -44,21 +44,21 @@ def read_next(top: Section, model: MeasurableModel | None) -> NextPlan | None:
     ranges = section.section("range")
     spans = {name: _span(ranges, name, model) for name in ranges.given()}
     section.finish()
-    found = {name: span for name, span in spans.items() if span is not None}
-    if model is not None and found and len(found) == len(spans):
-        _reached(ranges, model, found)
+    valid = {name: span for name, span in spans.items() if span is not None}
+    if model is not None and valid and len(valid) == len(spans):
+        _reached(ranges, model, valid)
     return NextPlan(
         readings=NextPlan().readings if readings is None else readings,
-        ranges=found,
+        ranges=valid,
         effects=tuple(effects),
         amounts={name: size for name, size in sizes.items() if size is not None},
     )
 
 
-def _known(section: Section, key: str, given: Iterable[str] | None) -> list[str]:
-    """Names of effects; a fault for each that is none."""
-    names, found = registry.names("effects"), list(given or ())
-    for name in found:
+def _known(section: Section, key: str, stated: Iterable[str] | None) -> list[str]:
+    """The names that are effects; a fault for each that is not."""
+    names, asked = registry.names("effects"), list(stated or ())
+    for name in asked:
         if name not in names:
             text = (
                 f'"{name}" is no effect{nearest(name, names)}'
@@ -66,7 +66,7 @@ def _known(section: Section, key: str, given: Iterable[str] | None) -> list[str]
                 else f"is no effect{nearest(name, names)}"
             )
             section.fault(key or name, text)
-    return [name for name in found if name in names]
+    return [name for name in asked if name in names]
 
 
 def _span(section: Section, name: str, model: MeasurableModel | None) -> Span | None:
@@ -74,7 +74,9 @@ def _span(section: Section, name: str, model: MeasurableModel | None) -> Span | 
     value = section.take(name)
     column = _column(section, name, model)
     unit = column.unit if column is not None else ""
-    span = _given(section, name, value, unit, column is not None and column.role is Role.DIRECTION)
+    span = _interval_or_values(
+        section, name, value, unit, column is not None and column.role is Role.DIRECTION
+    )
     if span is None or column is None or model is None:
         return None
     _physical(section, column, model, span)
@@ -85,10 +87,10 @@ def _column(section: Section, name: str, model: MeasurableModel | None) -> Colum
     """The input of that name; a fault where there is none that can be chosen."""
     if model is None:
         return None
-    known = {one.name: one for one in (*model.columns, *EXTRAS)}
+    known = {c.name: c for c in (*model.columns, *EXTRAS)}
     free = [n for n, c in known.items() if not c.text and c.role is not Role.REPEAT]
     column = known.get(name)
-    if name in {one.name for one in model.outputs}:
+    if name in {output.name for output in model.outputs}:
         section.fault(name, "is measured, not chosen: name inputs only")
     elif column is None:
         section.fault(name, f"is no column of the model{nearest(name, free)}")
@@ -101,7 +103,9 @@ def _column(section: Section, name: str, model: MeasurableModel | None) -> Colum
     return column
 
 
-def _given(section: Section, name: str, value: Any, unit: str, signs: bool) -> Span | None:
+def _interval_or_values(
+    section: Section, name: str, value: Any, unit: str, signs: bool
+) -> Span | None:
     """The interval or the set as it is written."""
     chosen = isinstance(value, dict)
     if chosen:
@@ -117,13 +121,13 @@ def _given(section: Section, name: str, value: Any, unit: str, signs: bool) -> S
     if not value:
         section.fault(name, "is empty: give at least one value")
         return None
-    numbers = [section.as_number(name, one, unit) for one in value]
-    found = [one for one in numbers if one is not None]
-    if len(found) < len(numbers):
+    numbers = [section.as_number(name, entry, unit) for entry in value]
+    finite = [number for number in numbers if number is not None]
+    if len(finite) < len(numbers):
         return None
     if chosen or signs:
-        return Span(min(found), max(found), tuple(sorted(set(found))))
-    return _interval(section, name, found)
+        return Span(min(finite), max(finite), tuple(sorted(set(finite))))
+    return _interval(section, name, finite)
 
 
 def _interval(section: Section, name: str, ends: list[float]) -> Span | None:
@@ -163,12 +167,12 @@ def _reached(section: Section, model: MeasurableModel, spans: dict[str, Span]) -
     """A fault where no point of the ranges is in the range of the model."""
     steps = np.linspace(0.0, 1.0, STEPS)
     axes = [
-        np.array(one.values) if one.values else one.low + steps * (one.high - one.low)
-        for one in spans.values()
+        np.array(span.values) if span.values else span.low + steps * (span.high - span.low)
+        for span in spans.values()
     ]
     if len(axes) > 3 or prod(len(axis) for axis in axes) > MESH:
-        return  # asked again of the points themselves
+        return  # the points themselves are tested again
     mesh = np.meshgrid(*axes, indexing="ij")
-    table = {name: one.ravel() for name, one in zip(spans, mesh, strict=True)}
+    table = {name: axis.ravel() for name, axis in zip(spans, mesh, strict=True)}
     if not inside(model, table).any():
         section.fault("", f"holds no point that the model reaches: widen {' or '.join(spans)}")

@@ -26,53 +26,53 @@ OF_A_RUN = ("problem", "model", "seed", "parameters", "variables", *LABELS, *PRO
 def read_run(
     top: Section, model: str, table: Mapping[str, Any], folder: Path
 ) -> tuple[dict[str, Any], Run | None]:
-    """The raw tables of that configuration: of the file that `run` names, or, where the analysis
-    is itself given a run configuration (as `corrected.toml` is), its own. Empty for none. Beside
-    them what the file says, None where there is none or it is at fault.
+    """The raw tables of that configuration: of the file that `run` names or, where the analysis is
+    itself a run configuration (as `corrected.toml` is), its own; empty for none. The second result
+    is the configuration in the file, None where there is none or it is at fault.
     """
-    given = top.text("run")
+    run = top.text("run")
     if "problem" in top:
-        if given is not None:
+        if run is not None:
             top.fault("run", "this configuration is that of a run already; leave one of them out")
         return {key: table[key] for key in OF_A_RUN if key in table}, None
-    if given is None:
+    if run is None:
         return {}, None
-    tables, found = _read(top, model, folder / given)
-    return tables, Run(given, found) if found is not None else None
+    tables, configuration = _read(top, model, folder / run)
+    return tables, Run(run, configuration) if configuration is not None else None
 
 
 def _read(top: Section, model: str, path: Path) -> tuple[dict[str, Any], Configuration | None]:
     faults = mixed(path)
     table = load(path, faults) if not faults else None
     if table is None:
-        top.fault("run", "; ".join(f"{one.place} {one.message}" for one in faults))
+        top.fault("run", "; ".join(f"{fault.place} {fault.message}" for fault in faults))
         return {}, None
-    own: list[Fault] = []
-    filled = with_files(table, path.parent, own)
+    run_faults: list[Fault] = []
+    filled = with_files(table, path.parent, run_faults)
     try:
-        found = read_table(filled.table, own, filled.notes)
+        configuration = read_table(filled.table, run_faults, filled.notes)
     except InputError as error:
         for fault in error.faults:
             top.fault(f"run: {fault.place}", fault.message)
         return {}, None
-    if found.problem is None:
+    if configuration.problem is None:
         top.fault("run", f"{path} names no problem: there is no allocation to repeat")
-    elif _belongs(top, model, found):
-        return filled.table, found
+    elif _belongs(top, model, configuration):
+        return filled.table, configuration
     return filled.table, None
 
 
 def mixed(path: Path) -> list[Fault]:
-    """Faults of the result whose file this is, where the set there is not of one piece."""
+    """Faults of the result that a file belongs to, where its files do not belong together."""
     if not kind_of(path.parent):
         return []
     here = standing(path.parent)
-    named = here.manifest is None or path.name in here.manifest.files
-    return list(here.faults) if named else []
+    belongs_to_set = here.manifest is None or path.name in here.manifest.files
+    return list(here.faults) if belongs_to_set else []
 
 
 def _belongs(top: Section, model: str, run: Configuration) -> bool:
-    """Whether what is learnt of the model says something of the problem; a fault where not."""
+    """Whether a correction of the model applies to the problem; a fault where it does not."""
     if model == TABLE:
         top.fault(
             "run",
@@ -92,12 +92,12 @@ def _belongs(top: Section, model: str, run: Configuration) -> bool:
 
 
 def counterparts(text: str) -> dict[str, str]:
-    """What each effect of a configuration with a problem does there; empty where it does nothing.
+    """What each effect of a configuration does in its problem; empty where it does nothing.
 
-    Raises InputError where the text is no such configuration.
+    Raises InputError where the text is no configuration with a problem.
     """
     problem = read_table(tomllib.loads(text), []).problem
     if problem is None:
         return {}
     pairs = zip(problem.settings.effects, problem.counterparts(), strict=True)
-    return {one.effect.name: does for one, does in pairs}
+    return {active.effect.name: counterpart for active, counterpart in pairs}

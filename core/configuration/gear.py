@@ -10,7 +10,7 @@ from ..section import POSITIVE, Range, Section
 
 GEAR = "gear"
 DECLARED = "declared"
-"""Kind of a gear of which orders are given."""
+"""Kind of a gear that is given by its orders."""
 
 
 def read_gear(top: Section) -> Gear | None:
@@ -35,32 +35,32 @@ def read_gear(top: Section) -> Gear | None:
 
 
 def _of_orders(section: Section, kind: str | None) -> Gear | None:
-    """Orders by what makes them."""
+    """A gear by its orders, named after their causes."""
     inner = section.section("orders")
-    found = {name: inner.number(name, "", POSITIVE) for name in inner.given()}
-    given = [name for names in TEETH.values() for name in names if name in section]
-    if kind is not None or given:
-        section.known((*given, "kind"))
+    numbers = {name: inner.number(name, "", POSITIVE) for name in inner.given()}
+    teeth = [name for names in TEETH.values() for name in names if name in section]
+    if kind is not None or teeth:
+        section.known((*teeth, "kind"))
         section.fault("orders", "stands for itself: give kind and tooth numbers, or orders")
         return None
-    if not found:
+    if not numbers:
         section.fault("orders", 'must name at least one, as { "pin passing" = 45 }')
     section.finish()
-    orders = {name: order for name, order in found.items() if order is not None}
-    return Gear(DECLARED, orders) if orders and len(orders) == len(found) else None
+    orders = {name: order for name, order in numbers.items() if order is not None}
+    return Gear(DECLARED, orders) if orders and len(orders) == len(numbers) else None
 
 
 def _of_teeth(section: Section, kind: str) -> Gear | None:
     """A gear of a kind that has all its tooth numbers."""
     names = TEETH[kind]
-    given = {name: section.integer(name, Range(low=1, high=100_000), None) for name in names}
+    counts = {name: section.integer(name, Range(low=1, high=100_000), None) for name in names}
     section.finish()
     for name in names:
         if name not in section:
             section.fault(
                 name, f'is missing: the effects of a gear of kind "{kind}" need {", ".join(names)}'
             )
-    teeth = {name: count for name, count in given.items() if count is not None}
+    teeth = {name: count for name, count in counts.items() if count is not None}
     if len(teeth) < len(names):
         return None
     wrong = contradictions(kind, teeth)
@@ -70,19 +70,19 @@ def _of_teeth(section: Section, kind: str) -> Gear | None:
 
 
 def check_gear(top: Section, model: Any, name: str) -> None:
-    """Faults of a gear beside a model, which knows its own from its parameters."""
+    """Faults of a `[gear]` next to a model, whose parameters determine its gear."""
     gear = read_gear(top)
     if gear is None or model is None:
         return
-    given = top.take("parameters")
-    own = model.gear_of(given if isinstance(given, Mapping) else {})
-    if own is None:
+    parameters = top.take("parameters")
+    model_gear = model.gear_of(parameters if isinstance(parameters, Mapping) else {})
+    if model_gear is None:
         top.fault(
             GEAR,
             f"is of no use: nothing that acts in {name} follows the orders of a gear; leave it out",
         )
-    elif not _agree(own, gear):
-        text = ", ".join(f"{what} {order:g}" for what, order in own.orders.items())
+    elif not _agree(model_gear, gear):
+        text = ", ".join(f"{what} {order:g}" for what, order in model_gear.orders.items())
         top.fault(
             GEAR,
             f"contradicts {name}, whose parameters give {text}; leave it out, or set "
@@ -90,12 +90,12 @@ def check_gear(top: Section, model: Any, name: str) -> None:
         )
 
 
-def _agree(own: Gear, given: Gear) -> bool:
-    """Whether no order of both differs."""
-    both = set(own.orders) & set(given.orders)
-    return bool(both) and all(abs(own.orders[n] - given.orders[n]) < 1e-6 for n in both)
+def _agree(first: Gear, second: Gear) -> bool:
+    """Whether the orders that both gears have are equal."""
+    both = set(first.orders) & set(second.orders)
+    return bool(both) and all(abs(first.orders[n] - second.orders[n]) < 1e-6 for n in both)
 
 
 def resolved_gear(gear: Gear | None) -> dict[str, Mapping[str, Any]]:
-    """The `[gear]` table by its orders, none where there is no gear."""
+    """The `[gear]` table with the orders of the gear, empty where there is none."""
     return {GEAR: {"orders": dict(gear.orders)}} if gear is not None else {}

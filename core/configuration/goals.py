@@ -43,15 +43,15 @@ def read_limits(
     numeric = [v for v in variables if not v.labels]
     places = Nested(section, [*(o.name for o in outputs), *(v.name for v in numeric)])
     for output in outputs:
-        own, key = places.find(output.name)
-        if output.error_of and key in own:
-            own.take(key)
-            own.fault(key, f"is the error of {output.error_of} and cannot be limited")
+        table, key = places.find(output.name)
+        if output.error_of and key in table:
+            table.take(key)
+            table.fault(key, f"is the error of {output.error_of} and cannot be limited")
     limitable = [output for output in outputs if not output.error_of]
-    found = {output.name: _output_limit(places, output) for output in limitable}
-    found |= {v.name: _limit(section, v.name, v.unit, Range(), False) for v in numeric}
+    limits = {output.name: _output_limit(places, output) for output in limitable}
+    limits |= {v.name: _limit(section, v.name, v.unit, Range(), False) for v in numeric}
     places.finish()
-    return {name: bound for name, bound in found.items() if bound is not None}
+    return {name: bound for name, bound in limits.items() if bound is not None}
 
 
 def _output_limit(places: Nested, output: Output) -> Bound | None:

@@ -9,5 +9,5 @@ KEYS = ("name", "description", "drawing")
 
 
 def read_labels(top: Section) -> Labels:
-    """What readers know the mechanism by; empty where the configuration does not say it."""
+    """Labels of the mechanism; empty where the configuration states none."""
     return Labels(*(top.text(key) or "" for key in KEYS))

@@ -1,4 +1,4 @@
-"""`measured` tables of parts, variables and machines: what their files say, put in its place."""
+"""`measured` tables of parts, variables and machines, filled in from their files."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ from typing import Any
 
 from .. import tables
 from ..errors import Fault, InputError, nearest
-from .cost_files import Raw, tables_in
+from .cost_files import tables_in
+from .cost_rows import Raw
 
 SUFFIXES = (".dfq", ".dfd")
 OPTIONS = ("encoding", "delimiter", "decimal")
@@ -20,31 +21,37 @@ REVISED = {"nominal": "nominal sizes", "made_to": "limits", "unit": "units"}
 def fill_measured(table: Raw, folder: Path, faults: list[Fault]) -> None:
     """Put the values of every file of measured parts in its place; faults are added to `faults`.
 
-    Of a Q-DAS file lots, nominal and half the distance of its limits (`made_to`) come along where
-    the configuration does not state them.
+    Lots, nominal and half the distance of the limits (`made_to`) of a Q-DAS file are taken over
+    where the configuration does not state them.
     """
     for owner_place, owner in _owners(table):
-        own = owner.get("measured")
-        if isinstance(own, dict) and "file" in own:
+        measured = owner.get("measured")
+        if isinstance(measured, dict) and "file" in measured:
             place = f"{owner_place}.measured.file"
-            names = own.pop("file")
+            names = measured.pop("file")
             names = [names] if isinstance(names, str) else names
-            options = tables.ReadOptions(*(own.pop(key, None) for key in OPTIONS))
+            options = tables.ReadOptions(*(measured.pop(key, None) for key in OPTIONS))
             if not _are_names(names):
                 text = f"must be the name of a file, or a list of them, got {names}"
                 faults.append(Fault(place, text))
                 continue
-            if "values" in own:
+            if "values" in measured:
                 faults.append(Fault(place, "is given beside values: keep one"))
                 continue
-            wanted, before = own.get("characteristic"), len(faults)
-            found = [_read(folder / name, wanted, options, place, faults) for name in names]
-            known = [(one, name) for one, name in zip(found, names, strict=True) if one is not None]
-            filled = together([one for one, _ in known], [name for _, name in known], place, faults)
+            wanted, before = measured.get("characteristic"), len(faults)
+            contents = [_read(folder / name, wanted, options, place, faults) for name in names]
+            known = [
+                (values, name)
+                for values, name in zip(contents, names, strict=True)
+                if values is not None
+            ]
+            filled = together(
+                [values for values, _ in known], [name for _, name in known], place, faults
+            )
             if len(faults) > before:
-                own["values"] = None  # nothing more is said of them
+                measured["values"] = None  # no further faults are reported for them
                 continue
-            owner["measured"] = filled | own
+            owner["measured"] = filled | measured
 
 
 def _owners(table: Raw) -> Iterator[tuple[str, Raw]]:
@@ -54,16 +61,16 @@ def _owners(table: Raw) -> Iterator[tuple[str, Raw]]:
         for number, machine in tables_in(part, "machine"):
             yield f"part[{at}].machine[{number}]", machine
     variables = table.get("variables")
-    for name, own in (variables if isinstance(variables, dict) else {}).items():
-        if not isinstance(own, dict):
+    for name, variable in (variables if isinstance(variables, dict) else {}).items():
+        if not isinstance(variable, dict):
             continue
-        yield f"variables.{name}", own
-        for number, machine in tables_in(own, "machine"):
+        yield f"variables.{name}", variable
+        for number, machine in tables_in(variable, "machine"):
             yield f"variables.{name}.machine[{number}]", machine
 
 
 def _are_names(names: Any) -> bool:
-    return isinstance(names, list) and bool(names) and all(isinstance(one, str) for one in names)
+    return isinstance(names, list) and bool(names) and all(isinstance(name, str) for name in names)
 
 
 def _read(
@@ -72,7 +79,7 @@ def _read(
     try:
         return measured_in(path, wanted, options)
     except InputError as error:
-        faults += [Fault(place, f"{one.place} {one.message}") for one in error.faults]
+        faults += [Fault(place, f"{fault.place} {fault.message}") for fault in error.faults]
         return None
 
 
@@ -81,39 +88,45 @@ def _stated(value: Any) -> str:
     return f"{value:.9g}" if isinstance(value, float) else str(value)
 
 
-def together(found: list[Raw], names: Sequence[str], place: str, faults: list[Fault]) -> Raw:
-    """The values of several files of one characteristic, in their order, each file a lot of its own
-    where it names none. Files of different revisions of the drawing, or units, are a fault.
+def together(
+    characteristics: list[Raw], names: Sequence[str], place: str, faults: list[Fault]
+) -> Raw:
+    """The values of several files of one characteristic, in their order, a file without
+    lots being one lot. Files of different revisions of the drawing, or units, are a fault.
     """
-    if len(found) < 2:
-        return found[0] if found else {}
+    if len(characteristics) < 2:
+        return characteristics[0] if characteristics else {}
     for key, what in REVISED.items():
         stated = {
-            _stated(one[key]): name for one, name in zip(found, names, strict=True) if key in one
+            _stated(characteristic[key]): name
+            for characteristic, name in zip(characteristics, names, strict=True)
+            if key in characteristic
         }
         if len(stated) > 1:
-            each = ", ".join(f"{value} in {name}" for value, name in stated.items())
+            listed = ", ".join(f"{value} in {name}" for value, name in stated.items())
             faults.append(
                 Fault(
                     place,
-                    f"mixes files of different {what} ({each}): of several "
+                    f"mixes files of different {what} ({listed}): of several "
                     "revisions of the drawing? Measure against one",
                 )
             )
     whole: Raw = {}
-    for one in found:
-        whole |= one
-    whole["values"] = [value for one in found for value in one["values"]]
+    for characteristic in characteristics:
+        whole |= characteristic
+    whole["values"] = [value for part in characteristics for value in part["values"]]
     whole["lots"] = []
-    for one, name in zip(found, names, strict=True):
-        whole["lots"] += one.get("lots") or [Path(name).stem] * len(one["values"])
+    for characteristic, name in zip(characteristics, names, strict=True):
+        whole["lots"] += characteristic.get("lots") or [Path(name).stem] * len(
+            characteristic["values"]
+        )
     return whole
 
 
 @dataclass(frozen=True)
 class MeasuredFile:
-    """A file of measured parts, opened once: what its characteristics are called, by what each is
-    asked for, and the values of one by its label.
+    """A file of measured parts, opened once: the labels of its characteristics, the label by every
+    name that a characteristic may be requested by, and the values by label.
     """
 
     place: str
@@ -138,56 +151,70 @@ def opened_parts(path: Path, options: tables.ReadOptions) -> MeasuredFile:
     """A file of measured parts. Raises InputError where it is not there, or cannot be read."""
     if path.suffix.lower() in SUFFIXES:
         return _of_aqdef(path, options)
-    found = tables.opened_whole(path, path.name, options)
-    names = {name: name for name in found.numeric}
-    names |= {found.headers.get(name, name): name for name in found.numeric}
+    table = tables.opened_whole(path, path.name, options)
+    names = {name: name for name in table.numeric}
+    names |= {table.headers.get(name, name): name for name in table.numeric}
 
     def values(name: str) -> Raw:
-        column, unit = found.frame[name].dropna(), found.units.get(name, "")
-        return {"values": [float(one) for one in column]} | ({"unit": unit} if unit else {})
+        column, unit = table.frame[name].dropna(), table.units.get(name, "")
+        return {"values": [float(value) for value in column]} | ({"unit": unit} if unit else {})
 
-    return MeasuredFile(path.name, tuple(found.numeric), names, values)
+    return MeasuredFile(path.name, tuple(table.numeric), names, values)
 
 
 def _of_aqdef(path: Path, options: tables.ReadOptions) -> MeasuredFile:
-    known = [one for one in tables.read_aqdef(path, options.encoding) if not one.attributive]
-    names = {key: one.label for one in known for key in (one.number, one.name, one.label) if key}
-    labels = tuple(dict.fromkeys(one.label for one in known))
+    known = [
+        characteristic
+        for characteristic in tables.read_aqdef(path, options.encoding)
+        if not characteristic.attributive
+    ]
+    names = {
+        key: characteristic.label
+        for characteristic in known
+        for key in (characteristic.number, characteristic.name, characteristic.label)
+        if key
+    }
+    labels = tuple(dict.fromkeys(characteristic.label for characteristic in known))
     return MeasuredFile(
         path.name,
         labels,
         names,
-        lambda label: _values(next(one for one in known if one.label == label)),
+        lambda label: _values(
+            next(characteristic for characteristic in known if characteristic.label == label)
+        ),
     )
 
 
-def _values(one: tables.Characteristic) -> Raw:
+def _values(characteristic: tables.Characteristic) -> Raw:
     """What a Q-DAS file says of a characteristic."""
     rows = [
         (value, lot)
-        for value, lot in zip(one.values, one.batches, strict=True)
+        for value, lot in zip(characteristic.values, characteristic.batches, strict=True)
         if value is not None
     ]
-    found: Raw = {"values": [float(value) for value, _ in rows], "characteristic": one.label}
+    values: Raw = {
+        "values": [float(value) for value, _ in rows],
+        "characteristic": characteristic.label,
+    }
     if any(lot for _, lot in rows):
-        found["lots"] = [lot for _, lot in rows]
-    if one.unit:
-        found["unit"] = one.unit
-    if one.nominal is not None:
-        found["nominal"] = one.nominal
-    if one.lower is not None and one.upper is not None:
-        found["made_to"] = 0.5 * (one.upper - one.lower)
-    return found
+        values["lots"] = [lot for _, lot in rows]
+    if characteristic.unit:
+        values["unit"] = characteristic.unit
+    if characteristic.nominal is not None:
+        values["nominal"] = characteristic.nominal
+    if characteristic.lower is not None and characteristic.upper is not None:
+        values["made_to"] = 0.5 * (characteristic.upper - characteristic.lower)
+    return values
 
 
-def _chosen(place: str, wanted: Any, names: dict[str, str], each: list[str]) -> str:
+def _chosen(place: str, wanted: Any, names: dict[str, str], labels: list[str]) -> str:
     """The characteristic that is wanted, or the only one there is."""
-    if wanted is None and len(each) == 1:
-        return each[0]
+    if wanted is None and len(labels) == 1:
+        return labels[0]
     if wanted is None:
-        text = f"has {len(each)} characteristics: say which, characteristic = ...; it has "
-        raise InputError([Fault(place, text + ", ".join(each))])
+        text = f"has {len(labels)} characteristics: say which, characteristic = ...; it has "
+        raise InputError([Fault(place, text + ", ".join(labels))])
     if str(wanted) not in names:
         text = f'has no characteristic "{wanted}"{nearest(str(wanted), names)}; it has '
-        raise InputError([Fault(place, text + ", ".join(each))])
+        raise InputError([Fault(place, text + ", ".join(labels))])
     return names[str(wanted)]

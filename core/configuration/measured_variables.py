@@ -1,4 +1,4 @@
-"""`[variables.<name>.measured]`: what parts that were measured tell of a variable."""
+"""`[variables.<name>.measured]`: what measured parts say about a variable."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from ..models.inputs.reading import keys
 from ..section import Section
 
 BOUNDS = ("value", "low", "high", "limits", "mid")
-"""Keys of a variable that a measured standard deviation leaves no room for."""
+"""Keys that a variable with a measured standard deviation may not have."""
 
 
 def read_measured(
@@ -17,10 +17,10 @@ def read_measured(
     """The `measured` table of a variable of a half-width or standard deviation; None where there is
     none, or after a fault.
 
-    `mid` is its mid-limit, `t` the half-width where it is fixed. Of a half-width the sample gives
-    the distribution, of a standard deviation its value.
+    `mid` is its mid-limit, `t` the half-width where it is fixed. The sample gives
+    the distribution of a half-width, or the value of a standard deviation.
     """
-    if "measured" not in section or "machine" in section:  # beside machines it is a fault already
+    if "measured" not in section or "machine" in section:  # next to machines it is a fault already
         section.known(("measured",))
         return None
     deviates = variable.kind is Kind.STANDARD_DEVIATION
@@ -35,15 +35,15 @@ def read_measured(
     stated = [key for key in (BOUNDS if deviates else keys()) if key in section]
     for key in stated:
         section.fault(key, "is stated beside measured, which tells it: keep one")
-    found = read_sample(section, variable.unit, None, mid or 0.0, t, follows=not deviates)
-    if found is None or stated:
+    sample = read_sample(section, variable.unit, None, mid or 0.0, t, follows=not deviates)
+    if sample is None or stated:
         return None
-    if found.offset and mid is None:
+    if sample.offset and mid is None:
         section.fault(
             "measured.mean",
             f'must be "corrected": errors of {variable.name} have no '
             "mid-limit here and count as centred, and the sample is "
-            f"{found.offset:+.4g} {variable.unit} off",
+            f"{sample.offset:+.4g} {variable.unit} off",
         )
         return None
-    return found
+    return sample

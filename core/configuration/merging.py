@@ -1,4 +1,4 @@
-"""Tables over tables, as `--set` and what is given beside an object change a configuration."""
+"""Merging of tables: `--set`, and keys given in addition to an object, change a configuration."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 INSTEAD = {"value": ("low", "high"), "low": ("value",), "high": ("value",)}
-"""Keys that go where another is set: a fixed value takes the place of a range, and the reverse."""
+"""Keys that are removed when another is set: a fixed value replaces a range, and the reverse."""
 
 
 def merge(table: dict[str, Any], over: Mapping[str, Any], whole: bool = False) -> bool:
@@ -23,7 +23,7 @@ def merge(table: dict[str, Any], over: Mapping[str, Any], whole: bool = False) -
             continue
         if meets and not whole:
             return False
-        for other in INSTEAD.get(key, ()):
-            table.pop(other, None)
+        for replaced in INSTEAD.get(key, ()):
+            table.pop(replaced, None)
         table[key] = value
     return True

@@ -1,4 +1,4 @@
-"""`[columns]`: which columns of a file are which of a model or problem, whatever their names."""
+"""`[columns]`: which column of a model or problem a column of a file is, whatever its name."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ VARIABLE = "variable"
 
 
 def read_model_columns(top: Section, kind: Any) -> dict[str, ColumnUse]:
-    """What each listed column of a file of readings or operating points is.
+    """What each listed column of a file of measurements or operating points is.
 
     A column is given by the name that the model has for it (`"Spiel" = "backlash_arcmin"`), or by a
     table of its role and unit, and `of` where the model has several columns of that role.
@@ -33,26 +33,26 @@ def read_design_columns(top: Section, variables: Iterable[Variable]) -> dict[str
     """What each listed column of a table of designs is: a variable by its name
     (`"Bohrung" = "bore_t"`), or by `{ of = "bore_t", unit = "um" }`.
     """
-    return _read(top, {one.name: (VARIABLE, one.unit) for one in variables})
+    return _read(top, {variable.name: (VARIABLE, variable.unit) for variable in variables})
 
 
 def _read(top: Section, known: Mapping[str, tuple[str, str]]) -> dict[str, ColumnUse]:
     section = top.section("columns")
-    found: dict[str, ColumnUse] = {}
+    uses: dict[str, ColumnUse] = {}
     for key in section.given():
-        given = section.take(key)
-        if isinstance(given, str):
-            use = _named(section, key, given, known)
-        elif isinstance(given, Mapping):
-            use = _described(section.section(key), known)
+        stated = section.take(key)
+        if isinstance(stated, str):
+            use = _by_name(section, key, stated, known)
+        elif isinstance(stated, Mapping):
+            use = _by_role(section.section(key), known)
         else:
             text = f'must be a name of a column {_owner(known)} or {{ role = "..." }}, got '
-            text += shown(given)
+            text += shown(stated)
             section.fault(key, text)
             use = None
         if use is not None:
-            found[key] = use
-    return found
+            uses[key] = use
+    return uses
 
 
 def resolved_columns(uses: Mapping[str, ColumnUse]) -> dict[str, Any]:
@@ -70,13 +70,13 @@ def _written(use: ColumnUse) -> dict[str, Any]:
 
 def _known(kind: Any) -> dict[str, tuple[str, str]]:
     """Role and unit of every column that the model can take, by name."""
-    found = {name: (role.value, unit) for role, (name, unit) in ALWAYS.items()}
-    found |= {f"{one.name}_std": ("std", one.unit) for one in kind.outputs}
-    found |= {one.name: ("measured", one.unit) for one in kind.outputs}
-    return found | {one.name: (one.role.value, one.unit) for one in kind.columns}
+    columns = {name: (role.value, unit) for role, (name, unit) in ALWAYS.items()}
+    columns |= {f"{output.name}_std": ("std", output.unit) for output in kind.outputs}
+    columns |= {output.name: ("measured", output.unit) for output in kind.outputs}
+    return columns | {column.name: (column.role.value, column.unit) for column in kind.columns}
 
 
-def _named(
+def _by_name(
     section: Section, key: str, name: str, known: Mapping[str, tuple[str, str]]
 ) -> ColumnUse | None:
     """A column by its name."""
@@ -95,7 +95,7 @@ def _owner(known: Mapping[str, tuple[str, str]]) -> str:
     return "of the problem" if designs else "of the model"
 
 
-def _described(section: Section, known: Mapping[str, tuple[str, str]]) -> ColumnUse | None:
+def _by_role(section: Section, known: Mapping[str, tuple[str, str]]) -> ColumnUse | None:
     """A column by its role."""
     role, unit = section.text("role", ROLES), section.text("unit") or ""
     of, sense = section.text("of") or "", sign_of(section, "sense") or 1
@@ -103,10 +103,12 @@ def _described(section: Section, known: Mapping[str, tuple[str, str]]) -> Column
     if role == "ignore":
         return ColumnUse("")
     if role is None and not of:
-        return None  # without a role it is of no use, and said in a note
+        return None  # without a role it is not used, and a note says so
     if role == "std" and f"{of}_std" in known:
         of = f"{of}_std"
-    fitting = [name for name, (own, _) in known.items() if own == role or (role is None)]
+    fitting = [
+        name for name, (column_role, _) in known.items() if column_role == role or (role is None)
+    ]
     if of and of not in fitting:
         text = f'"{of}" is no column {_owner(known)} with this role{nearest(of, fitting)}'
         section.fault("of", f"{text}; it has {', '.join(fitting) or 'none'}")

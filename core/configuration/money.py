@@ -16,27 +16,27 @@ _CURRENCY = re.compile(r"[^\W\d_]{1,8}|[€$£¥]")
 
 def read_currency(top: Section) -> str:
     """`currency = "EUR"`, empty where costs are relative."""
-    found = top.text("currency")
-    if found is None:
+    currency = top.text("currency")
+    if currency is None:
         return ""
-    if not _CURRENCY.fullmatch(found):
-        top.fault("currency", f'must be the name of a currency, like "EUR", got "{found}"')
+    if not _CURRENCY.fullmatch(currency):
+        top.fault("currency", f'must be the name of a currency, like "EUR", got "{currency}"')
         return ""
-    return found
+    return currency
 
 
 def read_money(
     top: Section, costs: Mapping[str, CostCurve], defaults: Mapping[str, CostCurve]
 ) -> tuple[Money, dict[str, CostCurve]]:
-    """Currency and assumed curves, and all curves that the configuration comes to.
+    """Currency and assumed curves, and all curves that are in use.
 
-    `defaults` are those that it does not state. With a currency they are worth nothing without
-    `[costs] scale_assumed`, which says what one assumed unit is worth.
+    `defaults` are the curves that it does not state. With a currency they can only be used with
+    `[costs] scale_assumed`, the price of one assumed unit.
     """
     section, currency = top.section("costs"), read_currency(top)
     scale = section.number("scale_assumed", within=POSITIVE)
     listed = _listed(section, costs)
-    found = dict(costs)
+    curves = dict(costs)
     assumed = tuple(name for name in defaults if name not in costs)
     if scale is not None and "currency" not in top:
         section.fault("scale_assumed", 'needs currency = "EUR": without one all costs are relative')
@@ -49,13 +49,13 @@ def read_money(
             "[costs] scale_assumed = ...",
         )
     if currency and scale is not None:
-        found |= {name: times(defaults[name], scale) for name in assumed}
+        curves |= {name: times(defaults[name], scale) for name in assumed}
     assumed = assumed if currency else ()
-    return Money(currency, (*listed, *assumed), scale if currency else None), found
+    return Money(currency, (*listed, *assumed), scale if currency else None), curves
 
 
 def _listed(section: Section, costs: Mapping[str, CostCurve]) -> tuple[str, ...]:
-    """`assumed = ["pin_radius_um"]`: stated curves that are assumptions all the same."""
+    """`assumed = ["pin_radius_um"]`: stated curves that are nevertheless assumptions."""
     names = section.names("assumed") if section.take("assumed") != [] else []
     unknown = [name for name in names or () if name not in costs]
     for name in unknown:
@@ -67,7 +67,7 @@ def resolved_money(money: Money, tables: dict[str, Any]) -> dict[str, Any]:
     """The tables of a problem with the currency and the names of assumed curves."""
     if not money.currency:
         return tables
-    found = {"currency": money.currency} | tables
+    resolved = {"currency": money.currency} | tables
     if money.assumed:
-        found["costs"] = {"assumed": list(money.assumed)} | dict(tables.get("costs", {}))
-    return found
+        resolved["costs"] = {"assumed": list(money.assumed)} | dict(tables.get("costs", {}))
+    return resolved

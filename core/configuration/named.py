@@ -1,4 +1,4 @@
-"""A name in a configuration that an object stands behind."""
+"""A name in a configuration that represents an object."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ class Named(str):
     __slots__ = ("given",)
 
     @classmethod
-    def of(cls, given: Any) -> Named:
+    def of(cls, original: Any) -> Named:
         """An object that is no string, named by the path of its class."""
-        kind = given if isinstance(given, type) else type(given)
-        found = cls(f"{kind.__module__}:{kind.__qualname__}")
-        found.given = given
-        return found
+        kind = original if isinstance(original, type) else type(original)
+        named = cls(f"{kind.__module__}:{kind.__qualname__}")
+        named.given = original
+        return named
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Named:
         return self

@@ -37,11 +37,11 @@ class Nested:
 
 def nested(values: Mapping[str, Any]) -> dict[str, Any]:
     """Values by dotted name as tables of tables."""
-    found: dict[str, Any] = {}
+    nested_values: dict[str, Any] = {}
     for name, value in values.items():
         head, _, rest = name.partition(".")
         if rest:
-            found.setdefault(head, {})[rest] = value
+            nested_values.setdefault(head, {})[rest] = value
         else:
-            found[name] = value
-    return found
+            nested_values[name] = value
+    return nested_values

@@ -24,26 +24,26 @@ KEPT = (*(field.name for field in fields(Budget)), "engine")
 def with_names(tables: Mapping[str, Any]) -> dict[str, Any]:
     """The tables with names and settings in the place of objects.
 
-    A problem of this suite becomes the tables that describe it, below those that are given beside
-    it; any other object keeps itself beside its name. An algorithm becomes its table.
+    A problem of this suite becomes the tables that describe it, which the other given tables
+    override; any other object becomes a name that keeps the object. An algorithm becomes its table.
     """
-    found, problem = dict(tables), tables.get("problem")
+    described, problem = dict(tables), tables.get("problem")
     if isinstance(problem, PlainProblem):
-        found["problem"] = Named.of(problem.own)
+        described["problem"] = Named.of(problem.own)
     elif isinstance(problem, ToleranceProblem):
-        beside = {key: value for key, value in found.items() if key != "problem"}
-        merge(found := _described(problem), beside, whole=True)
+        stated = {key: value for key, value in described.items() if key != "problem"}
+        merge(described := _described(problem), stated, whole=True)
     elif problem is not None and not isinstance(problem, str):
-        found["problem"] = Named.of(problem)
-    if isinstance(own := found.get("algorithm"), AlgorithmSettings):
-        found["algorithm"] = algorithm_table(own)
-    return found
+        described["problem"] = Named.of(problem)
+    if isinstance(algorithm := described.get("algorithm"), AlgorithmSettings):
+        described["algorithm"] = algorithm_table(algorithm)
+    return described
 
 
-def algorithm_table(given: AlgorithmSettings) -> dict[str, Any]:
+def algorithm_table(algorithm: AlgorithmSettings) -> dict[str, Any]:
     """The `[algorithm]` table of an algorithm's settings."""
-    settings: dict[str, Any] = asdict(given)  # type: ignore[call-overload]
-    return {"name": registry.name_of("algorithms", type(given)), **settings}
+    settings: dict[str, Any] = asdict(algorithm)  # type: ignore[call-overload]
+    return {"name": registry.name_of("algorithms", type(algorithm)), **settings}
 
 
 def _described(problem: ToleranceProblem) -> dict[str, Any]:
@@ -58,7 +58,7 @@ def with_choices(
     """The tables with another algorithm and seed, where they are given; budget and engine stay."""
     chosen: dict[str, Any] = {} if seed is None else {"seed": seed}
     if algorithm is not None:
-        given = table.get("algorithm", {})
-        kept = {key: given[key] for key in KEPT if isinstance(given, dict) and key in given}
+        stated = table.get("algorithm", {})
+        kept = {key: stated[key] for key in KEPT if isinstance(stated, dict) and key in stated}
         chosen["algorithm"] = algorithm_table(algorithm) | kept
     return table | chosen

@@ -1,4 +1,4 @@
-"""Which problems a model belongs to: either of them says so."""
+"""Which problems a model belongs to, as the problem or the model declares."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from ..models.measurable import MeasurableModel
 
 
 def belongs(problem: str, kind: Any, model: str, measured: type[MeasurableModel]) -> bool:
-    """Whether what is learnt of the model named `model` corrects `problem`, of the class `kind`."""
+    """Whether a correction of the model named `model` applies to `problem`, of the class `kind`."""
     return kind.default_model == model or problem in measured.corrects
 
 
 def stranger(problem: str, model: str, measured: type[MeasurableModel]) -> str:
-    """What is said of a problem that a model does not belong to."""
-    named = " or ".join(f'"{one}"' for one in measured.corrects)
-    mine = f"it corrects {named}" if named else "it corrects none (`simulate` takes it)"
-    return f'the model {model} does not belong to the problem "{problem}": {mine}'
+    """The message for a problem that a model does not belong to."""
+    corrected = " or ".join(f'"{name}"' for name in measured.corrects)
+    reason = f"it corrects {corrected}" if corrected else "it corrects none (`simulate` takes it)"
+    return f'the model {model} does not belong to the problem "{problem}": {reason}'

@@ -12,9 +12,9 @@ from ..units import split_unit
 
 def read_parameters(section: Section, declared: Iterable[Parameter]) -> dict[str, Value]:
     """The parameters that the configuration sets."""
-    found = {parameter.name: _read(section, parameter) for parameter in declared}
+    values = {parameter.name: _read(section, parameter) for parameter in declared}
     section.finish()
-    return {name: value for name, value in found.items() if value is not None}
+    return {name: value for name, value in values.items() if value is not None}
 
 
 def _read(section: Section, parameter: Parameter) -> Value | None:
@@ -42,14 +42,14 @@ def _list(
     if value is None:
         return None
     if not isinstance(value, list) or len(value) != count:
-        got = f"{len(value)} of them" if isinstance(value, list) else shown(value)
-        section.fault(parameter.name, f"must be a list of {count} numbers, got {got}")
+        stated = f"{len(value)} of them" if isinstance(value, list) else shown(value)
+        section.fault(parameter.name, f"must be a list of {count} numbers, got {stated}")
         return None
-    found = [
-        section.as_number(f"{parameter.name}[{i}]", one, parameter.unit, within)
-        for i, one in enumerate(value)
+    checked = [
+        section.as_number(f"{parameter.name}[{i}]", entry, parameter.unit, within)
+        for i, entry in enumerate(value)
     ]
-    numbers = tuple(one for one in found if one is not None)
+    numbers = tuple(number for number in checked if number is not None)
     return numbers if len(numbers) == count else None
 
 
@@ -58,6 +58,8 @@ def _table(section: Section, parameter: Parameter, within: Range) -> dict[str, f
     if parameter.name not in section:
         return None
     table = section.section(parameter.name)
-    found = {name: table.quantity(name, split_unit(name)[1], within) for name in parameter.choices}
+    numbers = {
+        name: table.quantity(name, split_unit(name)[1], within) for name in parameter.choices
+    }
     table.finish()
-    return {name: value for name, value in found.items() if value is not None}
+    return {name: value for name, value in numbers.items() if value is not None}

@@ -12,9 +12,9 @@ from .named import Named
 
 
 def load_named(section: Section, key: str, group: str, default: str = "") -> Any:
-    """The class that `key` names in the registry `group`, or the object that stands there.
+    """The class that `key` names in the registry `group`, or the object given in its place.
 
-    None and a fault where there is none.
+    None, and a fault, where there is neither.
     """
     name = section.text(key)
     if name is None:
@@ -30,12 +30,12 @@ def load_named(section: Section, key: str, group: str, default: str = "") -> Any
 
 
 def problem_of(top: Section) -> Any:
-    """What `problem` names: a class of this suite, or what stands for a plain pymoo problem."""
-    found = load_named(top, "problem", "problems")
-    if found is None or hasattr(found, "configured"):
-        return found
+    """The class that `problem` names: of this suite, or a wrapper of a plain pymoo problem."""
+    loaded = load_named(top, "problem", "problems")
+    if loaded is None or hasattr(loaded, "configured"):
+        return loaded
     try:
-        return plain_kind(found)
+        return plain_kind(loaded)
     except InputError as error:
         for fault in error.faults:
             top.fault("problem", fault.message)

@@ -83,7 +83,7 @@ def read_table(
 ) -> Configuration:
     """The configuration in the tables of a file; raises InputError with `faults` and its own.
 
-    `notes` are what its files came to; files of other configurations are looked for in `folder`.
+    `notes` come from its files; files of other configurations are looked for in `folder`.
     Limits may be out of reach where they need not be `reachable`.
     """
     top = Section(table, "", faults)
@@ -103,22 +103,26 @@ def _read_problem(
     """A configuration with a problem."""
     if "problem" not in top:
         top.fault("problem", 'is missing: name a problem (see `tolevo list`), or model = "..."')
-    named = problem_of(top)
-    top = with_poses(with_reducers(top, named, folder), named, folder)
-    kind = named.configured(top) if named else None
+    problem_class = problem_of(top)
+    top = with_poses(with_reducers(top, problem_class, folder), problem_class, folder)
+    kind = problem_class.configured(top) if problem_class else None
     model = load_named(top, "model", "models", kind.default_model if kind else "")
     model_name = top.take("model") or (kind.default_model if kind else "")
     references = top.text("references", REFERENCES) or "documents"
     seed, labels = _seed(top), read_labels(top)
     effects = read_effects(top, model, model_name)
-    read_unresolved(top, model, model_name)  # act on readings: an allocation has none
+    read_unresolved(top, model, model_name)  # they act on measurements: an allocation has none
     outputs = model.outputs if model else ()
     zero, sense = read_zero(top, outputs), read_sense(top, outputs)
-    if named and model and not belongs(top.take("problem"), named, model_name, model):
+    if (
+        problem_class
+        and model
+        and not belongs(top.take("problem"), problem_class, model_name, model)
+    ):
         top.fault("model", stranger(top.take("problem"), model_name, model))
-    if kind is None:  # its sections cannot be judged
-        own = getattr(named, "tables_of", ())
-        top.known(("parameters", "variables", "columns", *own, *PROBLEM_ONLY))
+    if kind is None:  # its sections cannot be checked
+        tables = getattr(problem_class, "tables_of", ())
+        top.known(("parameters", "variables", "columns", *tables, *PROBLEM_ONLY))
         top.finish()
         raise InputError(faults)
     columns = read_design_columns(top, kind.variables)
@@ -138,7 +142,7 @@ def _read_problem(
     raise_all(faults)
     problem = kind(settings)
     beyond = [] if reachable else problem.out_of_reach()
-    wrong = [one for one in problem.faults() if one not in beyond]
+    wrong = [fault for fault in problem.faults() if fault not in beyond]
     raise_all([*wrong, *(unit_slips(problem) if wrong else ()), *rounding_faults(problem, choice)])
     from ..workflows.run.contradictions import contradictions  # imports the exact solver
 
@@ -182,13 +186,13 @@ def _settings(top: Section, kind: Any, model: Any, notes: Sequence[str]) -> Sett
     defaults = {name: c for name, c in kind.default_costs.items() if name not in unpriced}
     money, costs = read_money(top, costs, defaults)
     curves = dict(kind.default_costs) | costs
-    said = list(notes)
+    messages = list(notes)
     for variable in kind.variables:
         section = top.section("variables").section(variable.name)
-        own, note = narrowed(variable, variables.get(variable.name), curves.get(variable.name))
-        if own is not None and note:
-            variables[variable.name] = own
-            said.append(note)
+        narrower, note = narrowed(variable, variables.get(variable.name), curves.get(variable.name))
+        if narrower is not None and note:
+            variables[variable.name] = narrower
+            messages.append(note)
         check_ends(section, variable, variables.get(variable.name), curves.get(variable.name))
     return Settings(
         parameters=parameters,
@@ -198,7 +202,7 @@ def _settings(top: Section, kind: Any, model: Any, notes: Sequence[str]) -> Sett
         objectives=read_objectives(top.section("objectives"), kind.outputs),
         limits=read_limits(top.section("limits"), kind.outputs, kind.variables),
         money=money,
-        notes=tuple(said),
+        notes=tuple(messages),
     )
 
 
@@ -206,18 +210,18 @@ def _variables(
     section: Section, kind: Any, parameters: dict[str, Value]
 ) -> dict[str, VariableSetting]:
     """Settings of the variables; a mid-limit is put into `parameters` as well, if it is one."""
-    found = {}
+    settings = {}
     for v in kind.variables:
-        own = section.section(v.name)
-        own.known(("machine",) if v.name in getattr(kind, "machined", ()) else ())
-        if (setting := read_variable(own, v, parameters)) is not None:
-            found[v.name] = setting
+        table = section.section(v.name)
+        table.known(("machine",) if v.name in getattr(kind, "machined", ()) else ())
+        if (setting := read_variable(table, v, parameters)) is not None:
+            settings[v.name] = setting
     section.finish()
     names = {p.name for p in kind.parameters}
-    for name, setting in found.items():
+    for name, setting in settings.items():
         if setting.mid is not None and mid_parameter(name) in names:
             parameters[mid_parameter(name)] = setting.mid
-    return found
+    return settings
 
 
 def _read_model(top: Section, faults: list[Fault]) -> Configuration:
@@ -274,13 +278,13 @@ def _read_model(top: Section, faults: list[Fault]) -> Configuration:
     return Configuration(model_name=name, settings=settings, resolved=resolved)
 
 
-def _at_document(variable: Any, given: VariableSetting) -> VariableSetting:
+def _at_document(variable: Any, setting: VariableSetting) -> VariableSetting:
     """The setting with the document's value and mid-limit where none is given."""
-    value = variable.document if given.value is None else given.value
+    value = variable.document if setting.value is None else setting.value
     return replace(
-        given,
+        setting,
         value=value,
         low=None,
         high=None,
-        mid=variable.mid if given.mid is None else given.mid,
+        mid=variable.mid if setting.mid is None else setting.mid,
     )

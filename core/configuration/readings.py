@@ -1,4 +1,4 @@
-"""`[[reading]]`: what somebody reads from a figure, to be tested by a study."""
+"""`[[reading]]`: an interpretation of a figure, to be tested by a study."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ EXPECT = (BETTER, "worse")
 def read_readings(
     top: Section, factors: tuple[Factor, ...], responses: tuple[str, ...]
 ) -> tuple[Reading, ...]:
-    """The readings, each of two levels that the study compares."""
-    found = [
+    """The interpretations, each of two levels that the study compares."""
+    parsed = [
         _reading(top.item("reading", at), factors, responses)
         for at in range(len(top.tables("reading")))
     ]
-    return tuple(one for one in found if one is not None)
+    return tuple(reading for reading in parsed if reading is not None)
 
 
 def _reading(
@@ -36,7 +36,7 @@ def _reading(
     for name in ("figure", "says", "key", "response", "a", "b"):
         if name not in section:
             section.fault(name, "is missing")
-    factor = next((one for one in factors if one.key == key), None)
+    factor = next((candidate for candidate in factors if candidate.key == key), None)
     if factor is None or figure is None or says is None or response is None:
         return None
     levels = [_level(section, name, value, factor) for name, value in (("a", a), ("b", b))]
@@ -48,7 +48,7 @@ def _reading(
 
 
 def _level(section: Section, name: str, value: Any, factor: Factor) -> Level | None:
-    """The level of the factor that is meant; a fault where the study has none such."""
+    """The level of the factor that is meant; a fault where the study has no such level."""
     for level in factor.grid():
         if level == value and not isinstance(value, bool):
             return level
@@ -62,8 +62,8 @@ def _level(section: Section, name: str, value: Any, factor: Factor) -> Level | N
 def written(readings: tuple[Reading, ...]) -> list[dict[str, Any]]:
     """The tables that say the same."""
     tables = []
-    for one in readings:
-        table = asdict(one)
+    for reading in readings:
+        table = asdict(reading)
         expect = EXPECT[0] if table.pop("better") else EXPECT[1]
         tables.append(table | {"expect": expect})
     return tables

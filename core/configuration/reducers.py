@@ -28,30 +28,30 @@ EXPECTED = (
 )
 
 
-def with_reducers(top: Section, named: Any, folder: Path) -> Section:
+def with_reducers(top: Section, problem_class: Any, folder: Path) -> Section:
     """The configuration with the reducers in the place of `[reducers]`, for a problem that nests
-    them (`nests`: its keys); a faulty one is what stands there.
+    them (`nests`: its keys); a faulty one is left as it is written.
     """
-    if rows := getattr(named, "nests_in", ""):
+    if rows := getattr(problem_class, "nests_in", ""):
         return _with_rows(top, rows, folder)
-    keys = getattr(named, "nests", ())
+    keys = getattr(problem_class, "nests", ())
     if not keys or "reducers" not in top:
         return top
-    found = read_reducers(top, keys, folder)
-    return top if found is None else top.having("reducers", found)
+    reducers = read_reducers(top, keys, folder)
+    return top if reducers is None else top.having("reducers", reducers)
 
 
 def _with_rows(top: Section, key: str, folder: Path) -> Section:
-    """The same of a problem whose `[[joint]]` tables, or others, name a reducer each (`run`)."""
+    """The same for a problem whose `[[joint]]` or other tables each name a reducer (`run`)."""
     known: dict[str, Nested] = {}
     rows = []
     for at, row in enumerate(top.tables(key)):
-        own = row.get("reducer")
-        if isinstance(own, Mapping) and "run" in own:
-            found = read_reducer(top.item(key, at).section("reducer"), "run", folder)
-            if found is not None:
-                found = known.setdefault(found.key, found)
-            row = {**row, "reducer": {**own, "run": found or own["run"]}}
+        stated = row.get("reducer")
+        if isinstance(stated, Mapping) and "run" in stated:
+            reducer = read_reducer(top.item(key, at).section("reducer"), "run", folder)
+            if reducer is not None:
+                reducer = known.setdefault(reducer.key, reducer)
+            row = {**row, "reducer": {**stated, "run": reducer or stated["run"]}}
         rows.append(row)
     return top.having(key, rows) if rows else top
 
@@ -59,16 +59,16 @@ def _with_rows(top: Section, key: str, folder: Path) -> Section:
 def read_reducers(top: Section, keys: Sequence[str], folder: Path) -> tuple[Nested, ...] | None:
     """The reducers of `keys`, None if one of them is faulty."""
     section = top.section("reducers")
-    found: list[Nested | None] = []
+    reducers: list[Nested | None] = []
     for key in keys:
         if key not in section:
             section.fault(key, f"is missing: {EXPECTED}")
-            found.append(None)
+            reducers.append(None)
             continue
-        found.append(read_reducer(section, key, folder))
+        reducers.append(read_reducer(section, key, folder))
     section.finish()
-    alike = {one.key: one for one in found[::-1] if one is not None}
-    known = tuple(alike[one.key] for one in found if one is not None)
+    alike = {reducer.key: reducer for reducer in reducers[::-1] if reducer is not None}
+    known = tuple(alike[reducer.key] for reducer in reducers if reducer is not None)
     return known if len(known) == len(keys) else None
 
 
@@ -91,7 +91,7 @@ def read_reducer(section: Section, key: str, folder: Path) -> Nested | None:
     faults: list[Fault] = []
     table = load(path, faults)
     if table is None:
-        section.fault(key, "; ".join(f"{one.place} {one.message}" for one in faults))
+        section.fault(key, "; ".join(f"{fault.place} {fault.message}" for fault in faults))
         return None
     return _of_tables(section, key, table, value, path.parent)
 
@@ -118,24 +118,24 @@ def _of_tables(
         section.fault(key, f"{source} has {shown}, which is no reducer: {EXPECTED}")
         return None
     try:
-        found = read_tables(table, folder, [])
+        configuration = read_tables(table, folder, [])
     except InputError as error:
         for fault in error.faults:
             section.fault(f"{key}: {fault.place}", fault.message)
         return None
-    problem = found.problem
+    problem = configuration.problem
     assert isinstance(problem, RvBacklash)
     block = block_of(problem)
     if isinstance(block, str):
         section.fault(key, f"{source} cannot be nested: {block}")
         return None
-    return Nested(source, {name: found.resolved[name] for name in KEPT}, problem)
+    return Nested(source, {name: configuration.resolved[name] for name in KEPT}, problem)
 
 
 def _of_run(section: Section, key: str, folder: Path, source: str) -> Nested | None:
     """A reducer by the directory of a finished run."""
     if faults := not_whole(folder):
-        section.fault(key, "; ".join(f"{one.place}: {one.message}" for one in faults))
+        section.fault(key, "; ".join(f"{fault.place}: {fault.message}" for fault in faults))
         return None
     faults_: list[Fault] = []
     table = load(folder / "config.toml", faults_)
@@ -192,9 +192,9 @@ def _pointed(
         text = (
             f"needs at least three points, as many rms_arcmin as cost, got {len(rms)}, {len(cost)}"
         )
-    elif any(POSITIVE.complaint(one) for one in rms):
+    elif any(POSITIVE.complaint(value) for value in rms):
         text = "rms_arcmin must be above 0"
-    elif any(one < 0.0 for one in cost):
+    elif any(value < 0.0 for value in cost):
         text = "cost must not be negative"
     elif min(cost[at] for at in range(len(rms)) if rms[at] == min(rms)) <= min(
         cost[at] for at in range(len(rms)) if rms[at] == max(rms)

@@ -45,13 +45,13 @@ def _tables(problem: ToleranceProblem) -> dict[str, Any]:
 
 
 def _with_machines(problem: ToleranceProblem) -> dict[str, Any]:
-    """The `[variables]` tables, machines included; what these fix is left out."""
+    """The `[variables]` tables, machines included; keys that machines determine are left out."""
     settings = problem.settings
-    found = resolved_variables(settings.variables, problem.variables)
+    resolved = resolved_variables(settings.variables, problem.variables)
     for name, offers in settings.machines.items():
-        mid = {"mid": found[name]["mid"]} if "mid" in found[name] else {}
-        found[name] = mid | {"machine": [one.table() for one in offers]}
-    return found
+        mid = {"mid": resolved[name]["mid"]} if "mid" in resolved[name] else {}
+        resolved[name] = mid | {"machine": [offer.table() for offer in offers]}
+    return resolved
 
 
 def resolved_variables(
@@ -65,12 +65,12 @@ def _variable(setting: VariableSetting, variable: Variable) -> dict[str, Any]:
     ends = {"value": setting.value, "low": setting.low, "high": setting.high, "mid": setting.mid}
     if setting.sample is not None and not variable.random:
         return {"measured": dict(setting.sample.stated)}  # the value is the sample's
-    found: dict[str, Any] = {key: end for key, end in ends.items() if end is not None}
+    table: dict[str, Any] = {key: end for key, end in ends.items() if end is not None}
     if variable.integer:
-        found = {key: int(end) if key != "mid" else end for key, end in found.items()}
+        table = {key: int(end) if key != "mid" else end for key, end in table.items()}
     if setting.sample is not None:
-        return found | {"measured": dict(setting.sample.stated)}
-    return found | (written(setting.distribution or Uniform()) if variable.random else {})
+        return table | {"measured": dict(setting.sample.stated)}
+    return table | (written(setting.distribution or Uniform()) if variable.random else {})
 
 
 def _limit(bound: Bound) -> dict[str, float]:

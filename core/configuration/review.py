@@ -24,7 +24,7 @@ from .reader import read_table
 from .source import Table, load
 
 REPLACED = ("distribution", "cp", "cpk", "shift", "measured")
-"""Keys of a part whose process is told by parts that were made."""
+"""Keys of a part that are replaced by the measurements of parts that were made."""
 ALLOCATION = ("point", "variable", "rounded")
 GAP = "gap.json"
 YIELDS = (YIELD, "ring_yield_percent")
@@ -33,13 +33,12 @@ YIELDS = (YIELD, "ring_yield_percent")
 
 @dataclass(frozen=True)
 class Reopened:
-    """The problem of a run, the design its drawing has, and the same problem as production says.
+    """The problem of a run, the design on its drawing, and the same problem with measured parts.
 
-    `now` takes the means of the parts as they are found, `reset` as the run's configuration does,
-    None where no allocation keeps the promise then;
-    `since` is by earlier parts, where there are any. `made` are the parts with new values,
-    `earlier` those with values among the earlier ones.
-    `attributed` says what an analysis of the units' own measurement found.
+    `now` takes the means of the parts as they were measured, `reset` as the run's configuration
+    does; `reset` is None where no allocation keeps the promise then. `since` uses earlier parts,
+    where there are any. `made` are the parts with new values, `earlier` those with values among the
+    earlier ones. `attributed` is the result of a gap analysis of the units themselves.
     """
 
     before: ToleranceProblem
@@ -75,26 +74,26 @@ def reopened(
     now = _anew(table, owners, _opened(files, options, faults), faults)
     earlier = _anew(table, owners, _opened(since, options, faults), faults) if since else None
     raise_all(faults)
-    shifting = {one.name for one in owners if one.shifts}
-    found = [
-        _problem(one, faults)
-        for one in (
-            _means_found(now[0], shifting),
+    shifting = {owner.name for owner in owners if owner.shifts}
+    problems = [
+        _problem(tables_of_problem, faults)
+        for tables_of_problem in (
+            _with_sample_means(now[0], shifting),
             now[0],
-            *([_means_found(earlier[0], shifting)] if earlier else []),
+            *([_with_sample_means(earlier[0], shifting)] if earlier else []),
         )
     ]
     raise_all(faults)
-    assert found[0] is not None
-    assert found[1] is not None
-    reset = None if found[1].out_of_reach() else found[1]
+    assert problems[0] is not None
+    assert problems[1] is not None
+    reset = None if problems[1].out_of_reach() else problems[1]
     return Reopened(
         before,
         design,
-        found[0],
+        problems[0],
         reset,
         now[1],
-        found[2] if earlier else None,
+        problems[2] if earlier else None,
         attributed,
         earlier[1] if earlier else (),
     )
@@ -104,19 +103,19 @@ def _run(run: Path, faults: list[Fault]) -> tuple[Table | None, dict[str, float]
     """The resolved tables of a run and the rounded design of its first choice."""
     table = load(run / "config.toml", faults)
     try:
-        found = read_own_csv(run / "allocation.csv")
+        allocation = read_own_csv(run / "allocation.csv")
         front = read_own_csv(run / "front.csv")
     except (OSError, ValueError):
         text = "has no allocation.csv: it is no complete run with a choice"
         faults.append(Fault(str(run), text))
         return table, {}
-    if found.empty or not set(ALLOCATION) <= set(found):
+    if allocation.empty or not set(ALLOCATION) <= set(allocation):
         faults.append(Fault(str(run), "has an allocation.csv without an allocation"))
         return table, {}
-    point = int(found["point"].iloc[0])
-    own = found[found["point"] == point]
+    point = int(allocation["point"].iloc[0])
+    chosen = allocation[allocation["point"] == point]
     searched = front.iloc[point].to_dict() if point < len(front) else {}
-    rounded = zip(own["variable"], own["rounded"], strict=True)
+    rounded = zip(chosen["variable"], chosen["rounded"], strict=True)
     return table, {
         str(name): value
         for name, value in (*searched.items(), *rounded)
@@ -125,35 +124,35 @@ def _run(run: Path, faults: list[Fault]) -> tuple[Table | None, dict[str, float]
 
 
 def _with_promise(table: Table, faults: list[Fault]) -> None:
-    """Have a run without a promise promise the yield that it was limited to."""
+    """Give a run without a promise the yield of its limits as its promise."""
     if "promise" in table:
         table["limits"] = _without_promise(table.get("limits", {}))
         return
     limits = table.get("limits", {})
     limit = next((limits.pop(name) for name in YIELDS if name in limits), None)
-    share = limit.get("min") if isinstance(limit, dict) else limit
-    if share is None:
+    yield_percent = limit.get("min") if isinstance(limit, dict) else limit
+    if yield_percent is None:
         text = "promises nothing: it has neither [promise] nor a limit on yield_percent"
         faults.append(Fault("RUN", text))
         return
-    table["promise"] = {YIELD: share, "statement": ASSURED}
+    table["promise"] = {YIELD: yield_percent, "statement": ASSURED}
 
 
 def _without_promise(limits: Table) -> Table:
     """Limits without those that a promise sets, of each requirement."""
     return {
-        name: _without_promise(own) if isinstance(own, dict) else own
-        for name, own in limits.items()
+        name: _without_promise(bound) if isinstance(bound, dict) else bound
+        for name, bound in limits.items()
         if name not in (*YIELDS, PROMISED)
     }
 
 
 @dataclass(frozen=True)
 class Owner:
-    """What parts are measured of: a part of a stack or a variable; its table, unit and half-width.
+    """A part of a stack or a variable that is measured: its table, unit and half-width.
 
-    `follows` says that its scatter follows the tolerance, `shifts` that its mean may be as found,
-    `chosen` that it is made on machines or processes to choose from.
+    `follows` means that its scatter follows the tolerance, `shifts` that its mean may be that of
+    the sample, `chosen` that it is made on machines or processes to choose from.
     """
 
     name: str
@@ -166,15 +165,15 @@ class Owner:
 
     @property
     def names(self) -> set[str]:
-        """By which it is found in files."""
+        """Names under which files may hold its measurements."""
         known = self.table.get("measured") or {}
-        own = self.name, self.table.get("characteristic"), known.get("characteristic")
-        return {str(name) for name in (*own, split_unit(self.name)[0]) if name}
+        labels = self.name, self.table.get("characteristic"), known.get("characteristic")
+        return {str(name) for name in (*labels, split_unit(self.name)[0]) if name}
 
     def anew(self, measured: Table) -> Table:
-        """Its table with what parts say."""
-        gone = REPLACED if self.follows else (*REPLACED, *BOUNDS)
-        kept = {key: value for key, value in self.table.items() if key not in gone}
+        """Its table with the values of measured parts."""
+        replaced = REPLACED if self.follows else (*REPLACED, *BOUNDS)
+        kept = {key: value for key, value in self.table.items() if key not in replaced}
         return kept | {"measured": measured}
 
 
@@ -191,37 +190,51 @@ def _owners(table: Table, problem: ToleranceProblem, design: dict[str, float]) -
             )
             for part in table["part"]
         ]
-    stated, found = table.get("variables", {}), []
+    stated, owners = table.get("variables", {}), []
     for v in problem.variables:
         follows = v.random and v.kind is Kind.HALF_WIDTH
         if follows or v.kind is Kind.STANDARD_DEVIATION:
-            own = stated.get(v.name, {})
+            table_of_variable = stated.get(v.name, {})
             mid = problem.settings.variables[v.name].mid
             t = problem.fixed.get(v.name, design.get(v.name, 0.0))
-            found.append(Owner(v.name, v.unit, own, t, follows, mid is not None, "machine" in own))
-    return found
+            owners.append(
+                Owner(
+                    v.name,
+                    v.unit,
+                    table_of_variable,
+                    t,
+                    follows,
+                    mid is not None,
+                    "machine" in table_of_variable,
+                )
+            )
+    return owners
 
 
 def _opened(
     paths: Sequence[Path], options: tables.ReadOptions, faults: list[Fault]
 ) -> list[MeasuredFile]:
     """The files, each opened once."""
-    found = []
+    opened = []
     for path in paths:
         try:
-            found.append(opened_parts(path, options))
+            opened.append(opened_parts(path, options))
         except InputError as error:
-            faults += [one for one in error.faults if one not in faults]
-    return found
+            faults += [fault for fault in error.faults if fault not in faults]
+    return opened
 
 
 def _anew(
     table: Table, owners: Sequence[Owner], files: Sequence[MeasuredFile], faults: list[Fault]
 ) -> tuple[Table, tuple[str, ...]]:
-    """The tables with the values of the files in the place of what was known, and whose are new."""
-    anew = {one.name: own for one in owners if (own := _measured(one, files, faults)) is not None}
+    """The tables with the values of the files in place of earlier ones, and whose are new."""
+    anew = {
+        owner.name: measured
+        for owner in owners
+        if (measured := _measured(owner, files, faults)) is not None
+    }
     if not anew and not faults:
-        names = ", ".join(one.name for one in owners)
+        names = ", ".join(owner.name for owner in owners)
         faults.append(
             Fault(
                 "PARTS",
@@ -229,35 +242,35 @@ def _anew(
                 f"characteristics like its parts ({names})",
             )
         )
-    found = copy.copy(table)
+    reopened_table = copy.copy(table)
     if "part" in table:
-        found["part"] = [anew.get(str(part["name"]), part) for part in table["part"]]
+        reopened_table["part"] = [anew.get(str(part["name"]), part) for part in table["part"]]
     else:
-        found["variables"] = dict(table.get("variables", {})) | anew
-    return found, tuple(anew)
+        reopened_table["variables"] = dict(table.get("variables", {})) | anew
+    return reopened_table, tuple(anew)
 
 
 def _measured(owner: Owner, files: Sequence[MeasuredFile], faults: list[Fault]) -> Table | None:
     """The table of an owner with what the files hold of it; None where they hold nothing."""
-    found, names = [], []
+    samples, names = [], []
     for file in files:
-        name = next((one for one in file.names if one in owner.names), None)
+        name = next((label for label in file.names if label in owner.names), None)
         if name is not None:
-            found.append(file.named(name))
+            samples.append(file.named(name))
             names.append(file.place)
-    if not found:
+    if not samples:
         return None
     place = f"PARTS ({owner.name})"
-    own: dict[str, Any] = together(found, names, place, faults)
+    sample: dict[str, Any] = together(samples, names, place, faults)
     if owner.chosen:
         text = "has machines or processes to choose from: state what the parts say in them"
         faults.append(Fault(place, text))
         return None
-    stated, t, unit = own.pop("made_to", None), owner.t, owner.unit
+    stated, t, unit = sample.pop("made_to", None), owner.t, owner.unit
     if (
         stated is not None
         and owner.follows
-        and own.get("unit") == unit
+        and sample.get("unit") == unit
         and abs(stated - t) > 1e-6 * t
     ):
         faults.append(
@@ -268,25 +281,31 @@ def _measured(owner: Owner, files: Sequence[MeasuredFile], faults: list[Fault]) 
             )
         )
     known = owner.table.get("measured") or {}
-    own |= {key: known[key] for key in ("gauge", "mean") if key in known}
-    own |= {} if owner.shifts else {"mean": "corrected"}
-    own |= {"made_to": f"{t!r} {unit}"} if owner.follows else {}
-    return owner.anew(own)
+    sample |= {key: known[key] for key in ("gauge", "mean") if key in known}
+    sample |= {} if owner.shifts else {"mean": "corrected"}
+    sample |= {"made_to": f"{t!r} {unit}"} if owner.follows else {}
+    return owner.anew(sample)
 
 
-def _means_found(table: Table, shifting: Collection[str]) -> Table:
-    """The tables with the means of all samples as they are found, whether or not that is enough."""
+def _with_sample_means(table: Table, shifting: Collection[str]) -> Table:
+    """The tables with the mean of every sample as measured, even if the promise then fails."""
 
-    def found(name: str, own: Any) -> Any:
-        if name not in shifting or not isinstance(own, dict) or "measured" not in own:
-            return own
-        return own | {"measured": own["measured"] | {"mean": "as_found"}}
+    def with_mean(name: str, owner_table: Any) -> Any:
+        if (
+            name not in shifting
+            or not isinstance(owner_table, dict)
+            or "measured" not in owner_table
+        ):
+            return owner_table
+        return owner_table | {"measured": owner_table["measured"] | {"mean": "as_found"}}
 
     anew = table | {"promise": table["promise"] | {"statement": PLUG_IN}}
     if "part" in table:
-        return anew | {"part": [found(str(part["name"]), part) for part in table["part"]]}
+        return anew | {"part": [with_mean(str(part["name"]), part) for part in table["part"]]}
     variables = table.get("variables", {})
-    return anew | {"variables": {name: found(name, own) for name, own in variables.items()}}
+    return anew | {
+        "variables": {name: with_mean(name, owner_table) for name, owner_table in variables.items()}
+    }
 
 
 def _problem(table: Table, faults: list[Fault]) -> ToleranceProblem | None:
@@ -295,13 +314,13 @@ def _problem(table: Table, faults: list[Fault]) -> ToleranceProblem | None:
         problem = read_table(copy.deepcopy(table), [], reachable=False).problem
     except InputError as error:
         unknown = [
-            one
-            for one in error.faults
-            if one.place == "promise" and "not a known key" in one.message
+            fault
+            for fault in error.faults
+            if fault.place == "promise" and "not a known key" in fault.message
         ]
         if unknown:
             faults.append(Fault("RUN", "is the run of a problem that makes no promises"))
-        faults += [one for one in error.faults if one not in (*faults, *unknown)]
+        faults += [fault for fault in error.faults if fault not in (*faults, *unknown)]
         return None
     assert isinstance(problem, (Stack, WithPromise))
     return problem
@@ -310,9 +329,9 @@ def _problem(table: Table, faults: list[Fault]) -> ToleranceProblem | None:
 def _attributed(folder: Path, faults: list[Fault]) -> str:
     """What `gap.json` in a directory says in one phrase."""
     try:
-        found = json.loads((folder / GAP).read_text(encoding="utf-8"))
-        names = [str(one["name"]) for one in found.get("effects") or ()]
-        return f"{found['verdict']}" + (f": {', '.join(names)}" if names else "")
+        analysis = json.loads((folder / GAP).read_text(encoding="utf-8"))
+        names = [str(effect["name"]) for effect in analysis.get("effects") or ()]
+        return f"{analysis['verdict']}" + (f": {', '.join(names)}" if names else "")
     except (OSError, ValueError, KeyError, TypeError):
         near = nearest(GAP, [path.name for path in folder.glob("*.json")])
         faults.append(Fault(str(folder), f"is no result of `tolevo gap`: it has no {GAP}{near}"))

@@ -12,17 +12,17 @@ from .review import reopened
 
 def reviewed(run: Path, parts: Sequence[Path], since: Sequence[Path], options: ReadOptions) -> str:
     """Sentences and the table of the parts. Raises InputError with every fault."""
-    one = reopened(run, parts, since, options)
-    found = review(
-        one.before,
-        one.design,
-        one.now,
-        one.reset,
-        one.made,
-        one.since,
-        one.attributed,
-        [name for name in one.made if name in one.earlier],
+    reopened_run = reopened(run, parts, since, options)
+    result = review(
+        reopened_run.before,
+        reopened_run.design,
+        reopened_run.now,
+        reopened_run.reset,
+        reopened_run.made,
+        reopened_run.since,
+        reopened_run.attributed,
+        [name for name in reopened_run.made if name in reopened_run.earlier],
     )
-    shown = found.parts.dropna(axis="columns", how="all")
+    shown = result.parts.dropna(axis="columns", how="all")
     table = shown.to_string(index=False, float_format="%.4g", na_rep="-")
-    return "\n".join([*found.lines, "", table])
+    return "\n".join([*result.lines, "", table])

@@ -30,9 +30,11 @@ def read_algorithm(
     name = section.take("name") or name
     section.known(["engine"])
     if kind is None or "points" not in {field.name for field in fields(kind)}:
-        section.integer("points", Range(low=2), POINTS)  # of the exact front, whatever runs
+        section.integer(
+            "points", Range(low=2), POINTS
+        )  # of the exact front, whichever algorithm runs
     section.known(field.name for field in fields(Budget))
-    if kind is None:  # the settings of an unknown algorithm cannot be judged
+    if kind is None:  # the settings of an unknown algorithm cannot be checked
         return name, None
     if not kind.many_objectives and objectives != 1:
         section.fault(
@@ -46,17 +48,17 @@ def read_algorithm(
     return name, algorithm
 
 
-def by_default(given: Iterable[str], objectives: int, own: str) -> str:
+def by_default(stated: Iterable[str], objectives: int, problem_default: str) -> str:
     """The problem's own algorithm, where it has one for so many objectives; else NSGA-II or the GA.
 
-    It is these, too, where the keys of `[algorithm]` that are `given` are theirs alone.
+    NSGA-II or the GA are also chosen where the `stated` keys of `[algorithm]` are theirs alone.
     """
     evolution = "ga" if objectives == 1 else "nsga2"
-    if not own or objectives > MOST_BY_DEFAULT:
+    if not problem_default or objectives > MOST_BY_DEFAULT:
         return evolution
-    has, other = (_keys(name) for name in (own, evolution))
-    asked = set(given) & (other | {"generations", "engine"})
-    return own if asked <= has else evolution
+    keys, evolution_keys = (_keys(name) for name in (problem_default, evolution))
+    asked = set(stated) & (evolution_keys | {"generations", "engine"})
+    return problem_default if asked <= keys else evolution
 
 
 def _keys(name: str) -> set[str]:
@@ -76,10 +78,10 @@ def _refused(section: Section) -> bool:
 
 def settings_of(section: Section, kind: type[Any]) -> Any:
     """An instance of the dataclass `kind` whose fields are the keys of `section`."""
-    hints, given = get_type_hints(kind), {}
+    hints, values = get_type_hints(kind), {}
     for field in fields(kind):
         if is_dataclass(hints[field.name]):
-            given[field.name] = settings_of(section.section(field.name), hints[field.name])
+            values[field.name] = settings_of(section.section(field.name), hints[field.name])
             continue
         within = Range(field.metadata.get("low", -inf), field.metadata.get("high", inf))
         if hints[field.name] is bool:
@@ -91,9 +93,9 @@ def settings_of(section: Section, kind: type[Any]) -> Any:
         else:
             value = section.number(field.name, within=within)
         if value is not None:
-            given[field.name] = value
+            values[field.name] = value
     section.finish()
-    return kind(**given)
+    return kind(**values)
 
 
 def read_engine(section: Section, name: str, algorithm: AlgorithmSettings | None) -> str:
@@ -107,12 +109,12 @@ def read_engine(section: Section, name: str, algorithm: AlgorithmSettings | None
             'them, or engine = "pymoo"',
         )
     elif engine == "array":
-        for key, own in (("crossover", CROSSOVERS[0]), ("mutation", MUTATIONS[0])):
-            operator = getattr(getattr(algorithm, key, None), "operator", own)
-            if operator != own:
+        for key, supported in (("crossover", CROSSOVERS[0]), ("mutation", MUTATIONS[0])):
+            operator = getattr(getattr(algorithm, key, None), "operator", supported)
+            if operator != supported:
                 section.fault(
                     f"{key}.operator",
-                    f"the array engine has {own} only, got "
+                    f"the array engine has {supported} only, got "
                     f'"{operator}": use it, or engine = "pymoo"',
                 )
     return engine
@@ -142,7 +144,7 @@ def check_size(section: Section, algorithm: AlgorithmSettings | None, budget: Bu
 def evaluations(algorithm: AlgorithmSettings | None, budget: Budget) -> int:
     """Evaluations that a search may take at most, as far as its settings say."""
     by_generations = (budget.generations or 0) * getattr(algorithm, "population", 1)
-    ends = [one for one in (by_generations, budget.evaluations) if one]
+    ends = [limit for limit in (by_generations, budget.evaluations) if limit]
     return min(ends, default=0)
 
 

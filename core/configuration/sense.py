@@ -1,4 +1,4 @@
-"""`[sense]`: outputs whose positive reading means the opposite of the convention."""
+"""`[sense]`: outputs whose positive measurement means the opposite of the convention."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ EITHER = (-1, 1)
 
 def read_sense(top: Section, outputs: Iterable[Output]) -> dict[str, int]:
     """The sense that is given of each output; names of no output are faults."""
-    section, known = top.section(SENSE), [one.name for one in outputs]
-    found = {name: sign_of(section, name) for name in section.given()}
-    for name in found:
+    section, known = top.section(SENSE), [output.name for output in outputs]
+    senses = {name: sign_of(section, name) for name in section.given()}
+    for name in senses:
         if name not in known:
             why = "is no output of the model" if known else "has no model that it belongs to"
             listed = f"; outputs: {', '.join(known)}" if known else ""
             section.fault(name, f"{why}{nearest(name, known)}{listed}")
-    return {name: sense for name, sense in found.items() if sense is not None and name in known}
+    return {name: sense for name, sense in senses.items() if sense is not None and name in known}
 
 
 def sign_of(section: Section, key: str) -> int | None:
@@ -40,5 +40,5 @@ def sign_of(section: Section, key: str) -> int | None:
 
 def resolved_sense(sense: Mapping[str, int]) -> dict[str, Mapping[str, int]]:
     """The `[sense]` table, none where every output is as the convention has it."""
-    turned = {name: one for name, one in sense.items() if one < 0}
+    turned = {name: sign for name, sign in sense.items() if sign < 0}
     return {SENSE: turned} if turned else {}

@@ -1,4 +1,4 @@
-"""Every point of a design read as the run configuration that it means."""
+"""Every point of a design, read as a run configuration."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def built_points(
 
     Raises InputError with the faults of all points, each named once.
     """
-    builder = _Builder(variable_table(run, [one.key for one in factors], base.resolved))
+    builder = _Builder(variable_table(run, [factor.key for factor in factors], base.resolved))
     faults: dict[str, Fault] = {}
     points = []
     for row in design[[factor.key for factor in factors]].to_dict("records"):
@@ -40,8 +40,8 @@ def built_points(
             points.append(builder.point(values))
         except InputError as error:
             for fault in error.faults:
-                found = _placed(fault, values)
-                faults.setdefault(str(found), found)
+                placed = _placed(fault, values)
+                faults.setdefault(str(placed), placed)
     listed = list(faults.values())
     if len(listed) > SHOWN:
         more = Fault("vary", f"{len(listed) - SHOWN} more faults of this kind")
@@ -62,7 +62,7 @@ def some(design: pd.DataFrame, factors: tuple[Factor, ...], most: int) -> pd.Dat
 
 
 class _Builder:
-    """Reads points; a problem is built once, however many points share it."""
+    """Reads points; a problem that several points have in common is built once."""
 
     def __init__(self, run: Table) -> None:
         self.run = run
@@ -90,16 +90,18 @@ class _Builder:
 
     def _first(self, key: str, table: Table) -> Point:
         """The first point of a problem."""
-        found = read_table(table, [])
-        assert found.problem is not None
-        assert found.algorithm is not None
+        configuration = read_table(table, [])
+        assert configuration.problem is not None
+        assert configuration.algorithm is not None
         self._numbers[key] = len(self.problems)
-        self.problems.append(found.problem)
-        return Point(self._numbers[key], found.algorithm, found.budget, found.engine)
+        self.problems.append(configuration.problem)
+        return Point(
+            self._numbers[key], configuration.algorithm, configuration.budget, configuration.engine
+        )
 
 
 def _placed(fault: Fault, values: Mapping[str, Level]) -> Fault:
-    """A fault at the varied key that causes it, else at the run's, with the values of the point."""
+    """A fault at the varied key that causes it, else in the run, with the values of the point."""
     if fault.place in values:
         return Fault(f"vary.{fault.place}", fault.message)
     where = ", ".join(f"{key} = {value}" for key, value in values.items())

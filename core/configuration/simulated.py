@@ -23,18 +23,18 @@ def build_model(configuration: Configuration) -> Any:
 
 
 def arguments_of(configuration: Configuration) -> dict[str, Any]:
-    """What the registered model of a configuration is set up from: parameters, designs, inputs."""
+    """The arguments of the registered model of a configuration: parameters, designs, inputs."""
     kind = registry.load("models", configuration.model_name)
-    given = configuration.settings
+    stated = configuration.settings
     settings = {
-        v.name: (v, given.variables[v.name]) for v in kind.variables if v.name in given.variables
+        v.name: (v, stated.variables[v.name]) for v in kind.variables if v.name in stated.variables
     }
     designs = {
         name: variable.document if setting.value is None else setting.value
         for name, (variable, setting) in settings.items()
     }
     known = {parameter.name for parameter in kind.parameters}
-    parameters = {name: value for name, value in given.parameters.items() if name in known}
+    parameters = {name: value for name, value in stated.parameters.items() if name in known}
     for name, (_, setting) in settings.items():
         mid = mid_parameter(name)
         if setting.centre is not None and mid in known:
@@ -50,7 +50,7 @@ def rebuilt(configuration: Configuration, parameters: Mapping[str, Any]) -> Any:
     """The model with some of its parameters changed; those of tables have dotted names, and a
     mid-limit is that of its variable as well.
     """
-    given = dict(configuration.settings.parameters)
+    changed = dict(configuration.settings.parameters)
     variables = dict(configuration.settings.variables)
     for name in variables:
         if (mid := parameters.get(mid_parameter(name))) is not None:
@@ -58,9 +58,9 @@ def rebuilt(configuration: Configuration, parameters: Mapping[str, Any]) -> Any:
     for name, value in parameters.items():
         table, dot, key = name.partition(".")
         if dot:
-            known = given.get(table)
-            given[table] = {**(known if isinstance(known, Mapping) else {}), key: value}
+            known = changed.get(table)
+            changed[table] = {**(known if isinstance(known, Mapping) else {}), key: value}
         else:
-            given[name] = value
-    settings = replace(configuration.settings, parameters=given, variables=variables)
+            changed[name] = value
+    settings = replace(configuration.settings, parameters=changed, variables=variables)
     return build_model(replace(configuration, settings=settings))

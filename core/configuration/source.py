@@ -41,7 +41,7 @@ def overridden(source: Source, overrides: Sequence[str], faults: list[Fault]) ->
 def load(source: Source, faults: list[Fault]) -> Table | None:
     """The tables of a configuration, which may be changed, or None and the fault of its file.
 
-    That of where to compute is left out.
+    The table `[execution]`, of where to compute, is left out.
     """
     table = _loaded(source, faults)
     if table is not None:
@@ -92,7 +92,7 @@ def _parsed(text: str, place: str, faults: list[Fault]) -> Table | None:
 def override(table: Table, settings: Sequence[str], faults: list[Fault]) -> None:
     """Apply `key=value` settings to `table`; a value that is not TOML is taken as a string.
 
-    Those of where to compute are left out.
+    Settings of `[execution]`, of where to compute, are left out.
     """
     _merged(table, settings, faults)
     table.pop(EXECUTION, None)

@@ -44,17 +44,19 @@ RESPONSE = ("hypervolume_ratio", "gap_percent")
 def read_study(source: Source, overrides: Sequence[str] = (), most: int | None = None) -> StudyPlan:
     """The study in a TOML file or dictionary, with `key=value` overrides applied.
 
-    `run.<key>` overrides the run configuration, wherever it stands. Of a design of more than `most`
-    settings only so many are read as the runs that they mean: the plan is then good to look at, not
-    to run. Raises InputError with every fault found.
+    `run.<key>` overrides the run configuration, in a file or in the table. If a design has more
+    than `most` settings, only about as many are read as run configurations: such a plan can be
+    described, but not run. Raises InputError with every fault.
     """
     faults: list[Fault] = []
     table = load(source, faults)
     if table is None:
         raise_all(faults)
     assert table is not None
-    own = [one for one in overrides if not one.strip().startswith(f"{RUN}.")]
-    override(table, own, faults)
+    study_overrides = [
+        setting for setting in overrides if not setting.strip().startswith(f"{RUN}.")
+    ]
+    override(table, study_overrides, faults)
     top = Section(table, "", faults)
     run = _run_table(top, table, folder_of(source), overrides, faults)
     base = None if run is None else _base(run, top.take("vary"), faults)
@@ -121,11 +123,11 @@ def _planned(
         if text
     ]
     searched = {fault for problem in problems for fault in problem.search_faults()}
-    faults += sorted((Fault(f"{RUN}.{one.place}", one.message) for one in searched), key=str)
+    faults += sorted((Fault(f"{RUN}.{fault.place}", fault.message) for fault in searched), key=str)
     wanted = sum(evaluations(point.algorithm, point.budget) for point in points)
-    each = wanted * len(design) // max(len(points), 1)
+    evaluations_per_replicate = wanted * len(design) // max(len(points), 1)
     product = "settings x seeds x those of a run"
-    if complaint := too_many(settings.seeds, EVALUATIONS, each, product):
+    if complaint := too_many(settings.seeds, EVALUATIONS, evaluations_per_replicate, product):
         faults.append(Fault("seeds", complaint))
     raise_all(faults)
     return StudyPlan(settings, design, points, problems, limit)
@@ -145,25 +147,25 @@ def _run_table(
     dotted = {key: table[key] for key in table if key.startswith(f"{RUN}.")}
     top.known(dotted)
     if isinstance(run, str):
-        named = Path(abspath(folder / run))
-        folder, run = named.parent, load(named, faults)
+        path = Path(abspath(folder / run))
+        folder, run = path.parent, load(path, faults)
     elif not isinstance(run, dict):
         text = "is missing: name a run configuration" if run is None else "must be a file name"
         top.fault(RUN, f'{text} (run = "x.toml"), or give a [run] table')
         run = None
     if run is None:
         return None
-    given = [
-        one.strip().removeprefix(f"{RUN}.")
-        for one in overrides
-        if one.strip().startswith(f"{RUN}.")
+    run_overrides = [
+        setting.strip().removeprefix(f"{RUN}.")
+        for setting in overrides
+        if setting.strip().startswith(f"{RUN}.")
     ]
     lines = [f"{key.removeprefix(f'{RUN}.')}={_toml(value)}" for key, value in dotted.items()]
-    override(run, [*lines, *given], faults)
-    own: list[Fault] = []
-    found: Table = with_files(run, folder, own).table
-    faults += [Fault(f"{RUN}.{fault.place}", fault.message) for fault in own]
-    return found
+    override(run, [*lines, *run_overrides], faults)
+    run_faults: list[Fault] = []
+    tables: Table = with_files(run, folder, run_faults).table
+    faults += [Fault(f"{RUN}.{fault.place}", fault.message) for fault in run_faults]
+    return tables
 
 
 def _toml(value: Any) -> str:
@@ -171,34 +173,34 @@ def _toml(value: Any) -> str:
 
 
 def _base(run: Table, varied: Any, faults: list[Fault]) -> Configuration | None:
-    """The run as it is, by the algorithm whose settings are `varied`; with its faults."""
+    """The run as configured, by the algorithm whose settings are `varied`; its faults are added."""
     try:
-        found = read_table(run, [])
-        if _named(run, varied, found):
-            found = read_table(run, [])
+        configuration = read_table(run, [])
+        if _name_algorithm(run, varied, configuration):
+            configuration = read_table(run, [])
     except InputError as error:
         faults += [Fault(f"{RUN}.{fault.place}", fault.message) for fault in error.faults]
         return None
-    if found.problem is None:
+    if configuration.problem is None:
         faults.append(Fault(f"{RUN}.problem", "is missing: a model alone can only be simulated"))
         return None
-    if not found.problem.free:
+    if not configuration.problem.free:
         text = "every variable is fixed: there is nothing to optimise"
         faults.append(Fault(f"{RUN}.problem", text))
         return None
-    return found
+    return configuration
 
 
-def _named(run: Table, varied: Any, found: Configuration) -> bool:
-    """Whether the algorithm of a run that names none had to be named for what is varied of it."""
-    own = run.get("algorithm", {})
+def _name_algorithm(run: Table, varied: Any, configuration: Configuration) -> bool:
+    """Name the algorithm of a run where it names none and its settings are varied; whether done."""
+    stated = run.get("algorithm", {})
     keys = [key.split(".") for key in flat(varied)] if isinstance(varied, dict) else []
     asked = [key[1] for key in keys if key[0] == "algorithm" and len(key) > 1]
-    if "name" in [*own, *asked] or not asked or found.problem is None:
+    if "name" in [*stated, *asked] or not asked or configuration.problem is None:
         return False
-    problem = found.problem
-    name = by_default([*own, *asked], problem.n_obj, problem.default_algorithm)
-    run["algorithm"] = own | {"name": name}
+    problem = configuration.problem
+    name = by_default([*stated, *asked], problem.n_obj, problem.default_algorithm)
+    run["algorithm"] = stated | {"name": name}
     return True
 
 
@@ -219,7 +221,7 @@ def _responses(top: Section, base: Configuration | None) -> tuple[str, ...]:
 
 
 def _design(section: Section, folder: Path) -> Design | None:
-    """The design with its settings; a file of it is looked for beside the configuration."""
+    """The design with its settings; a file of it is looked for next to the configuration."""
     kind = section.text("kind", DESIGNS)
     if kind is None:
         if "kind" not in section:
@@ -227,21 +229,21 @@ def _design(section: Section, folder: Path) -> Design | None:
         return None
     names = {field.name for field in fields(DESIGNS[kind])}  # type: ignore[arg-type]
     section.known(["kind"])
-    found = settings_of(section, DESIGNS[kind])
-    if "file" in names and found.file:
-        found = type(found)(**(asdict(found) | {"file": abspath(folder / found.file)}))
-    assert isinstance(found, Design)
-    return found
+    design = settings_of(section, DESIGNS[kind])
+    if "file" in names and design.file:
+        design = type(design)(**(asdict(design) | {"file": abspath(folder / design.file)}))
+    assert isinstance(design, Design)
+    return design
 
 
 def _hopeless(section: Section, design: Design | None) -> bool:
-    """Whether settings are stopped that are behind beyond chance."""
-    found = section.flag("hopeless") or False
+    """Whether settings that are significantly worse are stopped."""
+    hopeless = section.flag("hopeless") or False
     section.finish()
-    if found and design is not None and design.analysis not in RACED:
+    if hopeless and design is not None and design.analysis not in RACED:
         text = f"cannot be had of {design.kind}: its statistics need every run; use one of"
         section.fault("hopeless", f"{text} {', '.join(RACED)}")
-    return found
+    return hopeless
 
 
 def _faulty(faults: list[Fault], table: str) -> bool:

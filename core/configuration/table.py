@@ -1,4 +1,4 @@
-"""`model = "table"`: a configuration whose predictions stand in the table itself."""
+"""`model = "table"`: a configuration whose predictions are columns of the table itself."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def read_table_model(top: Section, seed: int, faults: list[Fault]) -> Configurat
         Output(name, "", "") for name in top.section("columns").given() if name not in columns
     ]
     columns = _turned(columns, read_sense(top, (*outputs_of(columns), *unknown)), top)
-    if len(faults) > before:  # without its columns nothing can be said of its effects
+    if len(faults) > before:  # its effects cannot be checked without its columns
         top.finish()
         raise InputError(faults)
     model = table_model(columns, gear)
@@ -52,7 +52,7 @@ def read_table_model(top: Section, seed: int, faults: list[Fault]) -> Configurat
         "model": TABLE,
         **labels.stated(),
         "seed": seed,
-        "columns": {name: _written(one) for name, one in columns.items()},
+        "columns": {name: _written(column) for name, column in columns.items()},
         **resolved_gear(gear),
         **resolved_zero(zero),
         **resolved_effects(effects),
@@ -71,8 +71,16 @@ def table_model(columns: Mapping[str, ColumnRole], gear: Gear | None = None) -> 
     }
     apart = {name for names in by.values() for name in names}
     inputs = tuple(
-        Column(name, one.unit, one.role, True, one.role in LABELS, Role(one.role), one.sense)
-        for name, one in columns.items()
+        Column(
+            name,
+            column.unit,
+            column.role,
+            True,
+            column.role in LABELS,
+            Role(column.role),
+            column.sense,
+        )
+        for name, column in columns.items()
         if name not in apart
     )
     predictions = {
@@ -84,7 +92,7 @@ def table_model(columns: Mapping[str, ColumnRole], gear: Gear | None = None) -> 
 
 
 def outputs_of(columns: Mapping[str, ColumnRole]) -> tuple[Output, ...]:
-    """What was measured."""
+    """The measured columns as outputs."""
     return tuple(Output(n, c.unit, "measured") for n, c in columns.items() if c.role == "measured")
 
 
@@ -98,7 +106,7 @@ def _turned(
     return {n: replace(c, sense=sense.get(n, c.sense)) for n, c in columns.items()}
 
 
-def _written(one: ColumnRole) -> dict[str, Any]:
-    parts: dict[str, Any] = {"role": one.role, "unit": one.unit, "of": one.of}
-    turned = {"sense": one.sense} if one.sense < 0 else {}
+def _written(column: ColumnRole) -> dict[str, Any]:
+    parts: dict[str, Any] = {"role": column.role, "unit": column.unit, "of": column.of}
+    turned = {"sense": column.sense} if column.sense < 0 else {}
     return {key: value for key, value in parts.items() if value} | turned

@@ -19,7 +19,7 @@ def written(kind: str, config: Path | None = None) -> str:
     if kind not in KINDS:
         text = f'must be one of {", ".join(KINDS)}, got "{kind}"{nearest(kind, KINDS)}'
         raise refuse("KIND", text)
-    found = read(config or Path(str(files("tolevo.configs"))) / DEFAULT)
-    if found.problem is None:
+    configuration = read(config or Path(str(files("tolevo.configs"))) / DEFAULT)
+    if configuration.problem is None:
         raise refuse("--config", "needs a problem: a model alone has no variables")
-    return template(kind, found.problem, load("models", "rv_batch")())
+    return template(kind, configuration.problem, load("models", "rv_batch")())

@@ -1,4 +1,4 @@
-"""`[[unresolved]]`: smooth terms without a name that a gap analysis left in the corrected model."""
+"""`[[unresolved]]`: smooth terms of the corrected model that no effect of the library explains."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ LISTS = ("knots", "heights", "coefficients", "labels")
 def read_unresolved(top: Section, model: Any, name: str) -> tuple[Active, ...]:
     """The terms in the model `name`, of the class `model` (None where it is not known)."""
     count = len(top.tables(UNRESOLVED))
-    found = [_term(top.item(UNRESOLVED, at)) for at in range(count)]
+    terms = [_term(top.item(UNRESOLVED, at)) for at in range(count)]
     if model is None:
         return ()
     target = target_of(model, name) if count else None
-    for at, one in enumerate(found):
-        if one is not None and target is not None and not one.effect.own_applies(target):
+    for at, term in enumerate(terms):
+        if term is not None and target is not None and not term.effect.own_applies(target):
             top.item(UNRESOLVED, at).fault(
                 "variable", f"the model {name} lacks a column or the output of this term"
             )
-    return tuple(one for one in found if one is not None)
+    return tuple(term for term in terms if term is not None)
 
 
 def _term(section: Section) -> Active | None:
@@ -40,14 +40,14 @@ def _term(section: Section) -> Active | None:
                 key, "is missing: a term has an output, a variable, a shape and coefficients"
             )
             faulty = True
-    given: dict[str, Any] = {}
-    for key in (*(one.name for one in fields(Term)), "coefficients"):
+    term_table: dict[str, Any] = {}
+    for key in (*(field.name for field in fields(Term)), "coefficients"):
         if key in section:
             value = _value(section, key)
             faulty |= value is None
-            given[key] = value
-    if not faulty and len(given.get("heights", ())) != len(given.get("knots", ())) * (
-        given["shape"] == "curve"
+            term_table[key] = value
+    if not faulty and len(term_table.get("heights", ())) != len(term_table.get("knots", ())) * (
+        term_table["shape"] == "curve"
     ):
         section.fault(
             "heights", "must be one for each of the knots of a curve, and of no other shape"
@@ -56,7 +56,7 @@ def _term(section: Section) -> Active | None:
     section.finish()
     if faulty:
         return None
-    effect, values = unresolved_of(given)
+    effect, values = unresolved_of(term_table)
     if len(values) != effect.term.count:
         section.fault(
             "coefficients",
@@ -77,17 +77,17 @@ def _value(section: Section, key: str) -> Any:
         return section.number(key, "")
     value = section.take(key)
     kinds, what = ((str,), "texts") if key == "labels" else ((int, float), "numbers")
-    if not isinstance(value, list) or not all(type(one) in kinds for one in value):
+    if not isinstance(value, list) or not all(type(entry) in kinds for entry in value):
         section.fault(key, f"must be a list of {what}, got {shown(value)}")
         return None
-    return value if key == "labels" else [float(one) for one in value]
+    return value if key == "labels" else [float(number) for number in value]
 
 
 def resolved_unresolved(effects: Iterable[Active]) -> dict[str, list[Mapping[str, Any]]]:
     """The `[[unresolved]]` tables of the effects that are such terms; none where there is none."""
     tables: list[Mapping[str, Any]] = [
-        one.effect.term.table(one.effect.coefficients(one.values))
-        for one in effects
-        if isinstance(one.effect, Unresolved)
+        active.effect.term.table(active.effect.coefficients(active.values))
+        for active in effects
+        if isinstance(active.effect, Unresolved)
     ]
     return {UNRESOLVED: tables} if tables else {}

@@ -88,8 +88,8 @@ def _zone(section: Section, variable: Variable) -> Zone | None:
     if variable.kind is not Kind.HALF_WIDTH:
         section.fault("limits", f"do not apply to a {variable.kind}: give value")
         return None
-    if other := [key for key in ("value", "low", "high", "mid") if key in section]:
-        section.fault("limits", f"set value and mid: leave out {', '.join(other)}")
+    if conflicting := [key for key in ("value", "low", "high", "mid") if key in section]:
+        section.fault("limits", f"set value and mid: leave out {', '.join(conflicting)}")
         return None
     try:
         zone = Zone.of_text(text)
@@ -105,15 +105,19 @@ def _zone(section: Section, variable: Variable) -> Zone | None:
 def _agreed(
     section: Section, variable: Variable, mid: float | None, parameters: Mapping[str, Value]
 ) -> float | None:
-    """The mid-limit, which `[parameters]` may state as well, or instead."""
+    """The mid-limit; `[parameters]` may state it as well, or instead."""
     name = mid_parameter(variable.name)
-    other = parameters.get(name)
-    if not isinstance(other, int | float) or isinstance(other, bool) or variable.mid is None:
+    parameter = parameters.get(name)
+    if (
+        not isinstance(parameter, int | float)
+        or isinstance(parameter, bool)
+        or variable.mid is None
+    ):
         return mid
-    if mid is not None and not math.isclose(mid, other, rel_tol=1e-9, abs_tol=1e-12):
+    if mid is not None and not math.isclose(mid, parameter, rel_tol=1e-9, abs_tol=1e-12):
         key = "mid" if "mid" in section else "limits"
-        section.fault(key, f"differs from parameters.{name}: {mid:g} here, {other:g} there")
-    return float(other) if mid is None else mid
+        section.fault(key, f"differs from parameters.{name}: {mid:g} here, {parameter:g} there")
+    return float(parameter) if mid is None else mid
 
 
 def _distribution(section: Section, variable: Variable) -> Distribution | None:
@@ -122,12 +126,12 @@ def _distribution(section: Section, variable: Variable) -> Distribution | None:
             if section.take(key) is not None:
                 section.fault(key, f"{variable.name} ({variable.kind}) has no distribution to set")
         return None
-    found = read_distribution(section)
-    if found is None or not found.one_sided:
-        return found
+    law = read_distribution(section)
+    if law is None or not law.one_sided:
+        return law
     radius = "is a radius, from mid to mid + t"
     if variable.kind is not Kind.HALF_WIDTH:
         section.fault("distribution", f"{radius}: it does not apply to a {variable.kind}")
     elif "limits" in section:
         section.fault("limits", f"do not apply: the input {radius}. Give value and mid")
-    return found
+    return law

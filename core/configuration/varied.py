@@ -22,74 +22,78 @@ def read_factors(section: Section, table: Table, base: Mapping[str, Any]) -> tup
 
     Keys may be quoted ("algorithm.population") or written as tables; both mean the same.
     """
-    found = []
+    factors = []
     for key, value in _entries(table).items():
         section.known([key.split(".")[0], key])
         if key == SEED or key.startswith("run."):
             hint = "the seeds are the replicates: set seeds" if key == SEED else "leave out `run.`"
             section.fault(key, f"cannot be varied: {hint}")
         elif key not in base:
-            known = ", ".join(_beside(key, base))
+            known = ", ".join(_neighbours(key, base))
             text = f"is no setting of this run that has a value{nearest(key, base)}"
             section.fault(key, f"{text}; beside it: {known}" if known else text)
         else:
-            found.append(_factor(section, key, value, base[key]))
+            factors.append(_factor(section, key, value, base[key]))
     section.finish()
-    if not found and not table:
+    if not factors and not table:
         section.fault("", "names nothing to vary: give at least one key of the run configuration")
-    return tuple(factor for factor in found if factor is not None)
+    return tuple(factor for factor in factors if factor is not None)
 
 
 def _entries(table: Table) -> dict[str, Any]:
     """Levels or ranges by dotted key."""
-    found: dict[str, Any] = {}
+    entries: dict[str, Any] = {}
     for key, value in table.items():
         if isinstance(value, dict) and not value.keys() & set(RANGE_KEYS):
-            found |= {f"{key}.{rest}": one for rest, one in _entries(value).items()}
+            entries |= {f"{key}.{rest}": levels for rest, levels in _entries(value).items()}
         else:
-            found[key] = value
-    return found
+            entries[key] = value
+    return entries
 
 
-def _beside(key: str, base: Mapping[str, Any]) -> list[str]:
+def _neighbours(key: str, base: Mapping[str, Any]) -> list[str]:
     """Keys of the run in the same table."""
     place = key.rpartition(".")[0]
-    return [one for one in base if one.rpartition(".")[0] == place and one != SEED]
+    return [
+        neighbour
+        for neighbour in base
+        if neighbour.rpartition(".")[0] == place and neighbour != SEED
+    ]
 
 
-def _factor(section: Section, key: str, value: Any, own: Any) -> Factor | None:
-    """A factor from its levels or range; `own` is the run's own value."""
-    whole = isinstance(own, int) and not isinstance(own, bool)
+def _factor(section: Section, key: str, value: Any, base_value: Any) -> Factor | None:
+    """A factor from its levels or range; `base_value` is the value in the run configuration."""
+    whole = isinstance(base_value, int) and not isinstance(base_value, bool)
     if isinstance(value, list):
-        return _levels(section, key, value, own)
+        return _levels(section, key, value, base_value)
     if isinstance(value, dict):
         return _range(section, key, value, whole)
     section.fault(key, f"must be a list of values or a table with low and high, got {shown(value)}")
     return None
 
 
-def _levels(section: Section, key: str, value: list[Any], own: Any) -> Factor | None:
+def _levels(section: Section, key: str, value: list[Any], base_value: Any) -> Factor | None:
     kinds = {str: (str, "a name"), int: (int, "a whole number")}
-    kind, wanted = kinds.get(type(own), ((int, float), "a number"))
+    kind, wanted = kinds.get(type(base_value), ((int, float), "a number"))
     if not value:
         section.fault(key, "names no values")
-    for at, one in enumerate(value):
-        if not isinstance(one, kind) or isinstance(one, bool):
-            section.fault(f"{key}[{at}]", f"must be {wanted}, got {shown(one)}")
+    for at, level in enumerate(value):
+        if not isinstance(level, kind) or isinstance(level, bool):
+            section.fault(f"{key}[{at}]", f"must be {wanted}, got {shown(level)}")
             return None
-        if one in value[:at]:
-            section.fault(key, f"names {shown(one)} twice")
+        if level in value[:at]:
+            section.fault(key, f"names {shown(level)} twice")
             return None
-    levels = tuple(float(one) if isinstance(own, float) else one for one in value)
-    return Factor(key, levels, integer=isinstance(own, int)) if levels else None
+    levels = tuple(float(level) if isinstance(base_value, float) else level for level in value)
+    return Factor(key, levels, integer=isinstance(base_value, int)) if levels else None
 
 
 def _range(section: Section, key: str, value: Table, whole: bool) -> Factor | None:
-    own = section.of(key, value)
-    low, high = own.number("low"), own.number("high")
-    count = own.integer("levels", Range(low=2), SETTINGS)
-    log, integer = own.flag("log") or False, own.flag("integer")
-    own.finish()
+    limits = section.of(key, value)
+    low, high = limits.number("low"), limits.number("high")
+    count = limits.integer("levels", Range(low=2), SETTINGS)
+    log, integer = limits.flag("log") or False, limits.flag("integer")
+    limits.finish()
     if low is None or high is None:
         if "low" not in value or "high" not in value:
             section.fault(key, "needs low and high")
@@ -112,27 +116,27 @@ def variable_table(run: Table, keys: Iterable[str], resolved: Mapping[str, Any])
 
     `limits.yaw_mrad.max` is a key of the resolved run, where the file may say `yaw_mrad = 0.2`.
     """
-    found = deepcopy(run)
+    tables = deepcopy(run)
     for key in keys:
-        if not merge(deepcopy(found), _nested(key, 0.0)):
+        if not merge(deepcopy(tables), _nested(key, 0.0)):
             top = key.split(".")[0]
-            found[top] = deepcopy(resolved[top])
-    return found
+            tables[top] = deepcopy(resolved[top])
+    return tables
 
 
 def with_values(table: Table, values: Mapping[str, Level]) -> Table:
     """A copy of the run's tables with other values of some keys (dotted)."""
-    found = deepcopy(table)
+    copy = deepcopy(table)
     for key, value in values.items():
-        merge(found, _nested(key, value))
-    return found
+        merge(copy, _nested(key, value))
+    return copy
 
 
 def _nested(key: str, value: Any) -> Table:
     for name in reversed(key.split(".")):
         value = {name: value}
-    found: Table = value
-    return found
+    nested: Table = value
+    return nested
 
 
 def base_values(run: Table, resolved: Mapping[str, Any]) -> dict[str, Any]:

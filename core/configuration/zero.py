@@ -1,4 +1,4 @@
-"""`[zero]`: what an instrument reads where the model says nothing, by output."""
+"""`[zero]`: the offset of an instrument where the model predicts zero, by output."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ ZERO = "zero"
 
 def read_zero(top: Section, outputs: Iterable[Output]) -> dict[str, float]:
     """The zeros that are given, in the unit of their output; names of no output are faults."""
-    section, known = top.section(ZERO), {one.name: one.unit for one in outputs}
-    found = {name: section.number(name, unit) for name, unit in known.items() if name in section}
+    section, known = top.section(ZERO), {output.name: output.unit for output in outputs}
+    zeros = {name: section.number(name, unit) for name, unit in known.items() if name in section}
     for name in section.given():
         if name not in known:
             why = "is no output of the model" if known else "has no model that it belongs to"
             section.fault(name, f"{why}{nearest(name, known)}")
-    return {name: value for name, value in found.items() if value is not None}
+    return {name: value for name, value in zeros.items() if value is not None}
 
 
 def resolved_zero(zero: Mapping[str, float]) -> dict[str, Mapping[str, float]]:

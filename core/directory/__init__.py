@@ -1,9 +1,9 @@
-"""The directory of a result: one owner, one verdict.
+"""The directory of a result: one owner, one state.
 
-A command takes it (`owned`), which locks it; retires what is there (`begin`), from which on it is
-that of an unfinished result; and marks the set that it has written (`complete`) by a manifest with
-the digest of every file, written last. Whoever reads one asks for its `standing`, or, where only a
-complete one will do, why it is `not_whole`.
+A command takes it (`owned`), which locks it; retires the old result (`begin`), after which the
+directory is that of an unfinished result; and marks the set of files that it has written
+(`complete`) by a manifest with the digest of every file, written last. A reader asks for the
+`standing` of a directory or, where a complete result is needed, why it is `not_whole`.
 """
 
 from __future__ import annotations

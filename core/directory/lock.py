@@ -20,7 +20,7 @@ from typing import Any, TypeVar
 LOCK = ".tolevo-lock"
 OTHER = "another process"
 PATIENCE = 0.3
-"""Time [s] within which a look at the lock by somebody else is over."""
+"""Time [s] within which another process has finished testing the lock."""
 STEP = 0.02
 Found = TypeVar("Found")
 
@@ -40,7 +40,7 @@ class Lock:
         self._sign()
 
     def share(self) -> None:
-        """Let others in that share. Raises Held where somebody took the directory meanwhile."""
+        """Share the lock with others. Raises Held where one took the directory meanwhile."""
         handle = self._handle
         if handle is None or not self.exclusive:
             return
@@ -50,7 +50,7 @@ class Lock:
             raise Held(holders(self.path.parent) or OTHER)
 
     def exclude(self, patience: float) -> None:
-        """Wait until nobody shares any more. Raises Held where that takes longer."""
+        """Wait until no process shares any more. Raises Held where that takes longer."""
         if self.exclusive:
             return
         self._let_go()  # two that both held on would wait for each other
@@ -113,10 +113,10 @@ def acquire(
 
 
 def hold(path: Path, kind: int) -> int | None:
-    """A handle on `path` with a lock on it, None where somebody else has one.
+    """A handle on `path` with a lock on it, None where another process has one.
 
-    The file is made where there is none. One that its last holder took away meanwhile does not
-    count: whoever comes next would lock another.
+    The file is made where there is none. A file that its last holder removed meanwhile does not
+    count: the next process would lock another file.
     """
     while True:
         handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
@@ -150,7 +150,7 @@ def is_held(path: Path) -> bool:
 
 
 def holders(folder: Path) -> str:
-    """Who works in a directory, in words; empty where nobody does."""
+    """The processes that work in a directory, in words; empty where there are none."""
     if not is_held(folder / LOCK):
         return ""
     return " and ".join(map(_words, _entries(folder))) or OTHER
@@ -172,9 +172,9 @@ def _entries(folder: Path) -> list[dict[str, Any]]:
 def patient(attempt: Callable[[], Found | None], seconds: float = PATIENCE) -> Found | None:
     """What `attempt` returns, tried again for so long while it is None."""
     until = time.monotonic() + seconds
-    while (found := attempt()) is None and time.monotonic() < until:
+    while (outcome := attempt()) is None and time.monotonic() < until:
         time.sleep(STEP)
-    return found
+    return outcome
 
 
 def _flock(handle: int, kind: int) -> bool:

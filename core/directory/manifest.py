@@ -57,7 +57,7 @@ def read_manifest(folder: Path) -> Manifest | None:
 
 
 def strangers(folder: Path, manifest: Manifest, apart: Iterable[str] = ()) -> list[Fault]:
-    """A fault for every file that is not of the one set; those of `apart` aside."""
+    """A fault for every file that is not of the one set, except those in `apart`."""
     faults = []
     for name in present(folder, KINDS[manifest.command].files):
         if name in apart:

@@ -13,9 +13,9 @@ from pathlib import Path
 class Kind:
     """The files of one command, as patterns relative to its directory.
 
-    `marks` tell that a directory holds such a result, `state` is what a broken one goes on from,
-    `files` are all of the result but `pages`, which `report` builds again. `saved` says in words
-    what the state is.
+    `marks` show that a directory holds such a result, `state` is what an interrupted one resumes
+    from, `files` are all of the result but `pages`, which `report` builds again. `saved` says in
+    words what the state is.
     """
 
     marks: tuple[str, ...]
@@ -116,18 +116,18 @@ KINDS: Mapping[str, Kind] = {
         saved="the search as it was saved last",
     ),
 }
-"""By command; those that tell most first, where a directory holds more than one result."""
+"""By command; the most specific ones first, where a directory holds more than one result."""
 
 
 def present(folder: Path, patterns: Iterable[str]) -> list[str]:
     """Names of the files in a directory that fit one of the patterns, in their order."""
-    found = (sorted(folder.glob(pattern)) for pattern in patterns)
-    files = (path for path in chain.from_iterable(found) if path.is_file() or path.is_symlink())
+    matches = (sorted(folder.glob(pattern)) for pattern in patterns)
+    files = (path for path in chain.from_iterable(matches) if path.is_file() or path.is_symlink())
     return list(dict.fromkeys(path.relative_to(folder).as_posix() for path in files))
 
 
 def kinds_in(folder: Path) -> list[str]:
-    """Commands whose results or states a directory holds, by the files that tell them."""
+    """Commands whose results or states a directory holds, by their characteristic files."""
     return [name for name, kind in KINDS.items() if present(folder, (*kind.marks, *kind.state))]
 
 
@@ -140,7 +140,7 @@ def folders(folder: Path) -> list[Path]:
     """The directory, and those below it that commands write into."""
     patterns = chain.from_iterable((*kind.files, *kind.pages) for kind in KINDS.values())
     parents = {str(Path(pattern).parent) for pattern in patterns}
-    return [folder / one for one in sorted(parents) if (folder / one).is_dir()]
+    return [folder / parent for parent in sorted(parents) if (folder / parent).is_dir()]
 
 
 def fits(name: str, patterns: Iterable[str]) -> bool:

@@ -53,16 +53,16 @@ class Ownership:
         if not occupied(self.folder):
             return True
         here = self.standing
-        mine = here.unfinished is not None and here.command == self.command
-        return mine and not present(self.folder, KINDS[self.command].state)
+        same_command = here.unfinished is not None and here.command == self.command
+        return same_command and not present(self.folder, KINDS[self.command].state)
 
     @property
     def joined(self) -> bool:
-        """Whether others may be at work on the same result: nothing may be retired."""
+        """Whether others may be at work on the same result, so that nothing may be retired."""
         return not self._lock.exclusive
 
     def check(self, resume: bool, overwrite: bool, apart: Sequence[str] = ()) -> None:
-        """Look at what is there. Raises InputError where it cannot be gone on with or replaced."""
+        """Check what is there. Raises InputError where it cannot be continued or replaced."""
         if not resume:
             if not overwrite and occupied(self.folder):
                 raise refuse("--out", OCCUPIED.format(self.folder))
@@ -79,7 +79,7 @@ class Ownership:
             self.standing = standing(self.folder, apart)
 
     def begin(self, keep: Sequence[str] = ()) -> None:
-        """Retire what is there but the files `keep`, of which the new result goes on.
+        """Retire what is there except the files `keep`, which the new result continues from.
 
         From here on the directory is that of an unfinished result.
         """
@@ -112,19 +112,19 @@ class Ownership:
             write_unfinished(self.folder, self.command, self._token)
 
     def share(self) -> None:
-        """Let processes in that help with the same result."""
+        """Let other processes join in the same result."""
         try:
             self._lock.share()
-        except Held as other:
-            raise RunError(f"{self.folder} {BUSY.format(other)}") from None
+        except Held as holder:
+            raise RunError(f"{self.folder} {BUSY.format(holder)}") from None
         self._still_ours()
 
     def exclude(self) -> bool:
-        """Wait until all that helped are through; whether it is left to us to complete it."""
+        """Wait until all that helped are through; whether this process completes the result."""
         try:
             self._lock.exclude(LAST)
-        except Held as other:
-            raise RunError(f"{self.folder} {BUSY.format(other)}") from None
+        except Held as holder:
+            raise RunError(f"{self.folder} {BUSY.format(holder)}") from None
         if (self.folder / MANIFEST).exists():
             return False
         self._still_ours()
@@ -136,7 +136,7 @@ class Ownership:
         (self.folder / UNFINISHED).unlink(missing_ok=True)
 
     def release(self) -> None:
-        """Let go of the directory; one that was made for nothing goes."""
+        """Release the directory; one that was made and not used is removed."""
         self._lock.release()
         if not self.begun:
             for path in self._made:
@@ -144,7 +144,7 @@ class Ownership:
                     path.rmdir()
 
     def unwritten(self, path: object, reason: str, remedy: str) -> TolevoError:
-        """What is said where a file cannot be written: why, what is kept, and how to go on."""
+        """The error where a file cannot be written: why, what is kept, and how to go on."""
         if not self.begun:
             return refuse("--out", UNCHANGED.format(path, reason, remedy))
         kind = KINDS[self.command]
@@ -157,7 +157,7 @@ class Ownership:
         )
 
     def _still_ours(self) -> None:
-        """Raises RunError where somebody else began anew while the lock was passed on."""
+        """Raises RunError where another process began anew while the lock was passed on."""
         with suppress(ValueError):
             mark = read_unfinished(self.folder)
             if mark is not None and mark.token == self._token:
@@ -179,10 +179,10 @@ def owned(
 ) -> Iterator[Ownership]:
     """Hold the directory of a result for a `tolevo <command>`, made where there is none.
 
-    With `resume` what it holds is gone on with, and where `shared` others may be at work on it.
-    Files of `apart` check themselves. Raises InputError where another process holds it, where it
-    is not empty and neither `resume` nor `overwrite` is given, or where what it holds is not of one
-    piece; RunError where a file cannot be written later on.
+    With `resume` its result is continued, and where `shared` others may be at work on it. The files
+    in `apart` check themselves. Raises InputError where another process holds it, where it is not
+    empty and neither `resume` nor `overwrite` is given, or where its files do not belong together;
+    RunError where a file cannot be written later on.
     """
     made = [path for path in (folder, *folder.parents) if not path.exists()]
     try:
@@ -209,7 +209,7 @@ def owned(
 
 def _taken(folder: Path, command: str, shared: bool) -> Lock:
     def same() -> bool:
-        """Whether those who hold it share what we would do."""
+        """Whether its holders run the same command."""
         with suppress(ValueError):
             mark = read_unfinished(folder)
             return mark is not None and mark.command == command
@@ -220,12 +220,12 @@ def _taken(folder: Path, command: str, shared: bool) -> Lock:
         folder.mkdir(parents=True, exist_ok=True)
         try:
             return acquire(folder, command, same if shared else None, PATIENCE)
-        except FileNotFoundError:  # its last owner had made it for nothing, and took it away
+        except FileNotFoundError:  # its last owner had not needed it, and removed it
             continue
-        except Held as other:
+        except Held as holder:
             soon = shared and command in commands(folder) and time.monotonic() < until
             if not soon:
-                raise refuse("--out", f"{folder} {BUSY.format(other)}") from None
+                raise refuse("--out", f"{folder} {BUSY.format(holder)}") from None
 
 
 def _unmade(made: Sequence[Path]) -> None:
@@ -236,6 +236,6 @@ def _unmade(made: Sequence[Path]) -> None:
 
 def busy_faults(folder: Path, place: str) -> list[Fault]:
     """A fault where a process holds a directory."""
-    if other := holders(folder):
-        return [Fault(place, f"{folder} {BUSY.format(other)}")]
+    if holder := holders(folder):
+        return [Fault(place, f"{folder} {BUSY.format(holder)}")]
     return []

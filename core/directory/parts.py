@@ -15,12 +15,12 @@ OLDER = re.compile(r"\.(?P<name>.+)\.[a-z0-9_]{8}")
 
 def is_part(name: str, known: Callable[[str], bool]) -> bool:
     """Whether a file or folder is the beginning of one that is `known`."""
-    found = PART.fullmatch(name) or OLDER.fullmatch(name)
-    return found is not None and known(found["name"])
+    match = PART.fullmatch(name) or OLDER.fullmatch(name)
+    return match is not None and known(match["name"])
 
 
 def sweep(folders: Iterable[Path], known: Callable[[str], bool]) -> None:
-    """Remove the leftovers in directories that nobody else writes into."""
+    """Remove the leftovers in directories that no other process writes into."""
     for folder in folders:
         for path in folder.iterdir():
             if not is_part(path.name, known):

@@ -1,4 +1,4 @@
-"""The verdict on a directory: complete, unfinished, of more than one piece, or without a mark."""
+"""The state of a directory: complete, unfinished, inconsistent, or without a mark."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ OWNERS = ".at-work-"
 
 @dataclass(frozen=True, slots=True)
 class Standing:
-    """How a directory stands.
+    """The state of a directory.
 
-    `command` is whose result it holds, empty where that is not known. A complete one has a
-    manifest, an unfinished one a mark of its own; one with neither is of an older version, or
-    nothing. `faults` say what is not of one piece or cannot be read; nothing may be made of such a
-    directory. `missing` are files of a complete one that are gone, `holders` who works in it.
+    `command` is the one whose result it holds, empty where that is not known. A complete result has
+    a manifest, an unfinished one a mark of its own; one with neither is of an older version, or
+    none. `faults` say what does not belong together or cannot be read; such a directory may not be
+    used. `missing` are files of a complete result that are gone, `holders` who works in it.
     """
 
     command: str = ""
@@ -35,16 +35,16 @@ class Standing:
     missing: tuple[str, ...] = ()
     holders: str = ""
     seal: bytes = field(default=b"", repr=False)
-    """The marks as bytes: equal as long as nobody has begun or ended anything."""
+    """The marks as bytes: equal as long as no command has begun or ended."""
 
     @property
     def complete(self) -> bool:
-        """Whether it is a complete set of one piece."""
+        """Whether it is a complete set of files that belong together."""
         return self.manifest is not None and not self.faults and not self.missing
 
 
 def standing(folder: Path, apart: Iterable[str] = ()) -> Standing:
-    """The verdict on a directory; files of `apart` check themselves and are not looked at."""
+    """The state of a directory; the files in `apart` check themselves and are not tested."""
     busy, seal = holders(folder), seal_of(folder)
     faults: list[Fault] = []
     manifest = unfinished = None
@@ -70,7 +70,7 @@ def standing(folder: Path, apart: Iterable[str] = ()) -> Standing:
 
 
 def not_whole(folder: Path) -> tuple[Fault, ...]:
-    """Why nothing is to be read from a result: it is unfinished, or not of one piece."""
+    """Why a result must not be read: it is unfinished, or its files do not belong together."""
     here = standing(folder)
     if here.unfinished is None:
         return here.faults
@@ -85,13 +85,13 @@ def not_whole(folder: Path) -> tuple[Fault, ...]:
 
 def seal_of(folder: Path) -> bytes:
     """The marks of a directory as bytes."""
-    found = []
+    marks = []
     for name in (MANIFEST, UNFINISHED):
         try:
-            found.append((folder / name).read_bytes())
+            marks.append((folder / name).read_bytes())
         except OSError:
-            found.append(b"")
-    return b"\0".join(found)
+            marks.append(b"")
+    return b"\0".join(marks)
 
 
 def occupied(folder: Path) -> bool:

@@ -1,4 +1,4 @@
-"""The mark of a result that is being made, or was broken off: what stands there is not whole."""
+"""The mark of a result that is being made or was interrupted: its files are not complete."""
 
 from __future__ import annotations
 
@@ -45,6 +45,6 @@ def read_unfinished(folder: Path) -> Unfinished | None:
 
 
 def _inside(name: str) -> bool:
-    """Whether it is the name of a result in the directory itself: whatever else stays."""
+    """Whether it is the name of a result in the directory itself; other files are not removed."""
     path = Path(name)
     return not path.is_absolute() and ".." not in path.parts and known(path.name)

@@ -23,13 +23,13 @@ from .typed import is_label
 from .unit_text import names_of, split_header, unit_of_cell
 
 SHOWN = 100
-"""Bad rows of a table, or bad cells of one column, that are named; the rest is counted."""
+"""Bad rows of a table, or bad cells of one column, that are listed; the rest is counted."""
 
 
 def assembled(
     rows: list[Row], dialect: Dialect, place: str, options: ReadOptions, bulk: Bulk | None = None
 ) -> tuple[Table | None, list[Fault]]:
-    """The table in the rows of a file, which are not empty; of a long one, in its bulk."""
+    """The table in the rows of a file, which are not empty; for a long file, in its bulk."""
     layout = laid_out(rows, place)
     header, body = _squared(layout)
     faults = [*layout.faults, *_form_faults(header, body, place)]
@@ -37,33 +37,33 @@ def assembled(
     lines = [at for at, _ in whole]
     columns: list[Any] = [list(cells) for cells in zip(*(row for _, row in whole), strict=True)]
     if bulk is not None:
-        found = None if faults else bulk.columns(lines[0], lines[-1], len(header))
-        if found is None:
+        arrays = None if faults else bulk.columns(lines[0], lines[-1], len(header))
+        if arrays is None:
             separator = Separator(dialect.delimiter, dialect.quote, bulk.skipped)
             return assembled(rows_of(bulk.text, separator, place), dialect, place, options)
-        columns, lines = found, list(range(lines[0], lines[-1] + 1))
+        columns, lines = arrays, list(range(lines[0], lines[-1] + 1))
     columns = columns or [[] for _ in header]
-    given: dict[str, Any] = {}
+    cells_of: dict[str, Any] = {}
     for name, cells in zip(header, columns, strict=True):
-        given.setdefault(name, cells)
-    proofs, numbers = _proofs(given)
+        cells_of.setdefault(name, cells)
+    proofs, numbers = _proofs(cells_of)
     delimiter = dialect.delimiter if dialect.kind == "csv" else ""
     signs, doubts = decide(proofs, options.decimal, delimiter, place)
-    plain = {n: _plain(cells, proofs[n], signs.get(n)) for n, cells in given.items()}
+    plain = {n: _plain(cells, proofs[n], signs.get(n)) for n, cells in cells_of.items()}
     return _table(layout, dialect, header, plain, proofs, signs, lines, numbers), faults + doubts
 
 
-def _proofs(given: dict[str, Any]) -> tuple[dict[str, Evidence], dict[str, NDArray[Any]]]:
+def _proofs(cells_of: dict[str, Any]) -> tuple[dict[str, Evidence], dict[str, NDArray[Any]]]:
     """What the cells of each column prove, and the numbers of those that are read at once."""
     proofs, numbers = {}, {}
-    for name, cells in given.items():
+    for name, cells in cells_of.items():
         if isinstance(cells, list):
             proofs[name] = evidence(cells)
             continue
         quick = proven(cells)
         if quick is None:
-            given[name] = cells.to_pylist()
-            proofs[name] = evidence(given[name])
+            cells_of[name] = cells.to_pylist()
+            proofs[name] = evidence(cells_of[name])
         else:
             proofs[name] = quick[0]
             if quick[1] is not None:
@@ -106,23 +106,23 @@ def _table(
         if n in quick or (proofs[n].numeric and not any(map(is_label, columns[n])))
     )
     used = [signs[n] for n in columns if signs.get(n) and (proofs[n].point or proofs[n].comma)]
-    found = replace(
+    complete = replace(
         dialect,
         decimal="".join(sorted(set(used)))[:1] if len(set(used)) == 1 else "",
-        thousands=next((one.group for one in proofs.values() if one.group), ""),
+        thousands=next((proof.group for proof in proofs.values() if proof.group), ""),
         header=layout.header[0],
         unit_row=layout.units[0] if layout.units else 0,
     )
     slow = [name for name in numeric if name not in {names[n] for n in quick}]
     slow += [names[n] for n, values in quick.items() if np.isnan(values).any()]
-    values = {names[n]: one for n, one in quick.items()}
-    own = {names[n]: one for n, one in columns.items()}
+    values = {names[n]: column for n, column in quick.items()}
+    cells_of = {names[n]: column for n, column in columns.items()}
     notes = [*layout.notes]
     for name in slow:
-        notes += _missing_notes(name, own[name], lines, values.get(name))
+        notes += _missing_notes(name, cells_of[name], lines, values.get(name))
     headers = {names[n]: n for n in columns}
-    columns_of = Columns(own, lines)
-    return Table(columns_of, found, units, tuple(notes), numeric, headers, values)
+    columns_of = Columns(cells_of, lines)
+    return Table(columns_of, complete, units, tuple(notes), numeric, headers, values)
 
 
 def _squared(layout: Layout) -> tuple[list[str], list[Row]]:
@@ -146,26 +146,26 @@ def _squared(layout: Layout) -> tuple[list[str], list[Row]]:
 
 def _form_faults(header: list[str], body: list[Row], place: str) -> list[Fault]:
     """Faults of column names and of rows of the wrong length."""
-    found = []
+    faults = []
     for name in dict.fromkeys(header):
         if not name:
-            found.append(Fault(place, f"column {header.index(name) + 1} has no name"))
+            faults.append(Fault(place, f"column {header.index(name) + 1} has no name"))
         elif header.count(name) > 1:
-            found.append(Fault(place, f"column {name} appears {header.count(name)} times"))
+            faults.append(Fault(place, f"column {name} appears {header.count(name)} times"))
     if not body:
-        found.append(Fault(place, "has no rows below its column names"))
+        faults.append(Fault(place, "has no rows below its column names"))
     wrong = [(at, len(row)) for at, row in body if len(row) != len(header)]
     text = f"{len(header)} cells expected, as many as there are column names, got"
-    found += [Fault(f"{place}: row {at}", f"{text} {count}") for at, count in wrong[:SHOWN]]
+    faults += [Fault(f"{place}: row {at}", f"{text} {count}") for at, count in wrong[:SHOWN]]
     if len(wrong) > SHOWN:
-        found.append(Fault(place, f"{len(wrong) - SHOWN} more rows of another length"))
-    return found
+        faults.append(Fault(place, f"{len(wrong) - SHOWN} more rows of another length"))
+    return faults
 
 
 def _missing_notes(
     name: str, cells: Any, lines: list[int], values: NDArray[Any] | None
 ) -> list[str]:
-    """How many cells of a column of numbers are none."""
+    """A note on the cells of a column of numbers that hold no number."""
     known = values
     if known is None:
         known = np.asarray(pd.to_numeric(pd.Series(cells, dtype=object), errors="coerce"))

@@ -1,4 +1,4 @@
-"""Long files: the layout comes from their first and last lines, the readings all at once.
+"""Long files: the layout comes from their first and last lines, the cells are read all at once.
 
 Whatever is not plain (quoted line breaks, empty lines, rows of many lengths) is read cell by cell
 instead, with the same result.
@@ -33,7 +33,7 @@ _GROUPED = {
 }
 _MARKS = pa.array(
     sorted(
-        {form for one in MISSING for form in (one, one.upper(), one.title())}
+        {form for mark in MISSING for form in (mark, mark.upper(), mark.title())}
         | {"n.i.O.", "NaN", "n.i.O", "k.A.", "k. A."}
     )
 )
@@ -71,9 +71,9 @@ class Bulk:
         if table.num_rows != last - first + 1:
             return None
         arrays = [column.combine_chunks() for column in table.columns]
-        wide = any(one in self.text for one in _WIDE)
+        wide = any(space in self.text for space in _WIDE)
         trimmed = pc.utf8_trim_whitespace if wide else pc.ascii_trim_whitespace
-        return [trimmed(one) for one in arrays]
+        return [trimmed(array) for array in arrays]
 
     def ends(self) -> list[str]:
         """Lines of both ends, those of the middle left out."""
@@ -97,8 +97,8 @@ def bulk_of(text: str, delimiter: str, quote: str, skipped: int) -> Bulk | None:
 
 def rows_of_ends(bulk: Bulk) -> list[Row]:
     """The rows of both ends by the number of their line."""
-    given = [(at, line) for at, line in enumerate(bulk.ends(), 1) if line.strip()]
-    lines = [one for one in given if one[0] > bulk.skipped]
+    filled = [(at, line) for at, line in enumerate(bulk.ends(), 1) if line.strip()]
+    lines = [line for line in filled if line[0] > bulk.skipped]
     reader = csv.reader((line for _, line in lines), delimiter=bulk.delimiter)
     rows = [(at, [*map(str.strip, row)]) for (at, _), row in zip(lines, reader, strict=False)]
     return [row for row in rows if any(row[1])]
@@ -106,7 +106,9 @@ def rows_of_ends(bulk: Bulk) -> list[Row]:
 
 def _has_empty_rows(body: bytes, hollow: bytes) -> bool:
     """Whether lines of bytes hold nothing, or nothing between their delimiters, `hollow`."""
-    return any(one in body for one in (b"\n\n", b"\n\r\n", b"\n%b\n" % hollow, b"\n%b\r" % hollow))
+    return any(
+        ending in body for ending in (b"\n\n", b"\n\r\n", b"\n%b\n" % hollow, b"\n%b\r" % hollow)
+    )
 
 
 def _before(text: str, line: int, total: int) -> int:
@@ -133,21 +135,21 @@ def _from_end(text: str, lines: int) -> int:
 
 
 def proven(cells: pa.Array) -> tuple[Evidence, NDArray[np.float64] | None] | None:
-    """What the cells of a column prove, and its numbers; None where they must be looked at singly.
+    """What the cells of a column prove, and its numbers; None where they must be read one by one.
 
-    All of them are numbers or marks of missing values (NaN) then, with a sign that is decimal in
-    one of them at least, or none of the probes is a number.
+    The cells are then numbers or marks of missing values (NaN), with a sign that is decimal in at
+    least one of them, or none of the probes is a number.
     """
     places = np.unique(np.linspace(0, len(cells) - 1, PROBES).astype(int)).tolist()
     probes = [notation(cells[at].as_py()) for at in places]
     if not any(probes):
         return Evidence(values=len(cells)), None
-    given = pc.if_else(pc.is_in(cells, _MARKS), pa.scalar(None, pa.string()), cells)
-    if _any(pc.match_substring_regex(given, _LABEL)):
+    unmarked = pc.if_else(pc.is_in(cells, _MARKS), pa.scalar(None, pa.string()), cells)
+    if _any(pc.match_substring_regex(unmarked, _LABEL)):
         return None
-    count = len(given) - given.null_count
-    found = Evidence(numbers=count, values=count)
-    plain = _without_signs(given, [one for one in probes if one is not None], found)
+    count = len(unmarked) - unmarked.null_count
+    evidence = Evidence(numbers=count, values=count)
+    plain = _without_signs(unmarked, [probe for probe in probes if probe is not None], evidence)
     if plain is None:
         return None
     try:
@@ -155,10 +157,10 @@ def proven(cells: pa.Array) -> tuple[Evidence, NDArray[np.float64] | None] | Non
     except pa.ArrowInvalid:
         return None
     numbers = values.to_numpy(zero_copy_only=False)
-    return (found, numbers) if np.isfinite(numbers).sum() == count else None
+    return (evidence, numbers) if np.isfinite(numbers).sum() == count else None
 
 
-def _without_signs(cells: pa.Array, probes: list[Notation], found: Evidence) -> pa.Array | None:
+def _without_signs(cells: pa.Array, probes: list[Notation], evidence: Evidence) -> pa.Array | None:
     """The cells in plain notation, and what they prove; None where that is not plain to see."""
     signs = [sign for sign in (".", ",") if _any(pc.match_substring(cells, sign))]
     if not signs:
@@ -166,40 +168,40 @@ def _without_signs(cells: pa.Array, probes: list[Notation], found: Evidence) -> 
     if len(signs) == 1:
         if (at := _decisive(cells, probes)) is None:
             return None
-        (found.point if signs == ["."] else found.comma)[DECIMAL] = at
+        (evidence.point if signs == ["."] else evidence.comma)[DECIMAL] = at
         return cells if signs == ["."] else pc.replace_substring(cells, ",", ".")
     votes = {
-        ("." if one.point == DECIMAL else ",")
-        for one in probes
-        if DECIMAL in (one.point, one.comma)
+        ("." if probe.point == DECIMAL else ",")
+        for probe in probes
+        if DECIMAL in (probe.point, probe.comma)
     }
     if len(votes) != 1:
         return None
     decimal = min(votes)
-    other = OTHER[decimal]
+    grouping = OTHER[decimal]
     if not _all(pc.match_substring_regex(cells, _GROUPED[decimal])) or not _any(
-        pc.match_substring_regex(cells, rf"\{other}[0-9]{{3}}\{decimal}")
+        pc.match_substring_regex(cells, rf"\{grouping}[0-9]{{3}}\{decimal}")
     ):
         return None  # a sign that never groups for sure
-    roles = (found.point, found.comma) if decimal == "." else (found.comma, found.point)
+    roles = (evidence.point, evidence.comma) if decimal == "." else (evidence.comma, evidence.point)
     roles[0][DECIMAL], roles[1][THOUSANDS] = 0, 0
-    return pc.replace_substring(pc.replace_substring(cells, other, ""), decimal, ".")
+    return pc.replace_substring(pc.replace_substring(cells, grouping, ""), decimal, ".")
 
 
-def _any(found: pa.Array) -> bool:
-    return bool(pc.any(found).as_py())
+def _any(matches: pa.Array) -> bool:
+    return bool(pc.any(matches).as_py())
 
 
-def _all(found: pa.Array) -> bool:
-    return bool(pc.all(found).as_py())
+def _all(matches: pa.Array) -> bool:
+    return bool(pc.all(matches).as_py())
 
 
 def _decisive(cells: pa.Array, probes: list[Notation]) -> int | None:
     """A cell whose sign can only be decimal; None where there is none."""
-    if any(DECIMAL in (one.point, one.comma) for one in probes):
+    if any(DECIMAL in (probe.point, probe.comma) for probe in probes):
         return 0
     for at, cell in enumerate(cells.to_pylist()):
-        found = notation(cell) if cell else None
-        if found is not None and DECIMAL in (found.point, found.comma):
+        written = notation(cell) if cell else None
+        if written is not None and DECIMAL in (written.point, written.comma):
             return at
     return None

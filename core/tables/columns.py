@@ -60,8 +60,8 @@ class Columns:
         if not isinstance(cells, list | np.ndarray) and not pc.any(pc.equal(cells, "")).as_py():
             marked = pc.any(pc.starts_with(cells, "'")).as_py()
             return pd.array(_texts(cells) if marked else cells, dtype="str")
-        found = _objects(cells) if numeric else _texts(cells)
-        return pd.Series(typed_column(found, numeric), index=self._index())
+        values = _objects(cells) if numeric else _texts(cells)
+        return pd.Series(typed_column(values, numeric), index=self._index())
 
     def _index(self) -> pd.Index[Any]:
         lines = self.lines
@@ -80,7 +80,7 @@ def _objects(cells: Any) -> NDArray[Any]:
     if isinstance(cells, np.ndarray):
         return cells
     if isinstance(cells, list):
-        found = np.empty(len(cells), dtype=object)
-        found[:] = cells
-        return found
+        objects = np.empty(len(cells), dtype=object)
+        objects[:] = cells
+        return objects
     return np.asarray(cells.to_numpy(zero_copy_only=False), dtype=object)

@@ -1,4 +1,4 @@
-"""The delimiter of a text file: clevercsv's opinion, and a rule of ours that must agree."""
+"""The delimiter of a text file, by clevercsv and by a rule of this package, which must agree."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ DETECTED = 40
 CANDIDATES = (",", ";", "\t", "|")
 SPACE = " "
 STEADY, CLEAN = 0.8, 0.9
-"""Least share of rows of one length, and of cells that no other delimiter stands in."""
+"""Least fraction of rows of one length, and of cells without any other delimiter."""
 _SEP = re.compile(r'"?sep=(?P<sign>[^"\r\n])"?[;,\t]*\s*', re.IGNORECASE)
 _UNIT = re.compile(r"\s*[\[(]?(?:mm|µm|um|arcmin|deg|Nm|N|rad|mrad|s|°C|%)[\])]?\s*")
 
@@ -34,7 +34,7 @@ class Separator:
 
 
 def separator(lines: list[str], place: str, stated: str | None) -> Separator:
-    """How the cells of the lines are separated. Raises InputError where it cannot be told."""
+    """How the cells of the lines are separated. Raises InputError where it is ambiguous."""
     first = _SEP.fullmatch(lines[0]) if lines else None
     skipped = 1 if first else 0
     if stated is not None:
@@ -52,22 +52,22 @@ def separator(lines: list[str], place: str, stated: str | None) -> Separator:
         return Separator("")
     if _clean(sample, SPACE) >= CLEAN:
         return Separator(SPACE)
-    named = [sign for sign in CANDIDATES if sample and sign in sample[0]]
-    if len(named) == 1:  # rows of many lengths: each is reported
-        return Separator(named[0])
+    in_header = [sign for sign in CANDIDATES if sample and sign in sample[0]]
+    if len(in_header) == 1:  # rows of many lengths: each is reported
+        return Separator(in_header[0])
     raise _unknown(place, list(CANDIDATES))
 
 
 def _confirmed(sample: list[str], sign: str, score: float, place: str) -> Separator:
     """The delimiter where the detector agrees, or where nothing speaks against it."""
-    named, quote = sign, '"'
+    detected, quote = sign, '"'
     if score < 1.0 or any("'" in line for line in sample[:DETECTED]):
-        named, quote = _detected(sample)
-    if named != sign and score < 1.0:
-        raise _unknown(place, [sign, named])
-    for other in CANDIDATES:
-        if other != sign and _as_often(sample, other):
-            raise _unknown(place, [sign, other])
+        detected, quote = _detected(sample)
+    if detected != sign and score < 1.0:
+        raise _unknown(place, [sign, detected])
+    for candidate in CANDIDATES:
+        if candidate != sign and _as_often(sample, candidate):
+            raise _unknown(place, [sign, candidate])
     if sign == "," and _names_a_unit(sample):
         raise _unknown(place, [",", ""])
     return Separator(sign, quote)
@@ -78,12 +78,12 @@ def _detected(sample: list[str]) -> tuple[str, str]:
     from clevercsv import Detector
 
     try:
-        found = Detector().detect("\n".join(sample[:DETECTED]), delimiters=[*CANDIDATES, SPACE])
+        dialect = Detector().detect("\n".join(sample[:DETECTED]), delimiters=[*CANDIDATES, SPACE])
     except (ValueError, RuntimeError, IndexError):
-        found = None
-    if found is None:
+        dialect = None
+    if dialect is None:
         return "", '"'
-    return found.delimiter or "", "'" if found.quotechar == "'" else '"'
+    return dialect.delimiter or "", "'" if dialect.quotechar == "'" else '"'
 
 
 def _as_often(sample: list[str], sign: str) -> bool:
@@ -117,8 +117,8 @@ def _single(sample: list[str]) -> bool:
 
 
 def _clean(sample: list[str], sign: str) -> float:
-    """Share of cells without another delimiter, of rows that are separated by `sign`; 0 where the
-    rows are of many lengths or have no names above them.
+    """The fraction of cells without another delimiter in rows that are separated by `sign`; 0 where
+    the rows are of many lengths or have no names above them.
     """
     if not any(sign in line for line in sample):
         return 0.0
@@ -134,7 +134,7 @@ def _clean(sample: list[str], sign: str) -> float:
     tops = [at for at, row in enumerate(rows) if len(row) == count and all(row)]
     if count < 2 or not tops:
         return 0.0
-    # Without names every row is a reading, which is reported when the table is laid out.
+    # Without names every row holds measurements, which is reported when the table is laid out.
     header = next((at for at in tops if not any(notation(cell) for cell in rows[at])), -1)
     below = rows[header + 1 :]
     whole = [row for row in below if len(row) == count or not any(row[count:])]
@@ -145,10 +145,10 @@ def _clean(sample: list[str], sign: str) -> float:
 
 
 def _is_value(cell: str, sign: str) -> bool:
-    """Whether a cell is a value, or text that no other delimiter stands in."""
+    """Whether a cell is a value, or text without any other delimiter."""
     if notation(cell) or is_date(cell) or is_missing(cell):
         return True
-    return not any(other in cell for other in CANDIDATES if other != sign)
+    return not any(candidate in cell for candidate in CANDIDATES if candidate != sign)
 
 
 def _unknown(place: str, fitting: list[str]) -> Exception:

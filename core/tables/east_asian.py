@@ -8,7 +8,7 @@ the detector must agree, or a word must confirm one encoding alone.
 from __future__ import annotations
 
 COMMON = 0.9
-"""Share of characters of the first level that text has at least."""
+"""Least fraction of characters of the first level in a text."""
 FAMILIES = {
     "gb18030": "gb18030",
     "gbk": "gb18030",
@@ -54,12 +54,14 @@ WORDS["euc_jp"] = WORDS["cp932"]
 def east_asian(content: bytes, detected: str) -> list[str]:
     """The encodings that `content` can be, one where the detector or its words decide."""
     texts = {name: text for name in WORDS if (text := _text(content, name)) is not None}
-    spoken = {name for name, text in texts.items() if any(w in text for w in WORDS[name].split())}
-    own = FAMILIES.get(detected, "")
-    if own in texts and (own in spoken or not spoken):
-        return [own]
-    if len(spoken) == 1:
-        return list(spoken)
+    confirmed = {
+        name for name, text in texts.items() if any(w in text for w in WORDS[name].split())
+    }
+    family = FAMILIES.get(detected, "")
+    if family in texts and (family in confirmed or not confirmed):
+        return [family]
+    if len(confirmed) == 1:
+        return list(confirmed)
     return sorted(texts)
 
 
@@ -69,27 +71,29 @@ def _text(content: bytes, name: str) -> str | None:
         text = content.decode(name)
     except UnicodeDecodeError:
         return None
-    letters = [one for one in text if not one.isascii() and not _is_sign(one)]
-    common = sum(_is_common(one, name) for one in letters)
+    letters = [
+        character for character in text if not character.isascii() and not _is_sign(character)
+    ]
+    common = sum(_is_common(letter, name) for letter in letters)
     return text if letters and common >= COMMON * len(letters) else None
 
 
-def _is_sign(one: str) -> bool:
+def _is_sign(character: str) -> bool:
     """Punctuation and signs, which say nothing of a language."""
     ranges = (("\u2000", "\u22ff"), ("\u3000", "\u303f"), ("\uff00", "\uff60"))
-    return one in "°±×·µμΩφΦθ" or any(low <= one <= high for low, high in ranges)
+    return character in "°±×·µμΩφΦθ" or any(low <= character <= high for low, high in ranges)
 
 
-def _is_common(one: str, name: str) -> bool:
+def _is_common(character: str, name: str) -> bool:
     """Whether a character stands in the first level of its set."""
-    if name in ("cp932", "euc_jp") and "\u3040" <= one <= "\u30ff":
+    if name in ("cp932", "euc_jp") and "\u3040" <= character <= "\u30ff":
         return True
     if name == "euc_kr":
-        return "\uac00" <= one <= "\ud7a3"
-    if not "\u4e00" <= one <= "\u9fff":
+        return "\uac00" <= character <= "\ud7a3"
+    if not "\u4e00" <= character <= "\u9fff":
         return False
     table, last = {"gb18030": ("gb2312", 0xD7), "big5": ("big5", 0xC6)}.get(name, ("euc_jp", 0xCF))
     try:
-        return 0xA0 < one.encode(table)[0] <= last
+        return 0xA0 < character.encode(table)[0] <= last
     except UnicodeEncodeError:
         return False

@@ -25,7 +25,7 @@ LATIN = {"fr", "es", "it", "pt", "da", "no", "nb", "nn", "sv", "nl", "de", "en",
 """Languages whose letters are those of cp1252."""
 WESTERN = {"windows-1252", "iso-8859-1", "iso-8859-15", "cp1252"}
 GUESSES = ("cp1252", "cp1250", "cp850", "gbk", "big5", "cp932", "euc_kr", "mac_roman")
-"""Encodings whose reading is shown where one must be stated."""
+"""Encodings whose decoded text is shown where one must be stated."""
 CHUNK = 1 << 16
 """Bytes that are looked through at once."""
 _NOT_ISO = bytes(range(0x80, 0xA0))
@@ -36,7 +36,7 @@ _CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f]")
 def decoded(
     content: bytes, place: str, stated: str | None = None, allowed: str = ""
 ) -> tuple[str, str]:
-    """The text of a file and its encoding. Raises InputError where it cannot be told.
+    """The text of a file and its encoding. Raises InputError where it is ambiguous.
 
     Control characters are no text, but those `allowed`.
     """
@@ -94,7 +94,7 @@ def _legacy(content: bytes, place: str) -> str:
     candidates = east_asian(lines, name)
     if len(candidates) == 1 and kind != UNSURE:
         return candidates[0]
-    raise refuse(place, f"the encoding cannot be told: {_readings(lines)}; state --encoding")
+    raise refuse(place, f"the encoding cannot be told: {_decodings(lines)}; state --encoding")
 
 
 def _quick(content: bytes, encoding: str) -> str:
@@ -106,25 +106,25 @@ def _quick(content: bytes, encoding: str) -> str:
 
 def _beyond_ascii(content: bytes) -> bytes:
     """The lines that hold more than ASCII."""
-    found = []
+    lines = []
     start = 0
     while start < len(content):
         end = content.find(b"\n", start + CHUNK) + 1 or len(content)
         chunk = content[start:end]
         if not chunk.isascii():
-            found += [line for line in chunk.splitlines() if not line.isascii()]
+            lines += [line for line in chunk.splitlines() if not line.isascii()]
         start = end
-    return b"\n".join(found)
+    return b"\n".join(lines)
 
 
 def _stray(content: bytes, text: str, allowed: str) -> str | None:
     """The first control character that is no text."""
     if len(content.translate(None, _CONTROLS)) == len(content):
         return None
-    return next((one[0] for one in _CONTROL.finditer(text) if one[0] not in allowed), None)
+    return next((match[0] for match in _CONTROL.finditer(text) if match[0] not in allowed), None)
 
 
-def _readings(lines: bytes) -> str:
+def _decodings(lines: bytes) -> str:
     """The first words that are not ASCII, as encodings read them."""
     line = re.search(rb"[^;,\t|]*[\x80-\xff][^;,\t|]*", lines.split(b"\n")[0])
     sample = line[0].strip() if line else lines[:20]

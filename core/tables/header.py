@@ -1,4 +1,4 @@
-"""Where the column names stand: below a preamble, above a row of units, above the readings."""
+"""Where the column names stand: below a preamble, above a row of units, above the measurements."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ SAMPLE = 400
 
 @dataclass(slots=True)
 class Layout:
-    """The rows of a table apart: names, units, readings; `faults` where they cannot be told."""
+    """The rows of a table by kind: names, units, measurements; `faults` where that is ambiguous."""
 
     header: Row = (0, [])
     units: Row | None = None
@@ -33,19 +33,19 @@ def laid_out(rows: list[Row], place: str) -> Layout:
     """The layout of rows that are not empty."""
     count = _usual(rows)
     numeric = _numeric(rows, count)
-    first = _first_reading(rows, count, numeric)
+    first = _first_measurement(rows, count, numeric)
     names = [at for at in range(first) if _is_header(rows[at][1], count)]
     if not names:
-        return _bare(rows, count, place)
+        return _without_names(rows, count, place)
     at, units = _chosen(rows, names, first)
-    found = Layout(rows[at], rows[units] if units is not None else None)
+    layout = Layout(rows[at], rows[units] if units is not None else None)
     if faults := _rivals(rows, names, at, numeric, place):
-        found.faults = faults
-    found.body = rows[(at if units is None else units) + 1 :]
+        layout.faults = faults
+    layout.body = rows[(at if units is None else units) + 1 :]
     if at:
-        found.notes.append(f"{at} lines above the column names are left out: {_listed(rows[:at])}")
-    _without_summaries(found, numeric)
-    return found
+        layout.notes.append(f"{at} lines above the column names are left out: {_listed(rows[:at])}")
+    _without_summaries(layout, numeric)
+    return layout
 
 
 def _usual(rows: list[Row]) -> int:
@@ -65,25 +65,25 @@ def _numeric(rows: list[Row], count: int) -> list[int]:
     """Columns that hold numbers or dates in most of the last rows."""
     lower = [row for _, row in rows[1:][-SAMPLE:] if len(row) >= count]
     lower = lower[len(lower) // 2 :]
-    found = []
+    numeric = []
     for column in range(count):
         cells = [row[column] for row in lower if not is_missing(row[column])]
-        good = sum(_is_reading(cell) for cell in cells)
+        good = sum(_is_measurement(cell) for cell in cells)
         if good and 2 * good >= len(cells):
-            found.append(column)
-    return found
+            numeric.append(column)
+    return numeric
 
 
-def _is_reading(cell: str) -> bool:
+def _is_measurement(cell: str) -> bool:
     return isinstance(cell, Exact) or notation(cell) is not None or is_date(cell)
 
 
-def _first_reading(rows: list[Row], count: int, numeric: list[int]) -> int:
-    """The first full row with a number or a mark where numbers are; of text the second one."""
+def _first_measurement(rows: list[Row], count: int, numeric: list[int]) -> int:
+    """The first full row with a number in a numeric column; without such columns the second one."""
     if not numeric:
         return next((at + 1 for at, (_, row) in enumerate(rows) if len(row) >= count), 0) or 1
     for at, (_, row) in enumerate(rows):
-        if len(row) < count or not any(_is_reading(row[column]) for column in numeric):
+        if len(row) < count or not any(_is_measurement(row[column]) for column in numeric):
             continue
         if not _is_preamble(row, count) and not is_unit_row(row, numeric):
             return at
@@ -93,7 +93,7 @@ def _first_reading(rows: list[Row], count: int, numeric: list[int]) -> int:
 def _is_preamble(row: list[str], count: int) -> bool:
     """A row of a name and a value, padded with empty cells: "Datum;01.03.2026;;;"."""
     filled = [cell for cell in row if cell]
-    return count > 3 and len(filled) <= 2 and bool(row[0]) and not _is_reading(row[0])
+    return count > 3 and len(filled) <= 2 and bool(row[0]) and not _is_measurement(row[0])
 
 
 def is_unit_row(row: list[str], numeric: list[int]) -> bool:
@@ -110,11 +110,11 @@ def is_unit_row(row: list[str], numeric: list[int]) -> bool:
 def _is_header(row: list[str], count: int) -> bool:
     """Whether a row can be that of the names: text in every cell but empty columns at the end."""
     names = _trimmed(row)
-    return len(names) >= max(count, 1) and not any(_is_reading(cell) for cell in names)
+    return len(names) >= max(count, 1) and not any(_is_measurement(cell) for cell in names)
 
 
 def _chosen(rows: list[Row], names: list[int], first: int) -> tuple[int, int | None]:
-    """The row of names, and that of units below it: the last ones before the readings."""
+    """The row of names, and that of units below it: the last ones before the measurements."""
     last = names[-1]
     cells = rows[last][1]
     if len(names) > 1 and last == first - 1 and is_unit_row(cells, list(range(len(cells)))):
@@ -128,52 +128,52 @@ def _rivals(
     rows: list[Row], names: list[int], at: int, numeric: list[int], place: str
 ) -> list[Fault]:
     """Rows right above the names that can be the names as well."""
-    above = [one for one in names if one < at and rows[one][0] == rows[at][0] - (at - one)]
+    above = [row for row in names if row < at and rows[row][0] == rows[at][0] - (at - row)]
     if not above or at - 1 not in above:
         return []
-    line, other = rows[at][0], rows[at - 1][0]
+    line, upper = rows[at][0], rows[at - 1][0]
     text = (
-        f"lines {other} and {line} can both be the column names; leave an empty line above the "
+        f"lines {upper} and {line} can both be the column names; leave an empty line above the "
         "names, or remove the other line"
     )
     return [Fault(place, text)]
 
 
-def _bare(rows: list[Row], count: int, place: str) -> Layout:
+def _without_names(rows: list[Row], count: int, place: str) -> Layout:
     """The first full row as names, with what is wrong with them."""
     at = next((at for at, (_, row) in enumerate(rows) if len(row) >= count), 0)
     names = rows[at][1]
-    found = Layout(rows[at], None, rows[at + 1 :])
+    layout = Layout(rows[at], None, rows[at + 1 :])
     above = [row for _, row in rows[:at] if len(row) > 1]
-    if any(_is_reading(cell) for cell in names) and above:
+    if any(_is_measurement(cell) for cell in names) and above:
         text = (
             f"line {rows[at][0]} has {len(names)} cells, and no line above it as many names "
             f"({len(above[-1])} cells expected by the last one); where decimal commas stand "
             "between commas, export it with another delimiter"
         )
-        found.faults.append(Fault(place, text))
-    elif any(_is_reading(cell) for cell in names):
-        found.faults.append(
+        layout.faults.append(Fault(place, text))
+    elif any(_is_measurement(cell) for cell in names):
+        layout.faults.append(
             Fault(
                 place,
                 f"has no column names: line {rows[at][0]} begins with "
                 "readings; put a line of names above them",
             )
         )
-    return found
+    return layout
 
 
-def _without_summaries(found: Layout, numeric: list[int]) -> None:
-    """Leave out rows of limits below the names, and of means or an end mark below the readings."""
+def _without_summaries(layout: Layout, numeric: list[int]) -> None:
+    """Leave out rows of limits below the names, and of means or an end mark below the data."""
     dropped = []
-    while found.body and _names_summary(found.body[0][1]):
-        dropped.append(found.body.pop(0))
+    while layout.body and _names_summary(layout.body[0][1]):
+        dropped.append(layout.body.pop(0))
     bottom = []
-    while found.body and _names_summary(found.body[-1][1]):
-        bottom.append(found.body.pop())
+    while layout.body and _names_summary(layout.body[-1][1]):
+        bottom.append(layout.body.pop())
     dropped += reversed(bottom)
     if dropped:
-        found.notes.append(
+        layout.notes.append(
             f"{len(dropped)} rows that are no readings are left out: {_listed(dropped)}"
         )
 

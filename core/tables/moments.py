@@ -31,7 +31,7 @@ def moment(text: str, forms: Sequence[str] = (POINTS, SLASHES, ISO)) -> tuple[da
         if match := _FORMS[name].fullmatch(text.strip()):
             year = int(match["y"])
             year += (2000 if year < 70 else 1900) if year < 100 else 0
-            hour, minute, second = (int(one or 0) for one in match.groups()[3:6])
+            hour, minute, second = (int(part or 0) for part in match.groups()[3:6])
             micro = int((match.groups()[6] or "0").ljust(6, "0"))
             try:
                 return datetime(
@@ -49,20 +49,20 @@ def seconds(texts: Sequence[str]) -> tuple[list[float], datetime]:
     Raises ValueError where a cell is no time, where times have several formats, and where dates
     with slashes can be read with the day or the month first.
     """
-    given = [text for text in texts if text]
-    fitting = [name for name in _FORMS if all(_fits(text, name) for text in given)]
+    filled = [text for text in texts if text]
+    fitting = [name for name in _FORMS if all(_fits(text, name) for text in filled)]
     if not fitting:
-        named = {moment(text, tuple(_FORMS))[1]: text for text in reversed(given)}
-        listed = " and ".join(f'{name} ("{text}")' for name, text in named.items())
+        examples = {moment(text, tuple(_FORMS))[1]: text for text in reversed(filled)}
+        listed = " and ".join(f'{name} ("{text}")' for name, text in examples.items())
         raise ValueError(f"has times in two formats: {listed}")
     if {SLASHES, TURNED} <= set(fitting):
         raise ValueError(
-            f'has dates such as "{given[0]}" that can be read with the day or the '
+            f'has dates such as "{filled[0]}" that can be read with the day or the '
             "month first: write them as 2026-12-31 or 31.12.2026"
         )
-    found = [moment(text, fitting[:1])[0] if text else None for text in texts]
-    start = min(one for one in found if one is not None)
-    return [(one - start).total_seconds() if one else float("nan") for one in found], start
+    times = [moment(text, fitting[:1])[0] if text else None for text in texts]
+    start = min(time for time in times if time is not None)
+    return [(time - start).total_seconds() if time else float("nan") for time in times], start
 
 
 def _fits(text: str, form: str) -> bool:

@@ -1,4 +1,4 @@
-"""Columns of a table by the names and in the units of what reads it."""
+"""Columns of a table with the names and in the units of the model that reads it."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ AQDEF = "aqdef"
 OF_AQDEF = {"time": "time_s", "batch": "lot"}
 """What the times and batches of a Q-DAS file are."""
 Tell = Callable[[Iterable[str]], None]
-"""Takes what was understood of a table, line by line."""
+"""Takes the notes on how a table was read, line by line."""
 
 
 def silent(lines: Iterable[str]) -> None:
-    """Tell nobody."""
+    """Discard the lines."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +42,7 @@ class ColumnUse:
 
 @dataclass(frozen=True, slots=True)
 class Fitted:
-    """Cells by the names of what reads them, what to say of that, and what is wrong."""
+    """Cells by the names of the model that reads them, notes on that, and faults."""
 
     cells: pd.DataFrame
     notes: tuple[str, ...] = ()
@@ -51,26 +51,26 @@ class Fitted:
 
 def opened_whole(path: Path, place: str, options: ReadOptions = AS_DETECTED) -> Table:
     """The table in a file. Raises InputError with every fault."""
-    found, faults = opened(path, place, options)
+    table, faults = opened(path, place, options)
     raise_all(faults)
-    assert found is not None
-    return found
+    assert table is not None
+    return table
 
 
 def fitted(
-    found: Table, place: str, known: Mapping[str, str], uses: Mapping[str, ColumnUse] | None = None
+    table: Table, place: str, known: Mapping[str, str], uses: Mapping[str, ColumnUse] | None = None
 ) -> Fitted:
     """The table with its columns named and in units as `known` (unit by name) has them.
 
     `uses` says what columns of the file are; one whose name and unit are those of a known name,
-    "torque [N mm]" of "torque_Nm", is it without being asked.
+    "torque [N mm]" of "torque_Nm", is matched by itself.
     """
-    spelt = {spelling: name for name, spelling in found.headers.items()}
-    spelt |= {str(name): str(name) for name in found.cells}
+    spelt = {spelling: name for name, spelling in table.headers.items()}
+    spelt |= {str(name): str(name) for name in table.cells}
     notes: list[str] = []
     faults: list[Fault] = []
     names: dict[str, str] = {}
-    cells = dict(found.cells.items())
+    cells = dict(table.cells.items())
     for key, use in (uses or {}).items():
         name = spelt.get(key)
         if name is None:
@@ -79,45 +79,46 @@ def fitted(
                 faults.append(Fault(f'columns."{key}"', text))
         else:
             names[name] = use.target
-            cells[name], wrong = _used(cells[name], found.units.get(name, ""), use, known)
+            cells[name], wrong = _used(cells[name], table.units.get(name, ""), use, known)
             faults += [Fault(f'columns."{key}"', text) for text in wrong]
     free = {name: unit for name, unit in known.items() if name not in names.values()}
     for wanted, unit in free.items():
         if (name := spelt.get(wanted)) is not None and name not in names:
             names[name] = wanted
-            if wrong_unit := _contradiction(found.units.get(name, ""), wanted, unit):
-                faults.append(Fault(f"{place}: column {found.headers.get(name, name)}", wrong_unit))
+            if wrong_unit := _contradiction(table.units.get(name, ""), wanted, unit):
+                faults.append(Fault(f"{place}: column {table.headers.get(name, name)}", wrong_unit))
     for wanted, unit in free.items():
-        name = _alike(found, wanted, unit, names)
+        name = _alike(table, wanted, unit, names)
         if wanted not in names.values() and name is not None:
             names[name] = wanted
-            cells[name] = _in_unit(cells[name], found.units[name], unit, 1)
-            notes.append(f'"{found.headers[name]}" is read as {wanted}')
-    names |= _of_aqdef(found, names, free)
+            cells[name] = _in_unit(cells[name], table.units[name], unit, 1)
+            notes.append(f'"{table.headers[name]}" is read as {wanted}')
+    names |= _of_aqdef(table, names, free)
     for name, target in names.items():
         if known.get(target) == "s":
-            cells[name], told, wrong = _clock(cells[name])
-            place_of = f"{place}: column {found.headers.get(name, name)}"
+            cells[name], interpretations, wrong = _clock(cells[name])
+            place_of = f"{place}: column {table.headers.get(name, name)}"
             faults += [Fault(place_of, text) for text in wrong]
             notes += [
-                f'"{found.headers.get(name, name)}" is read as {target}: {text}' for text in told
+                f'"{table.headers.get(name, name)}" is read as {target}: {interpretation}'
+                for interpretation in interpretations
             ]
     kept = {names.get(str(n), str(n)): c for n, c in cells.items() if names.get(str(n), "-")}
     taken = [target for target in names.values() if target]
-    for target in sorted({one for one in taken if taken.count(one) > 1}):
-        both = ", ".join(f'"{name}"' for name, one in names.items() if one == target)
+    for target in sorted({name for name in taken if taken.count(name) > 1}):
+        both = ", ".join(f'"{name}"' for name, used_as in names.items() if used_as == target)
         faults.append(Fault("columns", f"{both} are both {target}; only one column can be"))
-    return Fitted(pd.DataFrame(kept, index=found.cells.index), tuple(notes), tuple(faults))
+    return Fitted(pd.DataFrame(kept, index=table.cells.index), tuple(notes), tuple(faults))
 
 
-def _of_aqdef(found: Table, names: Mapping[str, str], free: Mapping[str, str]) -> dict[str, str]:
-    """Times and batches of a Q-DAS file that nobody mapped."""
-    if found.dialect.kind != AQDEF:
+def _of_aqdef(table: Table, names: Mapping[str, str], free: Mapping[str, str]) -> dict[str, str]:
+    """Times and batches of a Q-DAS file that no `[columns]` entry maps."""
+    if table.dialect.kind != AQDEF:
         return {}
     return {
         name: target
         for name, target in OF_AQDEF.items()
-        if name in found.cells
+        if name in table.cells
         and name not in names
         and target in free
         and target not in names.values()
@@ -132,10 +133,10 @@ def _clock(cells: pd.Series[Any]) -> tuple[pd.Series[Any], list[str], list[str]]
     if not any(map(is_date, texts)):
         return cells, [], []
     try:
-        found, start = seconds(texts)
-    except ValueError as error:  # said once, not of every row
+        elapsed, start = seconds(texts)
+    except ValueError as error:  # reported once, not for every row
         return pd.Series(np.arange(len(cells), dtype=float), index=cells.index), [], [str(error)]
-    return pd.Series(found, index=cells.index), [f"seconds since {start:%Y-%m-%d %H:%M:%S}"], []
+    return pd.Series(elapsed, index=cells.index), [f"seconds since {start:%Y-%m-%d %H:%M:%S}"], []
 
 
 def without_unused(cells: pd.DataFrame, known: Sequence[str]) -> tuple[pd.DataFrame, list[str]]:
@@ -155,10 +156,10 @@ def _used(
     unit = known.get(use.target, "")
     if use.unit and stated and not _same(use.unit, stated):
         return cells, [f'the file says "{stated}", the configuration "{use.unit}"']
-    own = use.unit or stated
-    if own and unit and not fits(own, unit):
-        return cells, [f'"{own}" cannot be stated in {unit}, the unit of {use.target}']
-    return _in_unit(cells, own or unit, unit, use.sense), []
+    source_unit = use.unit or stated
+    if source_unit and unit and not fits(source_unit, unit):
+        return cells, [f'"{source_unit}" cannot be stated in {unit}, the unit of {use.target}']
+    return _in_unit(cells, source_unit or unit, unit, use.sense), []
 
 
 def _contradiction(stated: str, name: str, unit: str) -> str:
@@ -168,31 +169,35 @@ def _contradiction(stated: str, name: str, unit: str) -> str:
     return f'is stated in "{stated}", but {name} is in "{unit}"; rename it or map it in [columns]'
 
 
-def _same(unit: str, other: str) -> bool:
-    if unit == other:
+def _same(unit: str, stated: str) -> bool:
+    if unit == stated:
         return True
-    if not fits(unit, other):
+    if not fits(unit, stated):
         return False
     probes = np.array([0.0, 1.0])
-    return bool(np.allclose(converted(probes, unit, other), probes, rtol=1e-12, atol=0.0))
+    return bool(np.allclose(converted(probes, unit, stated), probes, rtol=1e-12, atol=0.0))
 
 
-def _alike(found: Table, wanted: str, unit: str, names: Mapping[str, str]) -> str | None:
+def _alike(table: Table, wanted: str, unit: str, names: Mapping[str, str]) -> str | None:
     """A column whose name is that of `wanted` without its unit, and whose unit fits."""
     stem = split_unit(wanted)[0].casefold()
-    for name, stated in found.units.items():
-        bare = name.casefold().replace(" ", "_")
-        if name not in names and unit and bare == stem and fits(stated, unit):
+    for name, stated in table.units.items():
+        spelt = name.casefold().replace(" ", "_")
+        if name not in names and unit and spelt == stem and fits(stated, unit):
             return name
     return None
 
 
-def _in_unit(cells: pd.Series[Any], own: str, unit: str, sense: int) -> pd.Series[Any]:
+def _in_unit(cells: pd.Series[Any], source_unit: str, unit: str, sense: int) -> pd.Series[Any]:
     """Cells of numbers in another unit and sense; what is no number stays as it is."""
-    if sense == 1 and (own == unit or not own or not unit or _same(own, unit)):
+    if sense == 1 and (
+        source_unit == unit or not source_unit or not unit or _same(source_unit, unit)
+    ):
         return cells
     numbers = pd.to_numeric(cells.astype(object), errors="coerce").to_numpy(dtype=float)
-    values = sense * np.asarray(converted(numbers, own, unit) if own and unit else numbers)
+    values = sense * np.asarray(
+        converted(numbers, source_unit, unit) if source_unit and unit else numbers
+    )
     good = np.isfinite(values)
     result = cells.to_numpy(dtype=object).copy()
     result[good] = values[good]

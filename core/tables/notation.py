@@ -48,11 +48,11 @@ def notation(cell: str) -> Notation | None:
     if points and commas:
         return _both(mantissa)
     sign = "." if points else ","
-    return _one(mantissa, sign, points + commas)
+    return _single_sign(mantissa, sign, points + commas)
 
 
 def _sure(mantissa: str, points: int, commas: int, group: str) -> Notation | None:
-    """Of a number with spaces between its groups, or with an exponent: a sign is decimal."""
+    """Notation with spaces between groups of digits, or with an exponent: a sign is decimal."""
     if points + commas != 1:
         return None
     return Notation(DECIMAL, None, group) if points else Notation(None, DECIMAL, group)
@@ -67,8 +67,8 @@ def _both(mantissa: str) -> Notation | None:
     return Notation(DECIMAL, THOUSANDS) if last == "." else Notation(THOUSANDS, DECIMAL)
 
 
-def _one(mantissa: str, sign: str, count: int) -> Notation | None:
-    """One kind of sign: several of it group thousands; one with three digits behind is either."""
+def _single_sign(mantissa: str, sign: str, count: int) -> Notation | None:
+    """One kind of sign: several group thousands; a single one before three digits is either."""
     if count > 1:
         what = THOUSANDS if _GROUPED[sign].fullmatch(mantissa) else None
     else:
@@ -81,11 +81,11 @@ def _one(mantissa: str, sign: str, count: int) -> Notation | None:
 def plain(cell: str, decimal: str) -> str | None:
     """The number in plain notation where `decimal` is its decimal sign; None where it is none."""
     match = _NUMBER.fullmatch(cell)
-    found = notation(cell) if match else None
-    if match is None or found is None:
+    signs = notation(cell) if match else None
+    if match is None or signs is None:
         return None
-    roles = {".": found.point, ",": found.comma}
+    roles = {".": signs.point, ",": signs.comma}
     if roles[decimal] == THOUSANDS or roles[OTHER[decimal]] == DECIMAL:
         return None
-    bare = _GROUPS.sub("", cell).replace(OTHER[decimal], "").replace(decimal, ".")
-    return bare.replace("−", "-")
+    digits = _GROUPS.sub("", cell).replace(OTHER[decimal], "").replace(decimal, ".")
+    return digits.replace("−", "-")

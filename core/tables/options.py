@@ -36,16 +36,16 @@ class ReadOptions:
 
     def faults(self) -> list[Fault]:
         """Options that cannot be."""
-        found = []
+        wrong = []
         if self.encoding is not None and not _is_codec(self.encoding):
             text = f'is not an encoding, got "{self.encoding}"; utf-8, cp1252, gbk, big5, ...'
-            found.append(Fault("--encoding", text))
+            wrong.append(Fault("--encoding", text))
         if self.delimiter is not None and self.separator not in KNOWN:
             text = f'must be one of comma, semicolon, tab, pipe, space, got "{self.delimiter}"'
-            found.append(Fault("--delimiter", text))
+            wrong.append(Fault("--delimiter", text))
         if self.decimal is not None and self.decimal not in (".", ","):
-            found.append(Fault("--decimal", f'must be "." or ",", got "{self.decimal}"'))
-        return found
+            wrong.append(Fault("--decimal", f'must be "." or ",", got "{self.decimal}"'))
+        return wrong
 
 
 AS_DETECTED = ReadOptions()

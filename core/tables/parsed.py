@@ -1,4 +1,4 @@
-"""Columns of a table as what they must be, with every fault and its place."""
+"""Columns of a table in their required types, with every fault and its place."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ def read(path: Path, place: str, options: ReadOptions = AS_DETECTED) -> pd.DataF
 def formed(
     path: Path, place: str, options: ReadOptions = AS_DETECTED
 ) -> tuple[pd.DataFrame | None, list[Fault]]:
-    """`read` that hands back the faults, with what can be read all the same."""
-    found, faults = opened(path, place, options)
-    return (None if found is None else found.cells), faults
+    """`read` that returns the faults, with what can be read nevertheless."""
+    table, faults = opened(path, place, options)
+    return (None if table is None else table.cells), faults
 
 
 def write(frame: pd.DataFrame, path: Path) -> None:
@@ -67,14 +67,14 @@ def parsed(
     optional: Iterable[str] = (),
     text: Iterable[str] = (),
 ) -> tuple[pd.DataFrame, list[Fault]]:
-    """`numbers` that hands back the faults; bad cells are NaN, unknown columns are left out."""
+    """`numbers` that returns the faults; bad cells are NaN, unknown columns are left out."""
     needed, text = list(needed), set(text)
     known = list(dict.fromkeys([*needed, *optional]))
     extra = [name for name in frame.columns if name not in known]
     missing = [name for name in needed if name not in frame.columns]
-    found = [Fault(place, f"column {name} is missing") for name in missing]
+    faults = [Fault(place, f"column {name} is missing") for name in missing]
     free = [name for name in known if name not in frame.columns]
-    found += [
+    faults += [
         Fault(place, f"column {name} is not known{nearest(name, free or known)}; remove it")
         for name in extra
     ]
@@ -82,24 +82,24 @@ def parsed(
     for name in (name for name in frame.columns if name in known):
         read = _labels if name in text else _numeric
         typed[name], bad = read(frame[name])
-        found += cell_faults(place, name, bad)
-    return pd.DataFrame(typed, index=frame.index), found
+        faults += cell_faults(place, name, bad)
+    return pd.DataFrame(typed, index=frame.index), faults
 
 
 def cell_faults(place: str, column: str, bad: dict[Any, str]) -> list[Fault]:
     """A fault per bad cell of a column, by row; beyond `SHOWN` they are counted."""
     shown = list(bad.items())[:SHOWN]
-    found = [Fault(f"{place}: row {at}, column {column}", why) for at, why in shown]
+    faults = [Fault(f"{place}: row {at}, column {column}", why) for at, why in shown]
     if len(bad) > SHOWN:
-        found.append(Fault(f"{place}: column {column}", f"{len(bad) - SHOWN} more bad cells"))
-    return found
+        faults.append(Fault(f"{place}: column {column}", f"{len(bad) - SHOWN} more bad cells"))
+    return faults
 
 
 def _labels(column: pd.Series[Any]) -> tuple[NDArray[Any], dict[Any, str]]:
     """The cells as they are, and which of them are empty, by row."""
     cells = column.to_numpy()
-    empty = np.flatnonzero(pd.isna(cells) | (cells == ""))
-    return cells, dict.fromkeys(column.index[empty], "is empty")
+    blank = np.flatnonzero(pd.isna(cells) | (cells == ""))
+    return cells, dict.fromkeys(column.index[blank], "is empty")
 
 
 def _numeric(column: pd.Series[Any]) -> tuple[NDArray[np.float64], dict[Any, str]]:

@@ -32,22 +32,22 @@ def read_table(
 ) -> Table:
     """The table in a file: CSV in any dialect, XLSX or Parquet.
 
-    What is not stated is detected. Raises InputError with every fault, where a file has two
-    readings with the option that decides.
+    What is not stated is detected. Raises InputError with every fault; for an ambiguous
+    file it names the option that decides.
     """
     path = Path(path)
-    found, faults = opened(path, path.name, ReadOptions(encoding, delimiter, decimal))
+    table, faults = opened(path, path.name, ReadOptions(encoding, delimiter, decimal))
     raise_all(faults)
-    assert found is not None
-    return found
+    assert table is not None
+    return table
 
 
 def opened(
     path: Path, place: str, options: ReadOptions = AS_DETECTED
 ) -> tuple[Table | None, list[Fault]]:
-    """`read_table` that hands back the faults, with what can be read all the same.
+    """`read_table` that returns the faults, with what can be read nevertheless.
 
-    Rows of another length are left out then, and of columns of one name all but the first; None
+    Rows of another length are then left out, and all but the first of columns with one name; None
     where not even the column names are known.
     """
     if faults := options.faults():
@@ -99,9 +99,9 @@ def _from_parquet(content: bytes, place: str) -> tuple[Table, list[Fault]]:
     names = names_of(list(table.headers))
     units = {names[n]: split_header(n)[1] for n in names if names[n] != n}
     columns = Columns({names[str(n)]: frame[n].to_numpy() for n in frame}, range(1, len(frame) + 1))
-    own = {names[n]: n for n in table.headers}
+    headers = {names[n]: n for n in table.headers}
     numeric = tuple(names[n] for n in table.numeric)
-    return replace(table, columns=columns, units=units, numeric=numeric, headers=own), faults
+    return replace(table, columns=columns, units=units, numeric=numeric, headers=headers), faults
 
 
 def table_of(frame: pd.DataFrame, place: str, kind: str = "frame") -> tuple[Table, list[Fault]]:

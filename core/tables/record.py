@@ -1,4 +1,4 @@
-"""A table as it was understood: cells, units, dialect, and what should be known of them."""
+"""A table as it was read: cells, units, dialect, and notes on them."""
 
 from __future__ import annotations
 
@@ -71,13 +71,13 @@ class Table:
         return self.columns.typed(self.numeric, self.values)
 
     def lines(self, place: str) -> tuple[str, ...]:
-        """What was understood, to be shown before anything is made of it."""
+        """How the table was read, to be shown before it is used."""
         columns = ", ".join(self._described(str(name)) for name in self.columns.names)
         first = f"{place}: {len(self.columns)} rows; {self.dialect}"
-        return (first, f"{place}: columns {columns}", *(f"{place}: {one}" for one in self.notes))
+        return (first, f"{place}: columns {columns}", *(f"{place}: {note}" for note in self.notes))
 
     def record(self) -> dict[str, Any]:
-        """What was understood, to be stored with a result."""
+        """How the table was read, to be stored with a result."""
         dialect = {name: getattr(self.dialect, name) for name in Dialect.__slots__}
         return {
             "dialect": dialect,

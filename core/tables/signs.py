@@ -1,7 +1,7 @@
 """The decimal sign of every column of a file: what its numbers prove, and what is asked for.
 
 A column is read by its own evidence, one without any by that of the file. Nothing is guessed: where
-numbers fit two readings, the fault names `--decimal`.
+numbers fit two interpretations, the fault names `--decimal`.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ PROBES = 64
 
 
 class Exact(str):
-    """A number that a file holds as such, not as text: nothing is to be decided."""
+    """A number that a file stores as a number, not as text: its sign need not be decided."""
 
     __slots__ = ()
 
@@ -46,79 +46,79 @@ class Evidence:
 
     def votes(self) -> set[str]:
         """The decimal signs that its cells prove."""
-        found = set()
+        signs = set()
         if DECIMAL in self.point or THOUSANDS in self.comma:
-            found.add(".")
+            signs.add(".")
         if DECIMAL in self.comma or THOUSANDS in self.point:
-            found.add(",")
-        return found
+            signs.add(",")
+        return signs
 
     def doubtful(self, decimal: str) -> bool:
         """Whether a cell can be another number where `decimal` is the decimal sign."""
-        other = self.comma if decimal == "." else self.point
-        return EITHER in other and THOUSANDS not in other
+        grouping = self.comma if decimal == "." else self.point
+        return EITHER in grouping and THOUSANDS not in grouping
 
     def any_doubt(self) -> bool:
         """Whether a cell has a sign that can be either."""
         return EITHER in self.point or EITHER in self.comma
 
-    def add(self, at: int, cell: str, found: Notation) -> None:
+    def add(self, at: int, cell: str, number: Notation) -> None:
         """Take note of the number in cell `at`."""
         self.numbers += 1
-        if not self.doubt and EITHER in (found.point, found.comma):
+        if not self.doubt and EITHER in (number.point, number.comma):
             self.doubt = cell
-        if found.point:
-            self.point.setdefault(found.point, at)
-        if found.comma:
-            self.comma.setdefault(found.comma, at)
-        self.group = self.group or found.group
+        if number.point:
+            self.point.setdefault(number.point, at)
+        if number.comma:
+            self.comma.setdefault(number.comma, at)
+        self.group = self.group or number.group
 
 
 def evidence(cells: Sequence[str]) -> Evidence:
-    """What the cells of a column prove; of a column of text only that it holds no number."""
-    found = Evidence()
+    """What the cells of a column prove; for a column of text only that it holds no number."""
+    proof = Evidence()
     places: list[int] = np.linspace(0, len(cells) - 1, PROBES).astype(int).tolist()
     if len(cells) > 2 * PROBES and not any(notation(cells[at]) for at in places):
-        found.values = len(cells)
-        return found
+        proof.values = len(cells)
+        return proof
     missing = 0
     for at, cell in enumerate(cells):
         if isinstance(cell, Exact):
-            found.numbers += 1
+            proof.numbers += 1
             continue
-        one = notation(cell)
-        if one is not None:
-            found.add(at, cell, one)
+        number = notation(cell)
+        if number is not None:
+            proof.add(at, cell, number)
         elif is_missing(cell):
             missing += 1
-    found.values = len(cells) - missing
-    return found
+    proof.values = len(cells) - missing
+    return proof
 
 
 def decide(
     columns: Mapping[str, Evidence], stated: str | None, delimiter: str, place: str
 ) -> tuple[dict[str, str], list[Fault]]:
     """The decimal sign by column ("" where none is used), and what must be stated instead."""
-    numeric = {name: one for name, one in columns.items() if one.numeric}
+    numeric = {name: proof for name, proof in columns.items() if proof.numeric}
     if stated is not None:
         return _stated(numeric, stated, place)
-    of_file = {vote for one in numeric.values() for vote in one.votes()}
+    of_file = {vote for proof in numeric.values() for vote in proof.votes()}
     if not of_file and delimiter == "," and not any(EITHER in o.comma for o in numeric.values()):
         of_file = {"."}  # a comma between the columns leaves the point for decimals
-    found, faults, doubted = {}, [], []
-    for name, one in numeric.items():
-        votes = one.votes()
+    signs, faults, doubted = {}, [], []
+    for name, proof in numeric.items():
+        votes = proof.votes()
         if len(votes) > 1:
             faults.append(Fault(f"{place}: column {name}", _MIXED))
-        elif not votes and not one.any_doubt():
-            found[name] = ""
+        elif not votes and not proof.any_doubt():
+            signs[name] = ""
         else:
             votes = votes or of_file
-            if len(votes) != 1 or one.doubtful(min(votes)):
+            if len(votes) != 1 or proof.doubtful(min(votes)):
                 doubted.append(name)
             else:
-                found[name] = min(votes)
-    return found, faults + [_doubt(name, numeric[name].doubt, place) for name in doubted]
+                signs[name] = min(votes)
+    return signs, faults + [_doubt(name, numeric[name].doubt, place) for name in doubted]
 
 
 _MIXED = (
@@ -136,8 +136,8 @@ def _stated(
             f"{place}: column {name}",
             f'its numbers have decimal signs that are not "{stated}": state another --decimal',
         )
-        for name, one in numeric.items()
-        if one.votes() == {OTHER[stated]}
+        for name, proof in numeric.items()
+        if proof.votes() == {OTHER[stated]}
     ]
     return dict.fromkeys(numeric, stated), faults
 

@@ -22,29 +22,29 @@ def rows_of_text(
 ) -> tuple[list[Row], Dialect, Bulk | None]:
     """The rows of a file that are not empty, by the number of their line, and its dialect.
 
-    Of a long file, the rows at both ends and the bulk of it.
+    For a long file, the rows at both ends and the bulk of it.
     """
     text, encoding = decoded(content, place, options.encoding)
     head = text[:100_000].splitlines()
-    found = separator(head, place, options.separator)
-    dialect = Dialect("csv", encoding, found.delimiter, quote=found.quote)
-    bulk = bulk_of(text, found.delimiter, found.quote, found.skipped)
+    form = separator(head, place, options.separator)
+    dialect = Dialect("csv", encoding, form.delimiter, quote=form.quote)
+    bulk = bulk_of(text, form.delimiter, form.quote, form.skipped)
     if bulk is not None:
         return rows_of_ends(bulk), dialect, bulk
-    return rows_of(text, found, place), dialect, None
+    return rows_of(text, form, place), dialect, None
 
 
-def rows_of(text: str, found: Separator, place: str) -> list[Row]:
+def rows_of(text: str, form: Separator, place: str) -> list[Row]:
     """The rows of a text that are not empty."""
     stream = io.StringIO(text, newline="")
-    for _ in range(found.skipped):
+    for _ in range(form.skipped):
         stream.readline()
-    if found.delimiter in ("", " "):
-        return _by_spaces(stream, found.skipped, found.delimiter)
+    if form.delimiter in ("", " "):
+        return _by_spaces(stream, form.skipped, form.delimiter)
     reader = csv.reader(
-        stream, delimiter=found.delimiter, quotechar=found.quote, skipinitialspace=True, strict=True
+        stream, delimiter=form.delimiter, quotechar=form.quote, skipinitialspace=True, strict=True
     )
-    skipped = found.skipped
+    skipped = form.skipped
     try:
         rows = [(reader.line_num + skipped, [*map(str.strip, row)]) for row in reader]
     except csv.Error as error:
@@ -56,10 +56,10 @@ def rows_of(text: str, found: Separator, place: str) -> list[Row]:
 
 def _by_spaces(stream: io.StringIO, skipped: int, delimiter: str) -> list[Row]:
     """Rows whose cells are separated by runs of spaces, or that are one cell each."""
-    found = []
+    rows = []
     for at, line in enumerate(stream, skipped + 1):
-        bare = line.strip()
-        if bare:
-            cells = _SPACES.split(bare) if delimiter else [bare]
-            found.append((at, [cell.strip('"') for cell in cells]))
-    return found
+        stripped = line.strip()
+        if stripped:
+            cells = _SPACES.split(stripped) if delimiter else [stripped]
+            rows.append((at, [cell.strip('"') for cell in cells]))
+    return rows

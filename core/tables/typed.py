@@ -14,12 +14,12 @@ LONGEST = 15
 
 
 def whole_if_so(values: NDArray[np.float64], whole_numbers: bool = True) -> NDArray[Any]:
-    """Numbers, whole ones as such where they may be, None where one is missing."""
+    """Numbers, as integers where all are whole and may be; None where one is missing."""
     bad = np.isnan(values)
     if bad.any():
-        found = values.astype(object)
-        found[bad] = None
-        return found
+        column = values.astype(object)
+        column[bad] = None
+        return column
     if not whole_numbers:
         return values
     whole: NDArray[np.int64] = values.astype(np.int64)
@@ -31,9 +31,9 @@ def typed_column(cells: NDArray[Any], numeric: bool) -> NDArray[Any]:
     if not numeric:
         if cells.dtype != object:
             return cells
-        found = cells.copy()
-        found[np.asarray((cells == "") | pd.isna(cells), dtype=bool)] = None
-        return found
+        column = cells.copy()
+        column[np.asarray((cells == "") | pd.isna(cells), dtype=bool)] = None
+        return column
     if cells.dtype.kind in "fiu":
         return cells
     if all(map(_is_whole, cells)):

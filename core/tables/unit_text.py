@@ -84,14 +84,15 @@ def names_of(header: list[str]) -> dict[str, str]:
     short = {name: split_header(name)[0] for name in header}
     taken = list(short.values()) + list(short)
     return {
-        name: one if one == name or taken.count(one) == 1 else name for name, one in short.items()
+        name: short_name if short_name == name or taken.count(short_name) == 1 else name
+        for name, short_name in short.items()
     }
 
 
 def is_unit_cell(cell: str) -> bool:
     """Whether a cell of a row of units is one: "mm", "[mm]", "-"."""
-    bare = cell.strip().strip("[]()（）［］【】").strip()
-    return bare in ("-", "--", "–", "1", "Text", "text") or known_unit(bare) is not None
+    text = cell.strip().strip("[]()（）［］【】").strip()
+    return text in ("-", "--", "–", "1", "Text", "text") or known_unit(text) is not None
 
 
 def unit_of_cell(cell: str) -> str:

@@ -1,7 +1,7 @@
 """Whether bytes are words of a Western measuring room in cp1252.
 
 Nearly every byte is a letter in cp1252, so that Chinese, Czech or DOS text can be read as cp1252
-without an error. What tells them apart is where the letters stand: umlauts stand alone between
+without an error. They are distinguished by the position of the letters: umlauts stand alone between
 ASCII letters, a superscript follows a unit, a degree sign does not stand within a word.
 """
 
@@ -23,7 +23,7 @@ _SYMBOL = re.compile(
 _GERMAN = re.compile(r"(?:[A-ZÄÖÜ]?[a-zäöüß]+)+|[A-ZÄÖÜ]{2,}|[ÄÖÜ][A-Za-z]+")
 _TWO_HIGH = re.compile(r"[^\x00-\x7f]{2}")
 _SAFE = re.compile(r"[A-Za-zäöüßÄÖÜéíóúÉÍÓÚ]+")
-"""Letters that Central European text (cp1250) has at the same bytes: either reading is the same."""
+"""Letters that Central European text (cp1250) has at the same bytes: both decode alike."""
 _LATIN = re.compile(
     r"(?:[A-Za-zäöüßÄÖÜéíóúÉÍÓÚáñåæøÅÆØ]"
     r"|è(?=[b-df-hj-np-tv-xz])|ê(?=[a-z])|(?<=[A-Za-z])[âîôû]|ç(?=[aou])|(?<=[aeo])[ëï]"
@@ -40,11 +40,11 @@ def western(content: bytes) -> str:
         text = content.decode("cp1252")
     except UnicodeDecodeError:
         return NO
-    found = {_judged(token) for token in set(_TOKEN.findall(text))}
-    return NO if NO in found else UNSURE if UNSURE in found else SURE
+    ratings = {_rated(token) for token in set(_TOKEN.findall(text))}
+    return NO if NO in ratings else UNSURE if UNSURE in ratings else SURE
 
 
-def _judged(token: str) -> str:
+def _rated(token: str) -> str:
     """One word with a letter or sign that is not ASCII."""
     if _SYMBOL.fullmatch(token):
         return SURE

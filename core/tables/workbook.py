@@ -21,11 +21,11 @@ def rows_of_workbook(content: bytes, place: str) -> tuple[list[Row], Dialect]:
     from openpyxl.utils.exceptions import InvalidFileException
 
     try:
-        book = load_workbook(io.BytesIO(content), data_only=True)
+        workbook = load_workbook(io.BytesIO(content), data_only=True)
         formulas = load_workbook(io.BytesIO(content), data_only=False)
     except (InvalidFileException, zipfile.BadZipFile, KeyError, ValueError, OSError) as error:
         raise refuse(place, f"is not a workbook ({error})") from error
-    sheets = {sheet.title: _rows(sheet) for sheet in book.worksheets}
+    sheets = {sheet.title: _rows(sheet) for sheet in workbook.worksheets}
     filled = {title: rows for title, rows in sheets.items() if rows}
     tables = {title: rows for title, rows in filled.items() if len(rows) > 1} or filled
     if len(tables) > 1:
@@ -34,7 +34,7 @@ def rows_of_workbook(content: bytes, place: str) -> tuple[list[Row], Dialect]:
     if not tables:
         return [], Dialect("xlsx")
     title, rows = next(iter(tables.items()))
-    _computed(book[title], formulas[title], place)
+    _computed(workbook[title], formulas[title], place)
     return rows, Dialect("xlsx", sheet=title)
 
 
@@ -61,15 +61,15 @@ def _cell(value: Any) -> str:
 
 def _computed(sheet: Any, formulas: Any, place: str) -> None:
     """Refuse formulas without a stored value: what they come to is not known."""
-    empty = [
+    blank = [
         cell.coordinate
         for row in formulas.iter_rows()
         for cell in row
         if cell.data_type == "f" and sheet[cell.coordinate].value is None
     ]
-    if empty:
+    if blank:
         raise refuse(
-            f"{place}: cell {empty[0]}",
-            f"{len(empty)} formulas have no stored value; "
+            f"{place}: cell {blank[0]}",
+            f"{len(blank)} formulas have no stored value; "
             "open the workbook, let it calculate, and save it",
         )

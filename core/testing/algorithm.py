@@ -19,12 +19,12 @@ class AlgorithmContract:
     settings: ClassVar[AlgorithmSettings]
 
     def problem(self) -> ToleranceProblem:
-        """The problem it is tried on."""
+        """The problem that the algorithm is tested on."""
         raise TypeError("give the problem to try the algorithm on")
 
     def test_evaluation_budget_is_exact(self) -> None:
-        found = search(self.problem(), self.settings, Budget(evaluations=73), seed=0)
-        assert found.evaluations == 73
+        result = search(self.problem(), self.settings, Budget(evaluations=73), seed=0)
+        assert result.evaluations == 73
 
     def test_same_seed_same_result(self) -> None:
         budget = Budget(evaluations=90)
@@ -40,8 +40,8 @@ class AlgorithmContract:
 
     def test_stays_within_bounds(self) -> None:
         problem = self.problem()
-        found = search(problem, self.settings, Budget(evaluations=80), seed=3)
-        assert np.all(found.x >= problem.xl) and np.all(found.x <= problem.xu)
+        result = search(problem, self.settings, Budget(evaluations=80), seed=3)
+        assert np.all(result.x >= problem.xl) and np.all(result.x <= problem.xu)
 
     def test_stopped_and_resumed_is_as_unbroken(self, tmp_path: Path) -> None:
         def stop(state: Progress) -> None:
@@ -54,12 +54,12 @@ class AlgorithmContract:
             first = Checkpoint(path, "", every=0.0)
             first.write()
             search(self.problem(), self.settings, budget, 0, stop, engine, first)
-            found = search(
+            resumed = search(
                 self.problem(), self.settings, budget, 0, None, engine, Checkpoint.read(path)
             )
-            assert found.evaluations == whole.evaluations
-            np.testing.assert_array_equal(found.x, whole.x)
-            np.testing.assert_array_equal(found.f, whole.f)
-            np.testing.assert_array_equal(found.miss, whole.miss)
-            values = [[p.hypervolume for p in one.history] for one in (found, whole)]
+            assert resumed.evaluations == whole.evaluations
+            np.testing.assert_array_equal(resumed.x, whole.x)
+            np.testing.assert_array_equal(resumed.f, whole.f)
+            np.testing.assert_array_equal(resumed.miss, whole.miss)
+            values = [[p.hypervolume for p in result.history] for result in (resumed, whole)]
             assert values[0] == values[1]

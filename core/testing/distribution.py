@@ -18,9 +18,9 @@ class DistributionContract:
     distribution: ClassVar[Distribution]
 
     def test_is_registered_and_comes_back_from_its_table(self) -> None:
-        one, faults = self.distribution, list[object]()
-        assert DISTRIBUTIONS.name_of(type(one)) in DISTRIBUTIONS
-        assert read_distribution(Section(written(one), "part", faults)) == one  # type: ignore[arg-type]
+        distribution, faults = self.distribution, list[object]()
+        assert DISTRIBUTIONS.name_of(type(distribution)) in DISTRIBUTIONS
+        assert read_distribution(Section(written(distribution), "part", faults)) == distribution  # type: ignore[arg-type]
         assert not faults
 
     def test_parameters_are_accepted(self) -> None:
@@ -35,8 +35,8 @@ class DistributionContract:
     def test_partial_moments_are_those_of_the_quantiles(self) -> None:
         p = np.array([0.05, 0.3, 0.5, 0.8, 0.999])
         z = self.distribution.quantile(p)
-        found = self.distribution.partial_moments(z)
-        np.testing.assert_allclose(found[0], p, atol=1e-6)
+        moments = self.distribution.partial_moments(z)
+        np.testing.assert_allclose(moments[0], p, atol=1e-6)
         for order in (1, 2):
             for at, end in enumerate(p):
                 whole = quad(
@@ -45,7 +45,7 @@ class DistributionContract:
                     end,
                     limit=200,
                 )[0]
-                np.testing.assert_allclose(found[order][at], whole, atol=1e-5)
+                np.testing.assert_allclose(moments[order][at], whole, atol=1e-5)
 
     def test_moments_are_those_of_the_whole(self) -> None:
         raw = self.distribution.raw_moments(2)

@@ -37,7 +37,7 @@ class EffectContract:
     """Whether a row depends on those before it."""
 
     def columns(self) -> tuple[Column, ...]:
-        """The columns of the table that it is tried on."""
+        """The columns of the table that the effect is tested on."""
         return COLUMNS
 
     def table(self) -> dict[str, np.ndarray]:
@@ -53,10 +53,10 @@ class EffectContract:
             "payload_kg": rng.uniform(0.0, 20.0, n),
         }
         labels = {"unit": [f"u{i}" for i in range(n)], "lot": rng.choice(["A", "B", "C"], n)}
-        return numbers | {name: np.array(one, dtype=object) for name, one in labels.items()}
+        return numbers | {name: np.array(column, dtype=object) for name, column in labels.items()}
 
     def target(self, table: dict[str, np.ndarray] | None) -> Target:
-        """What it acts on: override it for an effect that has a place in certain models only."""
+        """What the effect acts on; override it for an effect of certain models only."""
         outputs = (Output("reading_arcsec", "arcsec", ""),)
         return replace(target_from("table", outputs, self.columns(), table), gear=RV_40E)
 
@@ -69,9 +69,9 @@ class EffectContract:
         effect, _, target = self._bench()
         shape, size = np.random.default_rng(7), np.random.default_rng(seed)
         numbers = effect.parameters(target)
-        found = {n.name: _size(n, size) if n.linear else _inner(n, shape) for n in numbers}
-        still = {n.name for n in numbers if n.linear} or {n.name for n in numbers}
-        return found | (dict.fromkeys(still, 0.0) if zero else {})
+        values = {n.name: _size(n, size) if n.linear else _inner(n, shape) for n in numbers}
+        amplitudes = {n.name for n in numbers if n.linear} or {n.name for n in numbers}
+        return values | (dict.fromkeys(amplitudes, 0.0) if zero else {})
 
     def _act(self, values: dict[str, float], rows: slice | np.ndarray = slice(None)) -> Action:
         effect, readings, target = self._bench()
@@ -91,29 +91,31 @@ class EffectContract:
         effect, _, target = self._bench()
         assert effect.applies(target)
         for role in effect.needs if effect.place(target) is None else ():
-            left = tuple(one for one in target.columns if one.role is not role)
-            assert not effect.applies(replace(target, columns=left)), role
+            remaining = tuple(column for column in target.columns if column.role is not role)
+            assert not effect.applies(replace(target, columns=remaining)), role
 
     def test_bounds(self) -> None:
         effect, _, target = self._bench()
         numbers = effect.parameters(target)
         assert numbers
-        assert len({one.name for one in numbers}) == len(numbers)
-        for one in numbers:
-            assert one.low < one.high, one.name
-            assert not one.linear or one.low <= 0.0 <= one.high, one.name
-            assert all(one.low <= choice <= one.high for choice in one.choices), one.name
-            assert effect.parameter(one.name, target) == one
-            assert effect.parameter(one.stem, target) is not None
+        assert len({number.name for number in numbers}) == len(numbers)
+        for number in numbers:
+            assert number.low < number.high, number.name
+            assert not number.linear or number.low <= 0.0 <= number.high, number.name
+            assert all(number.low <= choice <= number.high for choice in number.choices), (
+                number.name
+            )
+            assert effect.parameter(number.name, target) == number
+            assert effect.parameter(number.stem, target) is not None
 
     def test_parameters_without_a_table_are_the_same_numbers(self) -> None:
         effect, _, target = self._bench()
-        without = {one.name for one in effect.parameters(self.target(None))}
-        assert {one.name for one in effect.parameters(target)} <= without or target.labels
+        without = {number.name for number in effect.parameters(self.target(None))}
+        assert {number.name for number in effect.parameters(target)} <= without or target.labels
 
     def test_acts_in_one_place(self) -> None:
         action = self._act(self._values(1))
-        places = [one.name for one in fields(Action) if getattr(action, one.name)]
+        places = [place.name for place in fields(Action) if getattr(action, place.name)]
         assert len(places) == 1
 
     def test_nothing_at_zero(self) -> None:
@@ -128,7 +130,7 @@ class EffectContract:
 
     def test_linear_parameters_are_linear(self) -> None:
         effect, _, target = self._bench()
-        linear = {one.name for one in effect.parameters(target) if one.linear}
+        linear = {number.name for number in effect.parameters(target) if number.linear}
         u, v = self._values(1), self._values(2)
         both = {k: 2.0 * u[k] + 3.0 * v[k] if k in linear else u[k] for k in u}
         done = [_done(self._act(values)) for values in (u, v, both)]
@@ -139,11 +141,11 @@ class EffectContract:
     def test_batch_equals_row_by_row(self) -> None:
         values = self._values(1)
         action = self._act(values)
-        apart = action.changes or action.output
-        whole = _done(action) if apart and not self.has_path else {}
+        row_wise = action.changes or action.output
+        whole = _done(action) if row_wise and not self.has_path else {}
         for row in range(self.rows):
-            one = _done(self._act(values, slice(row, row + 1))) if whole else {}
-            for name, column in one.items():
+            single = _done(self._act(values, slice(row, row + 1))) if whole else {}
+            for name, column in single.items():
                 np.testing.assert_allclose(column[0], whole[name][row], rtol=1e-9, atol=1e-12)
 
     def test_picklable(self) -> None:
@@ -155,25 +157,25 @@ class EffectContract:
             np.testing.assert_array_equal(column, expected[name])
 
 
-def _size(one: EffectParameter, rng: np.random.Generator) -> float:
-    low = one.low if isfinite(one.low) else -5.0
-    return float(rng.uniform(low, min(one.high, low + 10.0)))
+def _size(number: EffectParameter, rng: np.random.Generator) -> float:
+    low = number.low if isfinite(number.low) else -5.0
+    return float(rng.uniform(low, min(number.high, low + 10.0)))
 
 
-def _inner(one: EffectParameter, rng: np.random.Generator) -> float:
-    if one.choices:
-        return float(rng.choice(one.choices))
-    low = one.low if isfinite(one.low) else -5.0
-    return float(rng.uniform(0.1, 0.9) * (min(one.high, low + 10.0) - low) + low)
+def _inner(number: EffectParameter, rng: np.random.Generator) -> float:
+    if number.choices:
+        return float(rng.choice(number.choices))
+    low = number.low if isfinite(number.low) else -5.0
+    return float(rng.uniform(0.1, 0.9) * (min(number.high, low + 10.0) - low) + low)
 
 
 def _done(action: Action) -> dict[str, np.ndarray]:
     """What an action adds in every place, on outputs that are a ramp."""
-    found = {f"inside {name}": np.asarray(one) for name, one in action.changes.items()}
-    found |= {f"output {name}": one for name, one in action.output.items()}
+    columns = {f"inside {name}": np.asarray(change) for name, change in action.changes.items()}
+    columns |= {f"output {name}": change for name, change in action.output.items()}
     ramp = np.linspace(-1.0, 1.7, 50)
-    found |= {f"reading {name}": read(ramp) - ramp for name, read in action.reading.items()}
+    columns |= {f"reading {name}": read(ramp) - ramp for name, read in action.reading.items()}
     if action.population:
         changed = action.population(ramp, 0.3, np.random.default_rng(9))
-        found["population"] = changed - ramp
-    return found
+        columns["population"] = changed - ramp
+    return columns

@@ -23,7 +23,7 @@ class ModelContract:
     def table(self) -> dict[str, np.ndarray]:
         """Rows (n,) of its columns: override it where they are not numbers in -1 to 1."""
         rng = np.random.default_rng(2)
-        return {one.name: rng.uniform(-1.0, 1.0, 7) for one in self.model_type.columns}
+        return {column.name: rng.uniform(-1.0, 1.0, 7) for column in self.model_type.columns}
 
     def _predicted(
         self, model: MeasurableModel, rows: slice = slice(None)
@@ -33,17 +33,22 @@ class ModelContract:
 
     def test_declarations(self) -> None:
         kind = self.model_type
-        names = [one.name for one in kind.columns] + [one.name for one in kind.outputs]
+        names = [declared.name for declared in kind.columns] + [
+            declared.name for declared in kind.outputs
+        ]
         assert len(set(names)) == len(names)
         for declared in (kind.columns, kind.outputs, kind.parameters):
-            for unit in [one.unit for one in declared]:
+            for unit in [entry.unit for entry in declared]:
                 assert dimension(unit) is not None
-        assert set(kind.free) <= {one.name for one in kind.parameters} or not kind.parameters
+        assert (
+            set(kind.free) <= {parameter.name for parameter in kind.parameters}
+            or not kind.parameters
+        )
 
     def test_shapes_and_finite(self) -> None:
-        found, n = self._predicted(self.model()), len(next(iter(self.table().values())))
-        assert set(found) == {one.name for one in self.model_type.outputs}
-        for name, values in found.items():
+        predicted, n = self._predicted(self.model()), len(next(iter(self.table().values())))
+        assert set(predicted) == {output.name for output in self.model_type.outputs}
+        for name, values in predicted.items():
             assert values.shape == (n,), name
             assert np.all(np.isfinite(values)), name
 
@@ -58,8 +63,8 @@ class ModelContract:
         model = self.model()
         for name, values in self._predicted(model).items():
             for row in range(len(values)):
-                one = self._predicted(model, slice(row, row + 1))[name][0]
-                np.testing.assert_allclose(one, values[row], rtol=1e-9, atol=1e-12)
+                single = self._predicted(model, slice(row, row + 1))[name][0]
+                np.testing.assert_allclose(single, values[row], rtol=1e-9, atol=1e-12)
 
     def test_picklable(self) -> None:
         again = pickle.loads(pickle.dumps(self.model()))

@@ -38,9 +38,9 @@ class ProblemContract:
         problem, x = self._designs()
         whole = problem.outputs_of(problem.complete(x))
         for row in range(len(x)):
-            one = problem.outputs_of(problem.complete(x[row : row + 1]))
+            single = problem.outputs_of(problem.complete(x[row : row + 1]))
             for name, values in whole.items():
-                np.testing.assert_allclose(one[name][0], values[row], rtol=1e-6, atol=1e-8)
+                np.testing.assert_allclose(single[name][0], values[row], rtol=1e-6, atol=1e-8)
 
     def test_finite_at_all_corners(self) -> None:
         problem = self.problem()

@@ -11,7 +11,7 @@ from ..workflows.choice.rules import RULES
 
 
 def front(objectives: int) -> Points:
-    """Points of a part of a sphere: a front of which each objective is best at one end."""
+    """Points on a part of a sphere: a front with the best of each objective at one end."""
     angles = np.random.default_rng(3).uniform(0.05, 0.95, (60, objectives)) * np.pi / 2.0
     values = np.abs(np.cos(angles)) / np.linalg.norm(np.cos(angles), axis=1, keepdims=True)
     values = 2.0 - values

@@ -49,7 +49,7 @@ def example() -> RunResult:
         }
         for name in ("pin", "bore")
     ]
-    found = run(
+    finished = run(
         {
             "problem": "stack",
             "objectives": {"minimise": ["cost", "variation"]},
@@ -58,8 +58,8 @@ def example() -> RunResult:
             "algorithm": {"name": "exact", "points": 20},
         }
     )
-    assert isinstance(found.record, RunResult)
-    return found.record
+    assert isinstance(finished.record, RunResult)
+    return finished.record
 
 
 class _Tags(HTMLParser):

@@ -59,10 +59,10 @@ class Content:
     def read(self, lines: list[str]) -> None:
         """Read the lines of a file."""
         for at, line in enumerate(lines, 1):
-            bare = line.strip(" \r\n\t\x1a")
-            if bare.startswith("K"):
-                self._key(at, bare)
-            elif bare:
+            stripped = line.strip(" \r\n\t\x1a")
+            if stripped.startswith("K"):
+                self._key(at, stripped)
+            elif stripped:
                 self._compact(at, line.rstrip("\r\n\x1a"))
 
     def _key(self, at: int, line: str) -> None:
@@ -86,45 +86,45 @@ class Content:
             self.common_parts[key] = value
             return
         self._part = index
-        given = self.parts.setdefault(index, {})
-        if given.setdefault(key, value) != value:
-            self.fault(at, f'{key} of part {index} is "{given[key]}" above, here "{value}"')
+        keys = self.parts.setdefault(index, {})
+        if keys.setdefault(key, value) != value:
+            self.fault(at, f'{key} of part {index} is "{keys[key]}" above, here "{value}"')
 
     def _characteristic_key(self, at: int, key: str, index: int, value: str) -> None:
         if index == 0:
             self.common[key] = value
             return
-        found = self.characteristics.setdefault(index, Raw(self._part))
-        if found.keys.setdefault(key, value) != value:
-            text = f'{key} of characteristic {index} is "{found.keys[key]}" above, here "{value}"'
+        raw = self.characteristics.setdefault(index, Raw(self._part))
+        if raw.keys.setdefault(key, value) != value:
+            text = f'{key} of characteristic {index} is "{raw.keys[key]}" above, here "{value}"'
             self.fault(at, text)
 
     def _value_key(self, at: int, key: str, index: int, value: str, number: int | None) -> None:
         if index == 0:
-            for each in self.characteristics:
-                self._value_key(at, key, each, value, number)
+            for known_index in self.characteristics:
+                self._value_key(at, key, known_index, value, number)
             return
-        found = self.characteristics.get(index)
-        if found is None:
+        raw = self.characteristics.get(index)
+        if raw is None:
             self.fault(at, f"{key}/{index}: characteristic {index} is not described above")
-        elif number is not None and number != len(found.values) + (key in FIRST):
+        elif number is not None and number != len(raw.values) + (key in FIRST):
             self.fault(at, f"value {number} of characteristic {index} is out of order")
-        elif key in FIRST or (key == "K0020" and found.attributive):
-            self._begin(found, key, value, at)
-        elif not found.values:
+        elif key in FIRST or (key == "K0020" and raw.attributive):
+            self._begin(raw, key, value, at)
+        elif not raw.values:
             self.fault(at, f"{key}/{index} stands before the first value of the characteristic")
-        elif found.values[-1].setdefault(key, value) != value:
+        elif raw.values[-1].setdefault(key, value) != value:
             self.fault(at, f"{key}/{index} is given twice for one value")
 
-    def _begin(self, found: Raw, key: str, value: str, at: int) -> None:
+    def _begin(self, raw: Raw, key: str, value: str, at: int) -> None:
         """A new value; the size of a sample and its count belong together."""
-        last = found.values[-1] if found.values else None
+        last = raw.values[-1] if raw.values else None
         pair = {"K0020": "K0021", "K0021": "K0020"}.get(key)
         if pair and last is not None and pair in last and key not in last:
             last[key] = value
             return
-        found.values.append({key: value})
-        found.lines.append(at)
+        raw.values.append({key: value})
+        raw.lines.append(at)
 
     def _compact(self, at: int, line: str) -> None:
         cells = line.split(BETWEEN)
@@ -134,13 +134,13 @@ class Content:
             self.fault(at, text)
             return
         for index, cell in zip(indices, cells, strict=False):
-            found = self.characteristics[index]
-            keys = COUNTS if found.attributive else COMPACT
+            raw = self.characteristics[index]
+            keys = COUNTS if raw.attributive else COMPACT
             fields = cell.split(WITHIN)
             if len(fields) > len(keys):
                 self.fault(at, f"{len(fields)} fields of a value, {len(keys)} are known")
                 continue
-            given = {key: one.strip() for key, one in zip(keys, fields, strict=False) if key}
-            given["K0006"] = given.get("K0006", "").removeprefix("#")
-            found.values.append(given)
-            found.lines.append(at)
+            value = {key: text.strip() for key, text in zip(keys, fields, strict=False) if key}
+            value["K0006"] = value.get("K0006", "").removeprefix("#")
+            raw.values.append(value)
+            raw.lines.append(at)

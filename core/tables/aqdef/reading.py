@@ -27,28 +27,28 @@ def read_aqdef(path: str | Path, encoding: str | None = None) -> list[Characteri
     Raises InputError with every fault.
     """
     path = Path(path)
-    found, faults = characteristics(path, path.name, encoding)
+    measured, faults = characteristics(path, path.name, encoding)
     raise_all(faults)
-    return found
+    return measured
 
 
 def characteristics(
     path: Path, place: str, encoding: str | None = None
 ) -> tuple[list[Characteristic], list[Fault]]:
-    """`read_aqdef` that hands back the faults."""
+    """`read_aqdef` that returns the faults."""
     content = Content(place)
     try:
-        for one in _files(path, place):
-            content.place = place if one == path else one.name
-            text, _ = decoded(_bytes(one, content.place), content.place, encoding, _SEPARATORS)
+        for file in _files(path, place):
+            content.place = place if file == path else file.name
+            text, _ = decoded(_bytes(file, content.place), content.place, encoding, _SEPARATORS)
             content.read(text.split("\n"))
     except InputError as error:
         return [], list(error.faults)
     content.place = place
     _check(content)
-    found = [_characteristic(content, index) for index in sorted(content.characteristics)]
-    _twice(found, content)
-    return found, content.faults
+    measured = [_characteristic(content, index) for index in sorted(content.characteristics)]
+    _twice(measured, content)
+    return measured, content.faults
 
 
 _SEPARATORS = "\x0f\x14\x1a"
@@ -60,32 +60,34 @@ def _files(path: Path, place: str) -> list[Path]:
     if partner is None:
         return [path]
     siblings = path.parent.iterdir() if path.parent.is_dir() else []
-    other = next((p for p in siblings if p.stem == path.stem and p.suffix.lower() == partner), None)
-    if other is None and path.exists():
+    second = next(
+        (p for p in siblings if p.stem == path.stem and p.suffix.lower() == partner), None
+    )
+    if second is None and path.exists():
         raise refuse(place, f"needs {path.stem}{partner} beside it")
-    both = [path] if other is None else [path, other]
-    return sorted(both, key=lambda one: one.suffix.lower())
+    both = [path] if second is None else [path, second]
+    return sorted(both, key=lambda file: file.suffix.lower())
 
 
 def _bytes(path: Path, place: str) -> bytes:
     try:
-        found = path.read_bytes()
+        content = path.read_bytes()
     except OSError as error:
         raise refuse(place, f"cannot be read: {error.strerror}") from error
-    if not found.strip():
+    if not content.strip():
         raise refuse(place, "is empty")
-    return found
+    return content
 
 
 def _check(content: Content) -> None:
     """Counts and parts that do not agree."""
-    given = len(content.characteristics)
-    if not given:
+    described = len(content.characteristics)
+    if not described:
         content.faults.append(Fault(content.place, "describes no characteristic (keys K2...)"))
-    if content.count is not None and content.count != given:
-        text = f"K0100 announces {content.count} characteristics, {given} are described"
+    if content.count is not None and content.count != described:
+        text = f"K0100 announces {content.count} characteristics, {described} are described"
         content.faults.append(Fault(content.place, text))
-    used = {one.part for one in content.characteristics.values()}
+    used = {raw.part for raw in content.characteristics.values()}
     for index in sorted(set(content.parts) - used) if len(content.parts) > 1 else ():
         text = (
             f"part {index} has no characteristic: those of a part stand below its keys K1..., "
@@ -103,7 +105,7 @@ def _characteristic(content: Content, index: int) -> Characteristic:
         key: _number(keys.get(key, ""), f"{place}: {key}", content.faults)
         for key in ("K2101", "K2110", "K2111", "K2112", "K2113")
     }
-    found = Characteristic(
+    characteristic = Characteristic(
         part=part.get("K1002") or part.get("K1001", ""),
         part_number=part.get("K1001", ""),
         name=keys.get("K2002", ""),
@@ -116,11 +118,18 @@ def _characteristic(content: Content, index: int) -> Characteristic:
         keys=keys,
         part_keys=part,
     )
-    if found.lower is not None and found.upper is not None and found.lower > found.upper:
-        text = f"the lower limit {found.lower:g} is above the upper limit {found.upper:g}"
+    if (
+        characteristic.lower is not None
+        and characteristic.upper is not None
+        and characteristic.lower > characteristic.upper
+    ):
+        text = (
+            f"the lower limit {characteristic.lower:g} is above the upper limit "
+            f"{characteristic.upper:g}"
+        )
         content.faults.append(Fault(place, text))
-    _fill(found, raw, content, place)
-    return found
+    _fill(characteristic, raw, content, place)
+    return characteristic
 
 
 def _limit(
@@ -152,22 +161,24 @@ def _limit(
     return by_deviation if stated is None else stated
 
 
-def _fill(found: Characteristic, raw: Raw, content: Content, place: str) -> None:
-    """The values with what stands beside them."""
+def _fill(characteristic: Characteristic, raw: Raw, content: Content, place: str) -> None:
+    """Fill in the values with their attributes, sizes, batches and times."""
     formats: dict[str, int] = {}
     for line, value in zip(raw.lines, raw.values, strict=True):
         where = f"{content.place}: row {line}"
-        key = "K0021" if found.attributive else "K0001"
+        key = "K0021" if characteristic.attributive else "K0001"
         number = _number(value.get(key, ""), f"{where}: {key}", content.faults)
         attribute = _whole(value.get("K0002", ""), f"{where}: K0002", content.faults) or 0
-        found.values.append(None if attribute in INVALID else number)
-        found.attributes.append(attribute)
-        found.sizes.append(_whole(value.get("K0020", ""), f"{where}: K0020", content.faults))
-        found.batches.append(value.get("K0006", ""))
-        found.times.append(None)
+        characteristic.values.append(None if attribute in INVALID else number)
+        characteristic.attributes.append(attribute)
+        characteristic.sizes.append(
+            _whole(value.get("K0020", ""), f"{where}: K0020", content.faults)
+        )
+        characteristic.batches.append(value.get("K0006", ""))
+        characteristic.times.append(None)
         if text := value.get("K0004", ""):
             try:
-                found.times[-1], form = moment(text)
+                characteristic.times[-1], form = moment(text)
                 formats.setdefault(form, line)
             except ValueError as error:
                 content.faults.append(Fault(f"{where}: K0004", str(error)))
@@ -176,17 +187,23 @@ def _fill(found: Characteristic, raw: Raw, content: Content, place: str) -> None
         content.faults.append(Fault(f"{place}: K0004", f"times in two formats: {listed}"))
 
 
-def _twice(found: list[Characteristic], content: Content) -> None:
+def _twice(described: list[Characteristic], content: Content) -> None:
     """A characteristic of one part that is described twice."""
-    seen: dict[tuple[str, str, str, str], int] = {}
-    for index, one in zip(sorted(content.characteristics), found, strict=True):
-        key = (one.part_number, one.part, one.number, one.name)
-        if any(key[2:]) and key in seen:
+    first_index: dict[tuple[str, str, str, str], int] = {}
+    for index, characteristic in zip(sorted(content.characteristics), described, strict=True):
+        key = (
+            characteristic.part_number,
+            characteristic.part,
+            characteristic.number,
+            characteristic.name,
+        )
+        if any(key[2:]) and key in first_index:
             text = (
-                f"characteristic {index} ({one.label}) is described twice: as {seen[key]} as well"
+                f"characteristic {index} ({characteristic.label}) is described twice: as "
+                f"{first_index[key]} as well"
             )
             content.faults.append(Fault(content.place, text))
-        seen.setdefault(key, index)
+        first_index.setdefault(key, index)
 
 
 def _number(text: str, place: str, faults: list[Fault]) -> float | None:

@@ -11,7 +11,7 @@ class Characteristic:
     """One characteristic of one part.
 
     `values` are in `unit`, None where a value is missing or its attribute says that it is not
-    valid; `attributes` (K0002), `times` (K0004) and `batches` (K0006) stand beside them. `lower`
+    valid; `attributes` (K0002), `times` (K0004) and `batches` (K0006) belong to them. `lower`
     and `upper` are limits, None where there is none. `attributive` characteristics count: their
     values are the numbers of faults in samples of `sizes`.
     """

@@ -20,28 +20,37 @@ def table_of_aqdef(
     Values that are not valid are empty cells. A column is named after its characteristic, and after
     its part as well where two have the same name; `time` and `batch` are those of the first one.
     """
-    found, faults = characteristics(path, place, options.encoding)
-    if not found:
+    measured, faults = characteristics(path, place, options.encoding)
+    if not measured:
         return None, faults
-    labels = [one.label for one in found]
+    labels = [characteristic.label for characteristic in measured]
     names = [
-        one.label if labels.count(one.label) == 1 else f"{one.part} {one.label}" for one in found
+        characteristic.label
+        if labels.count(characteristic.label) == 1
+        else f"{characteristic.part} {characteristic.label}"
+        for characteristic in measured
     ]
-    rows = max(len(one.values) for one in found)
+    rows = max(len(characteristic.values) for characteristic in measured)
     if not rows:
         faults.append(Fault(place, "holds no values"))
-    columns = {name: _padded(one.values, rows) for name, one in zip(names, found, strict=True)}
-    first = found[0]
+    columns = {
+        name: _padded(characteristic.values, rows)
+        for name, characteristic in zip(names, measured, strict=True)
+    }
+    first = measured[0]
     extra = {"time": [t.isoformat(" ") if t else "" for t in first.times], "batch": first.batches}
     for name, texts in extra.items():
         if any(texts) and name not in columns:
             columns[name] = [*texts, *[""] * (rows - len(texts))]
     cells = Columns(columns, range(1, rows + 1))
-    units = {name: known_unit(one.unit) or "" for name, one in zip(names, found, strict=True)}
+    units = {
+        name: known_unit(characteristic.unit) or ""
+        for name, characteristic in zip(names, measured, strict=True)
+    }
     notes = [
-        f"{name}: {sum(v is None for v in one.values)} values are missing or not valid"
-        for name, one in zip(names, found, strict=True)
-        if None in one.values
+        f"{name}: {sum(v is None for v in characteristic.values)} values are missing or not valid"
+        for name, characteristic in zip(names, measured, strict=True)
+        if None in characteristic.values
     ]
     stated = {name: unit for name, unit in units.items() if unit}
     table = Table(
@@ -56,5 +65,5 @@ def table_of_aqdef(
 
 
 def _padded(values: list[float | None], rows: int) -> list[object]:
-    cells: list[object] = ["" if one is None else one for one in values]
+    cells: list[object] = ["" if value is None else value for value in values]
     return cells + [""] * (rows - len(values))
