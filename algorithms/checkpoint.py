@@ -51,17 +51,19 @@ class Checkpoint:
                 content = {key: file[key] for key in file.files}
             if int(content["format"]) != FORMAT:
                 raise ValueError(f"format {content['format']}, expected {FORMAT}")
-            found = cls(path, str(content["identity"]), every)
-            found.unsavable = bool(content["unsavable"])
+            checkpoint = cls(path, str(content["identity"]), every)
+            checkpoint.unsavable = bool(content["unsavable"])
             for at, name in enumerate(content["tables"].tolist()):
-                found.tables[name] = _table(content, f"table.{at}.")
+                checkpoint.tables[name] = _table(content, f"table.{at}.")
         except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
             raise refuse(
                 str(path), f"cannot be read: {error}; start again with --overwrite"
             ) from error
         prefix = "state."
-        found._state = {k[len(prefix) :]: v for k, v in content.items() if k.startswith(prefix)}
-        return found
+        checkpoint._state = {
+            k[len(prefix) :]: v for k, v in content.items() if k.startswith(prefix)
+        }
+        return checkpoint
 
     def due(self) -> bool:
         """Whether the last state was saved long enough ago."""

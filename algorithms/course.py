@@ -73,12 +73,12 @@ class Course:
         """Take in a batch: objectives (n, objectives), feasible (n,), CPU time used so far [s]."""
         self.batches += 1
         rows = np.flatnonzero(feasible)
-        share = len(rows) / len(f) if len(f) else 0.0
+        fraction = len(rows) / len(f) if len(f) else 0.0
         at = (self.evaluations + rows + 1).astype(np.int64)
         self.evaluations += len(f)
         self.feasible += len(rows)
-        found = f if len(rows) == len(f) else f[rows]
-        self._open.append((self.batches, self.evaluations, cpu_s, share, at, found))
+        feasible_values = f if len(rows) == len(f) else f[rows]
+        self._open.append((self.batches, self.evaluations, cpu_s, fraction, at, feasible_values))
         self._waiting += len(rows)
         if self._waiting > BLOCK:
             self._settle()
@@ -114,8 +114,8 @@ class Course:
         value = self._value(self.front)
         if np.isnan(self.reached_at[0]) and self._there(value):
             self.reached_at = self._passed(before, news, group)
-        generation, evaluations, cpu_s, share, *_ = group[-1]
-        self._rows.append((generation, evaluations, cpu_s, value, share))
+        generation, evaluations, cpu_s, fraction, *_ = group[-1]
+        self._rows.append((generation, evaluations, cpu_s, value, fraction))
 
     def _passed(self, before: Array, news: Array, group: list[Batch]) -> tuple[float, float]:
         """Evaluations, and CPU time at the end of their batch, at which the level was passed."""

@@ -49,14 +49,14 @@ def lowest_ranks_in_order(f: Array, enough: int) -> Indices:
     if f.shape[1] != 2:
         return ranks(f)
     first, second = f.T
-    found, rest = np.zeros(len(f), dtype=np.int64), np.arange(len(f))
+    assigned, rest = np.zeros(len(f), dtype=np.int64), np.arange(len(f))
     for rank in range(1, PASSES + 1):
         rest = rest[~_lowest(first.take(rest), second.take(rest))]
-        found[rest] = rank
+        assigned[rest] = rank
         if len(rest) <= max(0, len(f) - enough):
-            return found
-    found[rest] += ranks(f.take(rest, axis=0))
-    return found
+            return assigned
+    assigned[rest] += ranks(f.take(rest, axis=0))
+    return assigned
 
 
 def _lowest(first: Array, second: Array) -> NDArray[np.bool_]:

@@ -46,23 +46,23 @@ def kept(run: Run, branch: Branch, y: Array, f: Array, search: bool) -> Array:
     """
     limit = np.full(len(f), np.inf)
     limit[1:] = f[1:]
-    found: list[tuple[float, Array]] = []
+    accepted: list[tuple[float, Array]] = []
     rounds = ALONE if run.problem.n_obj == 1 else ROUNDS
     for _ in range(rounds if search else 0):
-        excess = _noted(run, branch, y, found)
-        own = branch.smooth.values(y)[1]
-        moved = np.where(excess != own, excess - own + _farther(run), 0.0)
+        excess = _noted(run, branch, y, accepted)
+        violation = branch.smooth.values(y)[1]
+        moved = np.where(excess != violation, excess - violation + _farther(run), 0.0)
         y = branch.solved(0, branch.restored(y, moved, FAR), limit, moved)
-    _noted(run, branch, y, found)
-    return min(found, key=lambda one: one[0])[1] if found else _pushed(run, branch, y)
+    _noted(run, branch, y, accepted)
+    return min(accepted, key=lambda point: point[0])[1] if accepted else _pushed(run, branch, y)
 
 
-def _noted(run: Run, branch: Branch, y: Array, found: list[tuple[float, Array]]) -> Array:
+def _noted(run: Run, branch: Branch, y: Array, accepted: list[tuple[float, Array]]) -> Array:
     """Violations (constraints,) on fresh units; where there are none the point joins `found`."""
     x = branch.smooth.vectors(y[None, :])
     values, excess = run.problem.tested(x)
     if not np.any(excess > 0.0):
-        found.append((float(values[0, 0]), x))
+        accepted.append((float(values[0, 0]), x))
     return np.asarray(excess[0])
 
 
@@ -74,17 +74,19 @@ def _pushed(run: Run, branch: Branch, y: Array) -> Array:
         excess = run.problem.tested(x)[1][0]
         if not np.any(excess > 0.0):
             break
-        own = branch.smooth.values(y)[1]
-        slack = np.where(excess > 0.0, np.maximum(slack, -own) + BEYOND * excess + farther, slack)
+        violation = branch.smooth.values(y)[1]
+        slack = np.where(
+            excess > 0.0, np.maximum(slack, -violation) + BEYOND * excess + farther, slack
+        )
         y = branch.restored(y, slack, FAR)
     return branch.smooth.vectors(y[None, :])
 
 
 def _farther(run: Run) -> Array:
     """By what share limits (constraints,) are moved beyond what fresh units ask for."""
-    found = []
+    fractions = []
     for limit in run.problem.limits:
         tail = 100.0 - limit.low if limit.unit in ("percent", "%") else np.inf
-        share = OF_TAIL * tail / limit.low if 0.0 < tail < limit.low else MARGIN
-        found += [min(MARGIN, share)] * limit.count
-    return np.array(found)
+        fraction = OF_TAIL * tail / limit.low if 0.0 < tail < limit.low else MARGIN
+        fractions += [min(MARGIN, fraction)] * limit.count
+    return np.array(fractions)

@@ -53,8 +53,8 @@ def _between(run: Run, branches: list[Branch], points: int) -> Levels:
         tried = _promising(levels[below]) | _promising(levels[above])
         levels[level] = np.array(
             [
-                _solved(branch, level) if own else np.inf
-                for branch, own in zip(branches, tried, strict=True)
+                _solved(branch, level) if promising else np.inf
+                for branch, promising in zip(branches, tried, strict=True)
             ]
         )
     for sweep in range(SWEEPS):
@@ -74,17 +74,17 @@ def _mended(branches: list[Branch], levels: Levels) -> bool:
         return False
     least = np.log([np.min(levels[level]) for level in order])
     at = np.log(order)
-    share = (at[1:-1] - at[:-2]) / (at[2:] - at[:-2])
-    above = least[1:-1] - (1.0 - share) * least[:-2] - share * least[2:]
+    fraction = (at[1:-1] - at[:-2]) / (at[2:] - at[:-2])
+    above = least[1:-1] - (1.0 - fraction) * least[:-2] - fraction * least[2:]
     bad = [order[i + 1] for i in np.flatnonzero(above > SAGGING)]
     for level in bad:
         branch = branches[int(np.argmin(levels[level]))]
-        for other in (order[order.index(level) - 1], order[order.index(level) + 1]):
-            near = branches[int(np.argmin(levels[other]))]
-            near.minimise(0, near.nearest(other), near.at_most(1, level))
+        for other_level in (order[order.index(level) - 1], order[order.index(level) + 1]):
+            near = branches[int(np.argmin(levels[other_level]))]
+            near.minimise(0, near.nearest(other_level), near.at_most(1, level))
             if near is not branch:
-                branch.minimise(0, near.nearest(other), branch.at_most(1, level))
-        levels[level] = np.array([_value(one, level) for one in branches])
+                branch.minimise(0, near.nearest(other_level), branch.at_most(1, level))
+        levels[level] = np.array([_value(candidate, level) for candidate in branches])
     return bool(bad)
 
 
@@ -142,7 +142,7 @@ def _best(branches: list[Branch], level: float) -> tuple[Branch, int]:
     """Branch and index of the least first objective at a level: others there are no part of the
     front, though some are tighter by less than a solution is good for.
     """
-    branch = min(branches, key=lambda one: _value(one, level))
+    branch = min(branches, key=lambda candidate: _value(candidate, level))
     return branch, int(np.argmin(_reached(branch, level)))
 
 
@@ -155,8 +155,8 @@ def _solved(branch: Branch, level: float) -> float:
         return np.inf
     tighter, dearer = branch.y[above - 1], float(branch.f[above - 1][0])
     if above < len(values):
-        share = (level - values[above - 1]) / max(values[above] - values[above - 1], 1e-12)
-        branch.minimise(0, tighter + share * (branch.y[above] - tighter), limit)
+        fraction = (level - values[above - 1]) / max(values[above] - values[above - 1], 1e-12)
+        branch.minimise(0, tighter + fraction * (branch.y[above] - tighter), limit)
     if _value(branch, level) > 0.999 * dearer:
         branch.minimise(0, tighter, limit)
     if _value(branch, level) > 0.999 * dearer:

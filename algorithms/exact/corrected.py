@@ -75,10 +75,10 @@ class Corrected:
         for at, step in self._steps():
             while best is not None and self._has(at, best.ways[at] + step):
                 move = (*best.ways[:at], best.ways[at] + step, *best.ways[at + 1 :])
-                other = self.point(move, limit, than=best.cost)
-                if other is None or other.cost >= best.cost:
+                neighbour = self.point(move, limit, than=best.cost)
+                if neighbour is None or neighbour.cost >= best.cost:
                     break
-                best = other
+                best = neighbour
         if best is not None:
             self._apart = np.subtract(best.ways, ways)
         return best
@@ -95,8 +95,10 @@ class Corrected:
     @property
     def _open(self) -> list[int]:
         """Features with several ways, those with most first."""
-        found = [at for at, feature in enumerate(self.form.features) if len(feature.ways) > 1]
-        return sorted(found, key=lambda at: -len(self.form.features[at].ways))
+        open_features = [
+            at for at, feature in enumerate(self.form.features) if len(feature.ways) > 1
+        ]
+        return sorted(open_features, key=lambda at: -len(self.form.features[at].ways))
 
     def _has(self, at: int, way: int) -> bool:
         return 0 <= way < len(self.form.features[at].ways)
@@ -129,10 +131,10 @@ class Corrected:
                 break
             x = self._vector(ways, t)
             designs = problem.complete(x[None, :])
-            found = problem.outputs_of(designs, errors=False)
-            values = problem.form_values(self.form, designs, found)[0]
-            kept = np.all(problem.violations(designs, found) <= 0.0)
-            cost = float(values[least] if least >= 0 else found["cost"][0])
+            outputs = problem.outputs_of(designs, errors=False)
+            values = problem.form_values(self.form, designs, outputs)[0]
+            kept = np.all(problem.violations(designs, outputs) <= 0.0)
+            cost = float(values[least] if least >= 0 else outputs["cost"][0])
             if (
                 kept
                 and self._near_enough(values, limit, least)
@@ -149,8 +151,8 @@ class Corrected:
             if done + 1 >= ROUNDS and np.any(excess >= FAR):
                 break
             # a limit that the form does not reach, but the model breaks, begins where the form is
-            own = np.where(excess > 0.0, np.minimum(moved, self._values(ways, t)), moved)
-            moved = np.where(real, own - scale * (excess + INSIDE), moved)
+            base = np.where(excess > 0.0, np.minimum(moved, self._values(ways, t)), moved)
+            moved = np.where(real, base - scale * (excess + INSIDE), moved)
         if best is not None:
             self._moved = np.subtract(moved, limit, out=np.zeros_like(limit), where=real)
             self._start = best.t
@@ -174,17 +176,17 @@ class Corrected:
         return bool(np.all(values <= limit + slack))
 
     def _vector(self, ways: tuple[int, ...], t: Array) -> Array:
-        one = np.ones(1)
-        found = Optimum(np.array([ways]), t[None, :], one, one, one[:, None])
-        return np.asarray(search_vectors(self.run.problem, self.form, found)[0])
+        nothing = np.ones(1)
+        optimum = Optimum(np.array([ways]), t[None, :], nothing, nothing, nothing[:, None])
+        return np.asarray(search_vectors(self.run.problem, self.form, optimum)[0])
 
     def _solved(
         self, ways: tuple[int, ...], limit: Array, least: int, start: Array | None
     ) -> Array | None:
         """Tolerances (features,) of least cost, from a `start`, or of the least value of a row."""
         if least >= 0:
-            found = least_value(_made(self.form, ways), least, limit)
-            return None if found is None else found.t
+            lowest = least_value(_made(self.form, ways), least, limit)
+            return None if lowest is None else lowest.t
         return Programme(Combination(self.form, ways)).allocation(limit, start)
 
 
@@ -196,11 +198,11 @@ def is_corrected(form: Form) -> bool:
 def corrected_vectors(run: Run, form: Form, points: int) -> Array:
     """Search vectors (k, variables) of about `points` along the front, or of the least cost."""
     limits = row_limits(run.problem, form)
-    own, corrected = np.isfinite(form.own_limits), Corrected(run, form)
-    swept = np.array([name in run.problem.objectives for name in form.outputs]) & ~own
+    limited, corrected = np.isfinite(form.own_limits), Corrected(run, form)
+    swept = np.array([name in run.problem.objectives for name in form.outputs]) & ~limited
     if run.problem.n_obj == 1 or np.count_nonzero(swept) != 1:
-        found = least_cost(form, limits[None, :])
-        best = corrected.best(tuple(found.chosen[0].tolist()), limits)
+        cheapest = least_cost(form, limits[None, :])
+        best = corrected.best(tuple(cheapest.chosen[0].tolist()), limits)
         return np.empty((0, run.problem.n_var)) if best is None else best.x[None, :]
     row = int(np.argmax(swept))
     run.phase("ends of the front", 0.05)
@@ -213,8 +215,8 @@ def corrected_vectors(run: Run, form: Form, points: int) -> Array:
         run.phase("points on the full model", 0.3 + 0.7 * done / len(asked))
         best = corrected.best(tuple(ways), limit)
         if before is not None and best is not None and before.ways not in (tuple(ways), best.ways):
-            other = corrected.point(before.ways, limit, than=best.cost)
-            best = best if other is None or other.cost >= best.cost else other
+            alternative = corrected.point(before.ways, limit, than=best.cost)
+            best = best if alternative is None or alternative.cost >= best.cost else alternative
         if best is not None:
             x.append(best.x)
             before = best
@@ -243,12 +245,12 @@ def _levels(
     steps = np.linspace(0.0, 1.0, max(2, min(COARSE, points))) ** 2
     coarse = low + (high - low) * np.maximum(steps, FIRST)
     run.phase("coarse front", 0.1)
-    found, asked = _at(form, limits, row, coarse)
+    optima, asked = _at(form, limits, row, coarse)
     if len(asked) < 2 or points <= len(coarse):
-        return asked, found.chosen
-    length = arc_length(np.stack([asked[:, row], found.cost]))
+        return asked, optima.chosen
+    length = arc_length(np.stack([asked[:, row], optima.cost]))
     even = np.interp(np.linspace(0.0, length[-1], points), length, asked[:, row])
-    chosen = found.chosen[np.argmin(np.abs(even[:, None] - asked[:, row]), axis=1)]
+    chosen = optima.chosen[np.argmin(np.abs(even[:, None] - asked[:, row]), axis=1)]
     fine = np.tile(limits, (points, 1))
     fine[:, row] = even
     return fine, chosen
@@ -258,9 +260,9 @@ def _at(form: Form, limits: Array, row: int, levels: Array) -> tuple[Optimum, Ar
     """The form solved at levels (n,) of a row, and the limits (n, r); those that exist."""
     asked = np.tile(limits, (len(levels), 1))
     asked[:, row] = levels
-    found = least_cost(form, asked)
-    real = np.isfinite(found.cost)
-    return found.at(np.flatnonzero(real)), asked[real]
+    optima = least_cost(form, asked)
+    real = np.isfinite(optima.cost)
+    return optima.at(np.flatnonzero(real)), asked[real]
 
 
 def _held(form: Form, t: Array) -> Form:

@@ -37,7 +37,7 @@ def least_under_doubt(form: Form, limits: Array, floor: float) -> Optimum:
     Cost and bound are inf where no allocation can keep them; where none was found the cost alone.
     """
     n, shape = len(limits), (len(limits), len(form.features))
-    found = Optimum(
+    optimum = Optimum(
         np.zeros(shape, dtype=np.int64),
         np.full(shape, np.nan),
         np.full(n, np.inf),
@@ -46,14 +46,18 @@ def least_under_doubt(form: Form, limits: Array, floor: float) -> Optimum:
     )
     reference: Array | None = None
     for row, limit in enumerate(limits):
-        one = _Reweighted(form, limit, reference)
-        one.run()
-        reference = one.reference
-        found.bound[row] = max(floor, min(one.bound, one.cost))
-        if one.leaf is not None:
-            found.chosen[row], found.t[row], found.cost[row] = one.leaf.ways, one.t, one.cost
-            found.multiplier[row] = one.multiplier
-    return found
+        reweighted = _Reweighted(form, limit, reference)
+        reweighted.run()
+        reference = reweighted.reference
+        optimum.bound[row] = max(floor, min(reweighted.bound, reweighted.cost))
+        if reweighted.leaf is not None:
+            optimum.chosen[row], optimum.t[row], optimum.cost[row] = (
+                reweighted.leaf.ways,
+                reweighted.t,
+                reweighted.cost,
+            )
+            optimum.multiplier[row] = reweighted.multiplier
+    return optimum
 
 
 class _Reweighted:
@@ -78,14 +82,14 @@ class _Reweighted:
             self.bound = max(self.bound, bound)
             if not np.isfinite(known.cost):
                 return
-            own = Combination(self.form, known.ways).parts(known.t[None, :])[0] ** 2
-            last, step = step, self._step(own)
+            squared_parts = Combination(self.form, known.ways).parts(known.t[None, :])[0] ** 2
+            last, step = step, self._step(squared_parts)
             change = np.max(np.abs(step))
             if change <= NEAR:
                 self._keep(known, squares)
                 if self.cost - self.bound <= GAP * abs(self.cost) or change <= SETTLED:
                     return
-            self.reference = self._drawn(own, step, last)
+            self.reference = self._drawn(squared_parts, step, last)
         if known is not None:
             self._keep(known, self._squares())
 
@@ -101,25 +105,27 @@ class _Reweighted:
                 constant[row] += max(float(value - rise @ at), 0.0)
         return Squares(self.form, weights, constant)
 
-    def _step(self, own: Array) -> Array:
+    def _step(self, squared_parts: Array) -> Array:
         """Logarithms of squares (r, features) over those of the reference."""
         if self.reference is None:
-            return np.full_like(own, np.inf)
-        real = (own > 0.0) & (self.reference > 0.0)
-        ratio = np.divide(own, self.reference, out=np.ones_like(own), where=real)
+            return np.full_like(squared_parts, np.inf)
+        real = (squared_parts > 0.0) & (self.reference > 0.0)
+        ratio = np.divide(
+            squared_parts, self.reference, out=np.ones_like(squared_parts), where=real
+        )
         return np.asarray(np.log(ratio))
 
-    def _drawn(self, own: Array, step: Array, last: Array | None) -> Array:
+    def _drawn(self, squared_parts: Array, step: Array, last: Array | None) -> Array:
         """The next reference: the step by the share that its change since the last one calls for.
 
         Steps that overshoot are taken back, and slow ones driven on (Aitken 1926).
         """
         if self.reference is None or last is None or not np.all(np.isfinite(last)):
-            return own
+            return squared_parts
         ratio = float(np.sum(step * last) / max(float(np.sum(last * last)), 1e-300))
-        share = 1.0 / (1.0 - float(np.clip(ratio, *RATIOS)))
+        factor = 1.0 / (1.0 - float(np.clip(ratio, *RATIOS)))
         return np.asarray(
-            np.where(self.reference > 0.0, self.reference, own) * np.exp(share * step)
+            np.where(self.reference > 0.0, self.reference, squared_parts) * np.exp(factor * step)
         )
 
     def _keep(self, leaf: Leaf, squares: Squares) -> None:
@@ -141,11 +147,11 @@ def _within(combination: Combination, t: Array, limit: Array) -> Array | None:
     """
     low, asked = combination.low, np.isfinite(limit)
 
-    def excess(share: float) -> Array:
-        values = combination.values((low + share * (t - low))[None, :])[0]
+    def excess(fraction: float) -> Array:
+        values = combination.values((low + fraction * (t - low))[None, :])[0]
         return np.asarray((values - limit)[asked])
 
-    outside, inside, share = excess(1.0), excess(0.0), 0.0
+    outside, inside, fraction = excess(1.0), excess(0.0), 0.0
     if np.all(outside <= 0.0):
         return t
     if np.any(inside > 0.0):
@@ -153,11 +159,11 @@ def _within(combination: Combination, t: Array, limit: Array) -> Array | None:
     broken = outside > 0.0
     for _ in range(CHORDS):
         room = -inside[broken]
-        tried = share + float(np.min(room / (room + outside[broken]))) * (1.0 - share)
-        found = excess(tried)
-        if np.any(found > 0.0):
+        tried = fraction + float(np.min(room / (room + outside[broken]))) * (1.0 - fraction)
+        tried_excess = excess(tried)
+        if np.any(tried_excess > 0.0):
             break
-        share, inside = tried, found
-        if np.max(found[broken] / limit[asked][broken]) >= -CLOSE:
+        fraction, inside = tried, tried_excess
+        if np.max(tried_excess[broken] / limit[asked][broken]) >= -CLOSE:
             break
-    return np.asarray(low + share * (t - low))
+    return np.asarray(low + fraction * (t - low))

@@ -90,20 +90,20 @@ def integer_sets(problem: ToleranceProblem) -> list[Array]:
             f"here are {count}: use hybrid, or fix some of them"
         )
         raise refuse("algorithm.name", text)
-    return [np.array(one) for one in itertools.product(*choices)]
+    return [np.array(values) for values in itertools.product(*choices)]
 
 
 def integer_moves(problem: ToleranceProblem, x: Array) -> list[Array]:
     """A search vector (variables,) and those that differ from it in one integer."""
-    found = [x]
+    vectors = [x]
     for at, variable in enumerate(problem.free):
         if variable.integer:
             for value in np.arange(np.ceil(problem.xl[at]), np.floor(problem.xu[at]) + 1.0):
                 if value != np.rint(x[at]):
-                    other = x.copy()
-                    other[at] = value
-                    found.append(other)
-    return found
+                    moved = x.copy()
+                    moved[at] = value
+                    vectors.append(moved)
+    return vectors
 
 
 def _contributing(branches: list[Branch]) -> list[Branch]:

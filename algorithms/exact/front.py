@@ -44,7 +44,7 @@ def front(
         return least_cost(form, np.where(swept, high, upper)[None, :])
     names = np.array(form.outputs)
     rows = [names == name for name in dict.fromkeys(names[swept].tolist())]
-    ends = [(float(low[own].max()), float(high[own].max())) for own in rows]
+    ends = [(float(low[mask].max()), float(high[mask].max())) for mask in rows]
     if len(rows) == 1:
         coarse = np.linspace(*ends[0], min(COARSE, 2 * points))
         return _by_limits(form, points, rows[0], coarse, upper, most)
@@ -52,8 +52,8 @@ def front(
         int(np.ceil(np.log2(points)))
     )
     limits = np.tile(upper, (points, 1))
-    for own, (first, last), share in zip(rows, ends, sample[:points].T, strict=True):
-        limits[:, own] = (first + (last - first) * share)[:, None]
+    for mask, (first, last), fraction in zip(rows, ends, sample[:points].T, strict=True):
+        limits[:, mask] = (first + (last - first) * fraction)[:, None]
     return least_cost(form, limits)
 
 
@@ -73,9 +73,9 @@ def _by_limits(
     """Solved at limits of the requirements `rows`, spread by the arc length of a coarse front."""
 
     def limits(values: Array) -> Array:
-        found = np.tile(upper, (len(values), 1))
-        found[:, rows] = values[:, None]
-        return found
+        upper_limits = np.tile(upper, (len(values), 1))
+        upper_limits[:, rows] = values[:, None]
+        return upper_limits
 
     first = least_cost(form, limits(coarse))
     if np.any(kept := first.cost <= most) and not np.all(kept):
@@ -126,8 +126,8 @@ def tightest(form: Form) -> Array:
     least = np.sqrt(square)
     if form.joint is not None:  # they rise with every scale, because all laws are unimodal
         rows = form.joint.rows
-        found = form.joint.tangent(np.stack(parts, axis=1)[None, rows])
-        least[rows] = (found.value - found.value_error)[0]
+        tangent = form.joint.tangent(np.stack(parts, axis=1)[None, rows])
+        least[rows] = (tangent.value - tangent.value_error)[0]
     return np.asarray(linear + least)
 
 

@@ -32,7 +32,7 @@ def least_of_points(form: Form, limits: Array) -> Optimum:
     cost, values = _every(form)
     order = np.argsort(cost, kind="stable")
     n, shape = len(limits), tuple(len(feature.ways) for feature in form.features)
-    found = Optimum(
+    optimum = Optimum(
         np.zeros((n, len(shape)), dtype=np.int64),
         np.full((n, len(shape)), np.nan),
         np.full(n, np.inf),
@@ -45,10 +45,10 @@ def least_of_points(form: Form, limits: Array) -> Optimum:
             continue
         best = int(order[int(np.argmax(fits))])
         ways = np.array(np.unravel_index(best, shape), dtype=np.int64)
-        found.chosen[row], found.cost[row] = ways, cost[best]
-        found.bound[row] = cost[best]
-        found.t[row] = [f.ways[way].low for f, way in zip(form.features, ways, strict=True)]
-    return found
+        optimum.chosen[row], optimum.cost[row] = ways, cost[best]
+        optimum.bound[row] = cost[best]
+        optimum.t[row] = [f.ways[way].low for f, way in zip(form.features, ways, strict=True)]
+    return optimum
 
 
 def _every(form: Form) -> tuple[Array, Array]:
@@ -56,18 +56,18 @@ def _every(form: Form) -> tuple[Array, Array]:
     cost, linear = np.full(1, form.base), form.offset[:, None].copy()
     square = form.constant[:, None].copy()
     for feature in form.features:
-        each, ends, squares = _points(feature, len(form.outputs))
-        cost = np.add.outer(cost, each).ravel()
+        costs, ends, squares = _points(feature, len(form.outputs))
+        cost = np.add.outer(cost, costs).ravel()
         linear, square = _outer(linear, ends), _outer(square, squares)
     shape = tuple(len(feature.ways) for feature in form.features)
     ways = np.unravel_index(np.arange(len(cost)), shape)
     for row, surplus in enumerate(form.surpluses):
         if surplus is not None:
-            own = [
+            way_squares = [
                 _points(feature, len(form.outputs))[2][row, way]
                 for feature, way in zip(form.features, ways, strict=True)
             ]
-            square[row] += surplus.value(np.stack(own, axis=1))[0]
+            square[row] += surplus.value(np.stack(way_squares, axis=1))[0]
     return cost, linear + np.sqrt(square)
 
 

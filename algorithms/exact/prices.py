@@ -33,9 +33,9 @@ def only_roots(form: Form) -> NDArray[np.bool_]:
     linear = np.any(np.array([way.linear for way in ways]), axis=0)
     offset = np.any(np.array([way.offset or nothing for way in ways]), axis=0)
     spread = np.any(np.array([way.spread for way in ways]), axis=0) | (form.constant > 0.0)
-    root = np.array([one is None for one in form.rows])
+    root = np.array([quantile is None for quantile in form.rows])
     if form.surpluses:
-        root &= np.array([one is None for one in form.surpluses])
+        root &= np.array([surplus is None for surplus in form.surpluses])
     return np.asarray(root & ~linear & ~offset & spread & (form.correlation is None))
 
 
@@ -87,11 +87,11 @@ class Prices:
         """
         count, ways = float(feature.count), feature.ways
         if len(ways) > 1 and all(way.curve == ways[0].curve for way in ways):
-            found = self._of_one_curve(ways, at, count)
-            if found is not None:
-                return found
-        each = [self.tolerance(way, at, count) for way in ways]
-        return np.array([t for t, _ in each]), np.array([cost for _, cost in each])
+            solutions = self._of_one_curve(ways, at, count)
+            if solutions is not None:
+                return solutions
+        pairs = [self.tolerance(way, at, count) for way in ways]
+        return np.array([t for t, _ in pairs]), np.array([cost for _, cost in pairs])
 
     def _of_one_curve(
         self, ways: tuple[Way, ...], at: int, count: float
@@ -104,10 +104,10 @@ class Prices:
         low, high = (np.array([[getattr(way, name)] for way in ways]) for name in ("low", "high"))
         linear = m @ self.linear.T + a @ (self.linear * self.direction[:, :, at]).T
         square = (a * a) @ self.square.T
-        found = curve.stationary(linear / count, square / count)
-        if found is None:
+        stationary = curve.stationary(linear / count, square / count)
+        if stationary is None:
             return None
-        t = np.clip(found, low, high)
+        t = np.clip(stationary, low, high)
         return t, count * curve.cost(t) + linear * t + square * t * t + offset @ self.linear.T
 
     def bound(self, form: Form, total: Array) -> Array:

@@ -49,8 +49,8 @@ class Exact(Solver):
             epsilon_front(run, self.points)
             return
         run.phase("closed form", 0.5)
-        left = run.evaluations_left
-        points = self.points if left is None else max(2, min(self.points, left))
+        remaining = run.evaluations_left
+        points = self.points if remaining is None else max(2, min(self.points, remaining))
         if is_corrected(form):
             few = FEW if self.points == POINTS_BY_DEFAULT else CORRECTED
             x = corrected_vectors(run, form, min(points, few))
@@ -109,22 +109,22 @@ def exact_vectors(problem: ToleranceProblem, form: Form, points: int) -> Array:
 
 def _solved_limits(problem: ToleranceProblem, form: Form) -> Array:
     """The upper limits (r,) that are solved for, those of outputs that rows stand for included."""
-    found = row_limits(problem, form)
+    limits = row_limits(problem, form)
     for row, name in form.stands.items():
-        own = np.array([one == row for one in form.outputs])
+        rows = np.array([output == row for output in form.outputs])
         limit = upper_limit(problem, name)
-        if np.isfinite(limit) and np.any(own):
-            found[own] = np.minimum(found[own], problem.stand_in_limit(name, limit))
-    return found
+        if np.isfinite(limit) and np.any(rows):
+            limits[rows] = np.minimum(limits[rows], problem.stand_in_limit(name, limit))
+    return limits
 
 
 def _corner(problem: ToleranceProblem, form: Form) -> Array:
     """The search vector (one) of the tightest tolerances: all that a limit just there leaves."""
     ways = tightest_ways(form)
-    one = np.zeros(1)
+    nothing = np.zeros(1)
     low = [feature.ways[way].low for feature, way in zip(form.features, ways, strict=True)]
-    found = Optimum(np.array([ways]), np.array([low]), one, one, one[:, None])
-    return search_vectors(problem, form, found)
+    optimum = Optimum(np.array([ways]), np.array([low]), nothing, nothing, nothing[:, None])
+    return search_vectors(problem, form, optimum)
 
 
 def _cheapest(problem: ToleranceProblem, form: Form, upper: Array) -> Array:
@@ -150,6 +150,6 @@ def _in_truth(
     form (k, r), 0 where it does not.
     """
     designs = problem.complete(x)
-    found = problem.outputs_of(designs, errors=False)
-    excess = np.maximum(problem.form_values(form, designs, found) - upper, 0.0)
-    return np.all(problem.violations(designs, found) <= 0.0, axis=1), excess
+    outputs = problem.outputs_of(designs, errors=False)
+    excess = np.maximum(problem.form_values(form, designs, outputs) - upper, 0.0)
+    return np.all(problem.violations(designs, outputs) <= 0.0, axis=1), excess
