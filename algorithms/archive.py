@@ -1,4 +1,4 @@
-"""What a search remembers: the best designs it saw, within bounded memory."""
+"""What a search remembers: the best designs it evaluated, within bounded memory."""
 
 from __future__ import annotations
 

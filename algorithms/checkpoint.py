@@ -1,7 +1,7 @@
 """The file from which a broken search goes on: arrays in one .npz, whole, never a pickle.
 
-Behind them stands the digest of the whole file. It is looked at before anything else, so that a
-damaged file is refused whatever the damage would have led to.
+The digest of the whole file follows them. It is checked before anything else, so that a damaged
+file is refused whatever the damage would have led to.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class Checkpoint:
 
     @classmethod
     def read(cls, path: Path, every: float = EVERY) -> Checkpoint:
-        """What `write` wrote. Raises InputError where the file is none of ours."""
+        """What `write` wrote. Raises InputError where the file is no checkpoint."""
         try:
             with np.load(io.BytesIO(unsealed(path.read_bytes())), allow_pickle=False) as file:
                 content = {key: file[key] for key in file.files}

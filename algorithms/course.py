@@ -1,4 +1,4 @@
-"""The course of a search: what was reached when, told cheaply after it has ended.
+"""The course of a search: when which value was reached, computed cheaply after it has ended.
 
 A hypervolume in every generation costs as much as an array engine itself. Values are kept as they
 come; hypervolumes are computed at few generations and, where a level was passed between two of
@@ -25,8 +25,8 @@ BLOCK = 20_000
 
 
 Batch = tuple[int, int, float, float, NDArray[np.int64], Array]
-"""Generation, evaluations so far, CPU time so far, share that is feasible, the evaluations at which
-its feasible designs came, their objectives."""
+"""Generation, evaluations so far, CPU time so far, feasible fraction, the evaluations at which its
+feasible designs came, their objectives."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,8 +51,8 @@ class Course:
     """Takes in the batches of one search.
 
     The value of a curve is, of one objective, the least feasible one so far (NaN before the first),
-    else the hypervolume of all feasible ones. `level` is the value at which the search counts as
-    there: from above for one objective, from below for a hypervolume; NaN where there is none.
+    else the hypervolume of all feasible ones. `level` is the value at which the search has arrived:
+    from above for one objective, from below for a hypervolume; NaN where there is none.
     """
 
     def __init__(self, box: Box, level: float) -> None:

@@ -36,8 +36,8 @@ class Driver(ABC):
 
     @abstractmethod
     def begin_with(self, x: Array) -> Array:
-        """The designs (n, variables) that are asked for, with others, no more than these, in the
-        place of the first ones.
+        """Replace the first designs asked for by `x`, which has no more of them; all designs
+        (n, variables) that are asked for now.
         """
 
     @abstractmethod

@@ -24,7 +24,7 @@ from .settings import Solver
 
 Array = NDArray[np.float64]
 EVOLVED = 0.5
-"""Share of an evaluation budget that evolution may use."""
+"""Fraction of an evaluation budget that evolution may use."""
 GENERATIONS = 100
 """Generations of the evolution where the budget names none."""
 RELAXED = 24
@@ -59,11 +59,11 @@ class Hybrid(Solver):
                 self._polish_front(run)
         finally:
             if form is not None and is_corrected(form):
-                # what the seeds are at full accuracy, a coarser search may have thrown away
+                # a coarser search may have discarded seeds that are good at full accuracy
                 run.choose(np.vstack([seeds, run.archive.arrays()[0]]))
 
     def _evolve(self, run: Run, seeds: Array) -> None:
-        """GDE3 on plain arrays, until generations or its share of the evaluations are used."""
+        """GDE3 on plain arrays, until generations or its part of the evaluations are used."""
         problem, remaining = run.problem, run.evaluations_left
         integer = np.array([v.integer for v in problem.free])
         space = Space(problem.xl, problem.xu, integer, problem.n_obj)
@@ -84,7 +84,7 @@ class Hybrid(Solver):
     def _polish_best(self, run: Run) -> None:
         """One objective: from the best design, at its integers and at each set that differs in one.
 
-        An improvement is where the next ones are tried from, until none is left.
+        Further moves are tried from each improvement, until none is left.
         """
         unit, free, tried = scale_of(run.problem), np.array([np.inf]), set[bytes]()
         start, best = _best(run)

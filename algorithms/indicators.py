@@ -1,4 +1,4 @@
-"""Dominance and hypervolume: of two objectives by sorting, of more over moocore."""
+"""Dominance and hypervolume: of two objectives by sorting, of more by moocore."""
 
 from __future__ import annotations
 

@@ -29,7 +29,7 @@ class BudgetSpent(Exception):
 class Progress:
     """State of a search after a generation, or after a batch of a solver.
 
-    `phase` and `share` are what a solver says of itself: what it does, and how much is done.
+    `phase` and `share` are a solver's own: what it does, and the fraction that is done.
     """
 
     generation: int
@@ -45,7 +45,7 @@ class Progress:
 
 
 Row = tuple[int, float, float, str, float | None]
-"""Of a batch: evaluations, seconds, share that is feasible, phase, share done."""
+"""Evaluations, seconds, feasible fraction, phase and fraction done of a batch."""
 
 
 Values = tuple[Array, Array]
@@ -53,7 +53,7 @@ Values = tuple[Array, Array]
 
 
 def values_of(problem: ToleranceProblem, x: Array) -> Values:
-    """Of search vectors, by pymoo's `_evaluate`, which a problem may have wrapped."""
+    """The values of search vectors, by pymoo's `_evaluate`, which a problem may have wrapped."""
     out: dict[str, Array] = {}
     problem._evaluate(x, out)
     return out["F"], out.get("G", np.empty((len(x), 0)))
@@ -64,7 +64,7 @@ class Run:
 
     The budget of evaluations is honoured exactly. A budget of generations counts batches, and only
     where `counts_generations` says so. A batch is computed in parts of `problem.grain` designs or a
-    few more, by `values` where others are to share them: they are the same parts whoever does.
+    few more, by `values` where it is given; the parts do not depend on who computes them.
     """
 
     def __init__(
@@ -107,7 +107,7 @@ class Run:
 
     @property
     def evaluations_left(self) -> int | None:
-        """What is left of the budget of evaluations, None where there is none."""
+        """The remaining budget of evaluations, None where there is none."""
         total = self.budget.evaluations
         return None if total is None else total - self.evaluations
 
@@ -177,11 +177,11 @@ class Run:
         self.chosen = np.vstack([self.chosen, x])
 
     def phase(self, name: str, share: float | None = None) -> None:
-        """Say what is being done, and the share of the whole that is done."""
+        """State what is being done, and the fraction of the whole that is done."""
         self._phase = name, share
 
     def _remaining(self, at: int) -> float | None:
-        """Seconds left after the batch `at`, by the budget that will be used up first."""
+        """Remaining seconds after the batch `at`, by the budget that will be used up first."""
         evaluations, seconds, _, _, done = self._rows[at]
         estimates = []
         if self.generations is not None:
@@ -222,5 +222,5 @@ class Run:
 
 
 def part(state: Mapping[str, NDArray[Any]], prefix: str) -> State:
-    """What of a state has names with a prefix, without it."""
+    """The entries of a state whose names have a prefix, named without it."""
     return {key[len(prefix) :]: value for key, value in state.items() if key.startswith(prefix)}

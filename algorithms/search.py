@@ -58,7 +58,7 @@ class Keeper(Protocol):
         ...
 
     def cannot_save(self) -> None:
-        """Told when the algorithm's state cannot be saved: it will start anew."""
+        """Called when the algorithm's state cannot be saved: it will start anew."""
         ...
 
 

@@ -43,8 +43,8 @@ def ranks(f: Array) -> Indices:
 def lowest_ranks_in_order(f: Array, enough: int) -> Indices:
     """`ranks` (n,) of points (n, m) that are `in_order` of their objectives, the lowest of them.
 
-    Ranks after the one with which `enough` points are reached are not told apart. Of two objectives
-    each rank takes one pass over the points that are left.
+    Ranks after the one with which `enough` points are reached are not distinguished. With two
+    objectives each rank takes one pass over the remaining points.
     """
     if f.shape[1] != 2:
         return ranks(f)

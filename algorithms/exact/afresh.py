@@ -1,8 +1,8 @@
-"""The end of a search on a sample: neighbours help each other, and fresh units have the last word.
+"""The end of a search on a sample: its points are tested on fresh units, and solved again.
 
-A search that sees one sample makes use of its chance: its limits hold there to the last digit, and
-on fresh units half of its points would break them. Each point is solved again with its limits moved
-by what fresh units say more.
+A search on one sample fits the chance in it: its limits hold there to the last digit, and on fresh
+units half of its points would break them. Each point is solved again with its limits moved by the
+excess on fresh units.
 """
 
 from __future__ import annotations
@@ -20,12 +20,13 @@ ROUNDS, ALONE, SPARE = 3, 6, 4
 """Times that a point of a front, or a single one, is solved with its limits moved, and times more
 that it is pushed inside them where it is not."""
 BEYOND, MARGIN = 1.2, 3e-4
-"""Factor and share of a limit by which it is moved farther than fresh units ask for, so that rounds
-come to an end."""
+"""Factor and fraction of a limit by which it is moved farther than fresh units require, so that
+rounds come to an end."""
 OF_TAIL = 0.02
-"""Share of what a lower limit on a percentage leaves to 100, by which it is moved farther."""
+"""Fraction of the distance from a lower limit on a percentage to 100, by which it is moved
+farther."""
 FAR = 0.5
-"""Share of a limit by which it is moved at most."""
+"""Fraction of a limit by which it is moved at most."""
 
 
 def tested_afresh(run: Run, points: Sequence[tuple[Branch, int]]) -> None:
@@ -41,8 +42,8 @@ def tested_afresh(run: Run, points: Sequence[tuple[Branch, int]]) -> None:
 def kept(run: Run, branch: Branch, y: Array, f: Array, search: bool) -> Array:
     """The search vector (1, variables) of a point, after its limits hold on fresh units.
 
-    With `search` it is solved again with every limit moved by what fresh units say more or less of
-    it than the sample, and the cheapest point that they accept is taken; else the nearest.
+    With `search` it is solved again with every limit moved by the difference between fresh units
+    and the sample, and the cheapest point accepted on fresh units is taken; else the nearest.
     """
     limit = np.full(len(f), np.inf)
     limit[1:] = f[1:]
@@ -83,7 +84,7 @@ def _pushed(run: Run, branch: Branch, y: Array) -> Array:
 
 
 def _farther(run: Run) -> Array:
-    """By what share limits (constraints,) are moved beyond what fresh units ask for."""
+    """The fraction by which limits (constraints,) are moved beyond what fresh units require."""
     fractions = []
     for limit in run.problem.limits:
         tail = 100.0 - limit.low if limit.unit in ("percent", "%") else np.inf

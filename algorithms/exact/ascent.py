@@ -1,8 +1,8 @@
 """The best multipliers of a form with alternatives still open: its Lagrangian at their maximum.
 
 The dual is concave in the multipliers whatever is open. A single factor for all of them, as the
-search of `choices` tries, leaves percents where many requirements bind; its maximum by L-BFGS-B
-(Byrd, Lu, Nocedal & Zhu 1995) leaves what convexity itself costs.
+search of `choices` tries, leaves a gap of percents where many requirements bind; its maximum by
+L-BFGS-B (Byrd, Lu, Nocedal & Zhu 1995) leaves only the duality gap.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ class Ascent:
         return bound, self._slope(linear, square)
 
     def _slope(self, linear: Array, square: Array) -> Array:
-        """What each requirement exceeds its limit by, as it is priced."""
+        """The excess of each requirement over its limit, as it is priced."""
         form, asked = self.form, np.isfinite(self.limit)
         value = self.spread.value[0]
         limit = np.where(asked, self.limit, 0.0)

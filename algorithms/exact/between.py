@@ -16,19 +16,19 @@ Array = NDArray[np.float64]
 FIRST, SOLVED = 12, 48
 """Sets of limits that are solved first where there are more, and at most."""
 LOST = 5e-4
-"""Share of a cost that a bound by its neighbours' prices may lose before it is solved itself."""
+"""Fraction of a cost that a bound by its neighbours' prices may lose before it is solved itself."""
 GRID = np.geomspace(0.6, 1.6, 15)
 """Prices that are tried, in units of a neighbour's."""
 PAIRS = 1024
-"""Combinations of ways that are told apart."""
+"""Combinations of ways that are bounded separately at most."""
 
 
 def least_bounds(form: Form, limits: Array) -> Array:
     """Proven least costs (n,) at limits (n, r).
 
-    Of quantiles, which take long, some are solved, `SOLVED` at most; the others have the Lagrangian
-    bounds of their neighbours' prices, and no less than what is proven at wider limits. What a
-    bound may lose is seen from the neighbours' costs: where it is most, that set is solved next.
+    Quantiles take long: at most `SOLVED` sets are solved for them. The others have the Lagrangian
+    bounds of their neighbours' prices, and no less than what is proven at wider limits. The loss of
+    a bound is estimated from the neighbours' costs: the set that may lose most is solved next.
     """
     if not form.quantiles or len(limits) <= FIRST:
         return least_cost(form, limits).bound

@@ -18,8 +18,8 @@ from .pieces import convex_pieces
 
 Array = NDArray[np.float64]
 LOOSER, LOOSER_SHARE = 1e-11, 1e-9
-"""Relative widening of a limit, so that a point always keeps its own values; that of a share of
-units, whose rounding an edge far out in the tail magnifies."""
+"""Relative widening of a limit, so that a point always keeps its own values; that of a fraction of
+units, whose rounding is magnified by an edge far out in the tail."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +77,7 @@ def proof(problem: ToleranceProblem, values: Mapping[str, Array], points: int) -
 
 
 def _least_bound(form: Form, limits: Array) -> Array:
-    """Proven least costs (n,) of a form and of those for the designs that it leaves out.
+    """Proven least costs (n,) of a form and of the forms of the designs that it leaves out.
 
     What costs too much at the widest limits does so at all of them.
     """
@@ -150,8 +150,8 @@ def row_limits(problem: ToleranceProblem, form: Form) -> Array:
 def _own(
     problem: ToleranceProblem, form: Form, values: Mapping[str, Array], name: str, points: int
 ) -> Array:
-    """The points' own values of a requirement that an objective, or a limit on what it stands for,
-    asks for; inf of others.
+    """The points' own values of a requirement that is an objective, or that stands for an output
+    which is an objective or limited; inf for others.
     """
     stood_for = form.stands.get(name)
     asked = {*problem.objectives, *(limit.name for limit in problem.limits)}

@@ -19,7 +19,7 @@ STARTS, TRIES = 32, 3
 RESTORED, NEARLY = 4, 1e-3
 """Steps back to limits that SLSQP breaks, and the violation up to which they are taken."""
 RESTARTS, GAINED = 3, 1e-3
-"""Times that SLSQP begins again where it stopped on a sample, as long as that gains such a share:
+"""Times that SLSQP begins again where it stopped on a sample, as long as it gains such a fraction:
 at a kink it stops early, and a fresh start leads on."""
 KEPT = 1e-6
 """Violation of a limit that counts as none."""
@@ -92,7 +92,7 @@ class Branch:
         return SAMPLED if self.smooth.run.problem.sampled else ANALYTIC
 
     def restored(self, y: Array, slack: Array, most: float = NEARLY) -> Array:
-        """A point beside y that keeps the limits which SLSQP breaks by its tolerance.
+        """A point near y that keeps the limits which SLSQP breaks by its tolerance.
 
         A design that breaks a limit by the last digits is not feasible, and would be lost.
         """
@@ -143,7 +143,7 @@ class Branch:
         return limit
 
     def _settle(self, objective: int, end: Array) -> None:
-        """The least of the other one of two objectives at the end of the front of one."""
+        """Minimise the other of two objectives at the end of the front of one."""
         if len(end) != 2:
             return
         at = next(i for i, f in enumerate(self.f) if f is end)
@@ -157,7 +157,7 @@ class Branch:
     def widest(self, others: Array | None = None) -> tuple[float, int]:
         """The largest rectangle between neighbours, and the index of its first point.
 
-        Rectangles in which nothing was found are left out, and those whose best corner is
+        Rectangles in which no point was found are left out, and those whose best corner is
         dominated by one of the `others` (n, objectives).
         """
         if len(self.f) < 2:

@@ -1,10 +1,10 @@
 """Alternative ways of making a feature: branch and bound over them, for many limits at once.
 
 Every node fixes the ways of the first features. Its bound is a Lagrangian one at a few prices
-around those of the best allocation known: separable, so that the ways still open are each taken at
-their best. A node is left at all limits where its bound shows that it cannot be cheaper; where
-nothing is left open the allocation is solved. What the search did not enter, because `LEAVES`
-solved allocations are enough, counts with its bound: what is returned is always proven.
+around those of the best allocation known: it is separable, so that each open feature takes its best
+way. A node is pruned at all limits where its bound shows that it cannot be cheaper; where no
+feature is open the allocation is solved. At most `LEAVES` allocations are solved; nodes that were
+not entered count with their bounds, so that the returned bound is always proven.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ CLOSE = 1e-10
 def least_cost(form: Form, limits: Array) -> Optimum:
     """The cheapest allocation that keeps each set of upper limits (n, r) of a form.
 
-    Cost and bound are inf where no allocation can keep them; where none was found the cost alone.
+    Cost and bound are inf where no allocation can keep them; only the cost where none was found.
     """
     limits = np.asarray(limits, dtype=float)
     if form.quantiles and sum(len(feature.ways) > 1 for feature in form.features) >= MIXED:
@@ -105,7 +105,7 @@ def _priced(form: Form) -> bool:
 
 
 def _by_squares(form: Form, limits: Array) -> Optimum:
-    """The same of roots of sums of squares, by prices of the squares."""
+    """`least_cost` for roots of sums of squares, by prices of the squares."""
     squares, leaves = Squares(form), []
     known = None
     for limit in limits:
@@ -127,7 +127,7 @@ def _by_squares(form: Form, limits: Array) -> Optimum:
 
 
 def _by_master(form: Form, limits: Array) -> Optimum:
-    """The same by a linear master problem, one set of limits after the other."""
+    """`least_cost` by a linear master problem, one set of limits after the other."""
     n, features = len(limits), len(form.features)
     optimum = Optimum(
         np.zeros((n, features), dtype=np.int64),
@@ -231,7 +231,7 @@ class _Search:
         return np.asarray(self.form.base + np.max(total - self.received - slack, axis=0))
 
     def run(self) -> None:
-        """Branch and bound, begun from the ways that the prices themselves choose."""
+        """Branch and bound, begun from the ways that the prices choose."""
         for _ in range(PASSES):
             self.tabulate()
             at = np.argmax(self.open_[0] - self.received, axis=0)
@@ -262,7 +262,7 @@ class _Search:
                 return
 
     def _pick(self, at: NDArray[np.int64]) -> bool:
-        """Solve what the prices `at` each limit and the next higher ones choose; whether it helped.
+        """Solve the ways chosen by the prices `at` each limit and the next; whether that helped.
 
         The ways at the best prices may break a limit that they keep on average.
         """
@@ -306,7 +306,7 @@ class _Search:
 class _Least:
     """Least contributions of every way to r requirements: linear (ways, r) and squared (ways, r).
 
-    `rest` holds the sums of the least ones of all features from each on.
+    `rest` holds, from each feature on, the sums of the least contributions of those that follow.
     """
 
     form: Form
@@ -318,17 +318,15 @@ class _Least:
     def of(cls, form: Form) -> _Least:
         """The contributions of a form that is not `compensating`.
 
-        Squares add up only under roots: of a quantile none are counted.
+        Squares add up only under roots: those of a quantile are not counted.
         """
         rooted = np.array([quantile is None for quantile in form.rows])
         pairs = [contributions(feature) for feature in form.features]
         linear = tuple(least_linear for least_linear, _ in pairs)
         square = tuple(np.where(rooted, least_square, 0.0) for _, least_square in pairs)
         rest = [(np.zeros(len(form.outputs)), np.zeros(len(form.outputs)))]
-        for way_linear, way_square in zip(linear[::-1], square[::-1], strict=True):
-            rest.insert(
-                0, (rest[0][0] + way_linear.min(axis=0), rest[0][1] + way_square.min(axis=0))
-            )
+        for terms, squares in zip(linear[::-1], square[::-1], strict=True):
+            rest.insert(0, (rest[0][0] + terms.min(axis=0), rest[0][1] + squares.min(axis=0)))
         return cls(form, linear, square, tuple(rest))
 
     def keeps(self, ways: tuple[int, ...], limits: Array) -> NDArray[np.bool_]:
@@ -367,7 +365,7 @@ def contributions(feature: Feature) -> tuple[Array, Array]:
 
 
 def tightest_ways(form: Form) -> tuple[int, ...]:
-    """The ways of least contribution, in units of what the widest add."""
+    """The ways of least contribution, in units of the range over the ways."""
     ways = []
     for feature in form.features:
         linear, square = contributions(feature)
@@ -378,7 +376,7 @@ def tightest_ways(form: Form) -> tuple[int, ...]:
 
 
 def cost_range(form: Form) -> tuple[float, float]:
-    """Cost without any limit, and that of every feature at its dearest."""
+    """Cost without any limit, and that of every feature at its most expensive."""
     ends = np.zeros(2)
     for feature in form.features:
         costs = [way.curve.cost(np.array([way.high, way.low])) for way in feature.ways]

@@ -1,4 +1,4 @@
-"""One combination of ways: what is left is convex, and separable at given prices."""
+"""One combination of ways: the remaining problem is convex, and separable at given prices."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class Optimum:
     multiplier: Array
 
     def at(self, rows: NDArray[np.intp]) -> Optimum:
-        """Those of some limits."""
+        """The optima at some of the limits."""
         return Optimum(
             self.chosen[rows],
             self.t[rows],

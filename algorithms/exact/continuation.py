@@ -1,8 +1,8 @@
 """A front on a sample by continuation: level after level of the second objective, warm started.
 
 At every level the first objective is minimised at each set of integers that may be best there, from
-the designs at the levels beside it. A set that is beaten by more than `BEATEN` at both neighbouring
-levels is left out.
+the designs at the neighbouring levels. A set that is worse by more than `BEATEN` at both of them is
+left out.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 RATIO = 0.75
 """Ratio of neighbouring levels of the coarse front."""
 BEATEN = 0.02
-"""Share of the least value by which a set of integers is beaten where it is not tried between."""
+"""Fraction of the least value by which a set of integers is worse where it is not tried between."""
 STEPS = 3
 """Steps to a level that is not reached at once."""
 SWEEPS, SAGGING = 2, 1e-3
@@ -115,7 +115,7 @@ def _coarse(run: Run, branches: list[Branch]) -> Levels:
 
 
 def _promising(values: Array) -> NDArray[np.bool_]:
-    """Which sets of integers (n,) are not beaten at a level; one that was not tried there is."""
+    """Which sets of integers (n,) are good enough at a level; one not tried there is not."""
     return np.asarray(values <= (1.0 + BEATEN) * np.min(values))
 
 
@@ -139,8 +139,8 @@ def _reached(branch: Branch, level: float) -> list[float]:
 
 
 def _best(branches: list[Branch], level: float) -> tuple[Branch, int]:
-    """Branch and index of the least first objective at a level: others there are no part of the
-    front, though some are tighter by less than a solution is good for.
+    """Branch and index of the least first objective at a level: others there are not part of the
+    front, though some are tighter by less than the accuracy of a solution.
     """
     branch = min(branches, key=lambda candidate: _value(candidate, level))
     return branch, int(np.argmin(_reached(branch, level)))
@@ -165,7 +165,7 @@ def _solved(branch: Branch, level: float) -> float:
 
 
 def _stepped(branch: Branch, level: float) -> None:
-    """From the next looser point to a level in steps, where no larger one leads there."""
+    """From the next looser point to a level in steps, where a larger step does not lead there."""
     looser = [f[1] for f in branch.f if f[1] > level]
     if not looser:
         return

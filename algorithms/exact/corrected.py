@@ -1,8 +1,8 @@
 """The front of a form that is a bound: solved on the form, corrected by the full model.
 
 A form that understates its requirements has nearly the right tolerances at slightly wrong limits.
-Each point is solved again with its limits moved by what the model says more, so that it keeps them
-in truth; the ends come first: the least of each objective.
+Each point is solved again with its limits moved by the excess of the model over the form, so that
+it keeps them by the model; the ends come first: the least of each objective.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 COARSE = 24
 """Levels of a coarse front, by which the points are spread."""
 FIRST = 5e-4
-"""Share of the range of levels that the first keeps from the least, where nothing has room."""
+"""Fraction of the range of levels between the least one, which leaves no room, and the first."""
 STEPS = (-4, 4, -1, 1)
 """Steps of ways that are tried from the form's own."""
 MANY = 12
@@ -34,18 +34,19 @@ MANY = 12
 ROUNDS, FURTHER = 5, 10
 """Times that limits are moved, and how often more where a point still breaks them by little."""
 NEAR = 2e-3
-"""Share of a level by which a point may miss it: its own value counts."""
+"""Fraction of a level by which a point may miss it: its own value counts."""
 DEARER, FAR = 1.003, 2e-3
-"""A cost that is so much higher is not corrected further where limits are broken by less."""
+"""A point of a cost higher by this factor is not corrected further where it breaks limits by less
+than this fraction."""
 CLOSE = 1e-5
-"""Share of a limit's scale by which a point may stay inside it."""
+"""Fraction of a limit's scale by which a point may stay inside it."""
 INSIDE = 2e-6
-"""Share of a limit's scale by which a point is to stay inside it."""
+"""Fraction of a limit's scale by which a point is to stay inside it."""
 
 
 @dataclass(frozen=True, slots=True)
 class Point:
-    """A search vector (variables,) that keeps limits in truth; its cost, ways and t (features,)."""
+    """A search vector (variables,) within limits by the full model; its ways, cost, t (features,)."""
 
     ways: tuple[int, ...]
     x: Array
@@ -84,7 +85,7 @@ class Corrected:
         return best
 
     def _expected(self, ways: tuple[int, ...]) -> tuple[int, ...]:
-        """The ways that were best last time, as many steps from the form's own."""
+        """The form's own ways, moved by as many steps as the best ones were last time."""
         if self._apart is None:
             return ways
         return tuple(
@@ -115,10 +116,10 @@ class Corrected:
     def point(
         self, ways: tuple[int, ...], limit: Array, least: int = -1, than: float = np.inf
     ) -> Point | None:
-        """The allocation of least cost at limits (r,), made in `ways`; None where none is found.
+        """The allocation of least cost at limits (r,), made in `ways`; None without any.
 
-        Where `least` is a row, its least value is wanted and its limit not looked at. None as well
-        as soon as it is clearly dearer `than` a cost.
+        Where `least` is a row, its value is minimised and its limit ignored. None as well as soon
+        as the cost is clearly higher `than` another.
         """
         problem, best = self.run.problem, None
         real = np.isfinite(limit)
@@ -150,7 +151,7 @@ class Corrected:
                 break
             if done + 1 >= ROUNDS and np.any(excess >= FAR):
                 break
-            # a limit that the form does not reach, but the model breaks, begins where the form is
+            # a limit that the model breaks but the form does not reach starts at the form's value
             base = np.where(excess > 0.0, np.minimum(moved, self._values(ways, t)), moved)
             moved = np.where(real, base - scale * (excess + INSIDE), moved)
         if best is not None:
@@ -165,7 +166,7 @@ class Corrected:
         return np.asarray(real & (values >= level - 1e-6 * np.maximum(np.abs(level), 1e-2)))
 
     def _values(self, ways: tuple[int, ...], t: Array) -> Array:
-        """What the form says of an allocation, (r,)."""
+        """The form's values of an allocation, (r,)."""
         return np.asarray(Combination(self.form, ways).values(t[None, :])[0])
 
     def _near_enough(self, values: Array, limit: Array, least: int) -> bool:

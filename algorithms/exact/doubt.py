@@ -20,21 +20,22 @@ Array = NDArray[np.float64]
 STEPS = 40
 """Times the weights are renewed at most."""
 GAP = 1e-10
-"""Relative gap at which nothing is left to gain."""
+"""Relative gap at which the weights are no longer renewed."""
 NEAR, SETTLED = 1e-3, 1e-11
 """Relative change of the squares from which on allocations are drawn back within the limits, and
 what counts as none.
 """
 RATIOS = -0.9, 0.5
-"""Changes of a step, in units of the one before, that are believed."""
+"""Range of the ratio of a step to the one before that is used for extrapolation."""
 CHORDS, CLOSE = 8, 1e-14
-"""Points on a way to the limits that are looked at, and the share of a limit that counts as met."""
+"""Points that are tried on the way to the limits, and the relative distance from a limit that
+counts as met."""
 
 
 def least_under_doubt(form: Form, limits: Array, floor: float) -> Optimum:
     """The cheapest allocation that keeps each set of upper limits (n, r); `floor` bounds its cost.
 
-    Cost and bound are inf where no allocation can keep them; where none was found the cost alone.
+    Cost and bound are inf where no allocation can keep them; only the cost where none was found.
     """
     n, shape = len(limits), (len(limits), len(form.features))
     optimum = Optimum(
@@ -116,9 +117,9 @@ class _Reweighted:
         return np.asarray(np.log(ratio))
 
     def _drawn(self, squared_parts: Array, step: Array, last: Array | None) -> Array:
-        """The next reference: the step by the share that its change since the last one calls for.
+        """The next reference: the step times a factor that follows from the last two steps.
 
-        Steps that overshoot are taken back, and slow ones driven on (Aitken 1926).
+        Steps that overshoot are shortened, and slow ones lengthened (Aitken 1926).
         """
         if self.reference is None or last is None or not np.all(np.isfinite(last)):
             return squared_parts
@@ -141,7 +142,7 @@ class _Reweighted:
 
 
 def _within(combination: Combination, t: Array, limit: Array) -> Array | None:
-    """Tolerances that keep the limits on the way from t to the tightest, nearly the first.
+    """Tolerances that keep the limits, nearly the first on the way from t to the tightest.
 
     Values are convex, so that they lie below their chord: where it meets a limit they keep it.
     """

@@ -31,8 +31,8 @@ def front(
 
     `upper` (r,) are limits that all of them keep, inf where there is none, `most` is one on the
     cost; `swept` (r,) marks the requirements that are objectives (all of them, if not given): those
-    of one name are one objective. With one objective beside the cost the points are spread evenly
-    by arc length, with several by a Sobol sequence.
+    of one name are one objective. With one objective in addition to the cost the points are spread
+    evenly by arc length, with several by a Sobol sequence.
     """
     swept = np.ones(len(upper), dtype=bool) if swept is None else swept
     form = convex_pieces(form)
@@ -70,7 +70,7 @@ def _by_limits(
     upper: Array,
     most: float,
 ) -> Optimum:
-    """Solved at limits of the requirements `rows`, spread by the arc length of a coarse front."""
+    """The optima at limits of the requirements `rows`, spread by arc length of a coarse front."""
 
     def limits(values: Array) -> Array:
         upper_limits = np.tile(upper, (len(values), 1))
@@ -89,7 +89,7 @@ def _by_limits(
 
 
 def _along_path(form: Form, points: int, upper: float, most: float) -> Optimum:
-    """In closed form, by price; bounds are left to who asks for them."""
+    """The front in closed form, by price; its bounds are not computed (NaN)."""
     combination = Combination(form, (0,) * len(form.features))
     t = Path(combination).front(points, upper, most)
     nothing = np.full(len(t), np.nan)

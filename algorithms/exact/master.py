@@ -29,7 +29,7 @@ GAP = 1e-4
 NODES, ROUNDS = 60, 60
 """Nodes that are entered at most, and rounds of columns and cuts in one."""
 BROKEN = 1e-6
-"""Share of a limit by which a mean allocation may break it."""
+"""Fraction of a limit by which a mean allocation may break it."""
 PENALTY = 1e3
 """Price of breaking a cut by its limit, in units of the range of costs."""
 
@@ -208,8 +208,8 @@ class Master:
         return used, np.asarray(solution.x[: len(used)]), prices
 
     def _cut_arrays(self) -> tuple[NDArray[np.intp], Array, Array]:
-        """Of the cuts (c,), none where nothing is limited: their requirements, slopes (c, features)
-        and what their limits leave (c,).
+        """Requirements (c,), slopes (c, features) and remaining room (c,) of the cuts; none without
+        limits.
         """
         which = np.array([row for row, _, _ in self._cuts], dtype=np.intp)
         slope = np.array([direction for _, direction, _ in self._cuts])
@@ -297,5 +297,5 @@ class Master:
 
 
 def _heaviest(weight: Array, ways: tuple[int, ...]) -> int:
-    """The way of most weight among some: where a linear programme failed, none has any."""
+    """The way of most weight among some; after a linear programme that failed all weights are 0."""
     return max(ways, key=weight.tolist().__getitem__)

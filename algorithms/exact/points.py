@@ -1,7 +1,7 @@
-"""Forms whose every way is a point: all choices are looked at, the cheapest that fits counts.
+"""Forms whose every way is a point: all choices are computed, and the cheapest feasible one counts.
 
-Machines without inspection have no tolerance to search. Of them alone there are few choices, and
-under doubt of their scatter no prices of the squares tell two of them apart.
+Machines without inspection have no tolerance to search. Forms of such machines alone have few
+choices, which prices of the squares cannot separate under doubt of their scatter.
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ from .combination import Optimum
 
 Array = NDArray[np.float64]
 MOST = 300_000
-"""Choices of ways that are looked at."""
+"""Choices of ways that are computed at most."""
 
 
 def only_points(form: Form) -> bool:
-    """Whether all ways of a form of roots are points, and few enough to look at all choices."""
+    """Whether all ways of a form of roots are points, and few enough to compute all choices."""
     points = all(way.low == way.high for feature in form.features for way in feature.ways)
     rooted = form.joint is None and form.correlation is None
     return points and rooted and form.combinations <= MOST

@@ -41,11 +41,11 @@ def only_roots(form: Form) -> NDArray[np.bool_]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Prices:
-    """What tolerances pay for r requirements at n sets of limits.
+    """The prices of r requirements at n sets of limits.
 
     `linear` (n, r) is the price of V, `square` (n, r) that of its root's square, one of them zero;
-    `direction` (n, r, features) is dS/ds at the reference point, `received` (n,) what the limits
-    are worth.
+    `direction` (n, r, features) is dS/ds at the reference point, `received` (n,) the sum of the
+    limits at these prices.
     """
 
     linear: Array
@@ -55,7 +55,7 @@ class Prices:
 
     @classmethod
     def at(cls, form: Form, multiplier: Array, limit: Array, spread: Spread) -> Prices:
-        """Prices from multipliers and limits (n, r) and what S is at n reference points."""
+        """Prices from multipliers and limits (n, r) and the S at n reference points."""
         safe = np.where(spread.value > 0.0, spread.value, 1.0)
         multiplier = np.where(np.isfinite(limit), multiplier, 0.0)
         squared = only_roots(form) & (spread.value > 0.0)

@@ -2,9 +2,9 @@
 
 Solved by SLSQP (Kraft 1988) in x_j = ln t_j with exact derivatives, and proven by its multipliers:
 these give a lower bound whatever SLSQP did (`Combination.dual`), improved by L-BFGS-B (Byrd, Lu,
-Nocedal & Zhu 1995) on the concave dual where a gap is left. Where deviations compensate each other
+Nocedal & Zhu 1995) on the concave dual where a gap remains. Where deviations compensate each other
 the tightest tolerances are not those of least variation: limits that they break are kept by the
-allocation that breaks them least, or by none where its tangents say so.
+allocation that breaks them least, or by none where its tangents prove that.
 """
 
 from __future__ import annotations
@@ -24,18 +24,18 @@ GAP, GAP_QUANTILE = 1e-10, 1e-8
 TOLERANCE, TOLERANCE_QUANTILE = 1e-15, 1e-10
 """Tolerance of SLSQP."""
 QUICK, NEAR = 1e-9, 1e-5
-"""The same where nothing is proven, and the share of a limit by which it may then be broken."""
+"""The same where nothing is proven, and the fraction of a limit by which it may then be broken."""
 FLAT, BENDS = 1e-2, 2.0
-"""Share of the largest fall of a cost that the smallest counts with at least, and what a Lagrangian
-bends by in units of the fall."""
+"""Fraction of the largest fall of a cost that every fall counts with at least, and the curvature
+of a Lagrangian in units of the fall."""
 BETWEEN = 17
 """Places between the tightest and the loosest tolerances that a search without a start looks at."""
 TINY = 1e-6
-"""Share of a limit that counts as a step where nothing moves its value."""
+"""Fraction of a limit that counts as a step where nothing moves its value."""
 CHORDS = 8
 """Times that a way back to the limits is made longer, where rounding leaves it too short."""
 CLEARLY = 1e-9
-"""Share of a limit by which it must be broken where no allocation is said to keep it."""
+"""Fraction of a limit by which it must be broken before no allocation is said to keep it."""
 TRIED = 33
 """Places between the tightest tolerances and those that compensate them that are tried."""
 
@@ -84,7 +84,7 @@ class Programme:
         near = limit + NEAR * np.maximum(np.abs(limit), 0.1)
         if self._compensating and not self._keeps(c.low, near):
             traded = self._traded(near)
-            if traded is not None and traded[0] is None:  # where no allocation is, SLSQP seeks long
+            if traded is not None and traded[0] is None:  # SLSQP would search long for none
                 return None
         first = self._between(limit, c.low) if start is None else np.clip(start, c.low, c.high)
         t = self._solved(limit, first, None, QUICK)[0]
@@ -250,15 +250,15 @@ class Programme:
     def _steps(self, start: Array, movable: NDArray[np.bool_]) -> tuple[Array, float]:
         """Units of ln t (movable,) and of the cost in which the Lagrangian bends by one all round.
 
-        Of C = b/t^k its second derivative in ln t is k C beside that of the priced requirement,
-        which is about as much as C falls.
+        For C = b/t^k its second derivative in ln t is k C in addition to that of the priced
+        requirement, which is about as much as C falls.
         """
         fall = np.maximum(-(self.combination.slopes(start[None, :])[0] * start)[movable], 0.0)
         largest = float(fall.max()) or 1.0
         return np.sqrt(largest / np.maximum(fall, FLAT * largest)), BENDS * largest
 
     def _kept(self, t: Array, limit: Array, inner: Array) -> Array:
-        """A point on the way from t to tolerances that keep the limits, as near as its chord says.
+        """A point on the way from t to tolerances that keep the limits, as near as chords allow.
 
         Values are convex, so that they lie below the chord: where it meets a limit they keep it.
         """

@@ -8,8 +8,8 @@ is the best on its own, and the dual
 
 has the slope sum_j a_ij^2 t_j^2 + constant_i - L_i^2. With one way per feature its maximum is the
 least cost, found by Newton's method in ln mu. Its prices bound all other choices of ways at once:
-a way costs so much more at them than the one chosen, and only choices whose excess is less than
-what has been gained are solved.
+every way has an excess cost over the chosen one, and a choice is solved only where the bound plus
+its excess is below the best cost known.
 """
 
 from __future__ import annotations
@@ -33,11 +33,12 @@ STEPS = 60
 CLOSE = 1e-13
 """Relative distance of a square from its limit that counts as none."""
 LEAST = 1e-12
-"""Price, relative to what the whole cost is worth, below which a requirement does not bind."""
+"""Price, relative to the largest cost per room of the limit, below which a requirement does not
+bind."""
 NUDGE = 1e-6
 """Relative step of the derivative of a tolerance by its price."""
 ROUNDS = 12
-"""Times the ways are chosen anew by the prices of the best allocation."""
+"""Times the ways are chosen again by the prices of the best allocation."""
 LEAVES = 400
 """Choices of ways that are solved at most for one set of limits."""
 
@@ -104,7 +105,7 @@ class Squares:
         return _Choice(self, ways).solve(room, first)
 
     def excess(self, leaf: Leaf) -> list[Array]:
-        """By feature: what each way costs more (ways,) than the leaf's, prices included."""
+        """Excess cost (ways,) of the ways of each feature over the leaf's way, prices included."""
         excesses = []
         for at, feature in enumerate(self.form.features):
             if len(feature.ways) == 1:
@@ -192,7 +193,7 @@ class _Choice:
         return Leaf(self.chosen, t, cost, min(bound, cost), mu)
 
     def _newton(self, room: Array, asked: NDArray[np.bool_], first: Array | None) -> Array:
-        """Prices (r,) at which every square meets its room or its price is nothing."""
+        """Prices (r,) at which every square meets its room or its price is zero."""
         scale = self.cost(self.low) / np.where(asked, np.maximum(room, 1e-300), 1.0)
         start = 1e-2 * scale if first is None else np.maximum(first, LEAST * scale)
         y = np.where(asked, np.log(start), -np.inf)
@@ -205,7 +206,7 @@ class _Choice:
                 t, slope = self.best(q)
                 size = self.square @ t**2
                 missed = np.where(asked, np.log(size / room), 0.0)
-                # a requirement without a price that is broken gets one again
+                # a broken requirement without a price gets one again
                 back = asked & ~active & (missed > CLOSE)
                 y, active = np.where(back, floor + 1.0, y), active | back
                 if not np.any(back) and np.all(np.abs(missed[active]) <= CLOSE):
@@ -223,7 +224,7 @@ class _Choice:
 
     def _ascended(self, room: Array, asked: NDArray[np.bool_]) -> Array:
         """Prices by L-BFGS-B (Byrd, Lu, Nocedal & Zhu 1995), where Newton's method fails: the dual
-        is concave in them, and has a slope also where a price is nothing.
+        is concave in them, and has a slope also where a price is zero.
         """
         scale = self.cost(self.low) / np.where(asked, np.maximum(room, 1e-300), 1.0)
 
@@ -247,7 +248,7 @@ class _Choice:
         return np.where(asked, result.x * scale, 0.0)
 
     def _kept(self, t: Array, room: Array) -> Array:
-        """Tolerances just within the room: those that matter on the way to the tightest ones."""
+        """Tolerances just within the room: those that matter are moved towards the tightest."""
         broken = self.square @ t**2 > room
         if not np.any(broken):
             return t
