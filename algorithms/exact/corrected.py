@@ -46,7 +46,7 @@ INSIDE = 2e-6
 
 @dataclass(frozen=True, slots=True)
 class Point:
-    """A search vector (variables,) within limits by the full model; its ways, cost, t (features,)."""
+    """A search vector (variables,) within limits by the full model; ways, cost, t (features,)."""
 
     ways: tuple[int, ...]
     x: Array
