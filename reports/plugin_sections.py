@@ -13,14 +13,14 @@ from .document import section
 
 def plugin_sections(result: RunResult) -> tuple[str, ...]:
     """The sections of plugins; one that fails says so with its name and its reason."""
-    return tuple(one for name in SECTIONS if (one := _section(name, result)))
+    return tuple(html for name in SECTIONS if (html := _section(name, result)))
 
 
 def _section(name: str, result: RunResult) -> str:
     try:
-        own = SECTIONS[name]()
-        body = own.body(result)
-        return section(own.title, str(body)) if body else ""
+        plugin = SECTIONS[name]()
+        body = plugin.body(result)
+        return section(plugin.title, str(body)) if body else ""
     except InputError as error:
         reason = "; ".join(fault.message for fault in error.faults)
     except PLUGIN_FAULTS as error:

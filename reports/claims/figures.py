@@ -39,9 +39,9 @@ def table_figure(table: ComputedTable, chart: Chart) -> Figure:
     figure = new_figure(height=3.8)
     axes = figure.add_subplot()
     columns = {
-        one.name: (one, np.asarray(values, dtype=float))
-        for one, values in zip(table.columns, table.values, strict=True)
-        if one.name in (chart.x, *chart.y)
+        axis.name: (axis, np.asarray(values, dtype=float))
+        for axis, values in zip(table.columns, table.values, strict=True)
+        if axis.name in (chart.x, *chart.y)
     }
     across, x = columns[chart.x]
     for at, name in enumerate(chart.y):
