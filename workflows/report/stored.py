@@ -46,9 +46,9 @@ class Stored:
     def missing(self) -> None:
         """Say which files of a complete result are gone, where it has not been said."""
         kind = KINDS.get(self.standing.command)
-        said = {one.split(": ")[0] for one in self.remarks}
+        remarked = {remark.split(": ")[0] for remark in self.remarks}
         for name in self.standing.missing:
-            if name not in said and kind is not None and not fits(name, kind.state):
+            if name not in remarked and kind is not None and not fits(name, kind.state):
                 self.remark(name, "is missing")
 
     def text(self, name: str, needed: bool = True) -> str | None:
@@ -70,14 +70,14 @@ class Stored:
         if text is None:
             return {}
         try:
-            found = json.loads(text)
+            content = json.loads(text)
         except ValueError as error:
             self.remark(name, f"is not JSON ({error}): was it edited by hand?")
             return {}
-        if not isinstance(found, dict):
+        if not isinstance(content, dict):
             self.remark(name, "holds no object: was it edited by hand?")
             return {}
-        return found
+        return content
 
     def table(
         self, name: str, numeric: Iterable[str] = (), needed: bool = True
@@ -86,23 +86,23 @@ class Stored:
         if self.text(name, needed) is None:
             return None
         try:
-            found = read_own_csv(self.folder / name)
+            frame = read_own_csv(self.folder / name)
         except (ValueError, OSError) as error:  # pandas' own errors are ValueErrors
             self.remark(name, f"is no table ({str(error).strip()}): was it edited by hand?")
             return None
         blank = {
-            column: found[column].astype(object).fillna("") for column in TEXT if column in found
+            column: frame[column].astype(object).fillna("") for column in TEXT if column in frame
         }
-        return self.numbered(found.assign(**blank), name, numeric)
+        return self.numbered(frame.assign(**blank), name, numeric)
 
-    def numbered(self, found: pd.DataFrame, name: str, numeric: Iterable[str]) -> pd.DataFrame:
+    def numbered(self, frame: pd.DataFrame, name: str, numeric: Iterable[str]) -> pd.DataFrame:
         """The table without rows that lack a number where there must be one."""
-        kept = np.ones(len(found), dtype=bool)
-        typed = found.copy()
+        kept = np.ones(len(frame), dtype=bool)
+        typed = frame.copy()
         for column in numeric:
-            if column not in found:
+            if column not in frame:
                 continue
-            values = pd.to_numeric(found[column], errors="coerce")
+            values = pd.to_numeric(frame[column], errors="coerce")
             good = np.isfinite(values.to_numpy(dtype=float))
             self._bad_cells(name, column, np.flatnonzero(~good))
             typed[column] = values

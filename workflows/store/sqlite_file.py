@@ -120,15 +120,15 @@ def _damaged(text: str) -> DatabaseError:
 def _columns(connection: Connection) -> set[tuple[Any, ...]]:
     """Tables with their columns: name, type, place in the primary key."""
     names = connection.exec_driver_sql("SELECT type, name FROM sqlite_schema").fetchall()
-    found: set[tuple[Any, ...]] = set()
+    columns: set[tuple[Any, ...]] = set()
     for kind, name in names:
         if kind != "table":
-            found |= set() if str(name).startswith("sqlite_autoindex_") else {(kind, name)}
+            columns |= set() if str(name).startswith("sqlite_autoindex_") else {(kind, name)}
             continue
         quoted = str(name).replace('"', '""')
         for row in connection.exec_driver_sql(f'PRAGMA table_info("{quoted}")').fetchall():
-            found.add((name, row[1], row[2], bool(row[5])))
-    return found
+            columns.add((name, row[1], row[2], bool(row[5])))
+    return columns
 
 
 def _expected(version: int) -> set[tuple[Any, ...]]:

@@ -95,7 +95,7 @@ class Store:
             self._renewing.join()
         with suppress(*DAMAGE):  # what is claimed by a process that is gone is free after a while
             if self._held:
-                self._once(lambda one: one.execute(delete(CLAIMS).where(self._mine)))
+                self._once(lambda connection: connection.execute(delete(CLAIMS).where(self._mine)))
         self.backend.close()
 
     def __enter__(self) -> Self:
@@ -145,7 +145,7 @@ class Store:
     def meta(self, key: str) -> str:
         """What the store says of what it belongs to, empty for a new one."""
         text = select(META.c.value).where(META.c.key == key)
-        return self.read(lambda one: str(one.execute(text).scalar() or ""))
+        return self.read(lambda connection: str(connection.execute(text).scalar() or ""))
 
     def set_meta(self, values: Mapping[str, str], key: str = "", before: str = "") -> bool:
         """Say what the store belongs to, where `key` still has the value `before`.
@@ -160,8 +160,8 @@ class Store:
 
         def work(connection: Connection) -> bool:
             self.backend.alone(connection)
-            found = connection.execute(select(META.c.value).where(META.c.key == key)).scalar()
-            if str(found or "") != before:
+            current = connection.execute(select(META.c.value).where(META.c.key == key)).scalar()
+            if str(current or "") != before:
                 return False
             connection.execute(text, rows)
             return True
@@ -180,7 +180,11 @@ class Store:
         A claim that was not renewed in time is anybody's.
         """
         wanted = sorted(set(numbers) - self._held)
-        taken = self.write(lambda one: self._claimed(one, wanted, table)) if wanted else []
+        taken = (
+            self.write(lambda connection: self._claimed(connection, wanted, table))
+            if wanted
+            else []
+        )
         self._held.update(taken)
         if taken and self._renewing is None:
             self._renewing = threading.Thread(target=self._renew, daemon=True)
@@ -216,7 +220,7 @@ class Store:
     def claimed(self, numbers: Iterable[int]) -> set[int]:
         """Those of some numbers that somebody is at work on."""
         text = select(CLAIMS.c.number).where(CLAIMS.c.number.in_(sorted(numbers)), self._live)
-        return self.read(lambda one: {n for (n,) in one.execute(text)})
+        return self.read(lambda connection: {n for (n,) in connection.execute(text)})
 
     def finished(self, connection: Connection, numbers: Iterable[int]) -> None:
         """Drop the claims of what has been written in the same transaction, whoever's they are."""
@@ -233,9 +237,11 @@ class Store:
 
     def drop_claims(self, prefix: str = "") -> None:
         """Drop the claims of owners whose names begin so, none of which is at work any more."""
-        own = CLAIMS.c.owner.startswith(prefix, autoescape=True)
-        if self.read(lambda one: one.execute(select(func.count()).where(own)).scalar()):
-            self.write(lambda one: one.execute(delete(CLAIMS).where(own)))
+        owned = CLAIMS.c.owner.startswith(prefix, autoescape=True)
+        if self.read(
+            lambda connection: connection.execute(select(func.count()).where(owned)).scalar()
+        ):
+            self.write(lambda connection: connection.execute(delete(CLAIMS).where(owned)))
 
     def _renew(self) -> None:
         """Until the end: say of what is claimed that it still is."""
@@ -243,4 +249,4 @@ class Store:
         while not self._ended.wait(RENEWED_S):
             if self._held:
                 with suppress(*DAMAGE):  # it is tried again, and what has expired may be taken
-                    self._once(lambda one: one.execute(text))
+                    self._once(lambda connection: connection.execute(text))

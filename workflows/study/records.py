@@ -79,9 +79,9 @@ class Factor:
         """The levels, or `count` values evenly over the range, both ends included."""
         if self.levels or not self.count:
             return self.levels
-        shares = np.linspace(0.0, 1.0, self.count)
+        fractions = np.linspace(0.0, 1.0, self.count)
         ends = (np.log(self.low), np.log(self.high)) if self.log else (self.low, self.high)
-        values = ends[0] + shares * (ends[1] - ends[0])
+        values = ends[0] + fractions * (ends[1] - ends[0])
         values = np.exp(values) if self.log else values
         values[[0, -1]] = self.low, self.high
         if self.integer:

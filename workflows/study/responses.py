@@ -106,9 +106,9 @@ def unsuitable(name: str, problem: ToleranceProblem) -> str:
 def unknown(name: str, measure: Yardstick) -> str:
     """What is missing for a response now that the exact front has been looked for."""
     needs_value = name in ("hypervolume_ratio", "evaluations_to_99", "cpu_s_to_99")
-    one = len(measure.box.ideal) == 1
+    single = len(measure.box.ideal) == 1
     if (needs_value and isnan(measure.value)) or (
-        name == "gap_percent" and one and isnan(measure.bound)
+        name == "gap_percent" and single and isnan(measure.bound)
     ):
         return "the exact front of this problem could not be proven: use hypervolume"
     return ""

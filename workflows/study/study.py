@@ -145,14 +145,14 @@ def gathered(
                 [response_of(name, run, measure) for name in plan.settings.responses]
                 for run in runs
             ]
-    own = pd.DataFrame(rows, columns=["point", "replicate", "seed", "status", "reason"])
-    columns = {"point": own["point"].to_numpy()}
+    table = pd.DataFrame(rows, columns=["point", "replicate", "seed", "status", "reason"])
+    columns = {"point": table["point"].to_numpy()}
     columns |= {
-        factor.key: plan.design[factor.key].to_numpy()[own["point"]]
+        factor.key: plan.design[factor.key].to_numpy()[table["point"]]
         for factor in plan.settings.factors
     }
-    columns |= {name: own[name].to_numpy() for name in ("replicate", "seed", "status", "reason")}
-    values = np.array(responses, dtype=float).reshape(len(own), -1)
+    columns |= {name: table[name].to_numpy() for name in ("replicate", "seed", "status", "reason")}
+    values = np.array(responses, dtype=float).reshape(len(table), -1)
     columns |= dict(zip(plan.settings.responses, values.T, strict=True))
     exact = [measures[point.problem].value for point in plan.points]
     frame = pd.DataFrame({"point": np.arange(len(exact)), "value": exact})

@@ -41,7 +41,7 @@ def small(name: str, value: int, least: int, statistic: str) -> list[Fault]:
 def frame_of(factors: tuple[Factor, ...], shares: NDArray[np.float64]) -> pd.DataFrame:
     """The values of the factors at `shares` (n, factors), each in [0, 1]."""
     columns = zip(factors, shares.T.tolist(), strict=True)
-    return pd.DataFrame({one.key: column(map(one.at, values)) for one, values in columns})
+    return pd.DataFrame({factor.key: column(map(factor.at, values)) for factor, values in columns})
 
 
 def column(values: Iterable[Level]) -> pd.Series:

@@ -33,12 +33,14 @@ class Sobol(Design):
     samples: int = field(default=128, metadata={"low": 1, "need": SETTINGS})
 
     def faults(self, factors: tuple[Factor, ...], seeds: int) -> list[Fault]:
-        found = small("samples", self.samples, LEAST, "intervals of Sobol indices need")
+        issues = small("samples", self.samples, LEAST, "intervals of Sobol indices need")
         if self.samples & (self.samples - 1):
             lower = 1 << (self.samples.bit_length() - 1)
             text = f"is {self.samples}: a Sobol sequence is balanced at powers of 2; use"
-            found.append(Fault("samples", f"{text} {max(lower, LEAST)} or {max(2 * lower, LEAST)}"))
-        return found + replicate_faults(seeds, "Sobol indices")
+            issues.append(
+                Fault("samples", f"{text} {max(lower, LEAST)} or {max(2 * lower, LEAST)}")
+            )
+        return issues + replicate_faults(seeds, "Sobol indices")
 
     def size(self, factors: tuple[Factor, ...]) -> int:
         return self.samples * (len(factors) + 2)

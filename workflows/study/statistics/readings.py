@@ -12,12 +12,12 @@ from ..records import LARGER_IS_BETTER, Reading
 
 def verdicts(readings: tuple[Reading, ...], tests: pd.DataFrame) -> tuple[Verdict, ...]:
     """A verdict with its sentence for every reading whose levels were compared."""
-    found = []
+    outcomes = []
     for reading in readings:
         row = _row(reading, tests)
         verdict, because = _verdict(reading, row)
         words = f"{reading.figure}, “{reading.says}”: {verdict}. {because}"
-        found.append(
+        outcomes.append(
             Verdict(
                 reading.figure,
                 reading.key,
@@ -27,7 +27,7 @@ def verdicts(readings: tuple[Reading, ...], tests: pd.DataFrame) -> tuple[Verdic
                 words,
             )
         )
-    return tuple(found)
+    return tuple(outcomes)
 
 
 def _row(reading: Reading, tests: pd.DataFrame) -> dict[str, Any] | None:

@@ -128,8 +128,8 @@ def _taken(database: Database, plan: StudyPlan) -> bool:
     new, points = plan.settings.configuration, _points(plan)
     if (old, database.meta(POINTS)) == (new, points) and database.meta(SEAL):
         return True
-    own = {IDENTITY: new, POINTS: points, SEAL: _digest(new, points)}
-    return database.set_meta(own, IDENTITY, old)
+    record = {IDENTITY: new, POINTS: points, SEAL: _digest(new, points)}
+    return database.set_meta(record, IDENTITY, old)
 
 
 def _points(plan: StudyPlan) -> str:
@@ -151,15 +151,15 @@ def _digest(identity: str, points: str) -> str:
 def differences(before: str, after: str, anew: str = SqliteFile.anew) -> list[Fault]:
     """What makes a configuration (TOML) that of another study than one before."""
     old, new = (flat(tomllib.loads(text)) for text in (before, after))
-    found = []
+    faults = []
     for key in dict.fromkeys([*new, *old]):
         was, now = old.get(key, "unset"), new.get(key, "unset")
         if was == now or key == SAID or (key == GROWS and now > was):
             continue
         hint = "it may only grow" if key == GROWS else "only seeds may grow"
         text = f"is {now}, but the study to resume has {was}: {hint}; undo the change, or {anew}"
-        found.append(Fault(key, text))
-    return found
+        faults.append(Fault(key, text))
+    return faults
 
 
 def _recovered(
