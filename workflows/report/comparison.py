@@ -16,9 +16,9 @@ COST = "cost"
 
 
 def compared(runs: Mapping[str, RunResult]) -> tuple[Comparison | None, tuple[str, ...]]:
-    """The runs with the objectives of the first one, and what is said of the others.
+    """The runs with the objectives of the first one, and remarks on the others.
 
-    None where fewer than two are left.
+    None where fewer than two remain.
     """
     whole = {label: run for label, run in runs.items() if len(run.front) and run.objectives}
     remarks = [f"{label}: has no front to compare" for label in runs if label not in whole]
@@ -66,8 +66,8 @@ def _box(runs: Mapping[str, RunResult], names: list[str]) -> tuple[np.ndarray, n
         "Hypervolumes are measured in the box that all runs share."
         if same
         else (
-            "The runs have different boxes of ideal and nadir: hypervolumes are measured in the box "
-            "that contains all of them, and differ from those of the runs themselves."
+            "The runs have different boxes of ideal and nadir: hypervolumes are measured in the "
+            "box that contains all of them, and differ from those of the runs themselves."
         )
     )
     return ideal, np.maximum(nadir, ideal + 1e-12), note

@@ -38,7 +38,7 @@ RENEWED = 5.0
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """A page that was written, and what was found wrong on the way."""
+    """A page that was written, and remarks on what is wrong with its files."""
 
     path: Path
     remarks: tuple[str, ...]
@@ -92,9 +92,9 @@ def _single(folder: Path, out: Path | None, figures: Path | None, renew: bool = 
 def watch(folder: Path, out: Path, on_page: Callable[[Report], None] | None = None) -> Report:
     """Build the page of a directory again every `RENEWED` seconds until its result is complete.
 
-    The page `out` lies beside the directory, for another process works in that; a browser loads it
-    anew by itself. `told` is called with every page. An interrupt ends it. Raises InputError as
-    `report` does, but for what is written while it is read.
+    The page `out` lies outside of the directory, for another process works in that; a browser loads
+    it anew by itself. `on_page` is called with every page. An interrupt ends it. Raises InputError
+    as `report` does, but for what is written while it is read.
     """
     while True:
         try:
@@ -237,7 +237,7 @@ def _several(folders: Sequence[Path], out: Path, figures: Path | None) -> Report
 
 
 def _labels(folders: Sequence[Path]) -> list[str]:
-    """Names that tell the directories apart: the last parts of their paths, as many as needed."""
+    """Names that distinguish the directories: the last parts of their paths, as many as needed."""
     parts = [folder.resolve().parts for folder in folders]
     for count in range(1, max(map(len, parts)) + 1):
         labels = ["/".join(path[-count:]) for path in parts]

@@ -25,7 +25,7 @@ SHOWN = 3
 
 
 class Stored:
-    """A directory; what is missing or wrong is handed out as None and said in `remarks`."""
+    """A directory; what is missing or wrong is returned as None and noted in `remarks`."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -35,7 +35,7 @@ class Stored:
             self.remark(MANIFEST, text)
 
     def remark(self, name: str, text: str) -> None:
-        """Say something of a file."""
+        """Add a remark on a file."""
         self.remarks.append(f"{name}: {text}")
 
     @property
@@ -44,7 +44,7 @@ class Stored:
         return self.standing.unfinished is not None
 
     def missing(self) -> None:
-        """Say which files of a complete result are gone, where it has not been said."""
+        """Remark which files of a complete result are gone, unless that has been remarked."""
         kind = KINDS.get(self.standing.command)
         remarked = {remark.split(": ")[0] for remark in self.remarks}
         for name in self.standing.missing:
@@ -116,16 +116,16 @@ class Stored:
             self.remark(name, f"line {named}{more}, column {column}: no finite number; left out")
 
     def edited(self, hashes: Mapping[str, Any]) -> None:
-        """Say which files are not as they were written, by their SHA-256."""
+        """Remark which files are not as they were written, by their SHA-256."""
         for name, known in hashes.items():
             path = self.folder / Path(str(name)).name
             if not path.is_file():
-                continue  # said where it is read
+                continue  # remarked where it is read
             if hashlib.sha256(path.read_bytes()).hexdigest() != known:
                 self.remark(path.name, "was changed after it was written; shown as it is now")
 
     def newer(self, name: str, versions: Any, format_: Any, known: int) -> None:
-        """Say whether a newer version wrote this."""
+        """Remark whether a newer version wrote this."""
         written = str(versions.get("tolevo", "")) if isinstance(versions, Mapping) else ""
         of_format = isinstance(format_, int) and format_ > known
         if of_format or _parts(written) > _parts(version("tolevo")):

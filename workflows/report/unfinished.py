@@ -23,7 +23,7 @@ COLUMNS = ["generation", "evaluations", "seconds", "hypervolume", "feasible_frac
 
 
 def remark_of(here: Standing) -> str:
-    """What is said of a directory that is not finished, or in use; empty for others."""
+    """The remark on a directory that is not finished, or in use; empty for others."""
     if here.unfinished is None:
         return f"is complete, but {here.holders} is at work here" if here.holders else ""
     if here.holders:
@@ -65,8 +65,8 @@ def facts(folder: Path, here: Standing) -> tuple[str, ...]:
 
 
 def tables(folder: Path, here: Standing) -> dict[str, pd.DataFrame]:
-    """What has been found so far, by title: responses of a study by setting, claims by verdict,
-    effects in the replicates of a gap analysis.
+    """The results so far, by title: responses of a study by setting, claims by verdict, effects in
+    the replicates of a gap analysis.
     """
     if here.unfinished is not None and here.unfinished.retiring:
         return {}
@@ -111,7 +111,7 @@ def _checked(folder: Path) -> dict[str, pd.DataFrame]:
 
 
 def _replicates(folder: Path) -> dict[str, pd.DataFrame]:
-    """What the replicates of a bootstrap that have ended name, and the numbers they find."""
+    """Effects identified in the replicates of a bootstrap that have ended, and their estimates."""
     values: dict[tuple[str, str], list[float]] = {}
     named: dict[str, int] = {}
     ended = 0

@@ -33,7 +33,7 @@ HINDRANCES = {
     sqlite3.SQLITE_LOCKED: ("another process holds it", "wait for that"),
     sqlite3.SQLITE_NOMEM: ("there is not enough memory", "make room"),
 }
-"""Errors that say nothing of what a database holds: why, and what helps."""
+"""Errors that do not concern the content of a database: why, and what helps."""
 
 
 class SqliteFile(Backend):
@@ -132,7 +132,7 @@ def _columns(connection: Connection) -> set[tuple[Any, ...]]:
 
 
 def _expected(version: int) -> set[tuple[Any, ...]]:
-    """The same of sound tables of a version."""
+    """The same for sound tables of a version."""
     dialect = sqlite.dialect()
     return {
         (table.name, column.name, column.type.compile(dialect), column.primary_key)

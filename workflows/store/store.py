@@ -43,8 +43,8 @@ class Store:
     """The open tables in a database; `prefix` begins the name under which this process claims.
 
     Tables are made where there are none, and left as they are where they are of an older version,
-    until `migrate`. Who is going to write waits for a server that restarts; a store that is only
-    looked at (`reading`) answers at once or not at all. Raises Newer, Foreign, and errors of
+    until `migrate`. A store that is going to be written waits for a server that restarts; one that
+    is only read (`reading`) answers at once or not at all. Raises Newer, Foreign, and errors of
     SQLAlchemy where they cannot be opened.
     """
 
@@ -107,7 +107,7 @@ class Store:
     # transactions
 
     def read(self, work: Callable[[Connection], Found]) -> Found:
-        """What `work` finds in one transaction, which sees one state of the tables."""
+        """The result of `work` in one transaction, which reads one state of the tables."""
         return self._patiently(lambda: self._once(work, writing=False))
 
     def write(self, work: Callable[[Connection], Found]) -> Found:
@@ -143,12 +143,12 @@ class Store:
     # what the tables belong to
 
     def meta(self, key: str) -> str:
-        """What the store says of what it belongs to, empty for a new one."""
+        """What the store belongs to, by `key`; empty for a new store."""
         text = select(META.c.value).where(META.c.key == key)
         return self.read(lambda connection: str(connection.execute(text).scalar() or ""))
 
     def set_meta(self, values: Mapping[str, str], key: str = "", before: str = "") -> bool:
-        """Say what the store belongs to, where `key` still has the value `before`.
+        """Write what the store belongs to, where `key` still has the value `before`.
 
         Returns whether it has: another process may have been quicker.
         """
@@ -244,7 +244,7 @@ class Store:
             self.write(lambda connection: connection.execute(delete(CLAIMS).where(owned)))
 
     def _renew(self) -> None:
-        """Until the end: say of what is claimed that it still is."""
+        """Renew the claims of this process until the store is closed."""
         text = update(CLAIMS).where(self._mine).values(expires=self.backend.clock + LEASE_S)
         while not self._ended.wait(RENEWED_S):
             if self._held:

@@ -30,7 +30,7 @@ FILES = (
 
 
 def analysed(settings: StudySettings, data: StudyData, out: Path) -> tuple[str, ...]:
-    """Write what the study says to `out`, and return it in lines for the terminal.
+    """Write the statistics of the study to `out`, and return them in lines for the terminal.
 
     Where `out` already holds the statistics of the same runs, nothing is done again.
     """

@@ -74,7 +74,7 @@ class StudyOutcome:
 
 @dataclass(frozen=True, slots=True)
 class StudyProgress:
-    """State of a study. `remaining` is the time left [s], None before the first run has ended."""
+    """State of a study. `remaining` is a time [s], None before the first run has ended."""
 
     done: int
     running: int

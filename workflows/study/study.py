@@ -1,4 +1,4 @@
-"""`tolevo study`: many runs, their table, and what it says."""
+"""`tolevo study`: many runs, their table, and its statistics."""
 
 from __future__ import annotations
 
@@ -107,7 +107,7 @@ def _begin(plan: StudyPlan, place: Ownership) -> None:
 
 
 def _has_all(database: Database, plan: StudyPlan) -> bool:
-    """Whether there is nothing left to be done."""
+    """Whether all runs have ended and all references are known."""
     return not database.missing(plan.total) and len(database.yardsticks()) == len(plan.problems)
 
 

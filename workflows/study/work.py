@@ -37,7 +37,7 @@ Report = Callable[[StudyProgress], None]
 
 
 class Work:
-    """Everything that is left to be done of a study; `finish` does it."""
+    """The remaining work of a study; `finish` does it."""
 
     def __init__(
         self, plan: StudyPlan, database: Database, executor: Executor, report: Report | None
@@ -63,9 +63,9 @@ class Work:
     def finish(self) -> Mapping[int, Yardstick]:
         """Do every run that is missing, and wait for those that other processes have begun.
 
-        References that are not known yet are measured beside the first runs, but before them where
-        a run must know when it got there, or where there is one process only: a study that cannot
-        be compared with anything should end early. Returns all of them.
+        References that are not known yet are measured along with the first runs, but before them
+        where a run must know its target, or where there is one process only: a study without a
+        reference should end early. Returns all of them.
         """
         unknown = self._unmeasured()
         if unknown and needs_level(self._responses):
@@ -156,7 +156,7 @@ class Work:
         return None
 
     def _measured(self, task: Surveying, reference: Yardstick | Lost) -> None:
-        """Keep a reference. Raises RunError where a response cannot be told without it."""
+        """Keep a reference. Raises RunError where a response cannot be computed without it."""
         if isinstance(reference, Lost):
             raise RunError(f"the reference of problem {task.number}: {reference.reason}")
         for name in self._responses:

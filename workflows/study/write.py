@@ -1,4 +1,4 @@
-"""The files of what a study says. Each appears whole or not at all."""
+"""The files of the statistics of a study. Each appears whole or not at all."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def said(result: StudyResult, more: Mapping[str, Any]) -> str:
 
 
 def lines(result: StudyResult) -> tuple[str, ...]:
-    """What the terminal says of it."""
+    """The lines of the result for the terminal."""
     sentences = mechanism_lines({"mechanism": result.mechanism})
     sentences += [
         f"recommended: {recommendation.sentence}" for recommendation in result.recommendations

@@ -15,7 +15,7 @@ from ..records import Design, Factor, Level
 from .needs import frame_of, replicate_faults, small
 
 LEAST = 10
-"""Trajectories from which the intervals of the statistics are worth their name."""
+"""Trajectories from which on the intervals of the statistics are reliable."""
 SHARE = "_share_"
 """Prefix of the columns that hold the place in the grid, in [0, 1]."""
 

@@ -15,7 +15,7 @@ from ..records import Design, Factor, Level
 from .needs import frame_of, replicate_faults, small
 
 LEAST = 128
-"""Base samples from which the intervals of the indices are worth their name."""
+"""Base samples from which on the intervals of the indices are reliable."""
 
 PARTS = 8
 
@@ -24,8 +24,8 @@ PARTS = 8
 class Sobol(Design):
     """`samples` blocks of A, A with one key from B for every key, and B (Saltelli et al. 2010).
 
-    They are `PARTS` Sobol sequences of equal length, each scrambled by itself: what the estimates
-    differ by between them is how exact the whole is.
+    They are `PARTS` Sobol sequences of equal length, each scrambled by itself: the scatter of the
+    estimates between them shows the precision of the whole.
     """
 
     kind: ClassVar[str] = "sobol"

@@ -1,4 +1,4 @@
-"""From the runs of a study to what they say."""
+"""From the runs of a study to its statistics."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ def _notes(
             )
     if settings.seeds < 2:
         notes.append(
-            "one seed per setting: noise cannot be told from an effect, and nothing is tested"
+            "one seed per setting: noise and effects are confounded, and nothing is tested"
         )
     pairs = tested[tested["kind"] == "wilcoxon"] if len(tested) else tested
     counts = pairs.groupby("response").size() if len(pairs) else pd.Series(dtype=int)

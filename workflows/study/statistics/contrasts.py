@@ -1,4 +1,4 @@
-"""The levels of a key side by side: what each seed gave at each of them."""
+"""The levels of a key side by side: the value of each seed at each of them."""
 
 from __future__ import annotations
 

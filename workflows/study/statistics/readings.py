@@ -1,4 +1,4 @@
-"""Whether what somebody reads from a figure holds, told from the tests."""
+"""Whether an interpretation of a figure (a reading) holds by the tests."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def _row(reading: Reading, tests: pd.DataFrame) -> dict[str, Any] | None:
 
 
 def _verdict(reading: Reading, row: dict[str, Any] | None) -> tuple[str, str]:
-    """The verdict, and what it stands on."""
+    """The verdict, and the evidence for it."""
     if row is None:
         text = f"The study has no comparison of {reading.a} with {reading.b} in {reading.response}"
         return "undecided", f"{text}."

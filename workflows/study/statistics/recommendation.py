@@ -1,6 +1,6 @@
-"""Recommended settings: chosen on half of the seeds, judged on the other half.
+"""Recommended settings: chosen on half of the seeds, tested on the other half.
 
-What is best among many on the same runs that it is judged by looks better than it is.
+A setting that is chosen and tested on the same runs looks better than it is.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ def recommendation(
     response: Response,
     rng: np.random.Generator,
 ) -> Recommendation:
-    """The setting with the best median over the even replicates, judged on the odd ones.
+    """The setting with the best median over the even replicates, tested on the odd ones.
 
     A failed run counts as the worst. The reference is the run configuration's own setting where the
     design has it, else the setting in the middle.
@@ -64,7 +64,7 @@ def recommendation(
 def _recovered(
     best: Array, reference: Array, ideal: float | None, rng: np.random.Generator
 ) -> tuple[float, float, float]:
-    """Share of the distance to the ideal that the reference misses and the best does not."""
+    """Fraction of the reference's distance from the ideal that the best setting recovers."""
     both = np.isfinite(best) & np.isfinite(reference)
     if ideal is None or both.sum() < 2:
         return UNKNOWN

@@ -56,7 +56,7 @@ def _summed(weights: Array, values: Array) -> Array:
 
 
 def over_settings(values: Array, weights: Array) -> Array:
-    """Weighted mean over the last axis but what is NaN; NaN where nothing is left."""
+    """Weighted mean over the last axis without NaN; NaN where no value remains."""
     known = ~np.isnan(values)
     total = (weights * known).sum(-1)
     summed = (weights * np.where(known, values, 0.0)).sum(-1)
@@ -73,7 +73,7 @@ def random_settings(
 ) -> Estimates:
     """Estimates where the settings are a sample (blocks of a Sobol design, trajectories).
 
-    Of `parts` equal parts in a row each is a sample apart from the others, and one within itself.
+    Each of `parts` equal parts in a row is a sample that is independent of the others.
     """
     value, flat = _value(statistic, settings, replicates)
     all_runs = np.ones((1, 1, replicates))

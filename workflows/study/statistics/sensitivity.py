@@ -1,4 +1,4 @@
-"""`sensitivity.csv`: what each key does to a response, and what the noise does."""
+"""`sensitivity.csv`: the effect of each key on a response, and that of the noise."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""Shares of the variance of one run: which part each key explains, beside the noise.
+"""Shares of the variance of one run, noise included: the fraction that each key explains.
 
-They are estimated over pairs of different seeds, so that noise is no share of a key. The settings
-are those of the design; the intervals are over seeds.
+They are estimated over pairs of different seeds, so that noise adds nothing to the share of a key.
+The settings are those of the design; the intervals are over seeds.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def key_shares(values: Array, contrast: Contrast, rng: np.random.Generator) -> E
 def factorial_shares(
     values: Array, contrasts: list[Contrast], rng: np.random.Generator
 ) -> tuple[list[str], Estimates]:
-    """Shares of every key, every pair of keys, and all that is left between settings."""
+    """Shares of every key and every pair of keys, and their names."""
     whole = complete(values)
     means: dict[tuple[str, ...], Array] = {
         (contrast.key,): _means(whole, contrast.members) for contrast in contrasts

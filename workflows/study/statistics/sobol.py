@@ -8,7 +8,7 @@ from ..designs.sobol import PARTS
 from .resampling import Array, Estimates, crossed, over_settings, random_settings
 
 SOBOL_LEVEL = 0.90
-"""Of the intervals: the one at which they are calibrated."""
+"""Level of the intervals: the one at which they are calibrated."""
 
 
 def indices(values: Array, keys: int, rng: np.random.Generator) -> Estimates:

@@ -35,7 +35,7 @@ def tests(
 def _variances(
     runs: Runs, design: pd.DataFrame, settings: StudySettings, contrasts: list[Contrast]
 ) -> pd.DataFrame:
-    """Tests of the analysis of variance; none where it has nothing to go by."""
+    """Tests of the analysis of variance; none where values are missing for it."""
     if not runs.reached:
         return pd.DataFrame()
     rows: list[dict[str, Any]] = []

@@ -147,9 +147,9 @@ class Database(Store):
     # yardsticks
 
     def yardsticks(self) -> dict[int, Yardstick]:
-        """What has been found of the problems, by their number in the plan.
+        """The yardsticks of the problems, by their number in the plan.
 
-        What is not as it was written is left out, and found again.
+        One that is not as it was written is left out, and computed again.
         """
         text = select(YARDSTICKS.c.problem, YARDSTICKS.c.value)
         rows = self.read(lambda connection: connection.execute(text).all())
@@ -157,11 +157,11 @@ class Database(Store):
         return {number: measure for number, measure in measures.items() if measure is not None}
 
     def claim_yardstick(self, problem: int) -> bool:
-        """Whether nobody else is finding that of a problem: then it is ours to be found."""
+        """Whether no other process computes the yardstick of a problem: then this one may."""
         return self.claim([_of(problem)], RUNS) != []
 
     def keep_yardstick(self, problem: int, yardstick: Yardstick) -> None:
-        """Keep what has been found of a problem."""
+        """Keep the yardstick of a problem."""
         record = {
             "ideal": yardstick.box.ideal,
             "nadir": yardstick.box.nadir,

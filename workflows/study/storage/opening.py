@@ -19,7 +19,7 @@ from .names import CONFIGURATION
 from .rows import Row, whole
 
 IDENTITY, POINTS, SEAL = STUDY, "points", "sha256"
-"""What a database says of its study: the resolved configuration, a hash of the design, and the
+"""What a database stores of its study: the resolved configuration, a hash of the design, and the
 digest of both.
 """
 SEALED = 2
@@ -59,7 +59,7 @@ def opened(
         database, notes = _recovered(backend, plan, reason(error))
     try:
         while not _taken(database, plan):
-            pass  # another process has just said what it is
+            pass  # another process has just written which study it belongs to
         if alone:
             database.drop_claims(prefix)
     except DAMAGE as error:
@@ -137,7 +137,7 @@ def _points(plan: StudyPlan) -> str:
 
 
 def _seal_fits(database: Database) -> bool:
-    """Whether what the database says of its study is as it was written."""
+    """Whether what the database stores of its study is as it was written."""
     identity, points, seal = (database.meta(key) for key in (IDENTITY, POINTS, SEAL))
     if database.format < SEALED and not seal:
         return True
@@ -203,7 +203,7 @@ def _salvaged(path: Path, plan: StudyPlan) -> tuple[str, list[Row], list[int]]:
             if database.meta(SEAL) == _digest(*known):
                 identity = known[0]
         except (*DAMAGE, ValueError):
-            pass  # the configuration beside it says the same
+            pass  # the configuration in the same directory is the same
         for number in range(plan.total):
             try:
                 row = database.row(number)

@@ -32,7 +32,7 @@ class Site:
         return _shown(self.address) if self.address else str(self.folder)
 
     def begin(self) -> None:
-        """Say in the directory where the runs are; a token tells its claims from those of others.
+        """Write to the directory where the runs are, and a token that marks its claims.
 
         Who resumes the study here knows by it which claims are of processes that are gone.
         """
@@ -99,7 +99,7 @@ def other_study(plan: StudyPlan, address: str, place: str) -> list[Fault]:
 
 
 def _placed(folder: Path) -> dict[str, str] | None:
-    """What a directory says of where its runs are."""
+    """The record in a directory of where its runs are."""
     try:
         record = read_record(folder / PLACE)
     except ValueError as error:
