@@ -34,7 +34,7 @@ def units_of(result: RunResult) -> dict[str, str]:
 
 
 def informative(result: RunResult) -> bool:
-    """Whether the bounds of the points say something."""
+    """Whether the bounds of the points are informative."""
     return NOT_INFORMATIVE not in str(result.answers.get("proof", ""))
 
 

@@ -170,7 +170,7 @@ def _points(result: RunResult) -> str:
 def _convergence(convergence: pd.DataFrame) -> str:
     if convergence.empty:
         return "<p>None.</p>"
-    caption = "Hypervolume in the fixed box of the problem, and share of feasible designs."
+    caption = "Hypervolume in the fixed box of the problem, and fraction of feasible designs."
     if known(convergence) == RATIO:
         caption += " Dashed: the exact front."
     return picture("convergence", convergence_figure(convergence), caption)

@@ -1,4 +1,4 @@
-"""The sections of plugins on the page of a run; one that fails says why."""
+"""The sections of plugins on the page of a run; one that fails shows why."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .document import section
 
 
 def plugin_sections(result: RunResult) -> tuple[str, ...]:
-    """The sections of plugins; one that fails says so with its name and its reason."""
+    """The sections of plugins; one that fails shows its name and its reason."""
     return tuple(html for name in SECTIONS if (html := _section(name, result)))
 
 

@@ -57,7 +57,7 @@ def _crowding(f: Array) -> Array:
         order = values.argsort(kind="stable")
         value = values.take(order)
         span = value[-1] - value[0]
-        if span > 0.0:  # an objective that does not differ says nothing
+        if span > 0.0:  # an objective that does not differ carries no information
             np.subtract(value[2:], value[:-2], out=gap[1:-1])
             gap[0] = gap[-1] = np.inf
             gap /= span

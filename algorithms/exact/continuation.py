@@ -153,13 +153,13 @@ def _solved(branch: Branch, level: float) -> float:
     above = int(np.searchsorted(values, level))
     if above == 0:  # tighter than the branch reaches
         return np.inf
-    tighter, dearer = branch.y[above - 1], float(branch.f[above - 1][0])
+    tighter, cost_there = branch.y[above - 1], float(branch.f[above - 1][0])
     if above < len(values):
         fraction = (level - values[above - 1]) / max(values[above] - values[above - 1], 1e-12)
         branch.minimise(0, tighter + fraction * (branch.y[above] - tighter), limit)
-    if _value(branch, level) > 0.999 * dearer:
+    if _value(branch, level) > 0.999 * cost_there:
         branch.minimise(0, tighter, limit)
-    if _value(branch, level) > 0.999 * dearer:
+    if _value(branch, level) > 0.999 * cost_there:
         _stepped(branch, level)
     return _value(branch, level)
 

@@ -132,10 +132,10 @@ class Path:
 
         V is convex, so it crosses the limit once on the way.
         """
-        apart = np.max(np.abs(outside / inside - 1.0), axis=1) > 1e-9
-        if not np.any(apart):
+        differ = np.max(np.abs(outside / inside - 1.0), axis=1) > 1e-9
+        if not np.any(differ):
             return inside
-        low, high = np.zeros(len(limit)), np.where(apart, 1.0, 0.0)
+        low, high = np.zeros(len(limit)), np.where(differ, 1.0, 0.0)
         for _ in range(60):
             middle = 0.5 * (low + high)
             kept = self.value(inside + middle[:, None] * (outside - inside)) <= limit

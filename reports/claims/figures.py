@@ -26,7 +26,7 @@ class Named:
 
 
 def figures(result: ClaimsResult) -> list[Named]:
-    """One figure of every table that says how it is drawn."""
+    """One figure of every table with a chart."""
     return [
         Named(name, table_figure(table, table.chart), _caption(table, table.chart))
         for name, table in result.tables.items()
@@ -35,7 +35,7 @@ def figures(result: ClaimsResult) -> list[Named]:
 
 
 def table_figure(table: ComputedTable, chart: Chart) -> Figure:
-    """The columns of a table as its chart says."""
+    """The columns of a table, drawn as its chart describes."""
     figure = new_figure(height=3.8)
     axes = figure.add_subplot()
     columns = {

@@ -14,7 +14,7 @@ from ..tables import shown, table
 from .figures import figures
 
 MOST = 60
-"""Rows of a calculation's table on the page; the file beside it has all."""
+"""Rows of a calculation's table on the page; the file next to it has all."""
 MEANING = (
     "Reproduced: the document, read literally, comes out. Reproduced under the stated reading: it "
     "comes out when it is read as stated. Not reproduced: it comes out under no reading. Cannot be "

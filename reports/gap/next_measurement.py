@@ -19,7 +19,7 @@ from .residuals import thinned
 OLD, NEW = "#9a9a9a", "#1f5fa8"
 CAPTION = (
     "The next measurement in the two inputs that matter most: its points (diamonds, larger where "
-    "several readings are taken at one) beside those of the record (dots)."
+    "several measurements are taken at one) and those of the record (dots)."
 )
 
 

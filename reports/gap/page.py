@@ -51,8 +51,8 @@ UNSEEN = "Not detectable at all, because confounded with what is free"
 CAPTIONS = {
     "residuals": "{0}: measured less predicted against every input: before (circles), after "
     "(crosses) and what the correction took away (pluses), all on one scale. Black line: the mean "
-    "of neighbouring readings; dotted: twice the noise. Hatched: where the gap was located. At "
-    "most 600 readings are drawn.",
+    "of neighbouring measurements; dotted: twice the noise. Hatched: where the gap was located. At "
+    "most 600 measurements are drawn.",
     "spectrum": "{0}: amplitude of every order of the residual, before above and after below. "
     "Dotted: what noise alone reaches; peaks above it bear their order. Hatched: orders where the "
     "gap was located, waves that grow with the torque included, which hardly show here.",
@@ -315,7 +315,7 @@ def _rival(rival: Rival) -> str:
         for name, (low, high) in rival.measurement.inputs.items()
     ]
     if rival.measurement.readings:
-        lines.append(f"readings that separate them: {rival.measurement.readings}")
+        lines.append(f"measurements that separate them: {rival.measurement.readings}")
     return f"<h3>{escape(names)} instead of {escape(instead_of)}</h3>\n{bullets(lines)}"
 
 

@@ -61,10 +61,10 @@ def _draw_optimum(axes: Axes, course: pd.DataFrame) -> None:
 def course_caption(result: StudyResult, key: str) -> str:
     """What the figure shows."""
     course = result.courses[result.courses["key"] == key]
-    share = 100 * course["level_of_interval"].iloc[0]
+    confidence = 100 * course["level_of_interval"].iloc[0]
     exact = "; the dashed line is the exact optimum" if course["optimum"].notna().any() else ""
     return (
         f"{result.course_of} by generation at {course['level'].nunique()} levels of {key}, the "
-        f"other settings as in the run: median of {course['n'].max()} seeds and its {share:.0f} % "
+        f"other settings as in the run: median of {course['n'].max()} seeds and its {confidence:.0f} % "
         f"interval{exact}."
     )

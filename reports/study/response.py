@@ -122,9 +122,9 @@ def response_caption(result: StudyResult, response: Response) -> str:
     """What the figure shows."""
     runs = "grey points are single runs, " if len(result.design) <= MOST else ""
     best = "" if response.best is None else "; the dashed line is the best there can be"
-    share = 100 * result.medians["level"].iloc[0]
+    confidence = 100 * result.medians["level"].iloc[0]
     keys = ", ".join(varied.key for varied in result.varied)
     return (
-        f"{response.name} against {keys}: {runs}circles are medians with {share:.0f} % "
+        f"{response.name} against {keys}: {runs}circles are medians with {confidence:.0f} % "
         f"bootstrap intervals{best}."
     )

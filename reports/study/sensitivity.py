@@ -73,8 +73,8 @@ def sensitivity_figure(result: StudyResult) -> Figure:
 
 def sensitivity_caption(result: StudyResult) -> str:
     """What the figure shows."""
-    share = 100 * result.sensitivity["level"].iloc[0]
+    confidence = 100 * result.sensitivity["level"].iloc[0]
     return (
-        f"Sensitivities with {share:.0f} % intervals, the noise of the runs taken out and "
+        f"Sensitivities with {confidence:.0f} % intervals, the noise of the runs taken out and "
         "shown for itself: an effect whose interval holds 0 is not distinguishable from 0."
     )

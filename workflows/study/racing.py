@@ -32,7 +32,7 @@ STOPPED = "stopped"
 
 
 def looks(seeds: int) -> Iterator[int]:
-    """Numbers of seeds after which settings are looked at: 5, 7, 10, 14, 20, 28, ... below all."""
+    """Numbers of seeds after which settings are compared: 5, 7, 10, 14, 20, 28, ... below all."""
     at, step = float(FIRST), 2.0**0.5
     while round(at) < seeds:
         yield round(at)

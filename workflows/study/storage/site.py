@@ -28,7 +28,7 @@ class Site:
 
     @property
     def where(self) -> str:
-        """Where the runs are, as messages say it."""
+        """Where the runs are, in the words of messages."""
         return _shown(self.address) if self.address else str(self.folder)
 
     def begin(self) -> None:
