@@ -65,6 +65,6 @@ def course_caption(result: StudyResult, key: str) -> str:
     exact = "; the dashed line is the exact optimum" if course["optimum"].notna().any() else ""
     return (
         f"{result.course_of} by generation at {course['level'].nunique()} levels of {key}, the "
-        f"other settings as in the run: median of {course['n'].max()} seeds and its {confidence:.0f} % "
-        f"interval{exact}."
+        f"other settings as in the run: median of {course['n'].max()} seeds and its "
+        f"{confidence:.0f} % interval{exact}."
     )
