@@ -1,4 +1,4 @@
-"""What a search remembers: the best designs it saw, within bounded memory."""
+"""What a search remembers: the best designs it evaluated, within bounded memory."""
 
 from __future__ import annotations
 
@@ -115,6 +115,6 @@ def _distinct(x: Array, f: Array) -> NDArray[np.int64]:
     rows = in_order(*f.T, *x[:, :2].T)
     near, before, value = rows[1:], rows[:-1], f[:, 0].take(rows)
     same = value[1:] == value[:-1]
-    twins = same.nonzero()[0]
-    same[twins] = (x.take(near[twins], axis=0) == x.take(before[twins], axis=0)).all(axis=1)
+    ties = same.nonzero()[0]
+    same[ties] = (x.take(near[ties], axis=0) == x.take(before[ties], axis=0)).all(axis=1)
     return np.concatenate([rows[:1], near[~same]])

@@ -1,4 +1,4 @@
-"""The hypervolume that a search has attained after each batch, told late and at once."""
+"""The hypervolume that a search has attained after each batch, computed for many at once."""
 
 from __future__ import annotations
 
@@ -87,8 +87,8 @@ def joined_by_two(
 ) -> tuple[Array, list[float]]:
     """`joined_by_any` of two objectives, the front sorted by the first: one sort for all batches.
 
-    Of a point is known after which batch it is there; it stays in the front while none that is
-    there before it in the order of the first objective has as little of the second.
+    Each point has the batch from which on it is present. It is in the front while no point that is
+    present and precedes it in the order of the first objective has as little of the second.
     """
     points, since = _in_order(front, batches)
     batch = np.arange(len(batches))[:, None]
@@ -127,7 +127,7 @@ def _areas(
 def _in_order(front: Array, batches: Sequence[Array]) -> tuple[Array, NDArray[np.int64]]:
     """Points (2, n) by the first objective, the second, and the batch (n,) they come with.
 
-    The front's come with -1; what it dominates or equals is left out.
+    Points of the front come with -1; those that it dominates or equals are left out.
     """
     points = np.concatenate([front, *batches]).T.copy()
     since = np.arange(-1, len(batches)).repeat([len(front), *map(len, batches)])

@@ -1,7 +1,7 @@
 """The file from which a broken search goes on: arrays in one .npz, whole, never a pickle.
 
-Behind them stands the digest of the whole file. It is looked at before anything else, so that a
-damaged file is refused whatever the damage would have led to.
+The digest of the whole file follows them. It is checked before anything else, so that a damaged
+file is refused whatever the damage would have led to.
 """
 
 from __future__ import annotations
@@ -45,23 +45,25 @@ class Checkpoint:
 
     @classmethod
     def read(cls, path: Path, every: float = EVERY) -> Checkpoint:
-        """What `write` wrote. Raises InputError where the file is none of ours."""
+        """What `write` wrote. Raises InputError where the file is no checkpoint."""
         try:
             with np.load(io.BytesIO(unsealed(path.read_bytes())), allow_pickle=False) as file:
                 content = {key: file[key] for key in file.files}
             if int(content["format"]) != FORMAT:
                 raise ValueError(f"format {content['format']}, expected {FORMAT}")
-            found = cls(path, str(content["identity"]), every)
-            found.unsavable = bool(content["unsavable"])
+            checkpoint = cls(path, str(content["identity"]), every)
+            checkpoint.unsavable = bool(content["unsavable"])
             for at, name in enumerate(content["tables"].tolist()):
-                found.tables[name] = _table(content, f"table.{at}.")
+                checkpoint.tables[name] = _table(content, f"table.{at}.")
         except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
             raise refuse(
                 str(path), f"cannot be read: {error}; start again with --overwrite"
             ) from error
         prefix = "state."
-        found._state = {k[len(prefix) :]: v for k, v in content.items() if k.startswith(prefix)}
-        return found
+        checkpoint._state = {
+            k[len(prefix) :]: v for k, v in content.items() if k.startswith(prefix)
+        }
+        return checkpoint
 
     def due(self) -> bool:
         """Whether the last state was saved long enough ago."""

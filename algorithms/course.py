@@ -1,4 +1,4 @@
-"""The course of a search: what was reached when, told cheaply after it has ended.
+"""The course of a search: when which value was reached, computed cheaply after it has ended.
 
 A hypervolume in every generation costs as much as an array engine itself. Values are kept as they
 come; hypervolumes are computed at few generations and, where a level was passed between two of
@@ -25,8 +25,8 @@ BLOCK = 20_000
 
 
 Batch = tuple[int, int, float, float, NDArray[np.int64], Array]
-"""Generation, evaluations so far, CPU time so far, share that is feasible, the evaluations at which
-its feasible designs came, their objectives."""
+"""Generation, evaluations so far, CPU time so far, feasible fraction, the evaluations at which its
+feasible designs came, their objectives."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,8 +51,8 @@ class Course:
     """Takes in the batches of one search.
 
     The value of a curve is, of one objective, the least feasible one so far (NaN before the first),
-    else the hypervolume of all feasible ones. `level` is the value at which the search counts as
-    there: from above for one objective, from below for a hypervolume; NaN where there is none.
+    else the hypervolume of all feasible ones. `level` is the value at which the search has arrived:
+    from above for one objective, from below for a hypervolume; NaN where there is none.
     """
 
     def __init__(self, box: Box, level: float) -> None:
@@ -73,12 +73,12 @@ class Course:
         """Take in a batch: objectives (n, objectives), feasible (n,), CPU time used so far [s]."""
         self.batches += 1
         rows = np.flatnonzero(feasible)
-        share = len(rows) / len(f) if len(f) else 0.0
+        fraction = len(rows) / len(f) if len(f) else 0.0
         at = (self.evaluations + rows + 1).astype(np.int64)
         self.evaluations += len(f)
         self.feasible += len(rows)
-        found = f if len(rows) == len(f) else f[rows]
-        self._open.append((self.batches, self.evaluations, cpu_s, share, at, found))
+        feasible_values = f if len(rows) == len(f) else f[rows]
+        self._open.append((self.batches, self.evaluations, cpu_s, fraction, at, feasible_values))
         self._waiting += len(rows)
         if self._waiting > BLOCK:
             self._settle()
@@ -114,8 +114,8 @@ class Course:
         value = self._value(self.front)
         if np.isnan(self.reached_at[0]) and self._there(value):
             self.reached_at = self._passed(before, news, group)
-        generation, evaluations, cpu_s, share, *_ = group[-1]
-        self._rows.append((generation, evaluations, cpu_s, value, share))
+        generation, evaluations, cpu_s, fraction, *_ = group[-1]
+        self._rows.append((generation, evaluations, cpu_s, value, fraction))
 
     def _passed(self, before: Array, news: Array, group: list[Batch]) -> tuple[float, float]:
         """Evaluations, and CPU time at the end of their batch, at which the level was passed."""

@@ -36,8 +36,8 @@ class Driver(ABC):
 
     @abstractmethod
     def begin_with(self, x: Array) -> Array:
-        """The designs (n, variables) that are asked for, with others, no more than these, in the
-        place of the first ones.
+        """Replace the first designs asked for by `x`, which has no more of them; all designs
+        (n, variables) that are asked for now.
         """
 
     @abstractmethod
@@ -112,41 +112,49 @@ class PymooDriver(Driver):
 
     def tell(self, f: Array, g: Array) -> None:
         self.asked.set("F", f, "G", g, "H", np.zeros((len(f), 0)))
-        self.asked.apply(lambda one: one.evaluated.update(("F", "G", "H")))
+        self.asked.apply(lambda individual: individual.evaluated.update(("F", "G", "H")))
         self.algorithm.tell(infills=self.asked)
 
     def state(self) -> State:
         algorithm = self.algorithm
-        found: State = {"begun": np.array(algorithm.is_initialized)}
+        saved: State = {"begun": np.array(algorithm.is_initialized)}
         generator = algorithm.random_state.bit_generator.state
-        found["rng"] = np.array(json.dumps(generator))
+        saved["rng"] = np.array(json.dumps(generator))
         if not algorithm.is_initialized:
-            return found
-        found["iteration"] = np.array(algorithm.n_iter)
+            return saved
+        saved["iteration"] = np.array(algorithm.n_iter)
         population, optimum = list(algorithm.pop), list(_or_empty(algorithm.opt))
-        everyone = list({id(one): one for one in (*population, *optimum)}.values())
-        place = {id(one): at for at, one in enumerate(everyone)}
-        found["population"] = np.array([place[id(one)] for one in population], dtype=np.int64)
-        found["optimum"] = np.array([place[id(one)] for one in optimum], dtype=np.int64)
+        everyone = list(
+            {id(individual): individual for individual in (*population, *optimum)}.values()
+        )
+        place = {id(individual): at for at, individual in enumerate(everyone)}
+        saved["population"] = np.array(
+            [place[id(individual)] for individual in population], dtype=np.int64
+        )
+        saved["optimum"] = np.array(
+            [place[id(individual)] for individual in optimum], dtype=np.int64
+        )
         for key in VALUES:
-            found[key] = _plain([getattr(one, key) for one in everyone])
-        for key in sorted({key for one in everyone for key in one.data}):
-            known = np.array([one.data.get(key) is not None for one in everyone])
-            values = [one.data[key] for one, has in zip(everyone, known, strict=True) if has]
-            found[f"has.{key}"], found[f"data.{key}"] = known, _plain(values)
+            saved[key] = _plain([getattr(individual, key) for individual in everyone])
+        for key in sorted({key for individual in everyone for key in individual.data}):
+            known = np.array([individual.data.get(key) is not None for individual in everyone])
+            values = [
+                individual.data[key] for individual, has in zip(everyone, known, strict=True) if has
+            ]
+            saved[f"has.{key}"], saved[f"data.{key}"] = known, _plain(values)
         for name in self.names:
             value = _attribute(algorithm, name)
-            found[f"set.{name}"] = np.array(value is not None)
+            saved[f"set.{name}"] = np.array(value is not None)
             if value is not None:
-                found[f"attribute.{name}"] = _plain(value)
-        return found
+                saved[f"attribute.{name}"] = _plain(value)
+        return saved
 
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
         algorithm = self.algorithm
         if bool(state["begun"]):
             everyone = Population.new(**{key: state[key] for key in VALUES})
-            for one in everyone:
-                one.evaluated.update(("F", "G", "H"))
+            for individual in everyone:
+                individual.evaluated.update(("F", "G", "H"))
             _restore_data(everyone, state)
             algorithm._initialize()
             algorithm.pop = everyone[state["population"]]
@@ -173,18 +181,18 @@ def _or_empty(population: Any) -> Any:
 def _plain(value: Any) -> NDArray[Any]:
     """An array of numbers. Raises Unsavable where it is none."""
     try:
-        found = np.array(value)
+        array = np.array(value)
     except ValueError as error:  # ragged
         raise Unsavable(str(error)) from error
-    if found.dtype.kind not in "biuf":
-        raise Unsavable(f"{found.dtype} is not numeric")
-    return found
+    if array.dtype.kind not in "biuf":
+        raise Unsavable(f"{array.dtype} is not numeric")
+    return array
 
 
 def _attribute(owner: Any, name: str) -> Any:
     """A dotted attribute. Raises Unsavable where there is none."""
     try:
-        return reduce(lambda one, part: attrgetter(part)(one), name.split("."), owner)
+        return reduce(lambda target, part: attrgetter(part)(target), name.split("."), owner)
     except AttributeError as error:
         raise Unsavable(str(error)) from error
 

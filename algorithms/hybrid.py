@@ -24,7 +24,7 @@ from .settings import Solver
 
 Array = NDArray[np.float64]
 EVOLVED = 0.5
-"""Share of an evaluation budget that evolution may use."""
+"""Fraction of an evaluation budget that evolution may use."""
 GENERATIONS = 100
 """Generations of the evolution where the budget names none."""
 RELAXED = 24
@@ -59,12 +59,12 @@ class Hybrid(Solver):
                 self._polish_front(run)
         finally:
             if form is not None and is_corrected(form):
-                # what the seeds are at full accuracy, a coarser search may have thrown away
+                # a coarser search may have discarded seeds that are good at full accuracy
                 run.choose(np.vstack([seeds, run.archive.arrays()[0]]))
 
     def _evolve(self, run: Run, seeds: Array) -> None:
-        """GDE3 on plain arrays, until generations or its share of the evaluations are used."""
-        problem, left = run.problem, run.evaluations_left
+        """GDE3 on plain arrays, until generations or its part of the evaluations are used."""
+        problem, remaining = run.problem, run.evaluations_left
         integer = np.array([v.integer for v in problem.free])
         space = Space(problem.xl, problem.xu, integer, problem.n_obj)
         engine = GDE3Engine(space, self.population, run.rng)
@@ -73,7 +73,7 @@ class Hybrid(Solver):
         run.phase("seeds", 0.0)
         engine.tell(first, *run.evaluate(first))
         total = run.budget.generations or GENERATIONS
-        end = None if left is None else run.evaluations + EVOLVED * left
+        end = None if remaining is None else run.evaluations + EVOLVED * remaining
         for generation in range(total):
             if end is not None and run.evaluations >= end:
                 return
@@ -84,7 +84,7 @@ class Hybrid(Solver):
     def _polish_best(self, run: Run) -> None:
         """One objective: from the best design, at its integers and at each set that differs in one.
 
-        An improvement is where the next ones are tried from, until none is left.
+        Further moves are tried from each improvement, until none is left.
         """
         unit, free, tried = scale_of(run.problem), np.array([np.inf]), set[bytes]()
         start, best = _best(run)
@@ -147,15 +147,15 @@ def branches_of(run: Run, x: Array, f: Array, most: int) -> list[Branch]:
     """
     integer = np.array([v.integer for v in run.problem.free])
     _, owner, counts = np.unique(x[:, integer], axis=0, return_inverse=True, return_counts=True)
-    found = []
-    for one in np.argsort(-counts, kind="stable")[:most]:
-        rows = np.flatnonzero(np.ravel(owner) == one)
+    branches = []
+    for index in np.argsort(-counts, kind="stable")[:most]:
+        rows = np.flatnonzero(np.ravel(owner) == index)
         rows = rows[np.argsort(f[rows, 1], kind="stable")]
         some = rows[np.unique(np.linspace(0, len(rows) - 1, 16).astype(int))]
         branch = Branch(run, x[some[0]], scale_of(run.problem))
         branch.adopt(x[some], f[some])
-        found.append(branch)
-    return found
+        branches.append(branch)
+    return branches
 
 
 def _best(run: Run) -> tuple[Array, float]:

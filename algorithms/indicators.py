@@ -1,4 +1,4 @@
-"""Dominance and hypervolume: of two objectives by sorting, of more over moocore."""
+"""Dominance and hypervolume: of two objectives by sorting, of more by moocore."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ def nondominated(values: Array) -> NDArray[np.bool_]:
         return kept
     import moocore
 
-    found = moocore.is_nondominated(values, keep_weakly=False)
-    return np.asarray(found, dtype=bool)
+    mask = moocore.is_nondominated(values, keep_weakly=False)
+    return np.asarray(mask, dtype=bool)
 
 
 def hypervolume(values: Array, ideal: Array, nadir: Array) -> float:

@@ -29,7 +29,7 @@ class BudgetSpent(Exception):
 class Progress:
     """State of a search after a generation, or after a batch of a solver.
 
-    `phase` and `share` are what a solver says of itself: what it does, and how much is done.
+    `phase` and `share` are a solver's own: what it does, and the fraction that is done.
     """
 
     generation: int
@@ -45,7 +45,7 @@ class Progress:
 
 
 Row = tuple[int, float, float, str, float | None]
-"""Of a batch: evaluations, seconds, share that is feasible, phase, share done."""
+"""Evaluations, seconds, feasible fraction, phase and fraction done of a batch."""
 
 
 Values = tuple[Array, Array]
@@ -53,7 +53,7 @@ Values = tuple[Array, Array]
 
 
 def values_of(problem: ToleranceProblem, x: Array) -> Values:
-    """Of search vectors, by pymoo's `_evaluate`, which a problem may have wrapped."""
+    """The values of search vectors, by pymoo's `_evaluate`, which a problem may have wrapped."""
     out: dict[str, Array] = {}
     problem._evaluate(x, out)
     return out["F"], out.get("G", np.empty((len(x), 0)))
@@ -64,7 +64,7 @@ class Run:
 
     The budget of evaluations is honoured exactly. A budget of generations counts batches, and only
     where `counts_generations` says so. A batch is computed in parts of `problem.grain` designs or a
-    few more, by `values` where others are to share them: they are the same parts whoever does.
+    few more, by `values` where it is given; the parts do not depend on who computes them.
     """
 
     def __init__(
@@ -107,16 +107,16 @@ class Run:
 
     @property
     def evaluations_left(self) -> int | None:
-        """What is left of the budget of evaluations, None where there is none."""
+        """The remaining budget of evaluations, None where there is none."""
         total = self.budget.evaluations
         return None if total is None else total - self.evaluations
 
     @property
     def spent(self) -> bool:
         """Whether the budget is used up."""
-        left, limit = self.evaluations_left, self.budget.time_limit_s
+        remaining, limit = self.evaluations_left, self.budget.time_limit_s
         return (
-            (left is not None and left <= 0)
+            (remaining is not None and remaining <= 0)
             or (self.generations is not None and self.generation >= self.generations)
             or (limit is not None and self.seconds >= limit)
         )
@@ -143,22 +143,22 @@ class Run:
             return values_of(self.problem, x)
         parts = np.array_split(x, count)
         if self._shared is None:
-            found: Sequence[Values] = [values_of(self.problem, part) for part in parts]
+            values: Sequence[Values] = [values_of(self.problem, part) for part in parts]
         else:
-            found = self._shared(parts)
-        return np.concatenate([f for f, _ in found]), np.concatenate([g for _, g in found])
+            values = self._shared(parts)
+        return np.concatenate([f for f, _ in values]), np.concatenate([g for _, g in values])
 
     def _remember(self, x: Array, f: Array, violation: Array) -> None:
-        found = self.archive.add(x, f, violation)
-        self.attained.add(found)
-        share = len(found) / len(f) if len(f) else 0.0
-        self._rows.append((self.evaluations, self.seconds, share, *self._phase))
+        feasible = self.archive.add(x, f, violation)
+        self.attained.add(feasible)
+        feasible_fraction = len(feasible) / len(f) if len(f) else 0.0
+        self._rows.append((self.evaluations, self.seconds, feasible_fraction, *self._phase))
         if self._report is not None:
             self._report(self._progress(len(self._rows) - 1, self.attained.values()[-1]))
 
     def _progress(self, at: int, value: float) -> Progress:
         """The state after the batch `at`, with its hypervolume."""
-        evaluations, seconds, share, phase, done = self._rows[at]
+        evaluations, seconds, feasible_fraction, phase, done = self._rows[at]
         return Progress(
             at + 1,
             self.generations,
@@ -167,7 +167,7 @@ class Run:
             seconds,
             self._remaining(at),
             value,
-            share,
+            feasible_fraction,
             phase,
             done,
         )
@@ -177,22 +177,22 @@ class Run:
         self.chosen = np.vstack([self.chosen, x])
 
     def phase(self, name: str, share: float | None = None) -> None:
-        """Say what is being done, and the share of the whole that is done."""
+        """State what is being done, and the fraction of the whole that is done."""
         self._phase = name, share
 
     def _remaining(self, at: int) -> float | None:
-        """Seconds left after the batch `at`, by the budget that will be used up first."""
+        """Remaining seconds after the batch `at`, by the budget that will be used up first."""
         evaluations, seconds, _, _, done = self._rows[at]
-        left = []
+        estimates = []
         if self.generations is not None:
-            left.append(seconds * (self.generations / (at + 1) - 1.0))
+            estimates.append(seconds * (self.generations / (at + 1) - 1.0))
         if self.budget.evaluations is not None:
-            left.append(seconds * (self.budget.evaluations / max(1, evaluations) - 1.0))
+            estimates.append(seconds * (self.budget.evaluations / max(1, evaluations) - 1.0))
         if self.budget.time_limit_s is not None:
-            left.append(self.budget.time_limit_s - seconds)
+            estimates.append(self.budget.time_limit_s - seconds)
         if done:
-            left.append(seconds * (1.0 / done - 1.0))
-        return max(0.0, min(left)) if left else None
+            estimates.append(seconds * (1.0 / done - 1.0))
+        return max(0.0, min(estimates)) if estimates else None
 
     def state(self) -> State:
         """Counts, history and archive as arrays."""
@@ -200,19 +200,19 @@ class Run:
             (p.generation, p.evaluations, p.seconds, p.hypervolume, p.feasible_fraction)
             for p in self.history
         ]
-        own = {
+        arrays = {
             "history": np.array(table, dtype=float).reshape(-1, 5),
             "counts": np.array([self.evaluations, self.seconds]),
         }
         parts = {"archive": self.archive.state(), "attained": self.attained.state()}
-        return own | {
+        return arrays | {
             f"{part}.{key}": value for part, state in parts.items() for key, value in state.items()
         }
 
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
         """Go on from a `state()`; the clock goes on from its seconds."""
         self._rows = [
-            (int(n), s, share, "", None) for _, n, s, _, share in state["history"].tolist()
+            (int(n), s, fraction, "", None) for _, n, s, _, fraction in state["history"].tolist()
         ]
         evaluations, seconds = state["counts"].tolist()
         self.evaluations = int(evaluations)
@@ -222,5 +222,5 @@ class Run:
 
 
 def part(state: Mapping[str, NDArray[Any]], prefix: str) -> State:
-    """What of a state has names with a prefix, without it."""
+    """The entries of a state whose names have a prefix, named without it."""
     return {key[len(prefix) :]: value for key, value in state.items() if key.startswith(prefix)}

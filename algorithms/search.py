@@ -58,7 +58,7 @@ class Keeper(Protocol):
         ...
 
     def cannot_save(self) -> None:
-        """Told when the algorithm's state cannot be saved: it will start anew."""
+        """Called when the algorithm's state cannot be saved: it will start anew."""
         ...
 
 
@@ -115,8 +115,10 @@ def _evolve(run: Run, fresh: Callable[[], Driver], keeper: Keeper | None) -> Non
     """
     population, size = _begun(run, fresh, keeper), 0
     while not run.spent:
-        left = run.evaluations_left
-        if keeper is not None and (keeper.due() or (left is not None and left < 2 * size)):
+        remaining = run.evaluations_left
+        if keeper is not None and (
+            keeper.due() or (remaining is not None and remaining < 2 * size)
+        ):
             _save(keeper, run, population)
         x = population.ask()
         size = len(x)

@@ -87,7 +87,7 @@ class Solver(AlgorithmSettings):
 
     @abstractmethod
     def solve(self, run: Run) -> None:
-        """Evaluate designs by `run.evaluate` until the front is found; what it saw is the result.
+        """Evaluate designs by `run.evaluate` until the front is found; these are the result.
 
         It must depend on `run` alone: a broken run is resumed from its beginning.
         """

@@ -17,7 +17,7 @@ class SMSEMOA(AlgorithmSettings):
     """SMS-EMOA for two or three objectives (Beume, Naujoks & Emmerich 2007).
 
     A generation has as many offspring as the population; the paper's has one. More objectives are
-    taken, but the hypervolume is dear there.
+    taken, but the hypervolume is expensive there.
     """
 
     many_objectives: ClassVar[bool] = True

@@ -13,7 +13,7 @@ from .tables import chosen, table
 
 CHOICES = (
     "Points of the front by named rules; [choice] in the configuration sets weights, limits and a "
-    "budget. rounded_...: the same point with every value rounded to what can be ordered, judged "
+    "budget. rounded_...: the same point with every value rounded to what can be ordered, computed "
     "again by the full model; rounding_loss_...: what that changes. unchanged_percent: in how many "
     "of the cases with one cost curve 20 % lower or higher the same point is chosen."
 )

@@ -18,15 +18,15 @@ def contributions_figure(result: RunResult) -> Figure | None:
     Bars that reach to the left are tolerances that are better when wider. None where nothing is
     known.
     """
-    point, found = first_choice(result), result.contributions
-    if point is None or found is None or found.empty:
+    point, contributions = first_choice(result), result.contributions
+    if point is None or contributions is None or contributions.empty:
         return None
-    names = [str(n) for n in found.columns if n not in ("point", "output", "explained")]
-    nearest = (found["point"] - point).abs()
-    own = found[nearest == nearest.min()]
-    figure = new_figure(height=1.0 + len(own) * (0.6 + HEIGHT * len(names)))
-    panels = figure.subplots(len(own), 1, squeeze=False)
-    for axes, row in zip(panels.flat, own.to_dict("records"), strict=True):
+    names = [str(n) for n in contributions.columns if n not in ("point", "output", "explained")]
+    nearest = (contributions["point"] - point).abs()
+    rows = contributions[nearest == nearest.min()]
+    figure = new_figure(height=1.0 + len(rows) * (0.6 + HEIGHT * len(names)))
+    panels = figure.subplots(len(rows), 1, squeeze=False)
+    for axes, row in zip(panels.flat, rows.to_dict("records"), strict=True):
         shares = [float(row[name]) for name in names]
         axes.barh(range(len(names)), shares, color=COLOURS[0], height=0.7)
         bar_places(axes, [words(name) for name in names])

@@ -38,12 +38,12 @@ def control_figure(parts: Sequence[tuple[str, str, Sequence[float]]]) -> Figure:
 
 
 def _chart(axes: Axes, name: str, unit: str, values: Sequence[float]) -> None:
-    own = np.asarray(values, dtype=float)
-    mean, reach = float(own.mean()), NATURAL * float(np.abs(np.diff(own)).mean())
-    number = np.arange(1, len(own) + 1)
-    axes.plot(number, own, color=COLOURS[0], marker="o", markersize=2.5, linewidth=0.8)
-    beyond = np.abs(own - mean) > reach
-    axes.plot(number[beyond], own[beyond], "x", color=COLOURS[1], markersize=6)
+    measurements = np.asarray(values, dtype=float)
+    mean, reach = float(measurements.mean()), NATURAL * float(np.abs(np.diff(measurements)).mean())
+    number = np.arange(1, len(measurements) + 1)
+    axes.plot(number, measurements, color=COLOURS[0], marker="o", markersize=2.5, linewidth=0.8)
+    beyond = np.abs(measurements - mean) > reach
+    axes.plot(number[beyond], measurements[beyond], "x", color=COLOURS[1], markersize=6)
     axes.axhline(mean, color="#555555", linewidth=0.8)
     for side in (-1.0, 1.0):
         axes.axhline(mean + side * reach, color=COLOURS[1], linewidth=0.8, linestyle="--")

@@ -25,7 +25,7 @@ def document(title: str, body: str, scripts: Sequence[Script] = (), head: str = 
     name, explained = escape(title), terms(body)
     policy = "default-src 'none'; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'"
     if scripts:
-        policy += f"; img-src data:; script-src {' '.join(one.hash for one in scripts)}"
+        policy += f"; img-src data:; script-src {' '.join(script.hash for script in scripts)}"
     return (
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         f'<meta http-equiv="Content-Security-Policy" content="{policy}">\n'
@@ -33,7 +33,7 @@ def document(title: str, body: str, scripts: Sequence[Script] = (), head: str = 
         f"<title>{name}</title>\n<style>{STYLE}</style>\n</head>\n"
         f"<body>\n<header>\n<h1>{name}</h1>\n{head}\n</header>\n"
         f"<main>\n{body}\n{explained}\n</main>\n"
-        f"{''.join(one.html for one in scripts)}\n</body>\n</html>\n"
+        f"{''.join(script.html for script in scripts)}\n</body>\n</html>\n"
     )
 
 

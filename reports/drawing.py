@@ -25,7 +25,7 @@ SIZE = (7.0, 4.6)
 """Width and height [inch]: a text column and a half."""
 DOTS_PER_INCH = 200
 COLOURS = ("#1f5fa8", "#c4501b", "#2b7a3d", "#7b3fa0", "#8a6d00", "#b0245f")
-"""Colours of lines; what they mean is told by markers and dashes too."""
+"""Colours of lines; markers and dashes show their meaning too."""
 FIXED: dict[Any, Any] = {"svg.hashsalt": "tolevo", "svg.fonttype": "path"}
 """The same identifiers in every process; letters as outlines, so that no font is needed."""
 COMPRESSION = {"compress_level": 3}
@@ -57,8 +57,12 @@ def plain(axes: Axes) -> None:
         spine.set_in_layout(False)  # as large as the panel, which costs as much as its labels
     legend = axes.get_legend()
     # Ticks of numbers are made when they are drawn: to ask for their labels makes them once more.
-    own = (FixedLocator, StrCategoryLocator)
-    words = [axis for axis in (axes.xaxis, axes.yaxis) if isinstance(axis.get_major_locator(), own)]
+    fixed_locators = (FixedLocator, StrCategoryLocator)
+    words = [
+        axis
+        for axis in (axes.xaxis, axes.yaxis)
+        if isinstance(axis.get_major_locator(), fixed_locators)
+    ]
     ticks = [text for axis in words for text in axis.get_ticklabels()]
     for text in (axes.xaxis.label, axes.yaxis.label, axes.title, *ticks):
         text.set_parse_math(False)

@@ -1,4 +1,4 @@
-"""What the page says of a run beside its points: limits, units, laws, tolerances."""
+"""What the page shows of a run in addition to its points: limits, units, laws, tolerances."""
 
 from __future__ import annotations
 
@@ -34,13 +34,13 @@ def units_of(result: RunResult) -> dict[str, str]:
 
 
 def informative(result: RunResult) -> bool:
-    """Whether the bounds of the points say something."""
+    """Whether the bounds of the points are informative."""
     return NOT_INFORMATIVE not in str(result.answers.get("proof", ""))
 
 
 def tolerance_records(result: RunResult) -> list[dict[str, Any]]:
     """The records of every variable, with their labels; those of an older run by its columns."""
-    known = {str(one["name"]): dict(one) for one in result.tolerances}
+    known = {str(record["name"]): dict(record) for record in result.tolerances}
     plain = {
         "kind": "nominal",
         "free": False,
@@ -74,14 +74,14 @@ def limits_of(result: RunResult, kept: pd.DataFrame) -> list[dict[str, Any]]:
         table = {}
     if not isinstance(table, Mapping):
         return []
-    found = []
+    limits = []
     for key, bound in table.items():
         name = str(key)
         if name in kept:
             ends: dict[str, object] = (
                 dict(bound) if isinstance(bound, Mapping) else _end(name, bound)
             )
-            found.append(
+            limits.append(
                 {
                     "name": name,
                     "label": words(name),
@@ -90,7 +90,7 @@ def limits_of(result: RunResult, kept: pd.DataFrame) -> list[dict[str, Any]]:
                     "values": kept[name].tolist(),
                 }
             )
-    return found
+    return limits
 
 
 def _end(name: str, bound: object) -> dict[str, object]:
@@ -124,29 +124,34 @@ def unit_columns(result: RunResult, kept: pd.DataFrame) -> list[dict[str, Any]]:
 def law_of(result: RunResult, kept: pd.DataFrame) -> dict[str, Any] | None:
     """Mean and standard deviation of a requirement at each point, with its limits and yield.
 
-    Of a stack of one requirement by its root sum square; of another problem by the columns
+    For a stack of one requirement from its root sum square; for another problem from the columns
     `..._mean_<unit>` and `..._std_<unit>` of an objective.
     """
-    found = _stack_law(result, kept) or _column_law(result, kept)
-    if found is not None and "yield_percent" in kept:
-        found["yield"] = kept["yield_percent"].tolist()
-    return found
+    law = _stack_law(result, kept) or _column_law(result, kept)
+    if law is not None and "yield_percent" in kept:
+        law["yield"] = kept["yield_percent"].tolist()
+    return law
 
 
 def _stack_law(result: RunResult, kept: pd.DataFrame) -> dict[str, Any] | None:
     mechanism = result.summary.get("mechanism")
-    own = mechanism.get("requirements") if isinstance(mechanism, Mapping) else None
-    if not own or len(own) != 1 or not isinstance(own[0], Mapping) or "rss" not in kept:
+    requirements = mechanism.get("requirements") if isinstance(mechanism, Mapping) else None
+    if (
+        not requirements
+        or len(requirements) != 1
+        or not isinstance(requirements[0], Mapping)
+        or "rss" not in kept
+    ):
         return None
-    low, high = own[0].get("lower"), own[0].get("upper")
-    ends = [float(one) for one in (low, high) if isinstance(one, int | float) and isfinite(one)]
-    centre = own[0].get("centre")
+    low, high = requirements[0].get("lower"), requirements[0].get("upper")
+    ends = [float(end) for end in (low, high) if isinstance(end, int | float) and isfinite(end)]
+    centre = requirements[0].get("centre")
     if len(ends) < 2 and not isinstance(centre, int | float):
         return None
     mean = float(centre) if isinstance(centre, int | float) else sum(ends) / 2.0
     return {
-        "label": str(own[0].get("name") or "requirement"),
-        "unit": str(own[0].get("unit", "")),
+        "label": str(requirements[0].get("name") or "requirement"),
+        "unit": str(requirements[0].get("unit", "")),
         "low": low,
         "high": high,
         "mean": [mean] * len(kept),
@@ -176,8 +181,8 @@ def _column_law(result: RunResult, kept: pd.DataFrame) -> dict[str, Any] | None:
 def _upper(result: RunResult) -> float | None:
     """`[parameters] backlash_limit_arcmin`, by which the yield of a reducer is defined."""
     try:
-        found = tomllib.loads(result.configuration).get("parameters", {})
+        parameters = tomllib.loads(result.configuration).get("parameters", {})
     except tomllib.TOMLDecodeError:
         return None
-    value = found.get("backlash_limit_arcmin") if isinstance(found, Mapping) else None
+    value = parameters.get("backlash_limit_arcmin") if isinstance(parameters, Mapping) else None
     return float(value) if isinstance(value, int | float) else None

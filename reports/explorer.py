@@ -92,7 +92,7 @@ def explorer(result: RunResult) -> str:
 
 
 def content_of(result: RunResult, most: int) -> dict[str, Any]:
-    """What the scripts read, with at most `most` points beside the chosen ones."""
+    """What the scripts read, with at most `most` points in addition to the chosen ones."""
     names = [axis.name for axis in result.objectives]
     front = result.front.reset_index(drop=True)
     rows = thinned(front, names, _chosen_rows(result), most)
@@ -167,21 +167,21 @@ def _choices(result: RunResult) -> list[dict[str, Any]]:
 
 
 def _chosen_rows(result: RunResult) -> list[int]:
-    return [int(one["row"]) for one in _choices(result)]
+    return [int(choice["row"]) for choice in _choices(result)]
 
 
 def _rounded(result: RunResult) -> dict[str, dict[str, Any]]:
-    """By row of the front what to order, by variable."""
-    found: dict[str, dict[str, Any]] = {}
+    """The rounded values to order, by row of the front and variable."""
+    rounded: dict[str, dict[str, Any]] = {}
     if result.allocation is not None:
         for row in result.allocation.to_dict("records"):
-            found.setdefault(str(row["point"]), {})[str(row["variable"])] = row["rounded"]
-    return found
+            rounded.setdefault(str(row["point"]), {})[str(row["variable"])] = row["rounded"]
+    return rounded
 
 
 def _references(result: RunResult, names: list[str], variables: list[Axis]) -> list[dict[str, Any]]:
-    found = result.references
-    if found.empty or any(name not in found for name in names):
+    references = result.references
+    if references.empty or any(name not in references for name in names):
         return []
     return [
         {
@@ -190,48 +190,48 @@ def _references(result: RunResult, names: list[str], variables: list[Axis]) -> l
             "aims": [row[name] for name in names],
             "values": [row.get(axis.name) for axis in variables],
         }
-        for row in found.to_dict("records")
+        for row in references.to_dict("records")
     ]
 
 
-def _some(found: pd.DataFrame) -> pd.DataFrame:
+def _some(table: pd.DataFrame) -> pd.DataFrame:
     """At most `SHARED` rows of a table, evenly."""
-    return found.iloc[np.unique(np.linspace(0, len(found) - 1, SHARED).astype(int))]
+    return table.iloc[np.unique(np.linspace(0, len(table) - 1, SHARED).astype(int))]
 
 
-def _contributions(found: pd.DataFrame | None, result: RunResult) -> list[dict[str, Any]]:
-    if found is None or found.empty or "along" not in found:
+def _contributions(contributions: pd.DataFrame | None, result: RunResult) -> list[dict[str, Any]]:
+    if contributions is None or contributions.empty or "along" not in contributions:
         return []
-    names = [name for name in found.columns if name not in CONTRIBUTED]
+    names = [name for name in contributions.columns if name not in CONTRIBUTED]
     units = units_of(result)
     return [
         {
             "output": output,
             "label": words(str(output)),
             "unit": units.get(str(output), ""),
-            "explained": own["explained"].iloc[0],
+            "explained": some["explained"].iloc[0],
             "names": names,
-            "rows": own["point"].tolist(),
-            "along": own["along"].tolist(),
-            "shares": [own[name].round(3).tolist() for name in names],
+            "rows": some["point"].tolist(),
+            "along": some["along"].tolist(),
+            "shares": [some[name].round(3).tolist() for name in names],
         }
-        for output, every in found.groupby("output", sort=False)
-        for own in (_some(every),)
+        for output, group in contributions.groupby("output", sort=False)
+        for some in (_some(group),)
     ]
 
 
-def _prices(found: pd.DataFrame | None) -> list[dict[str, Any]]:
-    if found is None or found.empty:
+def _prices(prices: pd.DataFrame | None) -> list[dict[str, Any]]:
+    if prices is None or prices.empty:
         return []
     return [
         {
             "output": output,
-            "rows": own["point"].tolist(),
-            "price": own["price"].tolist(),
-            "source": own["source"].tolist(),
+            "rows": some["point"].tolist(),
+            "price": some["price"].tolist(),
+            "source": some["source"].tolist(),
         }
-        for output, every in found.groupby("output", sort=False)
-        for own in (_some(every),)
+        for output, group in prices.groupby("output", sort=False)
+        for some in (_some(group),)
     ]
 
 
@@ -239,26 +239,26 @@ def _relaxed(result: RunResult) -> dict[str, pd.DataFrame]:
     """Fronts with relaxed limits by the label of the reference."""
     if result.relaxed is None:
         return {}
-    return {str(label): own for label, own in result.relaxed.groupby("label", sort=False)}
+    return {str(label): front for label, front in result.relaxed.groupby("label", sort=False)}
 
 
 def _exact(result: RunResult, names: list[str]) -> list[list[float]] | None:
-    found = result.exact_front
-    if found is None or any(name not in found for name in names):
+    exact = result.exact_front
+    if exact is None or any(name not in exact for name in names):
         return None
-    return [found[name].tolist() for name in names]
+    return [exact[name].tolist() for name in names]
 
 
 def _fronts_of(
     fronts: Mapping[str, pd.DataFrame], names: list[str], most: int
 ) -> list[dict[str, Any]]:
     """Other fronts in the order of the first objective, at most `most` points."""
-    found = []
+    listed = []
     for label, front in fronts.items():
         if front.empty or any(name not in front for name in names):
             continue
-        own = front.reset_index(drop=True)
-        kept = own.iloc[thinned(own, names, [], min(most, OTHERS))]
+        points = front.reset_index(drop=True)
+        kept = points.iloc[thinned(points, names, [], min(most, OTHERS))]
         aims = [kept[name].tolist() for name in names]
-        found.append({"label": f"{label}, {len(front)} points", "aims": aims})
-    return found
+        listed.append({"label": f"{label}, {len(front)} points", "aims": aims})
+    return listed

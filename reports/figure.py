@@ -1,4 +1,4 @@
-"""The figure of a Pareto front with the references beside it."""
+"""The figure of a Pareto front and the references."""
 
 from __future__ import annotations
 
@@ -111,10 +111,10 @@ def _draw_before(axes: Axes, before: pd.DataFrame, x: str, y: str) -> None:
 
 def _draw_overlays(axes: Axes, result: RunResult, x: str, y: str) -> None:
     """Fronts of other algorithms, thin and hollow behind that of the run."""
-    for at, (label, found) in enumerate(result.overlays.items()):
-        if found.empty or not {x, y} <= set(found):
+    for at, (label, overlay) in enumerate(result.overlays.items()):
+        if overlay.empty or not {x, y} <= set(overlay):
             continue
-        front = found.sort_values([x, y])
+        front = overlay.sort_values([x, y])
         style = OVERLAY_DASHES[at % len(OVERLAY_DASHES)] if len(result.objectives) == 2 else "none"
         axes.plot(
             front[x],

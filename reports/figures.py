@@ -14,7 +14,7 @@ from .units import population_figure, turn_figure
 
 def figures(result: RunResult) -> dict[str, Figure]:
     """Figures by the stem of their files; those that there is nothing to draw of are left out."""
-    found = {
+    drawn = {
         "front": front_figure(result) if result.objectives else None,
         "convergence": None if result.convergence.empty else convergence_figure(result.convergence),
         "contributions": contributions_figure(result),
@@ -22,4 +22,4 @@ def figures(result: RunResult) -> dict[str, Figure]:
         "unit_turn": None if result.unit_turn is None else turn_figure(result),
         "population": None if result.population is None else population_figure(result),
     }
-    return {name: figure for name, figure in found.items() if figure is not None}
+    return {name: figure for name, figure in drawn.items() if figure is not None}

@@ -26,7 +26,7 @@ TERMS: Mapping[str, str] = {
     "coverage": "The share of units that a quantile is stated for.",
     "reference": "An allocation that a document prints or another method found, by the same model.",
     "half-width": "A tolerance t of the zone from mid - t to mid + t.",
-    "held-out": "Of readings that the fit never saw.",
+    "held-out": "Of measurements that the fit did not use.",
     "verdict": "What the comparison of model and measurement comes to, or of a claim and its "
     "recomputation.",
     "interaction": "How much the effect of one setting depends on another.",

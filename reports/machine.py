@@ -16,7 +16,7 @@ WIDTH, HEIGHT, EDGE = 640.0, 420.0, 46.0
 VIEW = (np.radians(-60.0), np.radians(18.0))
 """Azimuth and elevation of the eye."""
 PALE, DEEP = np.array([214.0, 222.0, 232.0]), np.array([178.0, 34.0, 34.0])
-"""Colours of no share and of the largest one."""
+"""Colours of a share of zero and of the largest share."""
 JOINT, LINK, TOOL = 14.0, 7.0, 3.0
 READABLE = 0.35
 """Share, over the largest, from which on a number is white on its joint."""
@@ -39,19 +39,19 @@ def machine_sections(summary: Mapping[str, Any]) -> tuple[str, ...]:
 
 def _drawing(stored: Mapping[str, Any], caption: str) -> str:
     parts: Sequence[Mapping[str, Any]] = stored["parts"]
-    lines = [_seen(one["points"]) for one in parts]
-    poses = _seen(stored["poses"])
+    lines = [_projected(part["points"]) for part in parts]
+    poses = _projected(stored["poses"])
     every = np.vstack([*lines, poses])
     low, high = every.min(axis=0), every.max(axis=0)
     scale = float(np.min((np.array([WIDTH, HEIGHT]) - 2.0 * EDGE) / np.maximum(high - low, 1e-9)))
     shift = 0.5 * (np.array([WIDTH, HEIGHT]) - scale * (low + high))
-    most = max(float(one["share"]) for one in parts) or 1.0
+    most = max(float(part["share"]) for part in parts) or 1.0
     dots = "".join(
         f'<circle cx="{x:.1f}" cy="{y:.1f}" r="2.4" fill="#8a94a3"/>'
         for x, y in np.unique(np.round(scale * poses + shift, 1), axis=0)
     )
     shapes = [
-        _shape(one, scale * line + shift, most) for one, line in zip(parts, lines, strict=True)
+        _shape(part, scale * line + shift, most) for part, line in zip(parts, lines, strict=True)
     ]
     return (
         f'<svg role="img" aria-label="{escape(caption)}" viewBox="0 0 {WIDTH:g} {HEIGHT:g}" '
@@ -59,8 +59,8 @@ def _drawing(stored: Mapping[str, Any], caption: str) -> str:
     )
 
 
-def _seen(points: Sequence[Sequence[float]]) -> Array:
-    """Points (n, 3) [mm] as the eye sees them (n, 2), y down."""
+def _projected(points: Sequence[Sequence[float]]) -> Array:
+    """Points (n, 3) [mm] projected as the eye sees them (n, 2), y down."""
     x, y, z = np.array(points, dtype=float).reshape(-1, 3).T
     azimuth, elevation = VIEW
     across = -np.sin(azimuth) * x + np.cos(azimuth) * y
@@ -96,9 +96,12 @@ def _colour(share: float) -> str:
 
 
 def _listed(parts: Sequence[Mapping[str, Any]]) -> str:
-    """The shares in words, the largest first: colours are not all there is to see."""
-    own = sorted(
-        (one for one in parts if float(one["share"]) >= 0.05), key=lambda one: -float(one["share"])
+    """The shares in words, the largest first, for readers who cannot rely on colours."""
+    ranked = sorted(
+        (part for part in parts if float(part["share"]) >= 0.05),
+        key=lambda part: -float(part["share"]),
     )
-    words = ", ".join(f"{escape(str(one['name']))} {float(one['share']):.3g} %" for one in own)
+    words = ", ".join(
+        f"{escape(str(part['name']))} {float(part['share']):.3g} %" for part in ranked
+    )
     return f"<p>{words}.</p>"

@@ -69,34 +69,40 @@ class Order:
 
 def orders(result: RunResult) -> list[Order]:
     """The orders of a run, in the order of its choices."""
-    found, choices = result.allocation, result.choices
-    if found is None or choices is None or not {"point", "variable", "rounded"} <= set(found):
+    allocation, choices = result.allocation, result.choices
+    if (
+        allocation is None
+        or choices is None
+        or not {"point", "variable", "rounded"} <= set(allocation)
+    ):
         return []
     merged: dict[tuple[str, ...], list[int]] = {}
-    for point, own in found.groupby("point", sort=False):
-        merged.setdefault(tuple(map(str, own["rounded"])), []).append(int(str(point)))
-    return [_order(points, found, choices) for points in merged.values()]
+    for point, rows in allocation.groupby("point", sort=False):
+        merged.setdefault(tuple(map(str, rows["rounded"])), []).append(int(str(point)))
+    return [_order(points, allocation, choices) for points in merged.values()]
 
 
-def _order(points: list[int], found: pd.DataFrame, choices: pd.DataFrame) -> Order:
-    own = found[found["point"] == points[0]]
-    kept = [name for name in COLUMNS if name in own and any(map(_given, own[name]))]
-    table = own[kept].rename(columns=COLUMNS).reset_index(drop=True)
+def _order(points: list[int], allocation: pd.DataFrame, choices: pd.DataFrame) -> Order:
+    tolerances = allocation[allocation["point"] == points[0]]
+    kept = [
+        name for name in COLUMNS if name in tolerances and any(map(_has_value, tolerances[name]))
+    ]
+    table = tolerances[kept].rename(columns=COLUMNS).reset_index(drop=True)
     rows = choices[choices["point"].isin(points)]
     outcome = {str(k): v for k, v in rows.iloc[0].items()} if len(rows) else {}
     rules = tuple(map(str, rows["choice"])) or (f"point {points[0]}",)
     return Order(rules, tuple(points), table, outcome)
 
 
-def _given(value: object) -> bool:
+def _has_value(value: object) -> bool:
     """Whether a cell has something in it."""
     return value is not None and value is not pd.NA and value == value and value != ""
 
 
-def comparison(result: RunResult, found: list[Order]) -> pd.DataFrame:
+def comparison(result: RunResult, allocations: list[Order]) -> pd.DataFrame:
     """The orders side by side: what each comes to, before and after rounding."""
     rows = []
-    for at, order in enumerate(found, start=1):
+    for at, order in enumerate(allocations, start=1):
         row: dict[str, object] = {
             "sheet": f"{at} {order.title}"[:31],
             "chosen by": ", ".join(order.rules),

@@ -59,7 +59,7 @@ def page(result: RunResult, remarks: Sequence[str] = ()) -> str:
         *requirement_sections(result),
         *choice_sections(result),
         *plugin_sections(result),
-        *(section("Effects", _moved(one)) for one in (result.moved,) if one is not None),
+        *(section("Effects", _moved(moved)) for moved in (result.moved,) if moved is not None),
         section("References", _references(result)) if len(result.references) else "",
         section("Points of the front", folded("Table", _points(result)))
         if len(result.front)
@@ -80,25 +80,25 @@ def page(result: RunResult, remarks: Sequence[str] = ()) -> str:
         _front(result, scripted),
         *more,
     )
-    body = "\n".join(one for one in sections if one)
+    body = "\n".join(part for part in sections if part)
     return document(result.title, body, scripts() if scripted else (), _head(result))
 
 
 def _head(result: RunResult) -> str:
     """What was asked and what was found, in sentences."""
-    found = result.answers
-    asked = f'<p class="asked">{escape(str(found["asked"]))}</p>\n' if "asked" in found else ""
+    answers = result.answers
+    asked = f'<p class="asked">{escape(str(answers["asked"]))}</p>\n' if "asked" in answers else ""
     lines = "".join(f"<p>{escape(line)}</p>\n" for line in mechanism_lines(result.summary))
-    told = "".join(
+    items = "".join(
         f'<li id="answer-{escape(name)}">{escape(str(text))}</li>'
-        for name, text in found.items()
+        for name, text in answers.items()
         if name != "asked"
     )
-    return f'{lines}{asked}<ul class="answers">{told}</ul>' if told else f"{lines}{asked}"
+    return f'{lines}{asked}<ul class="answers">{items}</ul>' if items else f"{lines}{asked}"
 
 
 def _model(summary: Mapping[str, Any]) -> str:
-    """By which of several models everything below was computed; empty where there is but one."""
+    """The one of several models that computed everything below; empty where there is only one."""
     lines = model_lines(summary)
     if not lines:
         return ""
@@ -121,8 +121,8 @@ def _front(result: RunResult, scripted: bool) -> str:
 
 def _bars(bars: Sequence[Bars]) -> str:
     pictures = [
-        picture(f"bars{at}", bars_figure(one), f"{one.title} [{one.unit}]")
-        for at, one in enumerate(bars)
+        picture(f"bars{at}", bars_figure(chart), f"{chart.title} [{chart.unit}]")
+        for at, chart in enumerate(bars)
     ]
     return "\n".join(pictures)
 
@@ -146,9 +146,9 @@ def _references(result: RunResult) -> str:
     return f"<p>{escape(GAINS)}</p>\n{short}\n{full}"
 
 
-def _moved(found: pd.DataFrame) -> str:
-    marked = [label == "after" for label in found["allocation"]] if len(found) else []
-    return f"<p>{escape(MOVED)}</p>\n{table(found, marked)}"
+def _moved(moved: pd.DataFrame) -> str:
+    marked = [label == "after" for label in moved["allocation"]] if len(moved) else []
+    return f"<p>{escape(MOVED)}</p>\n{table(moved, marked)}"
 
 
 def _is_gain(name: str) -> bool:
@@ -167,17 +167,17 @@ def _points(result: RunResult) -> str:
     return table(ordered, flags(ordered, "knee"), caption)
 
 
-def _convergence(found: pd.DataFrame) -> str:
-    if found.empty:
+def _convergence(convergence: pd.DataFrame) -> str:
+    if convergence.empty:
         return "<p>None.</p>"
-    caption = "Hypervolume in the fixed box of the problem, and share of feasible designs."
-    if known(found) == RATIO:
+    caption = "Hypervolume in the fixed box of the problem, and fraction of feasible designs."
+    if known(convergence) == RATIO:
         caption += " Dashed: the exact front."
-    return picture("convergence", convergence_figure(found), caption)
+    return picture("convergence", convergence_figure(convergence), caption)
 
 
 def _assumptions(summary: Mapping[str, Any]) -> str:
-    found = pd.DataFrame(list(summary.get("assumptions") or ()))
+    assumptions = pd.DataFrame(list(summary.get("assumptions") or ()))
     return "<p>Values in use that nobody has stated.</p>\n" + table(
-        chosen(found, ASSUMPTION_COLUMNS)
+        chosen(assumptions, ASSUMPTION_COLUMNS)
     )

@@ -1,4 +1,4 @@
-"""The sections of plugins on the page of a run; one that fails says why."""
+"""The sections of plugins on the page of a run; one that fails shows why."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from .document import section
 
 
 def plugin_sections(result: RunResult) -> tuple[str, ...]:
-    """The sections of plugins; one that fails says so with its name and its reason."""
-    return tuple(one for name in SECTIONS if (one := _section(name, result)))
+    """The sections of plugins; one that fails shows its name and its reason."""
+    return tuple(html for name in SECTIONS if (html := _section(name, result)))
 
 
 def _section(name: str, result: RunResult) -> str:
     try:
-        own = SECTIONS[name]()
-        body = own.body(result)
-        return section(own.title, str(body)) if body else ""
+        plugin = SECTIONS[name]()
+        body = plugin.body(result)
+        return section(plugin.title, str(body)) if body else ""
     except InputError as error:
         reason = "; ".join(fault.message for fault in error.faults)
     except PLUGIN_FAULTS as error:

@@ -41,14 +41,18 @@ def promise_sections(result: RunResult) -> tuple[str, ...]:
     if result.promise is None or result.promise.empty:
         known = _known(result)
         return (section("Measured parts", "\n".join(known)),) if known else ()
-    own = result.promise
+    statements = result.promise
     unit = unit_of_cost(result.summary)
     bars = Bars(
-        "least cost", unit, tuple(map(str, own["statement"])), tuple(map(float, own["cost"]))
+        "least cost",
+        unit,
+        tuple(map(str, statements["statement"])),
+        tuple(map(float, statements["cost"])),
     )
     chosen = (result.summary.get("promise") or {}).get("statement")
+    marked = [name == chosen for name in statements["statement"]]
     parts = [
-        f"<p>{escape(STATEMENTS)}</p>\n{table(own, [name == chosen for name in own['statement']])}",
+        f"<p>{escape(STATEMENTS)}</p>\n{table(statements, marked)}",
         picture("promise", bars_figure(bars), "Cost of assurance: the least cost by statement."),
     ]
     if result.next_parts is not None:
@@ -75,22 +79,23 @@ def _known(result: RunResult) -> list[str]:
 def measured_parts(configuration: str) -> list[tuple[str, str, list[float]]]:
     """Name, unit and values of every measured part or variable of a resolved configuration."""
     try:
-        found: Any = tomllib.loads(configuration)
+        content: Any = tomllib.loads(configuration)
     except tomllib.TOMLDecodeError:
         return []
-    parts = found.get("part")
+    parts = content.get("part")
     owners = [
-        (str(one.get("name", "")), one.get("unit"), one)
-        for one in (parts if isinstance(parts, list) else ())
+        (str(part.get("name", "")), part.get("unit"), part)
+        for part in (parts if isinstance(parts, list) else ())
     ]
-    variables = found.get("variables")
+    variables = content.get("variables")
     owners += [
-        (name, split_unit(name)[1], one)
-        for name, one in (variables if isinstance(variables, dict) else {}).items()
-        if isinstance(one, dict)
+        (name, split_unit(name)[1], variable)
+        for name, variable in (variables if isinstance(variables, dict) else {}).items()
+        if isinstance(variable, dict)
     ]
     return [
-        (name, str(own.get("unit") or unit or ""), own["values"])
+        (name, str(measured.get("unit") or unit or ""), measured["values"])
         for name, unit, owner in owners
-        if isinstance(own := owner.get("measured"), dict) and len(own.get("values") or ()) > 1
+        if isinstance(measured := owner.get("measured"), dict)
+        and len(measured.get("values") or ()) > 1
     ]

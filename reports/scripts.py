@@ -36,7 +36,7 @@ class Script:
 
 
 def own(*names: str) -> Script:
-    """Scripts of ours by the names of their files, as one."""
+    """Scripts of this package by the names of their files, joined to one."""
     folder = files("tolevo.reports") / "assets"
     return Script("\n".join((folder / name).read_text(encoding="utf-8") for name in names))
 
@@ -52,9 +52,9 @@ def data(content: Mapping[str, Any]) -> str:
 def short(value: Any) -> Any:
     """JSON with numbers of `DIGITS` digits; what is not finite is null."""
     if isinstance(value, Mapping):
-        return {str(key): short(one) for key, one in value.items()}
+        return {str(key): short(part) for key, part in value.items()}
     if isinstance(value, list | tuple):
-        return [short(one) for one in value]
+        return [short(part) for part in value]
     if isinstance(value, np.ndarray):
         return short(value.tolist())
     if isinstance(value, np.generic):

@@ -18,12 +18,12 @@ def allocation_sheet(result: RunResult) -> bytes | None:
     """
     if result.allocation is None or result.choices is None:
         return None
-    found = orders(result)
-    together = comparison(result, found)
+    allocations = orders(result)
+    together = comparison(result, allocations)
     sheets = {"Summary": together}
-    for at, order in enumerate(found):
+    for at, order in enumerate(allocations):
         sheets[str(together["sheet"].iloc[at])] = order.table
-    sheets["Allocation"] = _each_once(result.allocation, found)
+    sheets["Allocation"] = _each_once(result.allocation, allocations)
     sheets["Choices"] = result.choices
     more = {
         "Promise": result.promise,
@@ -37,11 +37,11 @@ def allocation_sheet(result: RunResult) -> bytes | None:
     return workbook(sheets)
 
 
-def _each_once(allocation: pd.DataFrame, found: list[Order]) -> pd.DataFrame:
+def _each_once(allocation: pd.DataFrame, allocations: list[Order]) -> pd.DataFrame:
     """The table of allocations without those that are the same as another, with all their rules."""
-    if not found or "choice" not in allocation:
+    if not allocations or "choice" not in allocation:
         return allocation
-    rules = {order.points[0]: " ".join(order.rules) for order in found}
+    rules = {order.points[0]: " ".join(order.rules) for order in allocations}
     kept = allocation[allocation["point"].isin(list(rules))]
     kept = kept.drop_duplicates(["point", "variable"])
     return kept.assign(choice=kept["point"].map(rules))

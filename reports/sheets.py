@@ -27,11 +27,11 @@ COLUMNS = (
 
 def drawing_page(result: RunResult) -> str | None:
     """The pages, None where nothing was chosen."""
-    found = orders(result)
-    if not found:
+    allocations = orders(result)
+    if not allocations:
         return None
     lines = "".join(f"<p>{escape(line)}</p>" for line in mechanism_lines(result.summary))
-    body = "\n".join(_sheet(result, order) for order in found)
+    body = "\n".join(_sheet(result, order) for order in allocations)
     return document(f"{result.title}: for the drawing", body, head=lines)
 
 
@@ -45,11 +45,11 @@ def _sheet(result: RunResult, order: Order) -> str:
     kept = order.outcome.get("rounded_feasible")
     broken = shown(order.outcome.get("rounded_violated_limits"))
     verdict = "keeps all limits" if kept else f"breaks {broken}" if broken else ""
-    told = f"Verified by the full model: {values}{f'; {verdict}' if verdict else ''}."
+    statement = f"Verified by the full model: {values}{f'; {verdict}' if verdict else ''}."
     parts = order.table[~order.table["tolerance"].astype(str).str.endswith("_process")]
     words = parts["tolerance"].map(lambda name: str(name).removesuffix("_t").replace("_", " "))
     shown_table = table(chosen(parts.assign(tolerance=words), COLUMNS))
     return (
         f'<section class="sheet">\n<h2>{escape(order.title)}</h2>\n<p>{escape(order.note)}</p>'
-        f"\n<p>{escape(told)}</p>\n{shown_table}\n</section>"
+        f"\n<p>{escape(statement)}</p>\n{shown_table}\n</section>"
     )

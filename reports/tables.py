@@ -1,4 +1,4 @@
-"""Tables as HTML, numbers rounded for reading; the files beside the page have all digits."""
+"""Tables as HTML, numbers rounded for reading; the files next to the page have all digits."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The figure of a chosen allocation beside the documents' own."""
+"""The figure of a chosen allocation in comparison with the documents' own."""
 
 from __future__ import annotations
 
@@ -42,28 +42,30 @@ def tolerances_figure(result: RunResult) -> Figure | None:
     point = first_choice(result)
     if point is None or point >= len(result.front):
         return None
-    row, other = result.front.iloc[point], _reference(result)
+    row, reference = result.front.iloc[point], _reference(result)
     kept = [
         axis
         for axis in result.variables
-        if _positive(row, axis.name) and (other is None or _positive(other, axis.name))
+        if _positive(row, axis.name) and (reference is None or _positive(reference, axis.name))
     ]
     if not kept:
         return None
-    own = [float(row[axis.name]) for axis in kept]
+    values = [float(row[axis.name]) for axis in kept]
     figure = new_figure(height=1.1 + HEIGHT * len(kept))
     axes = figure.add_subplot()
-    if other is None:
-        axes.barh(range(len(kept)), own, color=COLOURS[0], height=0.7)
+    if reference is None:
+        axes.barh(range(len(kept)), values, color=COLOURS[0], height=0.7)
         axes.set_xscale("log")
         axes.set_xlabel("value in the unit of the variable")
         bar_places(axes, [f"{words(axis.name)} [{axis.unit or '1'}]" for axis in kept])
     else:
-        shares = [value / float(other[axis.name]) for value, axis in zip(own, kept, strict=True)]
+        shares = [
+            value / float(reference[axis.name]) for value, axis in zip(values, kept, strict=True)
+        ]
         axes.barh(range(len(kept)), shares, color=COLOURS[0], height=0.7)
         axes.axvline(1.0, color="black", linestyle="--", linewidth=1.0)
         axes.set_xlabel(
-            f"{result.choices['choice'].iloc[0]} / {other['label']}"
+            f"{result.choices['choice'].iloc[0]} / {reference['label']}"
             if result.choices is not None
             else ""
         )
@@ -71,7 +73,7 @@ def tolerances_figure(result: RunResult) -> Figure | None:
             axes,
             [
                 f"{words(axis.name)}, {value:.3g} {axis.unit}".rstrip()
-                for value, axis in zip(own, kept, strict=True)
+                for value, axis in zip(values, kept, strict=True)
             ],
         )
     plain(axes)

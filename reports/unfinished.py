@@ -24,6 +24,6 @@ def unfinished_page(
     body = (
         *remarked(remarks),
         section("Unfinished", f"<p>{escape(words)}</p>\n{bullets(facts)}"),
-        *(section(name, table(found)) for name, found in tables.items()),
+        *(section(name, table(frame)) for name, frame in tables.items()),
     )
     return document(title, "\n".join(body))

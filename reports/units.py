@@ -25,21 +25,21 @@ HEIGHT = 3.4
 
 def unit_sections(result: RunResult) -> tuple[str, ...]:
     """The sections on units, none where the problem knows none."""
-    found = []
+    sections = []
     units = result.summary.get("units")
     if isinstance(units, dict) and result.unit_turn is not None and result.population is not None:
-        found.append(section("What backlash means here", _meaning(result, units)))
+        sections.append(section("What backlash means here", _meaning(result, units)))
     if result.assumptions_cost is not None:
         cost = _cost(result.assumptions_cost, result.summary.get("assumptions_at"))
-        found.append(section("Assumptions and what they cost", cost))
+        sections.append(section("Assumptions and what they cost", cost))
     if result.summary.get("validity"):
-        limits = bullets([str(one) for one in result.summary["validity"]])
-        found.append(section("Limits of validity", limits))
-    return tuple(found)
+        limits = bullets([str(sentence) for sentence in result.summary["validity"]])
+        sections.append(section("Limits of validity", limits))
+    return tuple(sections)
 
 
 def _meaning(result: RunResult, units: dict[str, Any]) -> str:
-    words = bullets([str(one) for one in units.get("words") or ()])
+    words = bullets([str(sentence) for sentence in units.get("words") or ()])
     values = ", ".join(
         f"{name.replace('_', ' ')} {shown(units[name])}"
         for name in ("cost", "yield_percent", "interference_probability")
@@ -70,31 +70,31 @@ def _meaning(result: RunResult, units: dict[str, Any]) -> str:
 
 def turn_figure(result: RunResult) -> Figure:
     """Backlash of one unit over the turn, the positions that count marked."""
-    found = result.unit_turn
-    assert found is not None
+    turn = result.unit_turn
+    assert turn is not None
     figure = new_figure(HEIGHT)
     axes = figure.add_subplot()
-    counts = pd.Series(flags(found, "measured"), index=found.index)
+    counts = pd.Series(flags(turn, "measured"), index=turn.index)
     axes.plot(
-        found["turn_deg"],
-        found["backlash_arcmin"],
+        turn["turn_deg"],
+        turn["backlash_arcmin"],
         linewidth=0.7,
         color=COLOURS[0],
         label="backlash of the unit",
     )
-    own = found[counts]
+    counted = turn[counts]
     axes.plot(
-        own["turn_deg"],
-        own["backlash_arcmin"],
+        counted["turn_deg"],
+        counted["backlash_arcmin"],
         linestyle="none",
         marker="o",
         markersize=3.0,
         color=COLOURS[1],
-        label=f"{len(own)} positions",
+        label=f"{len(counted)} positions",
     )
-    if len(own):
+    if len(counted):
         axes.axhline(
-            float(own["backlash_arcmin"].max()),
+            float(counted["backlash_arcmin"].max()),
             color=COLOURS[1],
             linestyle="--",
             linewidth=1.0,
@@ -110,14 +110,14 @@ def turn_figure(result: RunResult) -> Figure:
 
 
 def population_figure(result: RunResult) -> Figure:
-    """Units by their largest backlash: shares and their sum, quantile and limit marked."""
-    found, units = result.population, dict(result.summary.get("units") or {})
-    assert found is not None
+    """Units by their largest backlash: fractions and their sum, quantile and limit marked."""
+    population, units = result.population, dict(result.summary.get("units") or {})
+    assert population is not None
     figure = new_figure(HEIGHT)
     axes = figure.add_subplot()
     axes.stairs(
-        found["share_percent"].iloc[1:],
-        found["backlash_max_arcmin"],
+        population["share_percent"].iloc[1:],
+        population["backlash_max_arcmin"],
         fill=True,
         color=COLOURS[0],
         alpha=0.45,
@@ -127,8 +127,8 @@ def population_figure(result: RunResult) -> Figure:
     axes.set_ylabel("units per step [%]")
     both = axes.twinx()
     both.plot(
-        found["backlash_max_arcmin"],
-        found["share_within_percent"],
+        population["backlash_max_arcmin"],
+        population["share_within_percent"],
         color=COLOURS[0],
         linewidth=1.5,
         label="units within",
@@ -148,7 +148,7 @@ def population_figure(result: RunResult) -> Figure:
                 linewidth=1.4,
                 label=f"{words}: {shown(units[name])} arcmin",
             )
-    lines = [one.get_legend_handles_labels() for one in (axes, both)]
+    lines = [panel.get_legend_handles_labels() for panel in (axes, both)]
     handles, labels = lines[0][0] + lines[1][0], lines[0][1] + lines[1][1]
     figure.legend(
         handles, labels, frameon=False, fontsize="small", ncols=2, loc="outside lower center"
@@ -158,16 +158,16 @@ def population_figure(result: RunResult) -> Figure:
     return figure
 
 
-def _cost(found: pd.DataFrame, level: object) -> str:
+def _cost(costs: pd.DataFrame, level: object) -> str:
     """The table, the problem as it is marked; a cell without a value stays empty."""
     words = {
-        name: [shown(cell) for cell in found[name]]
+        name: [shown(cell) for cell in costs[name]]
         for name in ("assumption", "value", "remark")
-        if name in found
+        if name in costs
     }
     names = ("assumption", "value", "cost", "change_percent", "remark")
-    marked = [True] + [False] * (len(found) - 1)
+    marked = [True] + [False] * (len(costs) - 1)
     held = level if isinstance(level, dict) else {}
     named = ", ".join(f"{name} {shown(value)}" for name, value in held.items())
     text = COST.format(level=named or "the backlash of the point above")
-    return f"<p>{escape(text)}</p>\n{table(chosen(found.assign(**words), names), marked)}"
+    return f"<p>{escape(text)}</p>\n{table(chosen(costs.assign(**words), names), marked)}"

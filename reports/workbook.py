@@ -71,17 +71,17 @@ def workbook(sheets: Mapping[str, pd.DataFrame]) -> bytes:
     return buffer.getvalue()
 
 
-def _names(given: list[str]) -> list[str]:
+def _names(wanted: list[str]) -> list[str]:
     """Names that a workbook takes, each once whatever its case."""
-    found: list[str] = []
-    for name in given:
-        known = {one.lower() for one in found}
+    names: list[str] = []
+    for name in wanted:
+        known = {taken.lower() for taken in names}
         plain = FORBIDDEN.sub(" ", ILLEGAL.sub("", name)).strip("'")[:LONGEST_NAME] or "Sheet"
         free, at = plain, 2
         while free.lower() in known:
             free, at = f"{plain[: LONGEST_NAME - 4]} {at}", at + 1
-        found.append(free)
-    return found
+        names.append(free)
+    return names
 
 
 def _types(places: range) -> str:
@@ -100,20 +100,20 @@ def _types(places: range) -> str:
 
 
 def _relations(targets: Mapping[str, tuple[str, str]]) -> str:
-    each = "".join(
+    elements = "".join(
         f'<Relationship Id="{key}" Type="{_OFFICE}/{kind}" Target="{target}"/>'
         for key, (kind, target) in targets.items()
     )
-    return f'{_HEAD}<Relationships xmlns="{_PACKAGE}/relationships">{each}</Relationships>'
+    return f'{_HEAD}<Relationships xmlns="{_PACKAGE}/relationships">{elements}</Relationships>'
 
 
 def _book(names: list[str]) -> str:
-    each = "".join(
+    elements = "".join(
         f'<sheet name="{escape(name)}" sheetId="{at}" r:id="rId{at}"/>'
         for at, name in enumerate(names, start=1)
     )
     spaces = f'xmlns="{_MAIN}" xmlns:r="{_OFFICE}"'
-    return f"{_HEAD}<workbook {spaces}><sheets>{each}</sheets></workbook>"
+    return f"{_HEAD}<workbook {spaces}><sheets>{elements}</sheets></workbook>"
 
 
 def _sheet(table: pd.DataFrame) -> str:
@@ -145,11 +145,11 @@ def _sheet(table: pd.DataFrame) -> str:
 
 def _letters(place: int) -> str:
     """The letters of a column: A of 1, AA of 27."""
-    found = ""
+    letters = ""
     while place:
         place, rest = divmod(place - 1, 26)
-        found = chr(ord("A") + rest) + found
-    return found
+        letters = chr(ord("A") + rest) + letters
+    return letters
 
 
 def _cell(place: str, value: Any, bold: bool) -> str:

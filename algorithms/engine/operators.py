@@ -50,16 +50,16 @@ def crossover(
     The first is mated with the one after the k-th, and so on. `probability` is that of a mating to
     be crossed at all.
     """
-    found = parents.copy()
+    children = parents.copy()
     k, variables = len(parents) // 2, parents.shape[1]
     drawn = rng.random(k * (1 + variables))
     crossed = drawn[k:].reshape(k, variables) < CROSSED
     crossed[drawn[:k] >= probability] = False
     crossed &= np.abs(parents[:k] - parents[k:]) > CLOSE
     at = crossed.ravel().nonzero()[0]
-    flat = found.reshape(-1)
-    other = at + k * variables
-    p, q = flat.take(at), flat.take(other)
+    flat = children.reshape(-1)
+    partner = at + k * variables
+    p, q = flat.take(at), flat.take(partner)
     low, high = ends = space.ends_of(k).take(at, axis=1)
     u, swapped = rng.random((2, len(at)))
     delta, power = np.abs(p - q), eta + 1.0
@@ -81,9 +81,9 @@ def crossover(
     p *= 0.5
     scaled += p
     smaller, larger = _within(scaled, low, high)
-    above = np.where(swapped < 0.5, at, other)
-    flat[above], flat[at + other - above] = larger, smaller
-    return found
+    above = np.where(swapped < 0.5, at, partner)
+    flat[above], flat[at + partner - above] = larger, smaller
+    return children
 
 
 def _within(x: Array, low: Array, high: Array) -> Array:
@@ -98,8 +98,8 @@ def mutate(
     low, high = space.ends_of(len(x))
     changed = rng.random(x.size) < probability
     changed &= low < high
-    found = x.copy()
-    flat, at = found.reshape(-1), changed.nonzero()[0]
+    mutated = x.copy()
+    flat, at = mutated.reshape(-1), changed.nonzero()[0]
     low, high = low.take(at), high.take(at)
     old, u, power = flat.take(at), rng.random(len(at)), eta + 1.0
     u -= 0.5  # below 0 the point moves down
@@ -120,17 +120,17 @@ def mutate(
     step *= span
     step += old
     flat[at] = _within(step, low, high)
-    return found
+    return mutated
 
 
 def different(n: int, count: int, rng: np.random.Generator) -> Indices:
     """For each of n points `count` others (n, count), all different, uniformly drawn."""
     taken = np.arange(n)[:, None]
     for drawn in range(1, count + 1):
-        one = rng.integers(0, n - drawn, n)
-        for other in np.sort(taken, axis=1).T:
-            one += one >= other
-        taken = np.column_stack([taken, one])
+        candidates = rng.integers(0, n - drawn, n)
+        for previous in np.sort(taken, axis=1).T:
+            candidates += candidates >= previous
+        taken = np.column_stack([taken, candidates])
     return taken[:, 1:]
 
 

@@ -43,20 +43,20 @@ def ranks(f: Array) -> Indices:
 def lowest_ranks_in_order(f: Array, enough: int) -> Indices:
     """`ranks` (n,) of points (n, m) that are `in_order` of their objectives, the lowest of them.
 
-    Ranks after the one with which `enough` points are reached are not told apart. Of two objectives
-    each rank takes one pass over the points that are left.
+    Ranks after the one with which `enough` points are reached are not distinguished. With two
+    objectives each rank takes one pass over the remaining points.
     """
     if f.shape[1] != 2:
         return ranks(f)
     first, second = f.T
-    found, rest = np.zeros(len(f), dtype=np.int64), np.arange(len(f))
+    assigned, rest = np.zeros(len(f), dtype=np.int64), np.arange(len(f))
     for rank in range(1, PASSES + 1):
         rest = rest[~_lowest(first.take(rest), second.take(rest))]
-        found[rest] = rank
+        assigned[rest] = rank
         if len(rest) <= max(0, len(f) - enough):
-            return found
-    found[rest] += ranks(f.take(rest, axis=0))
-    return found
+            return assigned
+    assigned[rest] += ranks(f.take(rest, axis=0))
+    return assigned
 
 
 def _lowest(first: Array, second: Array) -> NDArray[np.bool_]:

@@ -27,11 +27,11 @@ def crowding_distances(f: Array, rank: Indices) -> Array:
     crowding = _crowding_of_two if f.shape[1] == 2 else _crowding
     if not np.count_nonzero(rank):
         return crowding(f)
-    found = np.empty(len(f))
+    distances = np.empty(len(f))
     for level in range(int(rank.max()) + 1):
         rows = (rank == level).nonzero()[0]
-        found[rows] = crowding(f.take(rows, axis=0))
-    return found
+        distances[rows] = crowding(f.take(rows, axis=0))
+    return distances
 
 
 def _crowding_of_two(f: Array) -> Array:
@@ -39,31 +39,31 @@ def _crowding_of_two(f: Array) -> Array:
 
     Of equal points the first has the gaps before them and the last those after them.
     """
-    found = np.full(len(f), np.inf)
+    distances = np.full(len(f), np.inf)
     if len(f) > 2:
         span = f[-1] - f[0]
         gap = (f[2:] - f[:-2]) / span if span[0] > 0.0 else np.zeros((len(f) - 2, 2))
-        np.add(gap[:, 0], gap[:, 1], out=found[1:-1])
-        found *= 0.5
-    return found
+        np.add(gap[:, 0], gap[:, 1], out=distances[1:-1])
+        distances *= 0.5
+    return distances
 
 
 def _crowding(f: Array) -> Array:
     """`crowding_distances` (n,) of points that all have the same rank."""
     if len(f) <= 2:  # these are the ends, whatever their values
         return np.full(len(f), np.inf)
-    found, gap = np.zeros(len(f)), np.empty(len(f))
+    distances, gap = np.zeros(len(f)), np.empty(len(f))
     for values in f.T:
         order = values.argsort(kind="stable")
         value = values.take(order)
         span = value[-1] - value[0]
-        if span > 0.0:  # an objective that does not differ says nothing
+        if span > 0.0:  # an objective that does not differ carries no information
             np.subtract(value[2:], value[:-2], out=gap[1:-1])
             gap[0] = gap[-1] = np.inf
             gap /= span
-            found[order] += gap
-    found /= f.shape[1]
-    return found
+            distances[order] += gap
+    distances /= f.shape[1]
+    return distances
 
 
 def survivors(

@@ -1,8 +1,8 @@
-"""The end of a search on a sample: neighbours help each other, and fresh units have the last word.
+"""The end of a search on a sample: its points are tested on fresh units, and solved again.
 
-A search that sees one sample makes use of its chance: its limits hold there to the last digit, and
-on fresh units half of its points would break them. Each point is solved again with its limits moved
-by what fresh units say more.
+A search on one sample fits the chance in it: its limits hold there to the last digit, and on fresh
+units half of its points would break them. Each point is solved again with its limits moved by the
+excess on fresh units.
 """
 
 from __future__ import annotations
@@ -20,12 +20,13 @@ ROUNDS, ALONE, SPARE = 3, 6, 4
 """Times that a point of a front, or a single one, is solved with its limits moved, and times more
 that it is pushed inside them where it is not."""
 BEYOND, MARGIN = 1.2, 3e-4
-"""Factor and share of a limit by which it is moved farther than fresh units ask for, so that rounds
-come to an end."""
+"""Factor and fraction of a limit by which it is moved farther than fresh units require, so that
+rounds come to an end."""
 OF_TAIL = 0.02
-"""Share of what a lower limit on a percentage leaves to 100, by which it is moved farther."""
+"""Fraction of the distance from a lower limit on a percentage to 100, by which it is moved
+farther."""
 FAR = 0.5
-"""Share of a limit by which it is moved at most."""
+"""Fraction of a limit by which it is moved at most."""
 
 
 def tested_afresh(run: Run, points: Sequence[tuple[Branch, int]]) -> None:
@@ -41,28 +42,28 @@ def tested_afresh(run: Run, points: Sequence[tuple[Branch, int]]) -> None:
 def kept(run: Run, branch: Branch, y: Array, f: Array, search: bool) -> Array:
     """The search vector (1, variables) of a point, after its limits hold on fresh units.
 
-    With `search` it is solved again with every limit moved by what fresh units say more or less of
-    it than the sample, and the cheapest point that they accept is taken; else the nearest.
+    With `search` it is solved again with every limit moved by the difference between fresh units
+    and the sample, and the cheapest point accepted on fresh units is taken; else the nearest.
     """
     limit = np.full(len(f), np.inf)
     limit[1:] = f[1:]
-    found: list[tuple[float, Array]] = []
+    accepted: list[tuple[float, Array]] = []
     rounds = ALONE if run.problem.n_obj == 1 else ROUNDS
     for _ in range(rounds if search else 0):
-        excess = _noted(run, branch, y, found)
-        own = branch.smooth.values(y)[1]
-        moved = np.where(excess != own, excess - own + _farther(run), 0.0)
+        excess = _noted(run, branch, y, accepted)
+        violation = branch.smooth.values(y)[1]
+        moved = np.where(excess != violation, excess - violation + _farther(run), 0.0)
         y = branch.solved(0, branch.restored(y, moved, FAR), limit, moved)
-    _noted(run, branch, y, found)
-    return min(found, key=lambda one: one[0])[1] if found else _pushed(run, branch, y)
+    _noted(run, branch, y, accepted)
+    return min(accepted, key=lambda point: point[0])[1] if accepted else _pushed(run, branch, y)
 
 
-def _noted(run: Run, branch: Branch, y: Array, found: list[tuple[float, Array]]) -> Array:
+def _noted(run: Run, branch: Branch, y: Array, accepted: list[tuple[float, Array]]) -> Array:
     """Violations (constraints,) on fresh units; where there are none the point joins `found`."""
     x = branch.smooth.vectors(y[None, :])
     values, excess = run.problem.tested(x)
     if not np.any(excess > 0.0):
-        found.append((float(values[0, 0]), x))
+        accepted.append((float(values[0, 0]), x))
     return np.asarray(excess[0])
 
 
@@ -74,17 +75,19 @@ def _pushed(run: Run, branch: Branch, y: Array) -> Array:
         excess = run.problem.tested(x)[1][0]
         if not np.any(excess > 0.0):
             break
-        own = branch.smooth.values(y)[1]
-        slack = np.where(excess > 0.0, np.maximum(slack, -own) + BEYOND * excess + farther, slack)
+        violation = branch.smooth.values(y)[1]
+        slack = np.where(
+            excess > 0.0, np.maximum(slack, -violation) + BEYOND * excess + farther, slack
+        )
         y = branch.restored(y, slack, FAR)
     return branch.smooth.vectors(y[None, :])
 
 
 def _farther(run: Run) -> Array:
-    """By what share limits (constraints,) are moved beyond what fresh units ask for."""
-    found = []
+    """The fraction by which limits (constraints,) are moved beyond what fresh units require."""
+    fractions = []
     for limit in run.problem.limits:
         tail = 100.0 - limit.low if limit.unit in ("percent", "%") else np.inf
-        share = OF_TAIL * tail / limit.low if 0.0 < tail < limit.low else MARGIN
-        found += [min(MARGIN, share)] * limit.count
-    return np.array(found)
+        fraction = OF_TAIL * tail / limit.low if 0.0 < tail < limit.low else MARGIN
+        fractions += [min(MARGIN, fraction)] * limit.count
+    return np.array(fractions)

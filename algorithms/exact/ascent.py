@@ -1,8 +1,8 @@
 """The best multipliers of a form with alternatives still open: its Lagrangian at their maximum.
 
 The dual is concave in the multipliers whatever is open. A single factor for all of them, as the
-search of `choices` tries, leaves percents where many requirements bind; its maximum by L-BFGS-B
-(Byrd, Lu, Nocedal & Zhu 1995) leaves what convexity itself costs.
+search of `choices` tries, leaves a gap of percents where many requirements bind; its maximum by
+L-BFGS-B (Byrd, Lu, Nocedal & Zhu 1995) leaves only the duality gap.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class Ascent:
 
         minimize: Any = scipy.optimize.minimize  # its stubs know arrays of one dimension only
         bounds = scipy.optimize.Bounds(np.zeros(len(unit)), np.where(asked, np.inf, 0.0))
-        found = minimize(
+        result = minimize(
             negative,
             np.where(asked, first / unit, 0.0),
             jac=True,
@@ -51,7 +51,7 @@ class Ascent:
             method="L-BFGS-B",
             options={"maxfun": STEPS},
         )
-        better = np.maximum(np.asarray(found.x, dtype=float), 0.0) * unit
+        better = np.maximum(np.asarray(result.x, dtype=float), 0.0) * unit
         return better if self.value(better)[0] >= self.value(first)[0] else first
 
     def value(self, multiplier: Array) -> tuple[float, Array]:
@@ -61,9 +61,9 @@ class Ascent:
         direction, total = prices.direction[0], 0.0
         linear, square = form.offset.copy(), form.constant.copy()
         for at, feature in enumerate(form.features):
-            each, costs = prices.ways(feature, at)
+            tolerances, costs = prices.ways(feature, at)
             best = int(np.argmin(costs[:, 0]))
-            way, t = feature.ways[best], float(each[best, 0])
+            way, t = feature.ways[best], float(tolerances[best, 0])
             total += float(costs[best, 0])
             m, a = np.array(way.linear), np.array(way.spread)
             linear += (m + direction[:, at] * a) * t + (np.array(way.offset) if way.offset else 0.0)
@@ -72,7 +72,7 @@ class Ascent:
         return bound, self._slope(linear, square)
 
     def _slope(self, linear: Array, square: Array) -> Array:
-        """What each requirement exceeds its limit by, as it is priced."""
+        """The excess of each requirement over its limit, as it is priced."""
         form, asked = self.form, np.isfinite(self.limit)
         value = self.spread.value[0]
         limit = np.where(asked, self.limit, 0.0)

@@ -16,29 +16,29 @@ Array = NDArray[np.float64]
 FIRST, SOLVED = 12, 48
 """Sets of limits that are solved first where there are more, and at most."""
 LOST = 5e-4
-"""Share of a cost that a bound by its neighbours' prices may lose before it is solved itself."""
+"""Fraction of a cost that a bound by its neighbours' prices may lose before it is solved itself."""
 GRID = np.geomspace(0.6, 1.6, 15)
 """Prices that are tried, in units of a neighbour's."""
 PAIRS = 1024
-"""Combinations of ways that are told apart."""
+"""Combinations of ways that are bounded separately at most."""
 
 
 def least_bounds(form: Form, limits: Array) -> Array:
     """Proven least costs (n,) at limits (n, r).
 
-    Of quantiles, which take long, some are solved, `SOLVED` at most; the others have the Lagrangian
-    bounds of their neighbours' prices, and no less than what is proven at wider limits. What a
-    bound may lose is seen from the neighbours' costs: where it is most, that set is solved next.
+    Quantiles take long: at most `SOLVED` sets are solved for them. The others have the Lagrangian
+    bounds of their neighbours' prices, and no less than what is proven at wider limits. The loss of
+    a bound is estimated from the neighbours' costs: the set that may lose most is solved next.
     """
     if not form.quantiles or len(limits) <= FIRST:
         return least_cost(form, limits).bound
     order = np.lexsort(limits.T[::-1])
-    found = _Course(form, limits[order])
-    found.solve(np.unique(np.linspace(0, len(order) - 1, FIRST).astype(int)))
-    while len(worst := found.worst()):
-        found.solve(worst)
+    course = _Course(form, limits[order])
+    course.solve(np.unique(np.linspace(0, len(order) - 1, FIRST).astype(int)))
+    while len(worst := course.worst()):
+        course.solve(worst)
     bound = np.empty(len(limits))
-    bound[order] = found.bound
+    bound[order] = course.bound
     return bound
 
 
@@ -66,8 +66,8 @@ class _Course:
             new = (at < len(rows)) & np.isfinite(self.cost[near])
             new[new] = rows[at[new]] == near[new]
             if np.any(new):
-                own = _by(self.form, known.at(at[new]), self.limits[rest[new]])
-                self.bound[rest[new]] = np.maximum(self.bound[rest[new]], own)
+                neighbour_bound = _by(self.form, known.at(at[new]), self.limits[rest[new]])
+                self.bound[rest[new]] = np.maximum(self.bound[rest[new]], neighbour_bound)
         wider = np.all(self.limits[rows][None, :, :] >= self.limits[rest][:, None, :], axis=2)
         proven = np.where(wider, known.bound[None, :], -np.inf).max(axis=1, initial=-np.inf)
         self.bound[rest] = np.maximum(self.bound[rest], proven)
@@ -83,8 +83,11 @@ class _Course:
         lost[real] = above[real] - bound[real] - LOST * np.abs(above[real])
         lost[bound == np.inf] = -np.inf  # proven impossible: there is nothing to gain
         gap = np.searchsorted(every, rest)
-        each = [rest[gap == one][np.argmax(lost[gap == one])] for one in np.unique(gap[lost > 0.0])]
-        return np.array(each[: SOLVED - len(every)], dtype=np.intp)
+        worst_rows = [
+            rest[gap == index][np.argmax(lost[gap == index])]
+            for index in np.unique(gap[lost > 0.0])
+        ]
+        return np.array(worst_rows[: SOLVED - len(every)], dtype=np.intp)
 
     def _most(self, every: NDArray[np.intp], rest: NDArray[np.intp]) -> Array:
         """Costs (n,) that the unsolved ones hardly exceed: along one limit the chord's."""
@@ -124,7 +127,7 @@ def _combined(tables: list[Array]) -> Array:
     if count > PAIRS:
         tables = [table.min(axis=0, keepdims=True) for table in tables]
 
-    def joined(one: Array, other: Array) -> Array:
-        return np.asarray((one[:, None] + other[None, :]).reshape(-1, *one.shape[1:]))
+    def joined(first: Array, second: Array) -> Array:
+        return np.asarray((first[:, None] + second[None, :]).reshape(-1, *first.shape[1:]))
 
     return np.asarray(reduce(joined, tables))

@@ -18,8 +18,8 @@ from .pieces import convex_pieces
 
 Array = NDArray[np.float64]
 LOOSER, LOOSER_SHARE = 1e-11, 1e-9
-"""Relative widening of a limit, so that a point always keeps its own values; that of a share of
-units, whose rounding an edge far out in the tail magnifies."""
+"""Relative widening of a limit, so that a point always keeps its own values; that of a fraction of
+units, whose rounding is magnified by an edge far out in the tail."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,8 +62,8 @@ def proof(problem: ToleranceProblem, values: Mapping[str, Array], points: int) -
     )
     looser = np.where(np.isfinite(form.own_limits), LOOSER_SHARE, LOOSER)
     limits = np.where(np.isfinite(limits), limits + looser * np.abs(limits), np.inf)
-    each, place = np.unique(limits, axis=0, return_inverse=True)
-    bound = _least_bound(form, each)[np.ravel(place)]
+    distinct, place = np.unique(limits, axis=0, return_inverse=True)
+    bound = _least_bound(form, distinct)[np.ravel(place)]
     cost = np.asarray(values["cost"])
     least, most = cost_range(form)
     excess = np.subtract(bound, cost, out=np.full(len(cost), -np.inf), where=np.isfinite(cost))
@@ -77,24 +77,25 @@ def proof(problem: ToleranceProblem, values: Mapping[str, Array], points: int) -
 
 
 def _least_bound(form: Form, limits: Array) -> Array:
-    """Proven least costs (n,) of a form and of those for the designs that it leaves out.
+    """Proven least costs (n,) of a form and of the forms of the designs that it leaves out.
 
     What costs too much at the widest limits does so at all of them.
     """
-    found = _bound(form, limits)
-    for other in form.also:
-        wide = np.full(len(other.outputs), np.inf)
+    bound = _bound(form, limits)
+    for alternative in form.also:
+        wide = np.full(len(alternative.outputs), np.inf)
         shared = [
-            other.outputs.index(name) if name in other.outputs else -1 for name in form.outputs
+            alternative.outputs.index(name) if name in alternative.outputs else -1
+            for name in form.outputs
         ]
-        own = np.tile(np.minimum(wide, other.own_limits), (len(limits), 1))
+        alternative_limits = np.tile(np.minimum(wide, alternative.own_limits), (len(limits), 1))
         for at, row in enumerate(shared):
             if row >= 0:
-                own[:, row] = limits[:, at]
-        rest = found > _bound(other, own.max(axis=0)[None, :])[0]
+                alternative_limits[:, row] = limits[:, at]
+        rest = bound > _bound(alternative, alternative_limits.max(axis=0)[None, :])[0]
         if np.any(rest):
-            found[rest] = np.minimum(found[rest], _bound(other, own[rest]))
-    return found
+            bound[rest] = np.minimum(bound[rest], _bound(alternative, alternative_limits[rest]))
+    return bound
 
 
 def _bound(form: Form, limits: Array) -> Array:
@@ -149,13 +150,13 @@ def row_limits(problem: ToleranceProblem, form: Form) -> Array:
 def _own(
     problem: ToleranceProblem, form: Form, values: Mapping[str, Array], name: str, points: int
 ) -> Array:
-    """The points' own values of a requirement that an objective, or a limit on what it stands for,
-    asks for; inf of others.
+    """The points' own values of a requirement that is an objective, or that stands for an output
+    which is an objective or limited; inf for others.
     """
     stood_for = form.stands.get(name)
     asked = {*problem.objectives, *(limit.name for limit in problem.limits)}
-    own = name in problem.objectives or (stood_for is not None and stood_for in asked)
-    return np.asarray(values[name]) if own else np.full(points, np.inf)
+    is_asked = name in problem.objectives or (stood_for is not None and stood_for in asked)
+    return np.asarray(values[name]) if is_asked else np.full(points, np.inf)
 
 
 def restricted(form: Form, used: NDArray[np.bool_]) -> Form:
@@ -163,20 +164,20 @@ def restricted(form: Form, used: NDArray[np.bool_]) -> Form:
     kept = np.flatnonzero(used).tolist()
     surpluses = tuple(form.surpluses[i] for i in kept) if form.surpluses else ()
 
-    def way(one: Way) -> Way:
-        linear, spread = (tuple(part[i] for i in kept) for part in (one.linear, one.spread))
-        offset = tuple(one.offset[i] for i in kept) if one.offset else ()
-        return replace(one, linear=linear, spread=spread, offset=offset)
+    def cut_way(way: Way) -> Way:
+        linear, spread = (tuple(part[i] for i in kept) for part in (way.linear, way.spread))
+        offset = tuple(way.offset[i] for i in kept) if way.offset else ()
+        return replace(way, linear=linear, spread=spread, offset=offset)
 
     features = tuple(
-        Feature(f.variable, tuple(way(one) for one in f.ways), f.choice, f.count)
+        Feature(f.variable, tuple(cut_way(way) for way in f.ways), f.choice, f.count)
         for f in form.features
     )
     return replace(
         form,
         outputs=tuple(form.outputs[i] for i in kept),
         quantiles=tuple(form.quantiles[i] for i in kept) if form.quantiles else (),
-        surpluses=surpluses if any(one is not None for one in surpluses) else (),
+        surpluses=surpluses if any(surplus is not None for surplus in surpluses) else (),
         most=tuple(form.most[i] for i in kept) if form.most else (),
         features=features,
         offset=form.offset[kept],

@@ -19,7 +19,7 @@ STARTS, TRIES = 32, 3
 RESTORED, NEARLY = 4, 1e-3
 """Steps back to limits that SLSQP breaks, and the violation up to which they are taken."""
 RESTARTS, GAINED = 3, 1e-3
-"""Times that SLSQP begins again where it stopped on a sample, as long as that gains such a share:
+"""Times that SLSQP begins again where it stopped on a sample, as long as it gains such a fraction:
 at a kink it stops early, and a fresh start leads on."""
 KEPT = 1e-6
 """Violation of a limit that counts as none."""
@@ -54,7 +54,7 @@ class Branch:
             y, f, g = again, better, broken
         if np.any(g > (NEARLY if sampled else KEPT)):
             return None
-        at = int(np.searchsorted([one[1] for one in self.f], f[1])) if len(f) > 1 else 0
+        at = int(np.searchsorted([point[1] for point in self.f], f[1])) if len(f) > 1 else 0
         self.y.insert(at, y)
         self.f.insert(at, f)
         return f
@@ -64,17 +64,17 @@ class Branch:
 
         `slack` fits (constraints,), normalised as they are.
         """
-        own, unit, smooth = np.isfinite(limit), self.unit, self.smooth
+        limited, unit, smooth = np.isfinite(limit), self.unit, self.smooth
 
         def margins(y: Array) -> Array:
             f, g = smooth.values(y)
-            return np.concatenate([(limit[own] - f[own]) / unit[own], -g - slack])
+            return np.concatenate([(limit[limited] - f[limited]) / unit[limited], -g - slack])
 
         def margin_slopes(y: Array) -> Array:
             df, dg = smooth.slopes(y)
-            return np.concatenate([-df[own] / unit[own, None], -dg])
+            return np.concatenate([-df[limited] / unit[limited, None], -dg])
 
-        found = slsqp(
+        solution = slsqp(
             lambda y: float(smooth.values(y)[0][objective] / unit[objective]),
             lambda y: smooth.slopes(y)[0][objective] / unit[objective],
             margins,
@@ -83,7 +83,7 @@ class Branch:
             (np.zeros(smooth.size), np.ones(smooth.size)),
             *self._effort,
         )
-        return self.restored(found.x, slack)
+        return self.restored(solution.x, slack)
 
     @property
     def _effort(self) -> tuple[Any, ...]:
@@ -92,7 +92,7 @@ class Branch:
         return SAMPLED if self.smooth.run.problem.sampled else ANALYTIC
 
     def restored(self, y: Array, slack: Array, most: float = NEARLY) -> Array:
-        """A point beside y that keeps the limits which SLSQP breaks by its tolerance.
+        """A point near y that keeps the limits which SLSQP breaks by its tolerance.
 
         A design that breaks a limit by the last digits is not feasible, and would be lost.
         """
@@ -129,10 +129,10 @@ class Branch:
 
     def starts(self, run: Run) -> Array:
         """Scaled coordinates (n, size) to begin from."""
-        own = run.problem.starts()
-        if len(own):
+        provided = run.problem.starts()
+        if len(provided):
             free = [run.problem.names.index(v.name) for v in run.problem.free]
-            return self.smooth.scaled(own[:, free])
+            return self.smooth.scaled(provided[:, free])
         drawn = run.rng.random((STARTS, self.smooth.size))
         return np.vstack([np.full(self.smooth.size, 0.5), drawn])
 
@@ -143,7 +143,7 @@ class Branch:
         return limit
 
     def _settle(self, objective: int, end: Array) -> None:
-        """The least of the other one of two objectives at the end of the front of one."""
+        """Minimise the other of two objectives at the end of the front of one."""
         if len(end) != 2:
             return
         at = next(i for i, f in enumerate(self.f) if f is end)
@@ -157,17 +157,17 @@ class Branch:
     def widest(self, others: Array | None = None) -> tuple[float, int]:
         """The largest rectangle between neighbours, and the index of its first point.
 
-        Rectangles in which nothing was found are left out, and those whose best corner is
+        Rectangles in which no point was found are left out, and those whose best corner is
         dominated by one of the `others` (n, objectives).
         """
         if len(self.f) < 2:
             return 0.0, 0
-        own = np.array(self.f)
-        f = own / self.unit
+        points = np.array(self.f)
+        f = points / self.unit
         area = np.abs(np.diff(f[:, 0]) * np.diff(f[:, 1]))
         area[[self._key(at) in self.barren for at in range(len(area))]] = 0.0
         if others is not None:
-            corner = np.minimum(own[:-1], own[1:])
+            corner = np.minimum(points[:-1], points[1:])
             beaten = np.all(others[:, None, :] < corner[None, :, :], axis=2).any(axis=0)
             area[beaten] = 0.0
         return float(area.max()), int(np.argmax(area))
@@ -182,8 +182,8 @@ class Branch:
             return False
         key = self._key(at)
         between = 0.5 * (self.y[at] + self.y[at + 1])
-        found = self.minimise(0, between, self.at_most(1, 0.5 * (key[0] + key[1])))
-        if found is None or not key[0] < found[1] < key[1]:
+        objectives = self.minimise(0, between, self.at_most(1, 0.5 * (key[0] + key[1])))
+        if objectives is None or not key[0] < objectives[1] < key[1]:
             self.barren.add(key)
         return True
 

@@ -1,10 +1,10 @@
 """Alternative ways of making a feature: branch and bound over them, for many limits at once.
 
 Every node fixes the ways of the first features. Its bound is a Lagrangian one at a few prices
-around those of the best allocation known: separable, so that the ways still open are each taken at
-their best. A node is left at all limits where its bound shows that it cannot be cheaper; where
-nothing is left open the allocation is solved. What the search did not enter, because `LEAVES`
-solved allocations are enough, counts with its bound: what is returned is always proven.
+around those of the best allocation known: it is separable, so that each open feature takes its best
+way. A node is pruned at all limits where its bound shows that it cannot be cheaper; where no
+feature is open the allocation is solved. At most `LEAVES` allocations are solved; nodes that were
+not entered count with their bounds, so that the returned bound is always proven.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ CLOSE = 1e-10
 def least_cost(form: Form, limits: Array) -> Optimum:
     """The cheapest allocation that keeps each set of upper limits (n, r) of a form.
 
-    Cost and bound are inf where no allocation can keep them; where none was found the cost alone.
+    Cost and bound are inf where no allocation can keep them; only the cost where none was found.
     """
     limits = np.asarray(limits, dtype=float)
     if form.quantiles and sum(len(feature.ways) > 1 for feature in form.features) >= MIXED:
@@ -62,13 +62,13 @@ def least_cost(form: Form, limits: Array) -> Optimum:
         return _by_squares(form, limits)
     if form.combinations == 1 or form.separable or len(limits) < 2:
         return _least_cost(form, limits, None)
-    found: list[Optimum] = []
+    optima: list[Optimum] = []
     for limit in limits:  # multipliers of several requirements are improved for each alone
-        known = found[-1:]
-        found.append(_least_cost(form, limit[None, :], known[0] if known else None))
+        previous = optima[-1:]
+        optima.append(_least_cost(form, limit[None, :], previous[0] if previous else None))
     return Optimum(
         *(
-            np.concatenate([getattr(one, name) for one in found])
+            np.concatenate([getattr(optimum, name) for optimum in optima])
             for name in Optimum.__dataclass_fields__
         )
     )
@@ -105,31 +105,31 @@ def _priced(form: Form) -> bool:
 
 
 def _by_squares(form: Form, limits: Array) -> Optimum:
-    """The same of roots of sums of squares, by prices of the squares."""
-    squares, found = Squares(form), []
+    """`least_cost` for roots of sums of squares, by prices of the squares."""
+    squares, leaves = Squares(form), []
     known = None
     for limit in limits:
         best, bound = least_leaf(squares, limit, known)
         if np.isfinite(best.cost):
             known = best
-        found.append((best, bound))
+        leaves.append((best, bound))
     lam = np.array(
-        [leaf.mu * squares.worth(limit) for (leaf, _), limit in zip(found, limits, strict=True)]
+        [leaf.mu * squares.worth(limit) for (leaf, _), limit in zip(leaves, limits, strict=True)]
     )
-    bounds = [max(bound, cost_range(form)[0]) for _, bound in found]
+    bounds = [max(bound, cost_range(form)[0]) for _, bound in leaves]
     return Optimum(
-        np.array([leaf.ways for leaf, _ in found], dtype=np.int64).reshape(len(found), -1),
-        np.array([leaf.t for leaf, _ in found]).reshape(len(found), -1),
-        np.array([leaf.cost for leaf, _ in found]),
-        np.minimum(bounds, [leaf.cost for leaf, _ in found]),
-        lam.reshape(len(found), -1),
+        np.array([leaf.ways for leaf, _ in leaves], dtype=np.int64).reshape(len(leaves), -1),
+        np.array([leaf.t for leaf, _ in leaves]).reshape(len(leaves), -1),
+        np.array([leaf.cost for leaf, _ in leaves]),
+        np.minimum(bounds, [leaf.cost for leaf, _ in leaves]),
+        lam.reshape(len(leaves), -1),
     )
 
 
 def _by_master(form: Form, limits: Array) -> Optimum:
-    """The same by a linear master problem, one set of limits after the other."""
+    """`least_cost` by a linear master problem, one set of limits after the other."""
     n, features = len(limits), len(form.features)
-    found = Optimum(
+    optimum = Optimum(
         np.zeros((n, features), dtype=np.int64),
         np.full((n, features), np.nan),
         np.full(n, np.inf),
@@ -139,11 +139,11 @@ def _by_master(form: Form, limits: Array) -> Optimum:
     for row, limit in enumerate(limits):
         master = Master(form, limit, *cost_range(form))
         best = master.run()
-        found.bound[row] = master.proven
+        optimum.bound[row] = master.proven
         if best is not None:
-            found.chosen[row], found.t[row] = best.chosen, best.t
-            found.cost[row], found.bound[row] = best.cost, best.bound
-    return found
+            optimum.chosen[row], optimum.t[row] = best.chosen, best.t
+            optimum.cost[row], optimum.bound[row] = best.cost, best.bound
+    return optimum
 
 
 @dataclass(eq=False)
@@ -179,15 +179,15 @@ class _Search:
         done[rows] = True
         combination = Combination(self.form, chosen)
         if self.separable:
-            found = Path(combination).least_cost(self.limits[rows])
+            solution = Path(combination).least_cost(self.limits[rows])
         else:
             starts = np.where(np.isnan(self.t[rows]), self.start[rows], self.t[rows])
-            found = Programme(combination).least_cost(self.limits[rows], starts)
-        self.bound[rows] = np.minimum(self.bound[rows], found.bound)
-        own = found.cost < self.cost[rows]
-        better = rows[own]
-        self.cost[better], self.t[better] = found.cost[own], found.t[own]
-        self.chosen[better], self.multiplier[better] = chosen, found.multiplier[own]
+            solution = Programme(combination).least_cost(self.limits[rows], starts)
+        self.bound[rows] = np.minimum(self.bound[rows], solution.bound)
+        improved = solution.cost < self.cost[rows]
+        better = rows[improved]
+        self.cost[better], self.t[better] = solution.cost[improved], solution.t[improved]
+        self.chosen[better], self.multiplier[better] = chosen, solution.multiplier[improved]
         self.factor[better] = 1.0
         self.ascended[better] = np.nan
 
@@ -222,8 +222,8 @@ class _Search:
         else:
             size = np.where(np.isfinite(self.limits), np.abs(self.limits), 0.0).max(axis=0)
             usual = (self.ceiling - self.floor) / np.where(size > 0.0, size, 1.0)
-        found = np.where(known[:, None], self.multiplier, usual)
-        return np.asarray(np.where(np.isnan(self.ascended), found, self.ascended))
+        multipliers = np.where(known[:, None], self.multiplier, usual)
+        return np.asarray(np.where(np.isnan(self.ascended), multipliers, self.ascended))
 
     def _bounds(self, total: Array) -> Array:
         """Lower bounds (n,) from costs plus prices (g, n) of all features."""
@@ -231,7 +231,7 @@ class _Search:
         return np.asarray(self.form.base + np.max(total - self.received - slack, axis=0))
 
     def run(self) -> None:
-        """Branch and bound, begun from the ways that the prices themselves choose."""
+        """Branch and bound, begun from the ways that the prices choose."""
         for _ in range(PASSES):
             self.tabulate()
             at = np.argmax(self.open_[0] - self.received, axis=0)
@@ -251,8 +251,8 @@ class _Search:
             t = np.where(np.isnan(self.t), _middle(self.form), self.t)
             s = t[:, None, :] * _spread(self.form, self.chosen)
             for row, limit in enumerate(self.limits):
-                one = Ascent(self.form, limit, spread_of(self.form, s[row : row + 1], self.most))
-                self.ascended[row] = one.multipliers(multiplier[row])
+                ascent = Ascent(self.form, limit, spread_of(self.form, s[row : row + 1], self.most))
+                self.ascended[row] = ascent.multipliers(multiplier[row])
             self.factor[:] = 1.0
             kept = self.ascended.copy()
             self.tabulate()
@@ -262,7 +262,7 @@ class _Search:
                 return
 
     def _pick(self, at: NDArray[np.int64]) -> bool:
-        """Solve what the prices `at` each limit and the next higher ones choose; whether it helped.
+        """Solve the ways chosen by the prices `at` each limit and the next; whether that helped.
 
         The ways at the best prices may break a limit that they keep on average.
         """
@@ -270,8 +270,8 @@ class _Search:
         for price in (at, np.minimum(at + 1, len(GRID) - 1)):
             chosen = np.stack([np.argmin(table, axis=0)[price, columns] for table in self.tables])
             ways, owner = np.unique(chosen, axis=1, return_inverse=True)
-            for one, picked in enumerate(ways.T.tolist()):
-                self.leaf(tuple(picked), np.ravel(owner) == one)
+            for index, picked in enumerate(ways.T.tolist()):
+                self.leaf(tuple(picked), np.ravel(owner) == index)
         return bool(np.any(self.cost < before))
 
     def node(
@@ -280,8 +280,8 @@ class _Search:
         """Enter a node at the limits where it may hold something cheaper, best child first."""
         known = np.where(np.isfinite(self.cost), self.cost, 0.0)
         enter = alive & (bounds < self.cost - CLOSE * np.abs(known)) & (self.leaves < LEAVES)
-        left = alive & ~enter
-        self.bound[left] = np.minimum(self.bound[left], np.maximum(bounds[left], self.floor))
+        pruned = alive & ~enter
+        self.bound[pruned] = np.minimum(self.bound[pruned], np.maximum(bounds[pruned], self.floor))
         if not np.any(enter):
             return
         if len(ways) == len(self.form.features):
@@ -290,21 +290,23 @@ class _Search:
         children = []
         first = ways[-1] if self.alike[len(ways)] else 0
         for way in range(first, len(self.tables[len(ways)])):
-            own, table = (*ways, way), self.tables[len(ways)][way]
-            possible = enter if self.least is None else enter & self.least.keeps(own, self.limits)
+            prefix, table = (*ways, way), self.tables[len(ways)][way]
+            possible = (
+                enter if self.least is None else enter & self.least.keeps(prefix, self.limits)
+            )
             if np.any(possible):
                 total = decided + table
-                bound = self._bounds(total + self.open_[len(own)])
-                children.append((float(bound[possible].mean()), own, possible, total, bound))
-        for _, own, possible, total, bound in sorted(children, key=lambda child: child[:2]):
-            self.node(own, possible, total, bound)
+                bound = self._bounds(total + self.open_[len(prefix)])
+                children.append((float(bound[possible].mean()), prefix, possible, total, bound))
+        for _, prefix, possible, total, bound in sorted(children, key=lambda child: child[:2]):
+            self.node(prefix, possible, total, bound)
 
 
 @dataclass(frozen=True, eq=False)
 class _Least:
     """Least contributions of every way to r requirements: linear (ways, r) and squared (ways, r).
 
-    `rest` holds the sums of the least ones of all features from each on.
+    `rest` holds, from each feature on, the sums of the least contributions of those that follow.
     """
 
     form: Form
@@ -316,15 +318,15 @@ class _Least:
     def of(cls, form: Form) -> _Least:
         """The contributions of a form that is not `compensating`.
 
-        Squares add up only under roots: of a quantile none are counted.
+        Squares add up only under roots: those of a quantile are not counted.
         """
-        rooted = np.array([one is None for one in form.rows])
+        rooted = np.array([quantile is None for quantile in form.rows])
         pairs = [contributions(feature) for feature in form.features]
-        linear = tuple(one for one, _ in pairs)
-        square = tuple(np.where(rooted, other, 0.0) for _, other in pairs)
+        linear = tuple(least_linear for least_linear, _ in pairs)
+        square = tuple(np.where(rooted, least_square, 0.0) for _, least_square in pairs)
         rest = [(np.zeros(len(form.outputs)), np.zeros(len(form.outputs)))]
-        for one, other in zip(linear[::-1], square[::-1], strict=True):
-            rest.insert(0, (rest[0][0] + one.min(axis=0), rest[0][1] + other.min(axis=0)))
+        for terms, squares in zip(linear[::-1], square[::-1], strict=True):
+            rest.insert(0, (rest[0][0] + terms.min(axis=0), rest[0][1] + squares.min(axis=0)))
         return cls(form, linear, square, tuple(rest))
 
     def keeps(self, ways: tuple[int, ...], limits: Array) -> NDArray[np.bool_]:
@@ -340,8 +342,8 @@ def _alike(form: Form) -> list[bool]:
     """Which features could change places with the one before: their ways are tried in one order."""
     pairs = pairwise(form.features)
     same = [
-        form.correlation is None and one.ways == other.ways and one.count == other.count
-        for one, other in pairs
+        form.correlation is None and before.ways == feature.ways and before.count == feature.count
+        for before, feature in pairs
     ]
     return [False, *same]
 
@@ -363,22 +365,22 @@ def contributions(feature: Feature) -> tuple[Array, Array]:
 
 
 def tightest_ways(form: Form) -> tuple[int, ...]:
-    """The ways of least contribution, in units of what the widest add."""
-    found = []
+    """The ways of least contribution, in units of the range over the ways."""
+    ways = []
     for feature in form.features:
         linear, square = contributions(feature)
-        each = np.hstack([linear, np.sqrt(square)])
-        span = np.ptp(each, axis=0)
-        found.append(int(np.argmin((each / np.where(span > 0.0, span, 1.0)).sum(axis=1))))
-    return tuple(found)
+        sizes = np.hstack([linear, np.sqrt(square)])
+        span = np.ptp(sizes, axis=0)
+        ways.append(int(np.argmin((sizes / np.where(span > 0.0, span, 1.0)).sum(axis=1))))
+    return tuple(ways)
 
 
 def cost_range(form: Form) -> tuple[float, float]:
-    """Cost without any limit, and that of every feature at its dearest."""
+    """Cost without any limit, and that of every feature at its most expensive."""
     ends = np.zeros(2)
     for feature in form.features:
-        each = [way.curve.cost(np.array([way.high, way.low])) for way in feature.ways]
-        ends += feature.count * np.array([np.min(each), np.max(each)])
+        costs = [way.curve.cost(np.array([way.high, way.low])) for way in feature.ways]
+        ends += feature.count * np.array([np.min(costs), np.max(costs)])
     return float(form.base + ends[0]), float(form.base + ends[1])
 
 

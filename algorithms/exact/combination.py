@@ -1,4 +1,4 @@
-"""One combination of ways: what is left is convex, and separable at given prices."""
+"""One combination of ways: the remaining problem is convex, and separable at given prices."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class Optimum:
     multiplier: Array
 
     def at(self, rows: NDArray[np.intp]) -> Optimum:
-        """Those of some limits."""
+        """The optima at some of the limits."""
         return Optimum(
             self.chosen[rows],
             self.t[rows],
@@ -96,8 +96,8 @@ class Combination:
     def offset(self) -> Array:
         """Constant part of each value (requirements,)."""
         nothing = (0.0,) * len(self.form.outputs)
-        each = _columns([way.offset or nothing for way in self.ways])
-        return np.asarray(self.form.offset + each.sum(axis=1))
+        offsets = _columns([way.offset or nothing for way in self.ways])
+        return np.asarray(self.form.offset + offsets.sum(axis=1))
 
     @cached_property
     def _joint(self) -> Joint | None:
@@ -107,16 +107,16 @@ class Combination:
         """Total cost (n,) of tolerances (n, features)."""
         if self._joint is not None:
             return np.asarray(self.form.base + self._joint.cost(t) @ self.counts)
-        each = [
+        costs = [
             count * way.curve.cost(t[:, at])
             for at, (way, count) in enumerate(zip(self.ways, self.counts, strict=True))
         ]
-        return np.asarray(self.form.base + np.sum(each, axis=0))
+        return np.asarray(self.form.base + np.sum(costs, axis=0))
 
     def slopes(self, t: Array) -> Array:
         """d cost / d t, shape (n, features)."""
-        each = [way.curve.slope(t[:, at]) for at, way in enumerate(self.ways)]
-        return np.stack(each, axis=1) * self.counts
+        way_slopes = [way.curve.slope(t[:, at]) for at, way in enumerate(self.ways)]
+        return np.stack(way_slopes, axis=1) * self.counts
 
     def parts(self, t: Array) -> Array:
         """s = a t, shape (n, requirements, features)."""
@@ -142,15 +142,15 @@ class Combination:
     def best(self, linear: Array, square: Array) -> Array:
         """Tolerances (n, features) of least cost + linear . t + square . t^2 at prices (n, f)."""
         if self._joint is not None:
-            found = self._joint.stationary(linear / self.counts, square / self.counts)
-            if found is not None:
-                return np.clip(found, self.low, self.high)
-        found = np.empty_like(linear)
+            t = self._joint.stationary(linear / self.counts, square / self.counts)
+            if t is not None:
+                return np.clip(t, self.low, self.high)
+        t = np.empty_like(linear)
         for at, (way, count) in enumerate(zip(self.ways, self.counts, strict=True)):
-            own = linear[:, at] / count, square[:, at] / count
+            way_prices = linear[:, at] / count, square[:, at] / count
             fixed = way.low == way.high
-            found[:, at] = way.low if fixed else way.curve.best(*own, way.low, way.high)
-        return found
+            t[:, at] = way.low if fixed else way.curve.best(*way_prices, way.low, way.high)
+        return t
 
     def dual(self, multiplier: Array, limit: Array, t: Array) -> Array:
         """A proven lower bound (n,) of the cost at limits (n, r), for any multipliers (n, r) >= 0.

@@ -1,8 +1,8 @@
 """A front on a sample by continuation: level after level of the second objective, warm started.
 
 At every level the first objective is minimised at each set of integers that may be best there, from
-the designs at the levels beside it. A set that is beaten by more than `BEATEN` at both neighbouring
-levels is left out.
+the designs at the neighbouring levels. A set that is worse by more than `BEATEN` at both of them is
+left out.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 RATIO = 0.75
 """Ratio of neighbouring levels of the coarse front."""
 BEATEN = 0.02
-"""Share of the least value by which a set of integers is beaten where it is not tried between."""
+"""Fraction of the least value by which a set of integers is worse where it is not tried between."""
 STEPS = 3
 """Steps to a level that is not reached at once."""
 SWEEPS, SAGGING = 2, 1e-3
@@ -53,8 +53,8 @@ def _between(run: Run, branches: list[Branch], points: int) -> Levels:
         tried = _promising(levels[below]) | _promising(levels[above])
         levels[level] = np.array(
             [
-                _solved(branch, level) if own else np.inf
-                for branch, own in zip(branches, tried, strict=True)
+                _solved(branch, level) if promising else np.inf
+                for branch, promising in zip(branches, tried, strict=True)
             ]
         )
     for sweep in range(SWEEPS):
@@ -74,17 +74,17 @@ def _mended(branches: list[Branch], levels: Levels) -> bool:
         return False
     least = np.log([np.min(levels[level]) for level in order])
     at = np.log(order)
-    share = (at[1:-1] - at[:-2]) / (at[2:] - at[:-2])
-    above = least[1:-1] - (1.0 - share) * least[:-2] - share * least[2:]
+    fraction = (at[1:-1] - at[:-2]) / (at[2:] - at[:-2])
+    above = least[1:-1] - (1.0 - fraction) * least[:-2] - fraction * least[2:]
     bad = [order[i + 1] for i in np.flatnonzero(above > SAGGING)]
     for level in bad:
         branch = branches[int(np.argmin(levels[level]))]
-        for other in (order[order.index(level) - 1], order[order.index(level) + 1]):
-            near = branches[int(np.argmin(levels[other]))]
-            near.minimise(0, near.nearest(other), near.at_most(1, level))
+        for other_level in (order[order.index(level) - 1], order[order.index(level) + 1]):
+            near = branches[int(np.argmin(levels[other_level]))]
+            near.minimise(0, near.nearest(other_level), near.at_most(1, level))
             if near is not branch:
-                branch.minimise(0, near.nearest(other), branch.at_most(1, level))
-        levels[level] = np.array([_value(one, level) for one in branches])
+                branch.minimise(0, near.nearest(other_level), branch.at_most(1, level))
+        levels[level] = np.array([_value(candidate, level) for candidate in branches])
     return bool(bad)
 
 
@@ -115,7 +115,7 @@ def _coarse(run: Run, branches: list[Branch]) -> Levels:
 
 
 def _promising(values: Array) -> NDArray[np.bool_]:
-    """Which sets of integers (n,) are not beaten at a level; one that was not tried there is."""
+    """Which sets of integers (n,) are good enough at a level; one not tried there is not."""
     return np.asarray(values <= (1.0 + BEATEN) * np.min(values))
 
 
@@ -139,10 +139,10 @@ def _reached(branch: Branch, level: float) -> list[float]:
 
 
 def _best(branches: list[Branch], level: float) -> tuple[Branch, int]:
-    """Branch and index of the least first objective at a level: others there are no part of the
-    front, though some are tighter by less than a solution is good for.
+    """Branch and index of the least first objective at a level: others there are not part of the
+    front, though some are tighter by less than the accuracy of a solution.
     """
-    branch = min(branches, key=lambda one: _value(one, level))
+    branch = min(branches, key=lambda candidate: _value(candidate, level))
     return branch, int(np.argmin(_reached(branch, level)))
 
 
@@ -153,19 +153,19 @@ def _solved(branch: Branch, level: float) -> float:
     above = int(np.searchsorted(values, level))
     if above == 0:  # tighter than the branch reaches
         return np.inf
-    tighter, dearer = branch.y[above - 1], float(branch.f[above - 1][0])
+    tighter, cost_there = branch.y[above - 1], float(branch.f[above - 1][0])
     if above < len(values):
-        share = (level - values[above - 1]) / max(values[above] - values[above - 1], 1e-12)
-        branch.minimise(0, tighter + share * (branch.y[above] - tighter), limit)
-    if _value(branch, level) > 0.999 * dearer:
+        fraction = (level - values[above - 1]) / max(values[above] - values[above - 1], 1e-12)
+        branch.minimise(0, tighter + fraction * (branch.y[above] - tighter), limit)
+    if _value(branch, level) > 0.999 * cost_there:
         branch.minimise(0, tighter, limit)
-    if _value(branch, level) > 0.999 * dearer:
+    if _value(branch, level) > 0.999 * cost_there:
         _stepped(branch, level)
     return _value(branch, level)
 
 
 def _stepped(branch: Branch, level: float) -> None:
-    """From the next looser point to a level in steps, where no larger one leads there."""
+    """From the next looser point to a level in steps, where a larger step does not lead there."""
     looser = [f[1] for f in branch.f if f[1] > level]
     if not looser:
         return

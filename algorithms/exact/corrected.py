@@ -1,8 +1,8 @@
 """The front of a form that is a bound: solved on the form, corrected by the full model.
 
 A form that understates its requirements has nearly the right tolerances at slightly wrong limits.
-Each point is solved again with its limits moved by what the model says more, so that it keeps them
-in truth; the ends come first: the least of each objective.
+Each point is solved again with its limits moved by the excess of the model over the form, so that
+it keeps them by the model; the ends come first: the least of each objective.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 COARSE = 24
 """Levels of a coarse front, by which the points are spread."""
 FIRST = 5e-4
-"""Share of the range of levels that the first keeps from the least, where nothing has room."""
+"""Fraction of the range of levels between the least one, which leaves no room, and the first."""
 STEPS = (-4, 4, -1, 1)
 """Steps of ways that are tried from the form's own."""
 MANY = 12
@@ -34,18 +34,19 @@ MANY = 12
 ROUNDS, FURTHER = 5, 10
 """Times that limits are moved, and how often more where a point still breaks them by little."""
 NEAR = 2e-3
-"""Share of a level by which a point may miss it: its own value counts."""
+"""Fraction of a level by which a point may miss it: its own value counts."""
 DEARER, FAR = 1.003, 2e-3
-"""A cost that is so much higher is not corrected further where limits are broken by less."""
+"""A point of a cost higher by this factor is not corrected further where it breaks limits by less
+than this fraction."""
 CLOSE = 1e-5
-"""Share of a limit's scale by which a point may stay inside it."""
+"""Fraction of a limit's scale by which a point may stay inside it."""
 INSIDE = 2e-6
-"""Share of a limit's scale by which a point is to stay inside it."""
+"""Fraction of a limit's scale by which a point is to stay inside it."""
 
 
 @dataclass(frozen=True, slots=True)
 class Point:
-    """A search vector (variables,) that keeps limits in truth; its cost, ways and t (features,)."""
+    """A search vector (variables,) within limits by the full model; ways, cost, t (features,)."""
 
     ways: tuple[int, ...]
     x: Array
@@ -75,16 +76,16 @@ class Corrected:
         for at, step in self._steps():
             while best is not None and self._has(at, best.ways[at] + step):
                 move = (*best.ways[:at], best.ways[at] + step, *best.ways[at + 1 :])
-                other = self.point(move, limit, than=best.cost)
-                if other is None or other.cost >= best.cost:
+                neighbour = self.point(move, limit, than=best.cost)
+                if neighbour is None or neighbour.cost >= best.cost:
                     break
-                best = other
+                best = neighbour
         if best is not None:
             self._apart = np.subtract(best.ways, ways)
         return best
 
     def _expected(self, ways: tuple[int, ...]) -> tuple[int, ...]:
-        """The ways that were best last time, as many steps from the form's own."""
+        """The form's own ways, moved by as many steps as the best ones were last time."""
         if self._apart is None:
             return ways
         return tuple(
@@ -95,8 +96,10 @@ class Corrected:
     @property
     def _open(self) -> list[int]:
         """Features with several ways, those with most first."""
-        found = [at for at, feature in enumerate(self.form.features) if len(feature.ways) > 1]
-        return sorted(found, key=lambda at: -len(self.form.features[at].ways))
+        open_features = [
+            at for at, feature in enumerate(self.form.features) if len(feature.ways) > 1
+        ]
+        return sorted(open_features, key=lambda at: -len(self.form.features[at].ways))
 
     def _has(self, at: int, way: int) -> bool:
         return 0 <= way < len(self.form.features[at].ways)
@@ -113,10 +116,10 @@ class Corrected:
     def point(
         self, ways: tuple[int, ...], limit: Array, least: int = -1, than: float = np.inf
     ) -> Point | None:
-        """The allocation of least cost at limits (r,), made in `ways`; None where none is found.
+        """The allocation of least cost at limits (r,), made in `ways`; None without any.
 
-        Where `least` is a row, its least value is wanted and its limit not looked at. None as well
-        as soon as it is clearly dearer `than` a cost.
+        Where `least` is a row, its value is minimised and its limit ignored. None as well as soon
+        as the cost is clearly higher `than` another.
         """
         problem, best = self.run.problem, None
         real = np.isfinite(limit)
@@ -129,10 +132,10 @@ class Corrected:
                 break
             x = self._vector(ways, t)
             designs = problem.complete(x[None, :])
-            found = problem.outputs_of(designs, errors=False)
-            values = problem.form_values(self.form, designs, found)[0]
-            kept = np.all(problem.violations(designs, found) <= 0.0)
-            cost = float(values[least] if least >= 0 else found["cost"][0])
+            outputs = problem.outputs_of(designs, errors=False)
+            values = problem.form_values(self.form, designs, outputs)[0]
+            kept = np.all(problem.violations(designs, outputs) <= 0.0)
+            cost = float(values[least] if least >= 0 else outputs["cost"][0])
             if (
                 kept
                 and self._near_enough(values, limit, least)
@@ -148,9 +151,9 @@ class Corrected:
                 break
             if done + 1 >= ROUNDS and np.any(excess >= FAR):
                 break
-            # a limit that the form does not reach, but the model breaks, begins where the form is
-            own = np.where(excess > 0.0, np.minimum(moved, self._values(ways, t)), moved)
-            moved = np.where(real, own - scale * (excess + INSIDE), moved)
+            # a limit that the model breaks but the form does not reach starts at the form's value
+            base = np.where(excess > 0.0, np.minimum(moved, self._values(ways, t)), moved)
+            moved = np.where(real, base - scale * (excess + INSIDE), moved)
         if best is not None:
             self._moved = np.subtract(moved, limit, out=np.zeros_like(limit), where=real)
             self._start = best.t
@@ -163,7 +166,7 @@ class Corrected:
         return np.asarray(real & (values >= level - 1e-6 * np.maximum(np.abs(level), 1e-2)))
 
     def _values(self, ways: tuple[int, ...], t: Array) -> Array:
-        """What the form says of an allocation, (r,)."""
+        """The form's values of an allocation, (r,)."""
         return np.asarray(Combination(self.form, ways).values(t[None, :])[0])
 
     def _near_enough(self, values: Array, limit: Array, least: int) -> bool:
@@ -174,17 +177,17 @@ class Corrected:
         return bool(np.all(values <= limit + slack))
 
     def _vector(self, ways: tuple[int, ...], t: Array) -> Array:
-        one = np.ones(1)
-        found = Optimum(np.array([ways]), t[None, :], one, one, one[:, None])
-        return np.asarray(search_vectors(self.run.problem, self.form, found)[0])
+        nothing = np.ones(1)
+        optimum = Optimum(np.array([ways]), t[None, :], nothing, nothing, nothing[:, None])
+        return np.asarray(search_vectors(self.run.problem, self.form, optimum)[0])
 
     def _solved(
         self, ways: tuple[int, ...], limit: Array, least: int, start: Array | None
     ) -> Array | None:
         """Tolerances (features,) of least cost, from a `start`, or of the least value of a row."""
         if least >= 0:
-            found = least_value(_made(self.form, ways), least, limit)
-            return None if found is None else found.t
+            lowest = least_value(_made(self.form, ways), least, limit)
+            return None if lowest is None else lowest.t
         return Programme(Combination(self.form, ways)).allocation(limit, start)
 
 
@@ -196,11 +199,11 @@ def is_corrected(form: Form) -> bool:
 def corrected_vectors(run: Run, form: Form, points: int) -> Array:
     """Search vectors (k, variables) of about `points` along the front, or of the least cost."""
     limits = row_limits(run.problem, form)
-    own, corrected = np.isfinite(form.own_limits), Corrected(run, form)
-    swept = np.array([name in run.problem.objectives for name in form.outputs]) & ~own
+    limited, corrected = np.isfinite(form.own_limits), Corrected(run, form)
+    swept = np.array([name in run.problem.objectives for name in form.outputs]) & ~limited
     if run.problem.n_obj == 1 or np.count_nonzero(swept) != 1:
-        found = least_cost(form, limits[None, :])
-        best = corrected.best(tuple(found.chosen[0].tolist()), limits)
+        cheapest = least_cost(form, limits[None, :])
+        best = corrected.best(tuple(cheapest.chosen[0].tolist()), limits)
         return np.empty((0, run.problem.n_var)) if best is None else best.x[None, :]
     row = int(np.argmax(swept))
     run.phase("ends of the front", 0.05)
@@ -213,8 +216,8 @@ def corrected_vectors(run: Run, form: Form, points: int) -> Array:
         run.phase("points on the full model", 0.3 + 0.7 * done / len(asked))
         best = corrected.best(tuple(ways), limit)
         if before is not None and best is not None and before.ways not in (tuple(ways), best.ways):
-            other = corrected.point(before.ways, limit, than=best.cost)
-            best = best if other is None or other.cost >= best.cost else other
+            alternative = corrected.point(before.ways, limit, than=best.cost)
+            best = best if alternative is None or alternative.cost >= best.cost else alternative
         if best is not None:
             x.append(best.x)
             before = best
@@ -243,12 +246,12 @@ def _levels(
     steps = np.linspace(0.0, 1.0, max(2, min(COARSE, points))) ** 2
     coarse = low + (high - low) * np.maximum(steps, FIRST)
     run.phase("coarse front", 0.1)
-    found, asked = _at(form, limits, row, coarse)
+    optima, asked = _at(form, limits, row, coarse)
     if len(asked) < 2 or points <= len(coarse):
-        return asked, found.chosen
-    length = arc_length(np.stack([asked[:, row], found.cost]))
+        return asked, optima.chosen
+    length = arc_length(np.stack([asked[:, row], optima.cost]))
     even = np.interp(np.linspace(0.0, length[-1], points), length, asked[:, row])
-    chosen = found.chosen[np.argmin(np.abs(even[:, None] - asked[:, row]), axis=1)]
+    chosen = optima.chosen[np.argmin(np.abs(even[:, None] - asked[:, row]), axis=1)]
     fine = np.tile(limits, (points, 1))
     fine[:, row] = even
     return fine, chosen
@@ -258,9 +261,9 @@ def _at(form: Form, limits: Array, row: int, levels: Array) -> tuple[Optimum, Ar
     """The form solved at levels (n,) of a row, and the limits (n, r); those that exist."""
     asked = np.tile(limits, (len(levels), 1))
     asked[:, row] = levels
-    found = least_cost(form, asked)
-    real = np.isfinite(found.cost)
-    return found.at(np.flatnonzero(real)), asked[real]
+    optima = least_cost(form, asked)
+    real = np.isfinite(optima.cost)
+    return optima.at(np.flatnonzero(real)), asked[real]
 
 
 def _held(form: Form, t: Array) -> Form:

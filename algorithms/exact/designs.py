@@ -12,16 +12,16 @@ from .choices import Optimum
 Array = NDArray[np.float64]
 
 
-def search_vectors(problem: ToleranceProblem, form: Form, found: Optimum) -> Array:
+def search_vectors(problem: ToleranceProblem, form: Form, optimum: Optimum) -> Array:
     """Search vectors (k, free variables) of the allocations that exist, within the bounds."""
-    real = np.isfinite(found.cost)
+    real = np.isfinite(optimum.cost)
     columns = {name: np.full(int(real.sum()), value) for name, value in form.settled.items()}
     for at, feature in enumerate(form.features):
         if feature.variable:
-            columns[feature.variable] = found.t[real, at]
+            columns[feature.variable] = optimum.t[real, at]
         if feature.choice:
             choices = np.array([way.choice for way in feature.ways])
-            columns[feature.choice] = choices[found.chosen[real, at]]
+            columns[feature.choice] = choices[optimum.chosen[real, at]]
     columns = problem.form_columns(columns)
     x = np.stack([columns[variable.name] for variable in problem.free], axis=1)
     return np.asarray(np.clip(x, problem.xl, problem.xu))

@@ -20,24 +20,25 @@ Array = NDArray[np.float64]
 STEPS = 40
 """Times the weights are renewed at most."""
 GAP = 1e-10
-"""Relative gap at which nothing is left to gain."""
+"""Relative gap at which the weights are no longer renewed."""
 NEAR, SETTLED = 1e-3, 1e-11
 """Relative change of the squares from which on allocations are drawn back within the limits, and
 what counts as none.
 """
 RATIOS = -0.9, 0.5
-"""Changes of a step, in units of the one before, that are believed."""
+"""Range of the ratio of a step to the one before that is used for extrapolation."""
 CHORDS, CLOSE = 8, 1e-14
-"""Points on a way to the limits that are looked at, and the share of a limit that counts as met."""
+"""Points that are tried on the way to the limits, and the relative distance from a limit that
+counts as met."""
 
 
 def least_under_doubt(form: Form, limits: Array, floor: float) -> Optimum:
     """The cheapest allocation that keeps each set of upper limits (n, r); `floor` bounds its cost.
 
-    Cost and bound are inf where no allocation can keep them; where none was found the cost alone.
+    Cost and bound are inf where no allocation can keep them; only the cost where none was found.
     """
     n, shape = len(limits), (len(limits), len(form.features))
-    found = Optimum(
+    optimum = Optimum(
         np.zeros(shape, dtype=np.int64),
         np.full(shape, np.nan),
         np.full(n, np.inf),
@@ -46,14 +47,18 @@ def least_under_doubt(form: Form, limits: Array, floor: float) -> Optimum:
     )
     reference: Array | None = None
     for row, limit in enumerate(limits):
-        one = _Reweighted(form, limit, reference)
-        one.run()
-        reference = one.reference
-        found.bound[row] = max(floor, min(one.bound, one.cost))
-        if one.leaf is not None:
-            found.chosen[row], found.t[row], found.cost[row] = one.leaf.ways, one.t, one.cost
-            found.multiplier[row] = one.multiplier
-    return found
+        reweighted = _Reweighted(form, limit, reference)
+        reweighted.run()
+        reference = reweighted.reference
+        optimum.bound[row] = max(floor, min(reweighted.bound, reweighted.cost))
+        if reweighted.leaf is not None:
+            optimum.chosen[row], optimum.t[row], optimum.cost[row] = (
+                reweighted.leaf.ways,
+                reweighted.t,
+                reweighted.cost,
+            )
+            optimum.multiplier[row] = reweighted.multiplier
+    return optimum
 
 
 class _Reweighted:
@@ -78,14 +83,14 @@ class _Reweighted:
             self.bound = max(self.bound, bound)
             if not np.isfinite(known.cost):
                 return
-            own = Combination(self.form, known.ways).parts(known.t[None, :])[0] ** 2
-            last, step = step, self._step(own)
+            squared_parts = Combination(self.form, known.ways).parts(known.t[None, :])[0] ** 2
+            last, step = step, self._step(squared_parts)
             change = np.max(np.abs(step))
             if change <= NEAR:
                 self._keep(known, squares)
                 if self.cost - self.bound <= GAP * abs(self.cost) or change <= SETTLED:
                     return
-            self.reference = self._drawn(own, step, last)
+            self.reference = self._drawn(squared_parts, step, last)
         if known is not None:
             self._keep(known, self._squares())
 
@@ -101,25 +106,27 @@ class _Reweighted:
                 constant[row] += max(float(value - rise @ at), 0.0)
         return Squares(self.form, weights, constant)
 
-    def _step(self, own: Array) -> Array:
+    def _step(self, squared_parts: Array) -> Array:
         """Logarithms of squares (r, features) over those of the reference."""
         if self.reference is None:
-            return np.full_like(own, np.inf)
-        real = (own > 0.0) & (self.reference > 0.0)
-        ratio = np.divide(own, self.reference, out=np.ones_like(own), where=real)
+            return np.full_like(squared_parts, np.inf)
+        real = (squared_parts > 0.0) & (self.reference > 0.0)
+        ratio = np.divide(
+            squared_parts, self.reference, out=np.ones_like(squared_parts), where=real
+        )
         return np.asarray(np.log(ratio))
 
-    def _drawn(self, own: Array, step: Array, last: Array | None) -> Array:
-        """The next reference: the step by the share that its change since the last one calls for.
+    def _drawn(self, squared_parts: Array, step: Array, last: Array | None) -> Array:
+        """The next reference: the step times a factor that follows from the last two steps.
 
-        Steps that overshoot are taken back, and slow ones driven on (Aitken 1926).
+        Steps that overshoot are shortened, and slow ones lengthened (Aitken 1926).
         """
         if self.reference is None or last is None or not np.all(np.isfinite(last)):
-            return own
+            return squared_parts
         ratio = float(np.sum(step * last) / max(float(np.sum(last * last)), 1e-300))
-        share = 1.0 / (1.0 - float(np.clip(ratio, *RATIOS)))
+        factor = 1.0 / (1.0 - float(np.clip(ratio, *RATIOS)))
         return np.asarray(
-            np.where(self.reference > 0.0, self.reference, own) * np.exp(share * step)
+            np.where(self.reference > 0.0, self.reference, squared_parts) * np.exp(factor * step)
         )
 
     def _keep(self, leaf: Leaf, squares: Squares) -> None:
@@ -135,17 +142,17 @@ class _Reweighted:
 
 
 def _within(combination: Combination, t: Array, limit: Array) -> Array | None:
-    """Tolerances that keep the limits on the way from t to the tightest, nearly the first.
+    """Tolerances that keep the limits, nearly the first on the way from t to the tightest.
 
     Values are convex, so that they lie below their chord: where it meets a limit they keep it.
     """
     low, asked = combination.low, np.isfinite(limit)
 
-    def excess(share: float) -> Array:
-        values = combination.values((low + share * (t - low))[None, :])[0]
+    def excess(fraction: float) -> Array:
+        values = combination.values((low + fraction * (t - low))[None, :])[0]
         return np.asarray((values - limit)[asked])
 
-    outside, inside, share = excess(1.0), excess(0.0), 0.0
+    outside, inside, fraction = excess(1.0), excess(0.0), 0.0
     if np.all(outside <= 0.0):
         return t
     if np.any(inside > 0.0):
@@ -153,11 +160,11 @@ def _within(combination: Combination, t: Array, limit: Array) -> Array | None:
     broken = outside > 0.0
     for _ in range(CHORDS):
         room = -inside[broken]
-        tried = share + float(np.min(room / (room + outside[broken]))) * (1.0 - share)
-        found = excess(tried)
-        if np.any(found > 0.0):
+        tried = fraction + float(np.min(room / (room + outside[broken]))) * (1.0 - fraction)
+        tried_excess = excess(tried)
+        if np.any(tried_excess > 0.0):
             break
-        share, inside = tried, found
-        if np.max(found[broken] / limit[asked][broken]) >= -CLOSE:
+        fraction, inside = tried, tried_excess
+        if np.max(tried_excess[broken] / limit[asked][broken]) >= -CLOSE:
             break
-    return np.asarray(low + share * (t - low))
+    return np.asarray(low + fraction * (t - low))

@@ -2,9 +2,9 @@
 
 The first objective is minimised under limits on the others (Haimes, Lasdon & Wismer 1971) by SLSQP,
 begun from the neighbours on the front. The rectangle between two neighbours is what their front can
-still miss: the largest one is halved next. Between the points so found, the scaled tolerances are
+still miss: the largest one is halved next. Between the solved points, the scaled tolerances are
 interpolated along the front, which costs one evaluation a point. Integers are enumerated; sets of
-them that contribute nothing to a coarse front are left.
+them that contribute nothing to a coarse front are dropped.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 SETS = 64
 """Sets of integers that are enumerated at most."""
 COARSE = 5
-"""Points per set of integers before sets are left."""
+"""Points per set of integers before sets are dropped."""
 SOLVED = 48
 """Points that are solved; the others are interpolated between them."""
 
@@ -90,20 +90,20 @@ def integer_sets(problem: ToleranceProblem) -> list[Array]:
             f"here are {count}: use hybrid, or fix some of them"
         )
         raise refuse("algorithm.name", text)
-    return [np.array(one) for one in itertools.product(*choices)]
+    return [np.array(values) for values in itertools.product(*choices)]
 
 
 def integer_moves(problem: ToleranceProblem, x: Array) -> list[Array]:
     """A search vector (variables,) and those that differ from it in one integer."""
-    found = [x]
+    vectors = [x]
     for at, variable in enumerate(problem.free):
         if variable.integer:
             for value in np.arange(np.ceil(problem.xl[at]), np.floor(problem.xu[at]) + 1.0):
                 if value != np.rint(x[at]):
-                    other = x.copy()
-                    other[at] = value
-                    found.append(other)
-    return found
+                    moved = x.copy()
+                    moved[at] = value
+                    vectors.append(moved)
+    return vectors
 
 
 def _contributing(branches: list[Branch]) -> list[Branch]:

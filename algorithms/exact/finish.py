@@ -27,12 +27,12 @@ def finished(run: Run, polish: bool) -> None:
     x = _front(run)
     aside = Run(run.problem, Budget(evaluations=run.evaluations_left), seed=0)
     free, unit = Run(run.problem, Budget(), seed=0), scale_of(run.problem)
-    for done, one in enumerate(x):
+    for done, vector in enumerate(x):
         run.phase("polish" if polish else "fresh units", done / len(x))
         if polish:
-            one = _polished(aside, one, unit)
-        branch = Branch(free, one, unit)
-        y = branch.smooth.scaled(one[None, :])[0]
+            vector = _polished(aside, vector, unit)
+        branch = Branch(free, vector, unit)
+        y = branch.smooth.scaled(vector[None, :])[0]
         run.choose(kept(free, branch, y, branch.smooth.values(y)[0], search=polish))
     if polish:
         run.evaluations += aside.evaluations
@@ -58,9 +58,9 @@ def _polished(run: Run, x: Array, unit: Array) -> Array:
         y = branch.smooth.scaled(x[None, :])[0]
         limit = branch.smooth.values(y)[0].copy()
         limit[0] = np.inf
-        found = branch.minimise(0, y, limit)
+        objectives = branch.minimise(0, y, limit)
     except BudgetSpent:
         return x
-    if found is None:
+    if objectives is None:
         return x
     return np.asarray(branch.smooth.vectors(branch.y[0][None, :])[0])

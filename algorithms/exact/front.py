@@ -31,8 +31,8 @@ def front(
 
     `upper` (r,) are limits that all of them keep, inf where there is none, `most` is one on the
     cost; `swept` (r,) marks the requirements that are objectives (all of them, if not given): those
-    of one name are one objective. With one objective beside the cost the points are spread evenly
-    by arc length, with several by a Sobol sequence.
+    of one name are one objective. With one objective in addition to the cost the points are spread
+    evenly by arc length, with several by a Sobol sequence.
     """
     swept = np.ones(len(upper), dtype=bool) if swept is None else swept
     form = convex_pieces(form)
@@ -44,7 +44,7 @@ def front(
         return least_cost(form, np.where(swept, high, upper)[None, :])
     names = np.array(form.outputs)
     rows = [names == name for name in dict.fromkeys(names[swept].tolist())]
-    ends = [(float(low[own].max()), float(high[own].max())) for own in rows]
+    ends = [(float(low[mask].max()), float(high[mask].max())) for mask in rows]
     if len(rows) == 1:
         coarse = np.linspace(*ends[0], min(COARSE, 2 * points))
         return _by_limits(form, points, rows[0], coarse, upper, most)
@@ -52,8 +52,8 @@ def front(
         int(np.ceil(np.log2(points)))
     )
     limits = np.tile(upper, (points, 1))
-    for own, (first, last), share in zip(rows, ends, sample[:points].T, strict=True):
-        limits[:, own] = (first + (last - first) * share)[:, None]
+    for mask, (first, last), fraction in zip(rows, ends, sample[:points].T, strict=True):
+        limits[:, mask] = (first + (last - first) * fraction)[:, None]
     return least_cost(form, limits)
 
 
@@ -70,12 +70,12 @@ def _by_limits(
     upper: Array,
     most: float,
 ) -> Optimum:
-    """Solved at limits of the requirements `rows`, spread by the arc length of a coarse front."""
+    """The optima at limits of the requirements `rows`, spread by arc length of a coarse front."""
 
     def limits(values: Array) -> Array:
-        found = np.tile(upper, (len(values), 1))
-        found[:, rows] = values[:, None]
-        return found
+        upper_limits = np.tile(upper, (len(values), 1))
+        upper_limits[:, rows] = values[:, None]
+        return upper_limits
 
     first = least_cost(form, limits(coarse))
     if np.any(kept := first.cost <= most) and not np.all(kept):
@@ -89,7 +89,7 @@ def _by_limits(
 
 
 def _along_path(form: Form, points: int, upper: float, most: float) -> Optimum:
-    """In closed form, by price; bounds are left to who asks for them."""
+    """The front in closed form, by price; its bounds are not computed (NaN)."""
     combination = Combination(form, (0,) * len(form.features))
     t = Path(combination).front(points, upper, most)
     nothing = np.full(len(t), np.nan)
@@ -126,8 +126,8 @@ def tightest(form: Form) -> Array:
     least = np.sqrt(square)
     if form.joint is not None:  # they rise with every scale, because all laws are unimodal
         rows = form.joint.rows
-        found = form.joint.tangent(np.stack(parts, axis=1)[None, rows])
-        least[rows] = (found.value - found.value_error)[0]
+        tangent = form.joint.tangent(np.stack(parts, axis=1)[None, rows])
+        least[rows] = (tangent.value - tangent.value_error)[0]
     return np.asarray(linear + least)
 
 

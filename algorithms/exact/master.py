@@ -29,7 +29,7 @@ GAP = 1e-4
 NODES, ROUNDS = 60, 60
 """Nodes that are entered at most, and rounds of columns and cuts in one."""
 BROKEN = 1e-6
-"""Share of a limit by which a mean allocation may break it."""
+"""Fraction of a limit by which a mean allocation may break it."""
 PENALTY = 1e3
 """Price of breaking a cut by its limit, in units of the range of costs."""
 
@@ -68,27 +68,27 @@ class Master:
         self._mean = np.zeros(len(self.form.features))
         self._asked = np.flatnonzero(np.isfinite(self.limit))
         ways = [
-            (at, way, one)
+            (at, index, way)
             for at, feature in enumerate(self.form.features)
-            for way, one in enumerate(feature.ways)
+            for index, way in enumerate(feature.ways)
         ]
         self._owner = np.array([at for at, _, _ in ways])
-        self._way = np.array([way for _, way, _ in ways])
-        self._ways = [one for _, _, one in ways]
+        self._way = np.array([index for _, index, _ in ways])
+        self._ways = [way for _, _, way in ways]
         self._linear, self._spread, self._offset = (
-            np.array([getattr(one, name) or (0.0,) * len(self.limit) for one in self._ways])
+            np.array([getattr(way, name) or (0.0,) * len(self.limit) for way in self._ways])
             for name in ("linear", "spread", "offset")
         )
-        for at, way, one in ways:
-            for t in (one.low, one.high):
-                self._add_column(at, way, t)
+        for at, index, way in ways:
+            for t in (way.low, way.high):
+                self._add_column(at, index, t)
         middle = np.stack(
             [self._spread[self._owner == at].mean(axis=0) for at in range(len(self.form.features))],
             axis=1,
         )
-        for share in (0.1, 0.5, 1.0):
+        for fraction in (0.1, 0.5, 1.0):
             wide = np.array([max(w.high for w in f.ways) for f in self.form.features])
-            self._add_cuts(middle * wide * share, np.full(len(self.limit), -np.inf))
+            self._add_cuts(middle * wide * fraction, np.full(len(self.limit), -np.inf))
 
     def run(self) -> Solution | None:
         """The cheapest allocation found, with the bound that is proven; None without any."""
@@ -108,8 +108,8 @@ class Master:
             self._round(weight, allowed, self._mean)
             mixed = np.array(
                 [
-                    1.0 - one.max() if len(ways) > 1 else 0.0
-                    for one, ways in zip(weight, allowed, strict=True)
+                    1.0 - feature_weight.max() if len(ways) > 1 else 0.0
+                    for feature_weight, ways in zip(weight, allowed, strict=True)
                 ]
             )
             if mixed.max() < 1e-9:
@@ -146,8 +146,8 @@ class Master:
         weight: list[Array] | None = None
         for _ in range(ROUNDS):
             used, x, prices = self._programme(open_)
-            own, t = self._lagrangian(prices, open_)
-            bound = max(bound, own)
+            lagrangian, t = self._lagrangian(prices, open_)
+            bound = max(bound, lagrangian)
             if self._closed(bound):
                 return bound, None
             weight = [np.zeros(len(feature.ways)) for feature in self.form.features]
@@ -155,17 +155,17 @@ class Master:
             self._mean = np.zeros(len(self.form.features))
             total = self.form.base
             value = self.form.offset.copy()
-            for share, column in zip(x, used, strict=True):
+            for fraction, column in zip(x, used, strict=True):
                 at, way, size, cost = self._columns[column]
                 row = self._index(at, way)
-                weight[at][way] += share
-                self._mean[at] += share * size
-                mean[:, at] += share * self._spread[row] * size
-                value += share * (self._offset[row] + self._linear[row] * size)
-                total += share * cost
+                weight[at][way] += fraction
+                self._mean[at] += fraction * size
+                mean[:, at] += fraction * self._spread[row] * size
+                value += fraction * (self._offset[row] + self._linear[row] * size)
+                total += fraction * cost
             fresh = sum(
-                self._add_column(int(at), int(way), float(one))
-                for at, way, one in zip(self._owner[open_], self._way[open_], t, strict=True)
+                self._add_column(int(at), int(way), float(size))
+                for at, way, size in zip(self._owner[open_], self._way[open_], t, strict=True)
             )
             cut = self._add_cuts(mean, self.limit - value)
             if (not fresh and not cut) or (not cut and total - bound <= 0.1 * GAP * abs(total)):
@@ -189,27 +189,27 @@ class Master:
         scale = np.maximum(np.abs(room), 1e-12)
         price = PENALTY * max(self.ceiling - self.floor, 1e-12)
         whole = np.hstack([parts / scale[:, None], -np.eye(len(which))])
-        one = scipy.sparse.csr_matrix(
+        convexity = scipy.sparse.csr_matrix(
             (np.ones(len(used)), (owner, np.arange(len(used)))),
             shape=(len(self.form.features), len(used) + len(which)),
         )
         linprog: Any = scipy.optimize.linprog  # its stubs know arrays of one dimension only
-        found = linprog(
+        solution = linprog(
             np.concatenate([cost, np.full(len(which), price)]),
             A_ub=whole,
             b_ub=room / scale,
-            A_eq=one,
+            A_eq=convexity,
             b_eq=np.ones(len(self.form.features)),
             method="highs",
         )
-        if found.x is None:
+        if solution.x is None:
             return used, np.zeros(len(used)), np.zeros(len(which))
-        prices = np.maximum(-np.asarray(found.ineqlin.marginals), 0.0) / scale
-        return used, np.asarray(found.x[: len(used)]), prices
+        prices = np.maximum(-np.asarray(solution.ineqlin.marginals), 0.0) / scale
+        return used, np.asarray(solution.x[: len(used)]), prices
 
     def _cut_arrays(self) -> tuple[NDArray[np.intp], Array, Array]:
-        """Of the cuts (c,), none where nothing is limited: their requirements, slopes (c, features)
-        and what their limits leave (c,).
+        """Requirements (c,), slopes (c, features) and remaining room (c,) of the cuts; none without
+        limits.
         """
         which = np.array([row for row, _, _ in self._cuts], dtype=np.intp)
         slope = np.array([direction for _, direction, _ in self._cuts])
@@ -223,10 +223,10 @@ class Master:
         linear = np.zeros(len(self._ways))
         offset = np.zeros(len(self._ways))
         for row in self._asked:
-            own = which == row
-            total = prices[own].sum()
+            row_cuts = which == row
+            total = prices[row_cuts].sum()
             linear += total * self._linear[:, row]
-            linear += (prices[own] @ slope[own])[self._owner] * self._spread[:, row]
+            linear += (prices[row_cuts] @ slope[row_cuts])[self._owner] * self._spread[:, row]
             offset += total * self._offset[:, row]
         t, value = np.zeros(len(self._ways)), np.full(len(self._ways), np.inf)
         for at in np.flatnonzero(open_).tolist():
@@ -255,13 +255,13 @@ class Master:
 
     def _add_cuts(self, s: Array, room: Array) -> bool:
         """Tangents at s (r, features) of the requirements whose S exceeds its `room` (r,)."""
-        found = spread_of(self.form, s[None], self._most)
+        spread = spread_of(self.form, s[None], self._most)
         added = False
         for row in self._asked.tolist():
-            excess = found.value[0, row] - room[row]
+            excess = spread.value[0, row] - room[row]
             broken = excess > BROKEN * abs(self.limit[row])
-            if broken and np.isfinite(found.intercept[0, row]):
-                self._cuts.append((row, found.direction[0, row], float(found.intercept[0, row])))
+            if broken and np.isfinite(spread.intercept[0, row]):
+                self._cuts.append((row, spread.direction[0, row], float(spread.intercept[0, row])))
                 added = True
         return added
 
@@ -270,11 +270,11 @@ class Master:
         heavy = tuple(map(_heaviest, weight, allowed))
         tight = tuple(
             min(
-                (way for way in allowed[at] if one[way] > 1e-6),
+                (way for way in allowed[at] if feature_weight[way] > 1e-6),
                 default=heavy[at],
                 key=lambda way, at=at: self.form.features[at].ways[way].low,
             )  # type: ignore[misc]
-            for at, one in enumerate(weight)
+            for at, feature_weight in enumerate(weight)
         )
         for chosen in (heavy, tight) if self.best is None else (heavy,):
             self._leaf(chosen, start)
@@ -287,8 +287,8 @@ class Master:
         t = Programme(combination).kept_allocation(self.limit, start)
         if t is None:
             return
-        for at, (way, one) in enumerate(zip(chosen, t.tolist(), strict=True)):
-            self._add_column(at, way, one)
+        for at, (way, tolerance) in enumerate(zip(chosen, t.tolist(), strict=True)):
+            self._add_column(at, way, tolerance)
         self._add_cuts(combination.parts(t[None, :])[0], np.full(len(self.limit), -np.inf))
         cost = float(combination.cost(t[None, :])[0])
         if self.best is None or cost < self.best.cost:
@@ -297,5 +297,5 @@ class Master:
 
 
 def _heaviest(weight: Array, ways: tuple[int, ...]) -> int:
-    """The way of most weight among some: where a linear programme failed, none has any."""
+    """The way of most weight among some; after a linear programme that failed all weights are 0."""
     return max(ways, key=weight.tolist().__getitem__)

@@ -84,8 +84,8 @@ class Path:
             t = c.best(2.0 * flat * nu * c.linear[0], nu * c.spread[0] ** 2)
             return root - c.root(t)[:, 0].reshape(root.shape)
 
-        found = bracketed_roots(excess, (low * (1.0 - 1e-9), high * (1.0 + 1e-9)), price)
-        return np.asarray(found.x)
+        roots = bracketed_roots(excess, (low * (1.0 - 1e-9), high * (1.0 + 1e-9)), price)
+        return np.asarray(roots.x)
 
     # ---------------------------------------------------------------- at given limits
 
@@ -106,8 +106,8 @@ class Path:
     def _inside(self, limits: Array) -> tuple[Array, Array, Array]:
         """Tolerances, bounds and multipliers at limits that bind."""
         limit = limits[:, 0]
-        found = bracketed_roots(self._excess, self.ends, limit)
-        prices = tuple(np.exp(np.asarray(end)) for end in found.bracket)
+        roots = bracketed_roots(self._excess, self.ends, limit)
+        prices = tuple(np.exp(np.asarray(end)) for end in roots.bracket)
         outside, inside = (self.at(price) for price in prices)
         met = self.value(outside) <= limit  # a root to the last digit
         inside = np.where(met[:, None], outside, inside)
@@ -132,10 +132,10 @@ class Path:
 
         V is convex, so it crosses the limit once on the way.
         """
-        apart = np.max(np.abs(outside / inside - 1.0), axis=1) > 1e-9
-        if not np.any(apart):
+        differ = np.max(np.abs(outside / inside - 1.0), axis=1) > 1e-9
+        if not np.any(differ):
             return inside
-        low, high = np.zeros(len(limit)), np.where(apart, 1.0, 0.0)
+        low, high = np.zeros(len(limit)), np.where(differ, 1.0, 0.0)
         for _ in range(60):
             middle = 0.5 * (low + high)
             kept = self.value(inside + middle[:, None] * (outside - inside)) <= limit
@@ -175,8 +175,8 @@ class Path:
             t = self.at(np.exp(x.ravel()))
             return self.combination.cost(t).reshape(x.shape) - most
 
-        found = bracketed_roots(excess, self.ends)
-        return float(found.bracket[0])
+        roots = bracketed_roots(excess, self.ends)
+        return float(roots.bracket[0])
 
 
 def arc_length(drawn: Array) -> Array:

@@ -1,7 +1,7 @@
-"""Forms whose every way is a point: all choices are looked at, the cheapest that fits counts.
+"""Forms whose every way is a point: all choices are computed, and the cheapest feasible one counts.
 
-Machines without inspection have no tolerance to search. Of them alone there are few choices, and
-under doubt of their scatter no prices of the squares tell two of them apart.
+Machines without inspection have no tolerance to search. Forms of such machines alone have few
+choices, which prices of the squares cannot separate under doubt of their scatter.
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ from .combination import Optimum
 
 Array = NDArray[np.float64]
 MOST = 300_000
-"""Choices of ways that are looked at."""
+"""Choices of ways that are computed at most."""
 
 
 def only_points(form: Form) -> bool:
-    """Whether all ways of a form of roots are points, and few enough to look at all choices."""
+    """Whether all ways of a form of roots are points, and few enough to compute all choices."""
     points = all(way.low == way.high for feature in form.features for way in feature.ways)
     rooted = form.joint is None and form.correlation is None
     return points and rooted and form.combinations <= MOST
@@ -32,7 +32,7 @@ def least_of_points(form: Form, limits: Array) -> Optimum:
     cost, values = _every(form)
     order = np.argsort(cost, kind="stable")
     n, shape = len(limits), tuple(len(feature.ways) for feature in form.features)
-    found = Optimum(
+    optimum = Optimum(
         np.zeros((n, len(shape)), dtype=np.int64),
         np.full((n, len(shape)), np.nan),
         np.full(n, np.inf),
@@ -45,10 +45,10 @@ def least_of_points(form: Form, limits: Array) -> Optimum:
             continue
         best = int(order[int(np.argmax(fits))])
         ways = np.array(np.unravel_index(best, shape), dtype=np.int64)
-        found.chosen[row], found.cost[row] = ways, cost[best]
-        found.bound[row] = cost[best]
-        found.t[row] = [f.ways[way].low for f, way in zip(form.features, ways, strict=True)]
-    return found
+        optimum.chosen[row], optimum.cost[row] = ways, cost[best]
+        optimum.bound[row] = cost[best]
+        optimum.t[row] = [f.ways[way].low for f, way in zip(form.features, ways, strict=True)]
+    return optimum
 
 
 def _every(form: Form) -> tuple[Array, Array]:
@@ -56,18 +56,18 @@ def _every(form: Form) -> tuple[Array, Array]:
     cost, linear = np.full(1, form.base), form.offset[:, None].copy()
     square = form.constant[:, None].copy()
     for feature in form.features:
-        each, ends, squares = _points(feature, len(form.outputs))
-        cost = np.add.outer(cost, each).ravel()
+        costs, ends, squares = _points(feature, len(form.outputs))
+        cost = np.add.outer(cost, costs).ravel()
         linear, square = _outer(linear, ends), _outer(square, squares)
     shape = tuple(len(feature.ways) for feature in form.features)
     ways = np.unravel_index(np.arange(len(cost)), shape)
     for row, surplus in enumerate(form.surpluses):
         if surplus is not None:
-            own = [
+            way_squares = [
                 _points(feature, len(form.outputs))[2][row, way]
                 for feature, way in zip(form.features, ways, strict=True)
             ]
-            square[row] += surplus.value(np.stack(own, axis=1))[0]
+            square[row] += surplus.value(np.stack(way_squares, axis=1))[0]
     return cost, linear + np.sqrt(square)
 
 

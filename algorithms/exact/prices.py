@@ -33,19 +33,19 @@ def only_roots(form: Form) -> NDArray[np.bool_]:
     linear = np.any(np.array([way.linear for way in ways]), axis=0)
     offset = np.any(np.array([way.offset or nothing for way in ways]), axis=0)
     spread = np.any(np.array([way.spread for way in ways]), axis=0) | (form.constant > 0.0)
-    root = np.array([one is None for one in form.rows])
+    root = np.array([quantile is None for quantile in form.rows])
     if form.surpluses:
-        root &= np.array([one is None for one in form.surpluses])
+        root &= np.array([surplus is None for surplus in form.surpluses])
     return np.asarray(root & ~linear & ~offset & spread & (form.correlation is None))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Prices:
-    """What tolerances pay for r requirements at n sets of limits.
+    """The prices of r requirements at n sets of limits.
 
     `linear` (n, r) is the price of V, `square` (n, r) that of its root's square, one of them zero;
-    `direction` (n, r, features) is dS/ds at the reference point, `received` (n,) what the limits
-    are worth.
+    `direction` (n, r, features) is dS/ds at the reference point, `received` (n,) the sum of the
+    limits at these prices.
     """
 
     linear: Array
@@ -55,7 +55,7 @@ class Prices:
 
     @classmethod
     def at(cls, form: Form, multiplier: Array, limit: Array, spread: Spread) -> Prices:
-        """Prices from multipliers and limits (n, r) and what S is at n reference points."""
+        """Prices from multipliers and limits (n, r) and the S at n reference points."""
         safe = np.where(spread.value > 0.0, spread.value, 1.0)
         multiplier = np.where(np.isfinite(limit), multiplier, 0.0)
         squared = only_roots(form) & (spread.value > 0.0)
@@ -87,11 +87,11 @@ class Prices:
         """
         count, ways = float(feature.count), feature.ways
         if len(ways) > 1 and all(way.curve == ways[0].curve for way in ways):
-            found = self._of_one_curve(ways, at, count)
-            if found is not None:
-                return found
-        each = [self.tolerance(way, at, count) for way in ways]
-        return np.array([t for t, _ in each]), np.array([cost for _, cost in each])
+            solutions = self._of_one_curve(ways, at, count)
+            if solutions is not None:
+                return solutions
+        pairs = [self.tolerance(way, at, count) for way in ways]
+        return np.array([t for t, _ in pairs]), np.array([cost for _, cost in pairs])
 
     def _of_one_curve(
         self, ways: tuple[Way, ...], at: int, count: float
@@ -104,10 +104,10 @@ class Prices:
         low, high = (np.array([[getattr(way, name)] for way in ways]) for name in ("low", "high"))
         linear = m @ self.linear.T + a @ (self.linear * self.direction[:, :, at]).T
         square = (a * a) @ self.square.T
-        found = curve.stationary(linear / count, square / count)
-        if found is None:
+        stationary = curve.stationary(linear / count, square / count)
+        if stationary is None:
             return None
-        t = np.clip(found, low, high)
+        t = np.clip(stationary, low, high)
         return t, count * curve.cost(t) + linear * t + square * t * t + offset @ self.linear.T
 
     def bound(self, form: Form, total: Array) -> Array:

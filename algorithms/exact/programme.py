@@ -2,9 +2,9 @@
 
 Solved by SLSQP (Kraft 1988) in x_j = ln t_j with exact derivatives, and proven by its multipliers:
 these give a lower bound whatever SLSQP did (`Combination.dual`), improved by L-BFGS-B (Byrd, Lu,
-Nocedal & Zhu 1995) on the concave dual where a gap is left. Where deviations compensate each other
+Nocedal & Zhu 1995) on the concave dual where a gap remains. Where deviations compensate each other
 the tightest tolerances are not those of least variation: limits that they break are kept by the
-allocation that breaks them least, or by none where its tangents say so.
+allocation that breaks them least, or by none where its tangents prove that.
 """
 
 from __future__ import annotations
@@ -24,18 +24,18 @@ GAP, GAP_QUANTILE = 1e-10, 1e-8
 TOLERANCE, TOLERANCE_QUANTILE = 1e-15, 1e-10
 """Tolerance of SLSQP."""
 QUICK, NEAR = 1e-9, 1e-5
-"""The same where nothing is proven, and the share of a limit by which it may then be broken."""
+"""The same where nothing is proven, and the fraction of a limit by which it may then be broken."""
 FLAT, BENDS = 1e-2, 2.0
-"""Share of the largest fall of a cost that the smallest counts with at least, and what a Lagrangian
-bends by in units of the fall."""
+"""Fraction of the largest fall of a cost that every fall counts with at least, and the curvature
+of a Lagrangian in units of the fall."""
 BETWEEN = 17
 """Places between the tightest and the loosest tolerances that a search without a start looks at."""
 TINY = 1e-6
-"""Share of a limit that counts as a step where nothing moves its value."""
+"""Fraction of a limit that counts as a step where nothing moves its value."""
 CHORDS = 8
 """Times that a way back to the limits is made longer, where rounding leaves it too short."""
 CLEARLY = 1e-9
-"""Share of a limit by which it must be broken where no allocation is said to keep it."""
+"""Fraction of a limit by which it must be broken before no allocation is said to keep it."""
 TRIED = 33
 """Places between the tightest tolerances and those that compensate them that are tried."""
 
@@ -84,7 +84,7 @@ class Programme:
         near = limit + NEAR * np.maximum(np.abs(limit), 0.1)
         if self._compensating and not self._keeps(c.low, near):
             traded = self._traded(near)
-            if traded is not None and traded[0] is None:  # where no allocation is, SLSQP seeks long
+            if traded is not None and traded[0] is None:  # SLSQP would search long for none
                 return None
         first = self._between(limit, c.low) if start is None else np.clip(start, c.low, c.high)
         t = self._solved(limit, first, None, QUICK)[0]
@@ -105,8 +105,8 @@ class Programme:
         Where even `inner` breaks them it is that.
         """
         c = self.combination
-        share = np.linspace(0.0, 1.0, BETWEEN)[:, None]
-        tried = np.exp((1.0 - share) * np.log(inner) + share * np.log(c.high))
+        fraction = np.linspace(0.0, 1.0, BETWEEN)[:, None]
+        tried = np.exp((1.0 - fraction) * np.log(inner) + fraction * np.log(c.high))
         kept = np.flatnonzero(np.all(c.values(tried) <= limit, axis=1))
         return np.asarray(np.clip(tried[kept[-1] if len(kept) else 0], c.low, c.high))
 
@@ -138,10 +138,10 @@ class Programme:
         asked = np.isfinite(limit)
         spread = c.spread_at(t[None, :])
         slopes = weight[asked] @ (c.linear + c.spread * spread.direction[0])[asked]
-        given = (c.offset + spread.intercept[0] - limit)[asked]
+        constant = (c.offset + spread.intercept[0] - limit)[asked]
         ends = np.minimum(slopes * c.low, slopes * c.high)
-        least = weight[asked] @ given + np.sum(ends)
-        slack = ROUNDING * (weight[asked] @ np.abs(given) + np.sum(np.abs(ends)))
+        least = weight[asked] @ constant + np.sum(ends)
+        slack = ROUNDING * (weight[asked] @ np.abs(constant) + np.sum(np.abs(ends)))
         return None, not least > slack
 
     def _traded(self, limit: Array) -> tuple[Array | None, bool] | None:
@@ -189,19 +189,19 @@ class Programme:
             return np.asarray((y[-1] - (c.values(whole(y))[0] - limit) / scale)[asked])
 
         def margin_slopes(y: Array) -> Array:
-            own = -(c.gradients(whole(y))[0] * width)[asked] / scale[asked, None]
-            return np.hstack([own, np.ones((len(own), 1))])
+            value_slopes = -(c.gradients(whole(y))[0] * width)[asked] / scale[asked, None]
+            return np.hstack([value_slopes, np.ones((len(value_slopes), 1))])
 
         first = np.append(np.full(len(width), 0.5), 0.0)
         first[-1] = float(np.max(-margins(first)))
         away = np.append(np.zeros(len(width)), -1e3), np.append(np.ones(len(width)), 1e3)
         only = np.append(np.zeros(len(width)), 1.0)
-        found = slsqp(
+        solution = slsqp(
             lambda y: float(y[-1]), lambda y: only, margins, margin_slopes, first, away, 1e-15, 500
         )
         weight = np.zeros(r)
-        weight[asked] = found.multiplier / scale[asked]
-        return whole(found.x)[0], weight
+        weight[asked] = solution.multiplier / scale[asked]
+        return whole(solution.x)[0], weight
 
     def _solved(
         self, limit: Array, start: Array, inner: Array | None, tolerance: float
@@ -232,7 +232,7 @@ class Programme:
             t = whole(x)
             return np.asarray(-(c.gradients(t)[0] * t)[asked][:, movable] * step / scale[:, None])
 
-        found = slsqp(
+        solution = slsqp(
             lambda x: float(c.cost(whole(x))[0]) / unit,
             slopes,
             lambda x: (limit - c.values(whole(x))[0])[asked] / scale,
@@ -243,22 +243,22 @@ class Programme:
             500,
         )
         multiplier = np.zeros(len(limit))
-        multiplier[asked] = found.multiplier * unit / scale
-        t = whole(found.x)[0]
+        multiplier[asked] = solution.multiplier * unit / scale
+        t = whole(solution.x)[0]
         return (t if inner is None else self._kept(t, limit, inner)), multiplier
 
     def _steps(self, start: Array, movable: NDArray[np.bool_]) -> tuple[Array, float]:
         """Units of ln t (movable,) and of the cost in which the Lagrangian bends by one all round.
 
-        Of C = b/t^k its second derivative in ln t is k C beside that of the priced requirement,
-        which is about as much as C falls.
+        For C = b/t^k its second derivative in ln t is k C in addition to that of the priced
+        requirement, which is about as much as C falls.
         """
         fall = np.maximum(-(self.combination.slopes(start[None, :])[0] * start)[movable], 0.0)
         largest = float(fall.max()) or 1.0
         return np.sqrt(largest / np.maximum(fall, FLAT * largest)), BENDS * largest
 
     def _kept(self, t: Array, limit: Array, inner: Array) -> Array:
-        """A point on the way from t to tolerances that keep the limits, as near as its chord says.
+        """A point on the way from t to tolerances that keep the limits, as near as chords allow.
 
         Values are convex, so that they lie below the chord: where it meets a limit they keep it.
         """
@@ -267,12 +267,12 @@ class Programme:
         if not np.any(excess > 0.0):
             return t
         asked = excess > 0.0
-        share = float(np.max(excess[asked] / (excess[asked] + room[asked])))
+        fraction = float(np.max(excess[asked] / (excess[asked] + room[asked])))
         for _ in range(CHORDS):
-            moved = np.asarray(t + share * (inner - t))
+            moved = np.asarray(t + fraction * (inner - t))
             if self._keeps(moved, limit):
                 return moved
-            share = min(1.0, 2.0 * share + 1e-14)
+            fraction = min(1.0, 2.0 * fraction + 1e-14)
         return inner
 
     def _proven(self, limit: Array, t: Array, multiplier: Array) -> tuple[float, Array]:
@@ -282,13 +282,13 @@ class Programme:
         def bound(price: Array) -> float:
             return float(c.dual(price[None, :], limit[None, :], t[None, :])[0])
 
-        found = bound(multiplier)
+        first_bound = bound(multiplier)
         enough = GAP_QUANTILE if c.form.quantiles else GAP
-        if cost - found <= enough * abs(cost):
-            return found, multiplier
+        if cost - first_bound <= enough * abs(cost):
+            return first_bound, multiplier
         unit = np.where(multiplier > 0.0, multiplier, max(float(multiplier.max()), 1e-9) * 1e-3)
         better = unit * ascend(lambda y: bound(y * unit) / (abs(cost) or 1.0), multiplier / unit)
-        return max((found, multiplier), (bound(better), better), key=lambda pair: pair[0])
+        return max((first_bound, multiplier), (bound(better), better), key=lambda pair: pair[0])
 
 
 def _course(room: Array, slope: Array, width: float) -> tuple[float, float]:

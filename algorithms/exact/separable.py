@@ -8,8 +8,8 @@ is the best on its own, and the dual
 
 has the slope sum_j a_ij^2 t_j^2 + constant_i - L_i^2. With one way per feature its maximum is the
 least cost, found by Newton's method in ln mu. Its prices bound all other choices of ways at once:
-a way costs so much more at them than the one chosen, and only choices whose excess is less than
-what has been gained are solved.
+every way has an excess cost over the chosen one, and a choice is solved only where the bound plus
+its excess is below the best cost known.
 """
 
 from __future__ import annotations
@@ -33,11 +33,12 @@ STEPS = 60
 CLOSE = 1e-13
 """Relative distance of a square from its limit that counts as none."""
 LEAST = 1e-12
-"""Price, relative to what the whole cost is worth, below which a requirement does not bind."""
+"""Price, relative to the largest cost per room of the limit, below which a requirement does not
+bind."""
 NUDGE = 1e-6
 """Relative step of the derivative of a tolerance by its price."""
 ROUNDS = 12
-"""Times the ways are chosen anew by the prices of the best allocation."""
+"""Times the ways are chosen again by the prices of the best allocation."""
 LEAVES = 400
 """Choices of ways that are solved at most for one set of limits."""
 
@@ -51,7 +52,7 @@ def separable_but_for_doubt(form: Form) -> bool:
     """Whether it would be `separable` without the doubt of its processes, and has some that is
     convex in the squares.
     """
-    convex = all(one is None or one.convex for one in form.surpluses)
+    convex = all(surplus is None or surplus.convex for surplus in form.surpluses)
     return bool(form.surpluses) and convex and separable(replace(form, surpluses=()))
 
 
@@ -81,7 +82,7 @@ class Squares:
         self.counts = np.array([float(feature.count) for feature in form.features])
         self.squares = [np.array([way.spread for way in f.ways]) ** 2 for f in form.features]
         if weights is not None:
-            self.squares = [own * weights[:, at] for at, own in enumerate(self.squares)]
+            self.squares = [square * weights[:, at] for at, square in enumerate(self.squares)]
         self.constant = form.constant if constant is None else constant
 
     @cached_property
@@ -104,11 +105,11 @@ class Squares:
         return _Choice(self, ways).solve(room, first)
 
     def excess(self, leaf: Leaf) -> list[Array]:
-        """By feature: what each way costs more (ways,) than the leaf's, prices included."""
-        found = []
+        """Excess cost (ways,) of the ways of each feature over the leaf's way, prices included."""
+        excesses = []
         for at, feature in enumerate(self.form.features):
             if len(feature.ways) == 1:
-                found.append(np.zeros(1))
+                excesses.append(np.zeros(1))
                 continue
             values = []
             for way, square in zip(feature.ways, self.squares[at], strict=True):
@@ -116,8 +117,8 @@ class Squares:
                 nothing = np.zeros(1)
                 t = way.curve.best(nothing, q / self.counts[at], way.low, way.high)
                 values.append(float((self.counts[at] * way.curve.cost(t) + q * t**2)[0]))
-            found.append(np.array(values) - values[leaf.ways[at]])
-        return found
+            excesses.append(np.array(values) - values[leaf.ways[at]])
+        return excesses
 
 
 class _Choice:
@@ -126,10 +127,10 @@ class _Choice:
     def __init__(self, parent: Squares, ways: tuple[int, ...]) -> None:
         form = parent.form
         self.chosen, self.counts, self.base = ways, parent.counts, form.base
-        own = [f.ways[w] for f, w in zip(form.features, ways, strict=True)]
-        self.curves = [way.curve for way in own]
-        self.low = np.array([way.low for way in own])
-        self.high = np.array([way.high for way in own])
+        chosen_ways = [f.ways[w] for f, w in zip(form.features, ways, strict=True)]
+        self.curves = [way.curve for way in chosen_ways]
+        self.low = np.array([way.low for way in chosen_ways])
+        self.high = np.array([way.high for way in chosen_ways])
         self.square = np.stack([s[w] for s, w in zip(parent.squares, ways, strict=True)], axis=1)
         plain = [isinstance(curve, Reciprocal) for curve in self.curves]
         self.plain = np.flatnonzero(plain)
@@ -145,19 +146,21 @@ class _Choice:
             free = np.cbrt(self.b * self.counts[at] / (2.0 * q[at]))
         t[at] = np.clip(free, self.low[at], self.high[at])
         slope[at] = np.where(t[at] == free, -free / 3.0, 0.0)
-        for one in self.other:
-            pair = np.array([q[one], q[one] * (1.0 + NUDGE)]) / self.counts[one]
-            found = self.curves[one].best(np.zeros(2), pair, self.low[one], self.high[one])
-            t[one], slope[one] = found[0], (found[1] - found[0]) / NUDGE
+        for index in self.other:
+            pair = np.array([q[index], q[index] * (1.0 + NUDGE)]) / self.counts[index]
+            tolerances = self.curves[index].best(
+                np.zeros(2), pair, self.low[index], self.high[index]
+            )
+            t[index], slope[index] = tolerances[0], (tolerances[1] - tolerances[0]) / NUDGE
         return t, slope
 
     def cost(self, t: Array) -> float:
         """Cost of tolerances (features,)."""
-        each = np.empty(len(t))
-        each[self.plain] = self.a + self.b / t[self.plain]
-        for one in self.other:
-            each[one] = self.curves[one].cost(t[one : one + 1])[0]
-        return float(self.base + self.counts @ each)
+        costs = np.empty(len(t))
+        costs[self.plain] = self.a + self.b / t[self.plain]
+        for index in self.other:
+            costs[index] = self.curves[index].cost(t[index : index + 1])[0]
+        return float(self.base + self.counts @ costs)
 
     def dual(self, mu: Array, room: Array) -> float:
         """A proven lower bound of the cost at prices (r,)."""
@@ -181,20 +184,20 @@ class _Choice:
         if cost - bound > 1e-9 * abs(cost):
             ascended = self._ascended(room, asked)
             for better in (ascended, self._newton(room, asked & (ascended > 0.0), ascended)):
-                other = self._kept(self.best(better @ self.square)[0], room)
-                own, least = self.cost(other), self.dual(better, room)
-                if least > bound:
-                    mu, bound = better, least
-                if own < cost:
-                    t, cost = other, own
+                candidate = self._kept(self.best(better @ self.square)[0], room)
+                candidate_cost, candidate_bound = self.cost(candidate), self.dual(better, room)
+                if candidate_bound > bound:
+                    mu, bound = better, candidate_bound
+                if candidate_cost < cost:
+                    t, cost = candidate, candidate_cost
         return Leaf(self.chosen, t, cost, min(bound, cost), mu)
 
     def _newton(self, room: Array, asked: NDArray[np.bool_], first: Array | None) -> Array:
-        """Prices (r,) at which every square meets its room or its price is nothing."""
-        worth = self.cost(self.low) / np.where(asked, np.maximum(room, 1e-300), 1.0)
-        start = 1e-2 * worth if first is None else np.maximum(first, LEAST * worth)
+        """Prices (r,) at which every square meets its room or its price is zero."""
+        scale = self.cost(self.low) / np.where(asked, np.maximum(room, 1e-300), 1.0)
+        start = 1e-2 * scale if first is None else np.maximum(first, LEAST * scale)
         y = np.where(asked, np.log(start), -np.inf)
-        floor = np.log(LEAST * worth)
+        floor = np.log(LEAST * scale)
         active = asked.copy()
         with np.errstate(divide="ignore", invalid="ignore"):
             for _ in range(STEPS):
@@ -203,14 +206,14 @@ class _Choice:
                 t, slope = self.best(q)
                 size = self.square @ t**2
                 missed = np.where(asked, np.log(size / room), 0.0)
-                # a requirement without a price that is broken gets one again
+                # a broken requirement without a price gets one again
                 back = asked & ~active & (missed > CLOSE)
                 y, active = np.where(back, floor + 1.0, y), active | back
                 if not np.any(back) and np.all(np.abs(missed[active]) <= CLOSE):
                     break
                 rows = np.flatnonzero(active)
-                share = np.where(q > 0.0, 1.0 / q, 0.0)
-                by = (self.square[rows] * (2.0 * t * slope * share)) @ self.square[rows].T
+                inverse = np.where(q > 0.0, 1.0 / q, 0.0)
+                by = (self.square[rows] * (2.0 * t * slope * inverse)) @ self.square[rows].T
                 matrix = by * mu[rows] / size[rows, None]
                 matrix -= 1e-12 * np.eye(len(rows)) * max(1.0, float(np.abs(matrix).max()))
                 step = np.linalg.lstsq(matrix, -missed[rows], rcond=None)[0]
@@ -221,20 +224,20 @@ class _Choice:
 
     def _ascended(self, room: Array, asked: NDArray[np.bool_]) -> Array:
         """Prices by L-BFGS-B (Byrd, Lu, Nocedal & Zhu 1995), where Newton's method fails: the dual
-        is concave in them, and has a slope also where a price is nothing.
+        is concave in them, and has a slope also where a price is zero.
         """
-        worth = self.cost(self.low) / np.where(asked, np.maximum(room, 1e-300), 1.0)
+        scale = self.cost(self.low) / np.where(asked, np.maximum(room, 1e-300), 1.0)
 
         def negative(x: Array) -> tuple[float, Array]:
-            own = np.where(asked, x * worth, 0.0)
-            t, _ = self.best(own @ self.square)
+            mu = np.where(asked, x * scale, 0.0)
+            t, _ = self.best(mu @ self.square)
             slope = np.where(asked, self.square @ t**2 - np.where(asked, room, 0.0), 0.0)
-            return -self.dual(own, room), -slope * worth
+            return -self.dual(mu, room), -slope * scale
 
         minimize: Any = scipy.optimize.minimize  # its stubs know arrays of one dimension only
         bounds = scipy.optimize.Bounds(np.zeros(len(room)), np.full(len(room), 1e6))
         options = {"ftol": 1e-16, "gtol": 1e-12, "maxiter": 500}
-        found = minimize(
+        result = minimize(
             negative,
             np.full(len(room), 1e-2),
             jac=True,
@@ -242,10 +245,10 @@ class _Choice:
             method="L-BFGS-B",
             options=options,
         )
-        return np.where(asked, found.x * worth, 0.0)
+        return np.where(asked, result.x * scale, 0.0)
 
     def _kept(self, t: Array, room: Array) -> Array:
-        """Tolerances just within the room: those that matter on the way to the tightest ones."""
+        """Tolerances just within the room: those that matter are moved towards the tightest."""
         broken = self.square @ t**2 > room
         if not np.any(broken):
             return t
@@ -268,13 +271,13 @@ def least_leaf(squares: Squares, limit: Array, known: Leaf | None) -> tuple[Leaf
     best = squares.solve(ways, room, None if known is None else known.mu)
     solved = {best.ways: best}
     if known is not None and known.ways not in solved:
-        own = squares.solve(known.ways, room, known.mu)
-        solved[own.ways] = own
-        best = min(best, own, key=lambda one: one.cost)
+        leaf = squares.solve(known.ways, room, known.mu)
+        solved[leaf.ways] = leaf
+        best = min(best, leaf, key=lambda candidate: candidate.cost)
     if not np.isfinite(best.cost):
         return best, _impossible(squares, room)
     for _ in range(ROUNDS):
-        chosen = tuple(int(np.argmin(one)) for one in squares.excess(best))
+        chosen = tuple(int(np.argmin(way_excess)) for way_excess in squares.excess(best))
         if chosen in solved:
             break
         solved[chosen] = squares.solve(chosen, room, best.mu)
@@ -290,10 +293,10 @@ def _searched(
     """Solve every choice that the prices of the best leaf do not exclude."""
     while True:
         excess, anchor = squares.excess(best), best
-        left = np.inf
+        remaining = np.inf
         for total, ways in _cheaper(squares, excess, anchor):
             if anchor.bound + total >= best.cost or len(solved) >= LEAVES:
-                left = anchor.bound + total
+                remaining = anchor.bound + total
                 break
             if ways not in solved:
                 solved[ways] = squares.solve(ways, room, anchor.mu)
@@ -301,7 +304,7 @@ def _searched(
                     best = solved[ways]
         if best is anchor or len(solved) >= LEAVES:
             bounds = [leaf.bound for leaf in solved.values()]
-            return best, min(left, best.cost, *bounds)
+            return best, min(remaining, best.cost, *bounds)
 
 
 def _cheaper(
@@ -316,7 +319,7 @@ def _cheaper(
         return float(sum(excess[at][o[k]] for at, o, k in zip(several, order, rank, strict=True)))
 
     heap: list[tuple[float, tuple[int, ...]]] = [(total(begin), begin)]
-    seen: set[tuple[int, ...]] = {begin}
+    queued: set[tuple[int, ...]] = {begin}
     while heap:
         value, rank = heappop(heap)
         ways = list(anchor.ways)
@@ -326,8 +329,8 @@ def _cheaper(
         for at in range(len(rank)):
             if rank[at] + 1 < len(order[at]):
                 further = (*rank[:at], rank[at] + 1, *rank[at + 1 :])
-                if further not in seen:
-                    seen.add(further)
+                if further not in queued:
+                    queued.add(further)
                     heappush(heap, (total(further), further))
 
 

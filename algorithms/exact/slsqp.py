@@ -61,7 +61,7 @@ def slsqp(
     steps = _Steps(objective, np.clip(start, low, high), evaluations)
     minimize: Any = scipy.optimize.minimize  # its stubs know arrays of one dimension only
     try:
-        found = minimize(
+        result = minimize(
             steps.objective,
             steps.last,
             jac=slopes,
@@ -73,13 +73,13 @@ def slsqp(
         )
     except _Enough:
         return Found(np.clip(steps.last, low, high), np.zeros(0))
-    multiplier = np.maximum(np.asarray(found.multipliers, dtype=float), 0.0)
-    return Found(np.clip(found.x, low, high), multiplier)
+    multiplier = np.maximum(np.asarray(result.multipliers, dtype=float), 0.0)
+    return Found(np.clip(result.x, low, high), multiplier)
 
 
 def ascend(dual: Callable[[Array], float], start: Array) -> Array:
     """Maximise a concave function of x >= 0 by L-BFGS-B (Byrd, Lu, Nocedal & Zhu 1995)."""
     bounds = scipy.optimize.Bounds(np.zeros(len(start)), np.full(len(start), np.inf))
     minimize: Any = scipy.optimize.minimize
-    found = minimize(lambda x: -dual(x), start, bounds=bounds, method="L-BFGS-B")
-    return np.asarray(np.maximum(found.x, 0.0), dtype=float)
+    result = minimize(lambda x: -dual(x), start, bounds=bounds, method="L-BFGS-B")
+    return np.asarray(np.maximum(result.x, 0.0), dtype=float)

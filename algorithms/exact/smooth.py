@@ -71,8 +71,8 @@ class Smooth:
     def slopes(self, y: Array) -> tuple[Array, Array]:
         """Derivatives in y of the objectives (m, size) and constraints (k, size)."""
         if self._slopes is None or not np.array_equal(self._slopes[0], y):
-            found = self._exact(y) if self.analytic else self._differences(y)
-            self._slopes = y.copy(), *found
+            derivatives = self._exact(y) if self.analytic else self._differences(y)
+            self._slopes = y.copy(), *derivatives
         return self._slopes[1:]
 
     def _exact(self, y: Array) -> tuple[Array, Array]:

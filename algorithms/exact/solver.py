@@ -23,8 +23,8 @@ from .pieces import convex_pieces
 
 Array = NDArray[np.float64]
 TIGHTER, TIGHTER_SHARE = 1e-12, 2e-10
-"""Relative tightening of a limit, so that rounding does not break it; that of a share of units,
-whose rounding an edge far out in the tail magnifies."""
+"""Relative tightening of a limit, so that rounding does not break it; that of a fraction of units,
+whose rounding is magnified by an edge far out in the tail."""
 POINTS_BY_DEFAULT = 1000
 """Points of an exact front."""
 FEW, CORRECTED = 40, 200
@@ -32,7 +32,7 @@ FEW, CORRECTED = 40, 200
 CORRECTIONS, FURTHER = 6, 1.0 + 1e-3
 """Times a limit is moved by what a form understates, and how much further than that."""
 SOME = 3
-"""Points of a front that are looked at: if one breaks limits in truth, these are moved."""
+"""Points of a front that are tested: if one breaks limits in the full model, these are moved."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,8 +49,8 @@ class Exact(Solver):
             epsilon_front(run, self.points)
             return
         run.phase("closed form", 0.5)
-        left = run.evaluations_left
-        points = self.points if left is None else max(2, min(self.points, left))
+        remaining = run.evaluations_left
+        points = self.points if remaining is None else max(2, min(self.points, remaining))
         if is_corrected(form):
             few = FEW if self.points == POINTS_BY_DEFAULT else CORRECTED
             x = corrected_vectors(run, form, min(points, few))
@@ -61,7 +61,7 @@ class Exact(Solver):
         x = exact_vectors(run.problem, form, points)
         if not len(x):
             return
-        if form.stands:  # a search knows what a requirement stands for less well than a report
+        if form.stands:  # a report computes what a requirement stands for better than a search
             run.choose(x)
         _, violations = run.evaluate(x)
         if form.tested and not np.all(violations <= 0.0):
@@ -109,28 +109,28 @@ def exact_vectors(problem: ToleranceProblem, form: Form, points: int) -> Array:
 
 def _solved_limits(problem: ToleranceProblem, form: Form) -> Array:
     """The upper limits (r,) that are solved for, those of outputs that rows stand for included."""
-    found = row_limits(problem, form)
+    limits = row_limits(problem, form)
     for row, name in form.stands.items():
-        own = np.array([one == row for one in form.outputs])
+        rows = np.array([output == row for output in form.outputs])
         limit = upper_limit(problem, name)
-        if np.isfinite(limit) and np.any(own):
-            found[own] = np.minimum(found[own], problem.stand_in_limit(name, limit))
-    return found
+        if np.isfinite(limit) and np.any(rows):
+            limits[rows] = np.minimum(limits[rows], problem.stand_in_limit(name, limit))
+    return limits
 
 
 def _corner(problem: ToleranceProblem, form: Form) -> Array:
-    """The search vector (one) of the tightest tolerances: all that a limit just there leaves."""
+    """The search vector (one) of the tightest tolerances, which such a limit alone allows."""
     ways = tightest_ways(form)
-    one = np.zeros(1)
+    nothing = np.zeros(1)
     low = [feature.ways[way].low for feature, way in zip(form.features, ways, strict=True)]
-    found = Optimum(np.array([ways]), np.array([low]), one, one, one[:, None])
-    return search_vectors(problem, form, found)
+    optimum = Optimum(np.array([ways]), np.array([low]), nothing, nothing, nothing[:, None])
+    return search_vectors(problem, form, optimum)
 
 
 def _cheapest(problem: ToleranceProblem, form: Form, upper: Array) -> Array:
     """The search vector (at most one) of least cost that keeps the limits.
 
-    A form that understates the outputs, be it by the rounding of these, is asked again with limits
+    Where the form understates the outputs, be it by their rounding, it is solved again with limits
     moved by as much.
     """
     limit, x = upper.copy(), np.empty((0, problem.n_var))
@@ -150,6 +150,6 @@ def _in_truth(
     form (k, r), 0 where it does not.
     """
     designs = problem.complete(x)
-    found = problem.outputs_of(designs, errors=False)
-    excess = np.maximum(problem.form_values(form, designs, found) - upper, 0.0)
-    return np.all(problem.violations(designs, found) <= 0.0, axis=1), excess
+    outputs = problem.outputs_of(designs, errors=False)
+    excess = np.maximum(problem.form_values(form, designs, outputs) - upper, 0.0)
+    return np.all(problem.violations(designs, outputs) <= 0.0, axis=1), excess

@@ -26,7 +26,7 @@ class Named:
 
 
 def figures(result: ClaimsResult) -> list[Named]:
-    """One figure of every table that says how it is drawn."""
+    """One figure of every table with a chart."""
     return [
         Named(name, table_figure(table, table.chart), _caption(table, table.chart))
         for name, table in result.tables.items()
@@ -35,13 +35,13 @@ def figures(result: ClaimsResult) -> list[Named]:
 
 
 def table_figure(table: ComputedTable, chart: Chart) -> Figure:
-    """The columns of a table as its chart says."""
+    """The columns of a table, drawn as its chart describes."""
     figure = new_figure(height=3.8)
     axes = figure.add_subplot()
     columns = {
-        one.name: (one, np.asarray(values, dtype=float))
-        for one, values in zip(table.columns, table.values, strict=True)
-        if one.name in (chart.x, *chart.y)
+        axis.name: (axis, np.asarray(values, dtype=float))
+        for axis, values in zip(table.columns, table.values, strict=True)
+        if axis.name in (chart.x, *chart.y)
     }
     across, x = columns[chart.x]
     for at, name in enumerate(chart.y):

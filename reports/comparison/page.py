@@ -39,13 +39,13 @@ def comparison_page(result: Comparison, remarks: Sequence[str] = ()) -> str:
 def _fronts(result: Comparison) -> str:
     caption = "The fronts in the plane of the first two objectives."
     still = picture("fronts", comparison_figure(result), caption)
-    each = MOST // len(result.runs)
-    rule = f'<p class="hint">At most {each} points of each run, evenly along its front.</p>'
-    plots = f'<div id="plots"></div>\n{data(_content(result, each))}'
+    per_run = MOST // len(result.runs)
+    rule = f'<p class="hint">At most {per_run} points of each run, evenly along its front.</p>'
+    plots = f'<div id="plots"></div>\n{data(_content(result, per_run))}'
     return f"{rule}{plots}\n<noscript>{still}</noscript>"
 
 
-def _content(result: Comparison, each: int) -> dict[str, Any]:
+def _content(result: Comparison, per_run: int) -> dict[str, Any]:
     names = [axis.name for axis in result.objectives]
     return {
         "objectives": [_axis(axis) for axis in result.objectives],
@@ -54,7 +54,7 @@ def _content(result: Comparison, each: int) -> dict[str, Any]:
                 "label": run.label,
                 "aims": [
                     run.front.reset_index(drop=True)
-                    .iloc[thinned(run.front, names, [], each)][n]
+                    .iloc[thinned(run.front, names, [], per_run)][n]
                     .tolist()
                     for n in names
                 ],

@@ -18,13 +18,13 @@ LINES = (
 
 
 def distribution_figure(result: GapResult, output: Axis) -> Figure | None:
-    """Shares of units below a value; None where the model is of no population."""
+    """Fractions of units below a value; None where the model describes no population."""
     if output.name not in set(result.units.get("output", ())):
         return None
     rows = result.units[result.units["output"] == output.name].sort_values("share")
     figure = new_figure(height=3.6)
-    left = figure.add_gridspec(1, 2, width_ratios=(3.0, 1.4))
-    axes, beside = (figure.add_subplot(left[0, at]) for at in range(2))
+    grid = figure.add_gridspec(1, 2, width_ratios=(3.0, 1.4))
+    axes, distance_axes = (figure.add_subplot(grid[0, at]) for at in range(2))
     for name, label, colour, style, width in LINES:
         axes.step(
             rows[name],
@@ -39,12 +39,12 @@ def distribution_figure(result: GapResult, output: Axis) -> Figure | None:
     axes.set_ylabel("share of units below")
     axes.legend(frameon=False, fontsize="small")
     plain(axes)
-    _distances(beside, result, output)
+    _distances(distance_axes, result, output)
     return figure
 
 
 def _distances(axes: Axes, result: GapResult, output: Axis) -> None:
-    """How far the units are from the model before and after, and how far chance gets."""
+    """The distance of the units from the model before and after, and what chance reaches."""
     far = (result.gap_before[output.name], result.gap_after[output.name])
     axes.bar(["before", "after"], far, width=0.5, color=[BEFORE.colour, AFTER.colour])
     axes.axhline(

@@ -15,30 +15,35 @@ def drawing_section(drawing: Drawing | None) -> str:
     """Source, geometry and zones; empty where units are made to no drawing."""
     if drawing is None:
         return ""
-    said = [drawing.assumed] if drawing.assumed else []
-    said.append(
+    sentences = [drawing.assumed] if drawing.assumed else []
+    sentences.append(
         f"Model {drawing.model}; geometry from {drawing.geometry_from}; allocation from "
         f"{drawing.allocation_from}."
     )
     if drawing.effects:
-        said.append(f"Effects in the simulated units: {', '.join(drawing.effects)}.")
+        sentences.append(f"Effects in the simulated units: {', '.join(drawing.effects)}.")
     geometry = [
-        {"geometry": one.name, "value": _shown(one.value), "unit": one.unit, "meaning": one.meaning}
-        for one in drawing.geometry
+        {
+            "geometry": parameter.name,
+            "value": _shown(parameter.value),
+            "unit": parameter.unit,
+            "meaning": parameter.meaning,
+        }
+        for parameter in drawing.geometry
     ]
     zones = [
         {
-            "variable": one.variable,
-            "value": one.value,
-            "unit": one.unit,
-            "means": one.kind,
-            "zone from": one.low,
-            "to": one.high,
-            "distribution": one.distribution,
+            "variable": zone.variable,
+            "value": zone.value,
+            "unit": zone.unit,
+            "means": zone.kind,
+            "zone from": zone.low,
+            "to": zone.high,
+            "distribution": zone.distribution,
         }
-        for one in drawing.zones
+        for zone in drawing.zones
     ]
-    parts = [bullets(said), table(pd.DataFrame(geometry))]
+    parts = [bullets(sentences), table(pd.DataFrame(geometry))]
     return "\n".join([*parts, table(pd.DataFrame(zones)) if zones else ""])
 
 

@@ -1,4 +1,4 @@
-"""How before and after are told apart in every figure of a gap: by shape, not by colour alone."""
+"""The marks of before and after in all figures of a gap: they differ by shape, not only colour."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ TAKEN = Mark("taken away", "#2b7a3d", "+", "-.", "#2b7a3d")
 
 def words(name: str, unit: str = "") -> str:
     """`torque_Nm` as "torque [Nm]"."""
-    stem, found = split_unit(name)
-    kind = unit or found
+    stem, unit_in_name = split_unit(name)
+    kind = unit or unit_in_name
     text = stem.replace("_", " ")
     return f"{text} [{kind}]" if kind else text
 
@@ -56,19 +56,20 @@ def shade(axes: Axes, low: float, high: float, label: str = "located here") -> N
 
 def legend(figure: Figure, panels: Iterable[Axes]) -> None:
     """One legend below all panels, before and after first."""
-    found: dict[str, Artist] = {}
+    handles: dict[str, Artist] = {}
     for axes in panels:
         for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
-            found.setdefault(label, handle)
-    states = [one.word for one in (BEFORE, AFTER, TAKEN)]
+            handles.setdefault(label, handle)
+    states = [mark.word for mark in (BEFORE, AFTER, TAKEN)]
     labels = sorted(
-        found, key=lambda one: (one not in states, states.index(one) if one in states else 0)
+        handles,
+        key=lambda label: (label not in states, states.index(label) if label in states else 0),
     )
     figure.legend(
-        [found[one] for one in labels],
+        [handles[label] for label in labels],
         labels,
         loc="outside lower center",
         frameon=False,
         fontsize="small",
-        ncols=min(len(found), 3),
+        ncols=min(len(handles), 3),
     )

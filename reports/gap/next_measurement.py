@@ -1,4 +1,4 @@
-"""The next measurement: its points beside those of the record, and what they are to tell."""
+"""The next measurement: its points among those of the record, and what they are to decide."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from .residuals import thinned
 OLD, NEW = "#9a9a9a", "#1f5fa8"
 CAPTION = (
     "The next measurement in the two inputs that matter most: its points (diamonds, larger where "
-    "several readings are taken at one) beside those of the record (dots)."
+    "several measurements are taken at one) and those of the record (dots)."
 )
 
 
@@ -34,7 +34,7 @@ def next_figure(result: GapResult) -> Figure | None:
     figure = new_figure(height=3.4)
     axes = figure.add_subplot()
     _scatter(axes, thinned(result.residuals), points, names)
-    units = {one.name: one.unit for one in result.inputs}
+    units = {axis.name: axis.unit for axis in result.inputs}
     axes.set_xlabel(words(names[0], units.get(names[0], "")))
     axes.set_ylabel(words(names[1], units.get(names[1], "")) if len(names) > 1 else "")
     if len(names) == 1:
@@ -75,27 +75,27 @@ def next_section(planned: NextMeasurement | None, pictures: str) -> str:
     """The text, the figure and the tables; a hint where nothing was asked for."""
     if planned is None:
         return "<p>Not asked for: <code>[next_measurement]</code> with a range plans one.</p>"
-    found = [f"<p>{escape(planned.text)}</p>", pictures]
+    parts = [f"<p>{escape(planned.text)}</p>", pictures]
     if planned.pairs:
-        found.append(_pairs(planned))
+        parts.append(_pairs(planned))
     if planned.effects:
-        found.append(_effects(planned))
-    return "\n".join([*found, bullets([*(str(one) for one in planned.pairs), *planned.notes])])
+        parts.append(_effects(planned))
+    return "\n".join([*parts, bullets([*(str(pair) for pair in planned.pairs), *planned.notes])])
 
 
 def _pairs(planned: NextMeasurement) -> str:
     rows = [
         {
-            "rival": " + ".join(one.names),
-            "of": " + ".join(one.instead_of),
-            "discrimination now": one.now,
-            "expected": one.expected,
-            "chance that the right one fits better": one.chance,
-            "with as many like the present": one.alike,
-            "chance that one name is left": one.alone,
-            "readings for 0.95": one.needed or None,
+            "rival": " + ".join(pair.names),
+            "of": " + ".join(pair.instead_of),
+            "discrimination now": pair.now,
+            "expected": pair.expected,
+            "chance that the right one fits better": pair.chance,
+            "with as many like the present": pair.alike,
+            "chance that one name is left": pair.alone,
+            "readings for 0.95": pair.needed or None,
         }
-        for one in planned.pairs
+        for pair in planned.pairs
     ]
     return table(pd.DataFrame(rows), caption="Discrimination: squared, in noise units.")
 
@@ -103,17 +103,17 @@ def _pairs(planned: NextMeasurement) -> str:
 def _effects(planned: NextMeasurement) -> str:
     rows = [
         {
-            "effect": one.name,
-            "parameter": one.parameter,
-            "unit": one.unit,
-            "looked for": one.amount,
-            "chance now": one.now,
-            "chance then": one.then,
-            "with as many like the present": one.alike,
-            "seen from, now": one.least_now,
-            "seen from, then": one.least_then,
+            "effect": effect.name,
+            "parameter": effect.parameter,
+            "unit": effect.unit,
+            "looked for": effect.amount,
+            "chance now": effect.now,
+            "chance then": effect.then,
+            "with as many like the present": effect.alike,
+            "seen from, now": effect.least_now,
+            "seen from, then": effect.least_then,
         }
-        for one in planned.effects
+        for effect in planned.effects
     ]
     caption = "Chance of being seen above the threshold of the whole library."
     return table(pd.DataFrame(rows), caption=caption)

@@ -35,24 +35,24 @@ FOLDED = frozenset(
         "What was simulated",
     }
 )
-"""Sections that are opened when they are asked for."""
+"""Sections that are folded until a reader opens them."""
 VERDICTS = {
-    "no_gap": "No gap: what is left between model and measurement is noise.",
-    "named": "Named: the effect below closes the gap, and no other name fits these data as well.",
-    "ambiguous": "Ambiguous: the effect below closes the gap, but these data cannot tell it from "
-    "its rivals.",
-    "partial": "Partial: what is named below closes part of the gap. What remains stands out from "
-    "the noise and has no name; it stays in the corrected model as unresolved terms, so that no "
-    "number beside it is biased by leaving it out.",
+    "no_gap": "No gap: the residual between model and measurement is noise.",
+    "named": "Named: the effect below closes the gap, and no other effect fits these data as well.",
+    "ambiguous": "Ambiguous: the effect below closes the gap, but in these data it is "
+    "indistinguishable from its rivals.",
+    "partial": "Partial: the effects below close part of the gap. The remaining residual exceeds "
+    "the noise and no effect is identified for it; it stays in the corrected model as unresolved "
+    "terms, so that no other number is biased by leaving it out.",
     "unnamed": "Unnamed: model and measurement disagree, and no effect of the library explains it.",
 }
 RMSE = "RMSE on rows that the fit never saw"
-UNSEEN = "Cannot be seen at all, because what is free does the same"
+UNSEEN = "Not detectable at all, because confounded with what is free"
 CAPTIONS = {
     "residuals": "{0}: measured less predicted against every input: before (circles), after "
     "(crosses) and what the correction took away (pluses), all on one scale. Black line: the mean "
-    "of neighbouring readings; dotted: twice the noise. Hatched: where the gap was located. At "
-    "most 600 readings are drawn.",
+    "of neighbouring measurements; dotted: twice the noise. Hatched: where the gap was located. At "
+    "most 600 measurements are drawn.",
     "spectrum": "{0}: amplitude of every order of the residual, before above and after below. "
     "Dotted: what noise alone reaches; peaks above it bear their order. Hatched: orders where the "
     "gap was located, waves that grow with the torque included, which hardly show here.",
@@ -101,7 +101,7 @@ def gap_page(result: GapResult, drawn: Sequence[Drawn] | None = None) -> str:
         "Rivals and the measurement that separates them": _rivals(result),
         "Inputs behind it": attribution_table(result),
         "The next measurement": _next(result, _those(pictures, "next_measurement")),
-        "Without a name": bullets([str(one) for one in result.shapes]) if result.shapes else "",
+        "Without a name": bullets([str(shape) for shape in result.shapes]) if result.shapes else "",
         "Recalibrated parameters": _recalibrated(result),
         "What would have been seen": _detectable(result),
         "Notes": bullets(result.notes) if result.notes else "",
@@ -109,18 +109,18 @@ def gap_page(result: GapResult, drawn: Sequence[Drawn] | None = None) -> str:
         "Configuration": f"<pre>{escape(result.configuration)}</pre>",
         "Corrected configuration": f"<pre>{escape(result.corrected)}</pre>",
     }
-    told = [
+    parts = [
         section(title, folded("Show", body) if title in FOLDED else body)
         for title, body in sections.items()
         if body.replace(NONE, "").strip()
     ]
-    return document(result.title, "\n".join(told), head=_head(result))
+    return document(result.title, "\n".join(parts), head=_head(result))
 
 
 def _head(result: GapResult) -> str:
-    """The answer in sentences: the verdict, what was found, and the gap before and after."""
+    """The answer in sentences: the verdict, the effects, and the gap before and after."""
     lines = [VERDICTS.get(result.verdict, result.verdict)]
-    lines += [f"{one.name.replace('_', ' ')}: {one.cause}" for one in result.effects]
+    lines += [f"{effect.name.replace('_', ' ')}: {effect.cause}" for effect in result.effects]
     lines += [line for line in map(partial(_before_after, result), result.gap_before) if line]
     about = "".join(f"<p>{escape(line)}</p>\n" for line in mechanism_lines(result.summary))
     asked, rest = lines[0], "".join(f"<li>{escape(line)}</li>" for line in lines[1:])
@@ -131,7 +131,7 @@ def _before_after(result: GapResult, name: str) -> str:
     before, after = result.gap_before.get(name), result.gap_after.get(name)
     if before is None or after is None or not isfinite(before + after) or before <= 0.0:
         return ""
-    unit = next((one.unit for one in result.outputs if one.name == name), "noise units")
+    unit = next((axis.unit for axis in result.outputs if axis.name == name), "noise units")
     floor = result.noise_floor.get(name)
     noise = f"; noise alone leaves {shown(floor)}" if floor is not None else ""
     measure = str(result.summary.get("gap_is", RMSE))
@@ -175,19 +175,19 @@ def _those(pictures: Mapping[str, str], kind: str) -> str:
 
 def _verdict(result: GapResult) -> str:
     lines = [VERDICTS.get(result.verdict, result.verdict)]
-    lines += [f"{one.name}: {one.cause}" for one in result.effects]
+    lines += [f"{effect.name}: {effect.cause}" for effect in result.effects]
     lines += [
-        f"{one.name}: {number} stands at its physical bound"
-        for one in result.effects
-        for number in one.at_bound
+        f"{effect.name}: {number} stands at its physical bound"
+        for effect in result.effects
+        for number in effect.at_bound
     ]
-    lines += [f"without a name: {one}" for one in result.remainder]
-    lines += [str(one) for one in result.gate.outputs]
+    lines += [f"without a name: {remainder}" for remainder in result.remainder]
+    lines += [str(output) for output in result.gate.outputs]
     return bullets(lines)
 
 
 def _gaps(result: GapResult) -> str:
-    units = {one.name: one.unit for one in result.outputs} | {"total": "noise units"}
+    units = {axis.name: axis.unit for axis in result.outputs} | {"total": "noise units"}
     rows = [
         {
             "output": name,
@@ -204,19 +204,19 @@ def _gaps(result: GapResult) -> str:
 def _where(result: GapResult) -> str:
     rows = [
         {
-            "output": one.output,
-            "variable": one.variable,
-            "kind": one.kind,
-            "from": one.low,
-            "to": one.high,
-            "unit": one.unit,
-            "order": one.order,
-            "direction": one.direction,
-            "share of the gap": one.share,
-            "evidence": one.statistic,
-            "noise reaches": one.threshold,
+            "output": region.output,
+            "variable": region.variable,
+            "kind": region.kind,
+            "from": region.low,
+            "to": region.high,
+            "unit": region.unit,
+            "order": region.order,
+            "direction": region.direction,
+            "share of the gap": region.share,
+            "evidence": region.statistic,
+            "noise reaches": region.threshold,
         }
-        for one in result.where
+        for region in result.where
     ]
     return table(pd.DataFrame(rows))
 
@@ -224,29 +224,29 @@ def _where(result: GapResult) -> str:
 def _steps(result: GapResult) -> str:
     rows = [
         {
-            "step": one.number,
-            "action": one.action,
-            "name": one.name,
-            "accepted": one.accepted,
-            "held-out RMSE over noise": one.held_out,
-            "held-out gain": one.held_out_gain,
-            "its standard error": one.held_out_error,
-            "gain": one.gain,
-            "threshold": one.threshold,
-            "why": one.reason,
+            "step": step.number,
+            "action": step.action,
+            "name": step.name,
+            "accepted": step.accepted,
+            "held-out RMSE over noise": step.held_out,
+            "held-out gain": step.held_out_gain,
+            "its standard error": step.held_out_error,
+            "gain": step.gain,
+            "threshold": step.threshold,
+            "why": step.reason,
         }
-        for one in result.steps
+        for step in result.steps
     ]
-    found = pd.DataFrame(rows)
-    found = found[[name for name in found if found[name].notna().any()]]
-    return table(found, [one.accepted for one in result.steps])
+    frame = pd.DataFrame(rows)
+    frame = frame[[name for name in frame if frame[name].notna().any()]]
+    return table(frame, [step.accepted for step in result.steps])
 
 
 def _effects(result: GapResult) -> str:
     return "\n".join(map(_effect, result.effects))
 
 
-def _effect(one: FoundEffect) -> str:
+def _effect(effect: FoundEffect) -> str:
     rows = [
         {
             "parameter": p.name,
@@ -256,20 +256,20 @@ def _effect(one: FoundEffect) -> str:
             "unit": p.unit,
             "meaning": p.meaning,
         }
-        for p in one.parameters
+        for p in effect.parameters
     ]
     evidence = [
-        f"explains {shown(one.gain)} where noise alone reaches {shown(one.threshold)}",
-        f"held-out squared error falls by {shown(one.held_out_gain)} "
-        f"(standard error {shown(one.held_out_error)})",
+        f"explains {shown(effect.gain)} where noise alone reaches {shown(effect.threshold)}",
+        f"held-out squared error falls by {shown(effect.held_out_gain)} "
+        f"(standard error {shown(effect.held_out_error)})",
     ]
-    if one.frequency == one.frequency:
-        evidence.append(f"named in {100 * one.frequency:.0f} % of the bootstrap replicates")
-    evidence += [f"{name} stands at its physical bound" for name in one.at_bound]
-    if one.counterpart:
-        evidence.append(f"in the problem of the allocation: {one.counterpart}")
+    if effect.frequency == effect.frequency:
+        evidence.append(f"named in {100 * effect.frequency:.0f} % of the bootstrap replicates")
+    evidence += [f"{name} stands at its physical bound" for name in effect.at_bound]
+    if effect.counterpart:
+        evidence.append(f"in the problem of the allocation: {effect.counterpart}")
     return (
-        f"<h3>{escape(one.name)} ({escape(one.family)})</h3>\n<p>{escape(one.cause)}</p>\n"
+        f"<h3>{escape(effect.name)} ({escape(effect.family)})</h3>\n<p>{escape(effect.cause)}</p>\n"
         f"{table(pd.DataFrame(rows))}\n{bullets(evidence)}"
     )
 
@@ -277,22 +277,22 @@ def _effect(one: FoundEffect) -> str:
 def _remainder(result: GapResult) -> str:
     rows = [
         {
-            "output": one.output,
-            "variables": ", ".join(one.variables),
-            "shape": one.shape,
-            "rms": one.rms,
-            "unit": one.unit,
-            "over the noise": one.ratio,
-            "share of the gap": one.share,
+            "output": remainder.output,
+            "variables": ", ".join(remainder.variables),
+            "shape": remainder.shape,
+            "rms": remainder.rms,
+            "unit": remainder.unit,
+            "over the noise": remainder.ratio,
+            "share of the gap": remainder.share,
         }
-        for one in result.remainder
+        for remainder in result.remainder
     ]
-    terms = [f"in the corrected model, without a name: {one}" for one in result.unresolved]
+    terms = [f"in the corrected model, without a name: {term}" for term in result.unresolved]
     return table(pd.DataFrame(rows)) + bullets(terms)
 
 
 def _next(result: GapResult, pictures: str) -> str:
-    """What is planned, or how to ask for it where something is open."""
+    """The planned measurement, or how to ask for one where a question is open."""
     asked = result.next_measurement is not None or bool(result.rivals or result.shapes)
     return next_section(result.next_measurement, pictures) if asked else ""
 
@@ -301,35 +301,35 @@ def _rivals(result: GapResult) -> str:
     return "\n".join(map(_rival, result.rivals))
 
 
-def _rival(one: Rival) -> str:
-    mine, other = " + ".join(one.names), " + ".join(one.instead_of)
-    lines = [f"fits worse by {shown(one.distance)} (likelihood, and ln n per further parameter)"]
-    if one.correlation == one.correlation:
+def _rival(rival: Rival) -> str:
+    names, instead_of = " + ".join(rival.names), " + ".join(rival.instead_of)
+    lines = [f"fits worse by {shown(rival.distance)} (likelihood, and ln n per further parameter)"]
+    if rival.correlation == rival.correlation:
         lines.append(
-            f"what both do on these rows, beside all else that is fitted, correlates by "
-            f"{one.correlation:.3f}"
+            f"their contributions on these rows, given all else that is fitted, correlate by "
+            f"{rival.correlation:.3f}"
         )
-    lines.append(f"next measurement: {one.measurement}")
+    lines.append(f"next measurement: {rival.measurement}")
     lines += [
         f"vary {name} from {shown(low)} to {shown(high)}"
-        for name, (low, high) in one.measurement.inputs.items()
+        for name, (low, high) in rival.measurement.inputs.items()
     ]
-    if one.measurement.readings:
-        lines.append(f"readings that separate them: {one.measurement.readings}")
-    return f"<h3>{escape(mine)} instead of {escape(other)}</h3>\n{bullets(lines)}"
+    if rival.measurement.readings:
+        lines.append(f"measurements that separate them: {rival.measurement.readings}")
+    return f"<h3>{escape(names)} instead of {escape(instead_of)}</h3>\n{bullets(lines)}"
 
 
 def _recalibrated(result: GapResult) -> str:
     rows = [
         {
-            "parameter": one.name,
-            "before": one.before,
-            "after": one.after,
-            "unit": one.unit,
-            "tolerance": one.tolerance,
-            "at its end": one.at_bound,
+            "parameter": parameter.name,
+            "before": parameter.before,
+            "after": parameter.after,
+            "unit": parameter.unit,
+            "tolerance": parameter.tolerance,
+            "at its end": parameter.at_bound,
         }
-        for one in result.gate.recalibrated
+        for parameter in result.gate.recalibrated
     ]
     return table(pd.DataFrame(rows))
 
@@ -337,14 +337,14 @@ def _recalibrated(result: GapResult) -> str:
 def _detectable(result: GapResult) -> str:
     rows = [
         {
-            "effect": one.name,
-            "family": one.family,
-            "smallest rms": one.rms,
-            "unit": one.unit,
-            "parameter": one.parameter,
-            "value": one.value,
+            "effect": effect.name,
+            "family": effect.family,
+            "smallest rms": effect.rms,
+            "unit": effect.unit,
+            "parameter": effect.parameter,
+            "value": effect.value,
         }
-        for one in result.gate.detectable
+        for effect in result.gate.detectable
     ]
     unseen = ", ".join(result.gate.unseen)
     return table(pd.DataFrame(rows)) + (f"<p>{UNSEEN}: {escape(unseen)}.</p>" if unseen else "")

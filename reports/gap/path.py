@@ -1,5 +1,5 @@
 """The path of steps, in the measure that decided: held-out error against the noise floor, for a
-batch what a step gains against what it must.
+batch the gain of a step against its threshold.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ def path_figure(result: GapResult) -> Figure | None:
     """
     batch = len(result.units) > 0
     measured = {
-        one.number: one.gain / one.threshold if batch else one.held_out
-        for one in result.steps
-        if not batch or (one.gain > 0.0 and one.threshold > 0.0)
+        step.number: step.gain / step.threshold if batch else step.held_out
+        for step in result.steps
+        if not batch or (step.gain > 0.0 and step.threshold > 0.0)
     }
-    steps = [one for one in result.steps if isfinite(measured.get(one.number, nan))]
+    steps = [step for step in result.steps if isfinite(measured.get(step.number, nan))]
     if not steps:
         return None
-    at_step = [measured[one.number] for one in steps]
+    at_step = [measured[step.number] for step in steps]
     figure = new_figure(height=1.6 + 0.32 * len(steps))
     axes = figure.add_subplot()
     places = range(len(steps))
@@ -64,7 +64,7 @@ def path_figure(result: GapResult) -> Figure | None:
         linewidth=1.4,
         label="what a step must gain" if batch else "noise floor",
     )
-    axes.set_yticks(places, [_label(one) for one in steps], fontsize="small")
+    axes.set_yticks(places, [_label(step) for step in steps], fontsize="small")
     axes.invert_yaxis()
     if batch:
         axes.set_xscale("log")

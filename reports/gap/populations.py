@@ -19,22 +19,22 @@ def population_table(result: GapResult) -> str:
         return ""
     rows = [
         {
-            "model": one.model,
-            "output": one.output,
-            "aspect": one.aspect,
-            "statistic": one.statistic,
-            "unit": one.unit,
-            "simulated": one.simulated,
-            "measured": one.measured,
-            "difference": one.difference,
-            "90 % from": one.low,
-            "to": one.high,
-            "chance reaches": one.chance,
-            "verdict": one.verdict,
+            "model": line.model,
+            "output": line.output,
+            "aspect": line.aspect,
+            "statistic": line.statistic,
+            "unit": line.unit,
+            "simulated": line.simulated,
+            "measured": line.measured,
+            "difference": line.difference,
+            "90 % from": line.low,
+            "to": line.high,
+            "chance reaches": line.chance,
+            "verdict": line.verdict,
         }
-        for one in result.population
+        for line in result.population
     ]
-    return table(pd.DataFrame(rows), [one.differs for one in result.population], CAPTION)
+    return table(pd.DataFrame(rows), [line.differs for line in result.population], CAPTION)
 
 
 def attribution_table(result: GapResult) -> str:
@@ -42,7 +42,7 @@ def attribution_table(result: GapResult) -> str:
     return "\n".join(map(_attribution, result.attribution))
 
 
-def _attribution(one: Attribution) -> str:
+def _attribution(attribution: Attribution) -> str:
     rows = [
         {
             "input": c.input,
@@ -56,9 +56,9 @@ def _attribution(one: Attribution) -> str:
             "parts to measure": c.parts or None,
             "units that would tell": c.readings or None,
         }
-        for c in one.candidates
+        for c in attribution.candidates
     ]
-    marks = [not c.excluded_because for c in one.candidates]
-    head = f"{one.kind}: {one.verdict}" if one.kind else one.verdict
+    marks = [not c.excluded_because for c in attribution.candidates]
+    head = f"{attribution.kind}: {attribution.verdict}" if attribution.kind else attribution.verdict
     below = table(pd.DataFrame(rows), marks) if rows else ""
-    return f"<h3>{escape(head)}</h3>\n<p>{escape(one.text)}</p>\n{below}"
+    return f"<h3>{escape(head)}</h3>\n<p>{escape(attribution.text)}</p>\n{below}"

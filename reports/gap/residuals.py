@@ -18,11 +18,11 @@ from ..drawing import flags, new_figure, plain
 from .marks import AFTER, BEFORE, TAKEN, Mark, legend, shade, words
 
 DRAWN = 600
-"""Readings drawn per panel: every k-th, so that a page of a million rows stays small."""
+"""Measurements drawn per panel: every k-th, so that a page of a million rows stays small."""
 ROW, MARGIN = 1.75, 0.9
 """Height [inch] of a row of panels, and of what is above and below them."""
 MEANS, LEAST = 16, 4
-"""Stretches of an input that means are drawn of, and readings in each of them at least."""
+"""Intervals of an input whose means are drawn, and measurements in each of them at least."""
 MARKS = (BEFORE, AFTER, TAKEN)
 """The columns of panels."""
 FEW = 3
@@ -38,7 +38,7 @@ def residuals_figure(result: GapResult, output: Axis) -> Figure | None:
 
     None where the residuals are not row by row (a population).
     """
-    inputs = [one for one in result.inputs if one.name in result.residuals]
+    inputs = [axis for axis in result.inputs if axis.name in result.residuals]
     if f"{output.name}_before" not in result.residuals or not inputs:
         return None
     frame = thinned(result.residuals)
@@ -48,9 +48,9 @@ def residuals_figure(result: GapResult, output: Axis) -> Figure | None:
     figure = new_figure(height=MARGIN + ROW * len(inputs))
     panels = figure.subplots(len(inputs), len(MARKS), sharey=True, sharex="row", squeeze=False)
     for row, axis in zip(panels, inputs, strict=True):
-        found = _regions(result.where, output.name, axis.name)
+        regions = _regions(result.where, output.name, axis.name)
         for axes, mark in zip(row, MARKS, strict=True):
-            _panel(axes, frame, axis, output, mark, found)
+            _panel(axes, frame, axis, output, mark, regions)
         row[0].set_ylabel(f"residual [{output.unit}]" if output.unit else "residual")
     _frame(panels[0][0], frame, output)
     _titles(panels[0], result, output)
@@ -67,17 +67,19 @@ def thinned(frame: pd.DataFrame) -> pd.DataFrame:
 
 def _regions(where: Sequence[Region], output: str, variable: str) -> list[Region]:
     return [
-        one
-        for one in where
-        if one.output == output and one.variable == variable and isfinite(one.low + one.high)
+        region
+        for region in where
+        if region.output == output
+        and region.variable == variable
+        and isfinite(region.low + region.high)
     ]
 
 
 def _panel(
-    axes: Axes, frame: pd.DataFrame, axis: Axis, output: Axis, mark: Mark, found: list[Region]
+    axes: Axes, frame: pd.DataFrame, axis: Axis, output: Axis, mark: Mark, regions: list[Region]
 ) -> None:
-    for one in found:
-        shade(axes, one.low, one.high)
+    for region in regions:
+        shade(axes, region.low, region.high)
     places, ticks = _places(frame[axis.name])
     wrong = _outliers(frame, output)
     rest = frame[f"{output.name}_{mark.word}"].to_numpy(dtype=float)
@@ -123,7 +125,7 @@ def _outliers(frame: pd.DataFrame, output: Axis) -> NDArray[np.bool_]:
 
 
 def _limit(frame: pd.DataFrame, output: Axis) -> float:
-    """How far the panels reach: every reading but the outliers."""
+    """How far the panels reach: every measurement but the outliers."""
     good = frame[~_outliers(frame, output)]
     both = good[[f"{output.name}_{mark.word}" for mark in MARKS]].to_numpy(dtype=float)
     return 1.1 * float(np.nanmax(np.abs(both), initial=0.0)) or 1.0
@@ -135,13 +137,13 @@ def _frame(axes: Axes, frame: pd.DataFrame, output: Axis) -> None:
 
 
 def _means(axes: Axes, places: NDArray[np.float64], rest: NDArray[np.float64]) -> None:
-    """Means of readings that lie beside each other: what is left shows in them before the eye."""
+    """Means of neighbouring measurements, in which a systematic residual shows first."""
     order = np.argsort(places, kind="stable")
-    groups = [one for one in np.array_split(order, MEANS) if len(one) >= LEAST]
+    groups = [group for group in np.array_split(order, MEANS) if len(group) >= LEAST]
     if len(groups) == MEANS and len(np.unique(places)) > MEANS:
         axes.plot(
-            [places[one].mean() for one in groups],
-            [rest[one].mean() for one in groups],
+            [places[group].mean() for group in groups],
+            [rest[group].mean() for group in groups],
             color="black",
             linewidth=1.6,
             label=MEAN,
@@ -149,9 +151,9 @@ def _means(axes: Axes, places: NDArray[np.float64], rest: NDArray[np.float64]) -
 
 
 def _means_of_labels(axes: Axes, codes: NDArray[np.float64], rest: NDArray[np.float64]) -> None:
-    """The mean of the readings of each label."""
+    """The mean of the measurements of each label."""
     levels = np.unique(codes)
-    means = [float(rest[codes == one].mean()) for one in levels]
+    means = [float(rest[codes == level].mean()) for level in levels]
     axes.hlines(means, levels - 0.3, levels + 0.3, color="black", linewidth=1.6, label=MEAN)
 
 
@@ -164,26 +166,26 @@ def _noise(axes: Axes, frame: pd.DataFrame, output: Axis) -> None:
 
 
 def _places(column: pd.Series) -> tuple[NDArray[np.float64], list[str]]:
-    """Where readings stand along an input; labels one beside the other in order of appearance."""
+    """Places of measurements along an input; labels side by side in the order of appearance."""
     if pd.api.types.is_numeric_dtype(column):
         values = column.to_numpy(dtype=float)
         levels = np.unique(values)
         if len(levels) > FEW:
             return values, []
-        return _beside(np.searchsorted(levels, values)), [f"{one:g}" for one in levels]
+        return _beside(np.searchsorted(levels, values)), [f"{level:g}" for level in levels]
     codes, labels = pd.factorize(column.astype(str))
-    shown = [str(one) for one in labels] if len(labels) <= 12 else []
+    shown = [str(label) for label in labels] if len(labels) <= 12 else []
     return _beside(codes) if shown else codes.astype(float), shown
 
 
 def _beside(codes: NDArray[np.intp]) -> NDArray[np.float64]:
-    """Readings of one label beside each other instead of on one line."""
+    """Places that spread the measurements of one label sideways instead of on one line."""
     shift = (np.arange(len(codes)) * GOLDEN) % 1.0
     return np.asarray(codes + 0.6 * (shift - 0.5))
 
 
 def _titles(row: Sequence[Axes], result: GapResult, output: Axis) -> None:
-    """Each column's RMSE on rows that the fit never saw; of a population its distributions tell."""
+    """Each column's held-out RMSE; none for a population, which has its distributions."""
     units = len(result.units) > 0
     nothing: Mapping[str, float] = {}
     stages = (result.gap_before, result.gap_after, nothing)

@@ -28,7 +28,9 @@ def spectrum_figure(result: GapResult, output: Axis) -> Figure | None:
     figure = new_figure(height=4.4)
     panels = figure.subplots(2, 1, sharex=True, sharey=True)
     located = [
-        one.order for one in result.where if one.output == output.name and isfinite(one.order)
+        region.order
+        for region in result.where
+        if region.output == output.name and isfinite(region.order)
     ]
     for axes, mark in zip(panels, (BEFORE, AFTER), strict=True):
         for order in located:
@@ -62,7 +64,7 @@ def _label_peaks(axes: Axes, orders: list[float], sizes: list[float], limits: li
         for at in inner
         if sizes[at] > limits[at] and sizes[at] == max(sizes[max(0, at - 4) : at + 5])
     ]
-    for at in sorted(peaks, key=lambda one: -sizes[one])[:HIGHEST]:
+    for at in sorted(peaks, key=lambda peak: -sizes[peak])[:HIGHEST]:
         axes.annotate(
             f"{orders[at]:g}",
             (orders[at], sizes[at]),

@@ -18,8 +18,8 @@ def course_figure(result: StudyResult, key: str) -> Figure:
     """Median of the runs by generation with its interval, one line per level; the optimum."""
     figure = new_figure(height=3.8)
     axes = figure.add_subplot()
-    own = result.courses[result.courses["key"] == key]
-    for at, (name, part) in enumerate(own.groupby("level", sort=False)):
+    course = result.courses[result.courses["key"] == key]
+    for at, (name, part) in enumerate(course.groupby("level", sort=False)):
         colour = COLOURS[at % len(COLOURS)]
         axes.fill_between(
             part["generation"],
@@ -36,8 +36,8 @@ def course_figure(result: StudyResult, key: str) -> Figure:
             linewidth=1.3,
             label=f"{short(key)} {level(name)}",
         )
-    _draw_optimum(axes, own)
-    low, high = own["median"].min(), own["median"].max()
+    _draw_optimum(axes, course)
+    low, high = course["median"].min(), course["median"].max()
     axes.set_yscale("log" if wide(low, high) else "linear")
     axes.set_xlabel("generation")
     axes.set_ylabel(result.course_of.replace("_", " "))
@@ -46,8 +46,8 @@ def course_figure(result: StudyResult, key: str) -> Figure:
     return figure
 
 
-def _draw_optimum(axes: Axes, own: pd.DataFrame) -> None:
-    known = np.unique(own["optimum"].dropna())
+def _draw_optimum(axes: Axes, course: pd.DataFrame) -> None:
+    known = np.unique(course["optimum"].dropna())
     for at, value in enumerate(known):
         axes.axhline(
             value,
@@ -60,11 +60,11 @@ def _draw_optimum(axes: Axes, own: pd.DataFrame) -> None:
 
 def course_caption(result: StudyResult, key: str) -> str:
     """What the figure shows."""
-    own = result.courses[result.courses["key"] == key]
-    share = 100 * own["level_of_interval"].iloc[0]
-    exact = "; the dashed line is the exact optimum" if own["optimum"].notna().any() else ""
+    course = result.courses[result.courses["key"] == key]
+    confidence = 100 * course["level_of_interval"].iloc[0]
+    exact = "; the dashed line is the exact optimum" if course["optimum"].notna().any() else ""
     return (
-        f"{result.course_of} by generation at {own['level'].nunique()} levels of {key}, the "
-        f"other settings as in the run: median of {own['n'].max()} seeds and its {share:.0f} % "
-        f"interval{exact}."
+        f"{result.course_of} by generation at {course['level'].nunique()} levels of {key}, the "
+        f"other settings as in the run: median of {course['n'].max()} seeds and its "
+        f"{confidence:.0f} % interval{exact}."
     )

@@ -25,21 +25,21 @@ class Named:
 
 def figures(result: StudyResult) -> list[Named]:
     """Courses of each key, then each response against the settings, then the sensitivities."""
-    found = [
+    drawn = [
         Named(f"course_{stem(key)}", course_figure(result, key), course_caption(result, key), key)
         for key in result.courses["key"].unique()
     ]
-    found += [
+    drawn += [
         Named(
-            f"response_{stem(one.name)}",
-            response_figure(result, one),
-            response_caption(result, one),
+            f"response_{stem(response.name)}",
+            response_figure(result, response),
+            response_caption(result, response),
         )
-        for one in result.responses
+        for response in result.responses
     ]
     if len(result.sensitivity):
-        found.append(Named("sensitivity", sensitivity_figure(result), sensitivity_caption(result)))
-    return found
+        drawn.append(Named("sensitivity", sensitivity_figure(result), sensitivity_caption(result)))
+    return drawn
 
 
 def stem(key: str) -> str:

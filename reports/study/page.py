@@ -52,7 +52,7 @@ def study_page(result: StudyResult) -> str:
             "Configuration", folded("study.toml", f"<pre>{escape(result.configuration)}</pre>")
         ),
     ]
-    body = "\n".join(one for one in parts if one)
+    body = "\n".join(part for part in parts if part)
     scripts = (own("common.js", "study.js"),) if len(result.medians) else ()
     return document(result.title, body, scripts, _head(result))
 
@@ -65,8 +65,8 @@ def _head(result: StudyResult) -> str:
     if not result.recommendations:
         return f'{about}<p class="asked">No setting is recommended.</p>'
     lines = "".join(
-        f"<li>{escape(one.sentence)} {SHOWN if one.shown else NOT_SHOWN}</li>"
-        for one in result.recommendations
+        f"<li>{escape(recommendation.sentence)} {SHOWN if recommendation.shown else NOT_SHOWN}</li>"
+        for recommendation in result.recommendations
     )
     return f'{about}<p class="asked">Recommended settings</p>\n<ul class="answers">{lines}</ul>'
 
@@ -75,7 +75,7 @@ def _settings(result: StudyResult) -> str:
     """Settings to filter and to compare, which the scripts fill."""
     if result.medians.empty:
         return ""
-    names = [one.name for one in result.responses]
+    names = [response.name for response in result.responses]
     keys = [str(name) for name in result.design.columns][:KEYS]
     rows = {
         (str(row["response"]), int(row["point"])): row for row in result.medians.to_dict("records")
@@ -84,8 +84,12 @@ def _settings(result: StudyResult) -> str:
     content = {
         "keys": [{"name": key, "label": short(key)} for key in keys],
         "responses": [
-            {"name": one.name, "label": one.name.replace("_", " "), "larger": one.larger_is_better}
-            for one in result.responses
+            {
+                "name": response.name,
+                "label": response.name.replace("_", " "),
+                "larger": response.larger_is_better,
+            }
+            for response in result.responses
         ],
         "points": [
             {
@@ -105,36 +109,36 @@ def _interval(row: dict[Hashable, Any] | None) -> dict[str, Any] | None:
 
 
 def _of(drawn: list[Named], start: str) -> list[Named]:
-    return [one for one in drawn if one.name.startswith(start)]
+    return [named for named in drawn if named.name.startswith(start)]
 
 
-def _drawing(one: Named) -> str:
-    return picture(one.name, one.figure, one.caption)
+def _drawing(named: Named) -> str:
+    return picture(named.name, named.figure, named.caption)
 
 
 def _courses(result: StudyResult, drawn: list[Named]) -> list[str]:
-    """Each course, with what is read from it and whether that holds; then all other readings."""
-    parts, shown = [], {one.key for one in drawn if one.key}
-    for one in _of(drawn, "course_"):
-        read = [verdict.sentence for verdict in result.verdicts if verdict.key == one.key]
-        parts.append(_drawing(one) + (bullets(read) if read else ""))
+    """Each course with the verdicts on its interpretation; then the verdicts on all others."""
+    parts, shown = [], {named.key for named in drawn if named.key}
+    for named in _of(drawn, "course_"):
+        read = [verdict.sentence for verdict in result.verdicts if verdict.key == named.key]
+        parts.append(_drawing(named) + (bullets(read) if read else ""))
     rest = [verdict.sentence for verdict in result.verdicts if verdict.key not in shown]
-    found = [section("Courses", "\n".join(parts))] if parts else []
-    return found + ([section("Readings", bullets(rest))] if rest else [])
+    sections = [section("Courses", "\n".join(parts))] if parts else []
+    return sections + ([section("Readings", bullets(rest))] if rest else [])
 
 
 def _sensitivities(result: StudyResult, drawn: list[Named]) -> str:
     if result.sensitivity.empty:
         return "<p>None.</p>"
     pictures = "\n".join(map(_drawing, _of(drawn, "sensitivity")))
-    marks = [bool(one) for one in result.sensitivity["distinct"]]
+    marks = [bool(distinct) for distinct in result.sensitivity["distinct"]]
     return f"{pictures}\n<p>{escape(SENSITIVITY)}</p>\n{table(result.sensitivity, marks)}"
 
 
 def _tests(tests: pd.DataFrame) -> str:
     if tests.empty:
         return "<p>None: this design compares no levels side by side.</p>"
-    marks = [bool(one) for one in tests["significant"]]
+    marks = [bool(significant) for significant in tests["significant"]]
     return f"<p>{escape(TESTS)}</p>\n{table(tests, marks)}"
 
 
@@ -145,7 +149,7 @@ def _medians(result: StudyResult) -> str:
 
 
 def _failed(runs: pd.DataFrame) -> str:
-    found = runs[runs["status"] == "failed"]
-    rest = len(found) - FAILED
+    failed = runs[runs["status"] == "failed"]
+    rest = len(failed) - FAILED
     more = f"<p>{rest} more failed runs are in study.csv.</p>" if rest > 0 else ""
-    return table(found.head(FAILED)) + more
+    return table(failed.head(FAILED)) + more

@@ -23,14 +23,14 @@ def response_figure(result: StudyResult, response: Response) -> Figure:
     figure = new_figure(height=0.6 + 2.7 * rows)
     columns = min(COLUMNS, len(result.varied))
     panels = figure.subplots(rows, columns, sharey=True, squeeze=False)
-    own = result.medians[result.medians["response"] == response.name].set_index("point")
-    known = own["median"].dropna()
+    medians = result.medians[result.medians["response"] == response.name].set_index("point")
+    known = medians["median"].dropna()
     scale = "log" if len(known) and wide(known.min(), known.max()) else "linear"
     for at, axes in enumerate(panels.flat):
         if at >= len(result.varied):
             axes.set_visible(False)
             continue
-        _draw(axes, result, response, result.varied[at], own)
+        _draw(axes, result, response, result.varied[at], medians)
         axes.set_yscale(scale)
         plain(axes)
     for axes in panels[:, 0]:
@@ -39,7 +39,7 @@ def response_figure(result: StudyResult, response: Response) -> Figure:
 
 
 def _draw(
-    axes: Axes, result: StudyResult, response: Response, key: Varied, own: pd.DataFrame
+    axes: Axes, result: StudyResult, response: Response, key: Varied, medians: pd.DataFrame
 ) -> None:
     points = _points(result, key)
     places, labels = _places(result.design.loc[points, key.key], key)
@@ -55,7 +55,7 @@ def _draw(
             alpha=0.5,
             markeredgewidth=0,
         )
-    some = own.loc[points]
+    some = medians.loc[points]
     order = places.sort_values(kind="stable").index
     joined = "-" if result.kind == "one_at_a_time" and not key.categorical else "none"
     reach = np.abs(some[["low", "high"]].to_numpy(dtype=float).T - some["median"].to_numpy())
@@ -102,9 +102,10 @@ def _points(result: StudyResult, key: Varied) -> pd.Index:
     """The settings of a panel."""
     if result.kind != "one_at_a_time":
         return result.design.index
-    others = [one for one in result.varied if one.key != key.key]
+    others = [varied for varied in result.varied if varied.key != key.key]
     same = pd.DataFrame(
-        {one.key: result.design[one.key] == one.base for one in others}, index=result.design.index
+        {varied.key: result.design[varied.key] == varied.base for varied in others},
+        index=result.design.index,
     )
     return result.design.index[same.all(axis=1)]
 
@@ -121,9 +122,9 @@ def response_caption(result: StudyResult, response: Response) -> str:
     """What the figure shows."""
     runs = "grey points are single runs, " if len(result.design) <= MOST else ""
     best = "" if response.best is None else "; the dashed line is the best there can be"
-    share = 100 * result.medians["level"].iloc[0]
-    keys = ", ".join(one.key for one in result.varied)
+    confidence = 100 * result.medians["level"].iloc[0]
+    keys = ", ".join(varied.key for varied in result.varied)
     return (
-        f"{response.name} against {keys}: {runs}circles are medians with {share:.0f} % "
+        f"{response.name} against {keys}: {runs}circles are medians with {confidence:.0f} % "
         f"bootstrap intervals{best}."
     )

@@ -1,4 +1,4 @@
-"""How much each key matters, with intervals, beside the noise."""
+"""How much each key matters, with intervals, and the noise."""
 
 from __future__ import annotations
 
@@ -37,14 +37,16 @@ HEIGHT = 0.3
 
 
 def sensitivity_figure(result: StudyResult) -> Figure:
-    """One panel per response; a bar that reaches 0 is told from nothing by no test."""
+    """One panel per response; a bar that reaches 0 is not distinguishable from 0."""
     names = list(result.sensitivity["response"].unique())
     rows = result.sensitivity.groupby("response").size()
     figure = new_figure(height=1.0 + sum(0.6 + HEIGHT * int(rows[name]) for name in names))
     panels = figure.subplots(len(names), 1, squeeze=False, height_ratios=[rows[n] for n in names])
     for axes, name in zip(panels.flat, names, strict=True):
-        own = result.sensitivity[result.sensitivity["response"] == name].reset_index(drop=True)
-        for statistic, part in own.groupby("statistic", sort=False):
+        sensitivities = result.sensitivity[result.sensitivity["response"] == name].reset_index(
+            drop=True
+        )
+        for statistic, part in sensitivities.groupby("statistic", sort=False):
             sides = np.abs(part[["low", "high"]].to_numpy().T - part["value"].to_numpy())
             axes.errorbar(
                 part["value"],
@@ -57,7 +59,9 @@ def sensitivity_figure(result: StudyResult) -> Figure:
                 label=TITLES[str(statistic)],
             )
         axes.set_yticks(
-            range(len(own)), [short(key) or "noise" for key in own["key"]], fontsize="small"
+            range(len(sensitivities)),
+            [short(key) or "noise" for key in sensitivities["key"]],
+            fontsize="small",
         )
         axes.axvline(0.0, color="black", linewidth=0.8)
         axes.invert_yaxis()
@@ -69,8 +73,8 @@ def sensitivity_figure(result: StudyResult) -> Figure:
 
 def sensitivity_caption(result: StudyResult) -> str:
     """What the figure shows."""
-    share = 100 * result.sensitivity["level"].iloc[0]
+    confidence = 100 * result.sensitivity["level"].iloc[0]
     return (
-        f"Sensitivities with {share:.0f} % intervals, the noise of the runs taken out and "
-        "shown for itself: an interval that holds 0 is not told from nothing."
+        f"Sensitivities with {confidence:.0f} % intervals, the noise of the runs taken out and "
+        "shown for itself: an effect whose interval holds 0 is not distinguishable from 0."
     )

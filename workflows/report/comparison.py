@@ -16,37 +16,37 @@ COST = "cost"
 
 
 def compared(runs: Mapping[str, RunResult]) -> tuple[Comparison | None, tuple[str, ...]]:
-    """The runs with the objectives of the first one, and what is said of the others.
+    """The runs with the objectives of the first one, and remarks on the others.
 
-    None where fewer than two are left.
+    None where fewer than two remain.
     """
     whole = {label: run for label, run in runs.items() if len(run.front) and run.objectives}
-    said = [f"{label}: has no front to compare" for label in runs if label not in whole]
+    remarks = [f"{label}: has no front to compare" for label in runs if label not in whole]
     if not whole:
-        return None, tuple(said)
-    first, one = next(iter(whole.items()))
-    names = [axis.name for axis in one.objectives]
+        return None, tuple(remarks)
+    first, first_run = next(iter(whole.items()))
+    names = [axis.name for axis in first_run.objectives]
     alike = {}
     for label, run in whole.items():
-        own = [axis.name for axis in run.objectives]
-        if sorted(own) == sorted(names):
+        others = [axis.name for axis in run.objectives]
+        if sorted(others) == sorted(names):
             alike[label] = run
         else:
-            said.append(
-                f"{label}: minimises {', '.join(own)}, and {first} {', '.join(names)}: left out"
+            remarks.append(
+                f"{label}: minimises {', '.join(others)}, and {first} {', '.join(names)}: left out"
             )
     if len(alike) < 2:
-        return None, tuple(said)
+        return None, tuple(remarks)
     ideal, nadir, note = _box(alike, names)
     result = Comparison(
         title="Comparison of " + ", ".join(alike),
-        objectives=one.objectives,
+        objectives=first_run.objectives,
         runs=tuple(Compared(label, run.front, run.references) for label, run in alike.items()),
         table=_table(alike, names, ideal, nadir),
-        equal=_equal(alike, one.objectives),
-        notes=(note, *said),
+        equal=_equal(alike, first_run.objectives),
+        notes=(note, *remarks),
     )
-    return result, tuple(said)
+    return result, tuple(remarks)
 
 
 def _box(runs: Mapping[str, RunResult], names: list[str]) -> tuple[np.ndarray, np.ndarray, str]:
@@ -58,16 +58,16 @@ def _box(runs: Mapping[str, RunResult], names: list[str]) -> tuple[np.ndarray, n
         if all(isinstance(value, int | float) for row in known for value in row):
             ends.append(np.array(known, dtype=float))
         else:
-            own = [run.front[names].to_numpy(dtype=float) for run in runs.values()]
-            ends.append(np.array([of_fronts(values, axis=0) for values in own]))
+            fronts = [run.front[names].to_numpy(dtype=float) for run in runs.values()]
+            ends.append(np.array([of_fronts(values, axis=0) for values in fronts]))
     ideal, nadir = ends[0].min(axis=0), ends[1].max(axis=0)
     same = bool(np.all(ends[0] == ideal) and np.all(ends[1] == nadir))
     note = (
         "Hypervolumes are measured in the box that all runs share."
         if same
         else (
-            "The runs have different boxes of ideal and nadir: hypervolumes are measured in the box "
-            "that contains all of them, and differ from those of the runs themselves."
+            "The runs have different boxes of ideal and nadir: hypervolumes are measured in the "
+            "box that contains all of them, and differ from those of the runs themselves."
         )
     )
     return ideal, np.maximum(nadir, ideal + 1e-12), note
@@ -88,13 +88,13 @@ def _table(
         row |= {key: run.summary.get(key) for key in ("evaluations", "seconds", "status", "seed")}
         statement = run.summary.get("model_statement")
         rows.append(row | ({"model": statement} if statement else {}))
-    found = pd.DataFrame(rows)
-    found.insert(3, "share_of_best_percent", 100.0 * found["hypervolume"] / _most(found))
-    return found
+    table = pd.DataFrame(rows)
+    table.insert(3, "share_of_best_percent", 100.0 * table["hypervolume"] / _most(table))
+    return table
 
 
-def _most(found: pd.DataFrame) -> float:
-    return float(found["hypervolume"].max()) or np.nan
+def _most(table: pd.DataFrame) -> float:
+    return float(table["hypervolume"].max()) or np.nan
 
 
 def _equal(runs: Mapping[str, RunResult], objectives: tuple[Axis, ...]) -> pd.DataFrame:

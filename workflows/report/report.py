@@ -38,7 +38,7 @@ RENEWED = 5.0
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """A page that was written, and what was found wrong on the way."""
+    """A page that was written, and remarks on what is wrong with its files."""
 
     path: Path
     remarks: tuple[str, ...]
@@ -78,8 +78,8 @@ def _single(folder: Path, out: Path | None, figures: Path | None, renew: bool = 
     stored.missing()
     remarks = tuple(stored.remarks)
     if result is None:
-        said, found = facts(folder, stored.standing), tables(folder, stored.standing)
-        text = unfinished_page(folder.resolve().name, kind, said, remarks, found)
+        sentences, frames = facts(folder, stored.standing), tables(folder, stored.standing)
+        text = unfinished_page(folder.resolve().name, kind, sentences, remarks, frames)
         _write(stored, out, renewed(text) if renew else text)
         return Report(out or folder / PAGE, remarks, unfinished=True)
     _, build, draw = _pages()[kind]
@@ -89,24 +89,24 @@ def _single(folder: Path, out: Path | None, figures: Path | None, renew: bool = 
     return Report(out or folder / PAGE, remarks, going)
 
 
-def watch(folder: Path, out: Path, told: Callable[[Report], None] | None = None) -> Report:
+def watch(folder: Path, out: Path, on_page: Callable[[Report], None] | None = None) -> Report:
     """Build the page of a directory again every `RENEWED` seconds until its result is complete.
 
-    The page `out` lies beside the directory, for another process works in that; a browser loads it
-    anew by itself. `told` is called with every page. An interrupt ends it. Raises InputError as
-    `report` does, but for what is written while it is read.
+    The page `out` lies outside of the directory, for another process works in that; a browser loads
+    it anew by itself. `on_page` is called with every page. An interrupt ends it. Raises InputError
+    as `report` does, but for what is written while it is read.
     """
     while True:
         try:
-            found = _single(folder, out, None, renew=True)
+            built = _single(folder, out, None, renew=True)
         except InputError:
             if not standing(folder).holders:
                 raise
         else:
-            if told is not None:
-                told(found)
-            if not found.unfinished:
-                return found
+            if on_page is not None:
+                on_page(built)
+            if not built.unfinished:
+                return built
         time.sleep(RENEWED)
 
 
@@ -182,12 +182,12 @@ def _pages() -> Mapping[str, Page]:
         "study": Page(
             StudyResult,
             lambda result, _: study_page(result),
-            lambda result: {one.name: one.figure for one in figures(result)},
+            lambda result: {named.name: named.figure for named in figures(result)},
         ),
         "reproduce": Page(
             ClaimsResult,
             lambda result, _: claims_page(result),
-            lambda result: {one.name: one.figure for one in claims_figures(result)},
+            lambda result: {named.name: named.figure for named in claims_figures(result)},
         ),
     }
 
@@ -202,9 +202,9 @@ def _faults(folder: Path, kind: str, remarks: Sequence[str]) -> list[Fault]:
     more = "nothing can be shown of it"
     if kind != "run":
         more += f"; run `tolevo {kind}` on it again, with --resume"
-    return [Fault(f"{folder}/{one.split(': ')[0]}", one.split(": ", 1)[1]) for one in remarks] + [
-        Fault(str(folder), more)
-    ]
+    return [
+        Fault(f"{folder}/{remark.split(': ')[0]}", remark.split(": ", 1)[1]) for remark in remarks
+    ] + [Fault(str(folder), more)]
 
 
 def _several(folders: Sequence[Path], out: Path, figures: Path | None) -> Report:
@@ -216,31 +216,31 @@ def _several(folders: Sequence[Path], out: Path, figures: Path | None) -> Report
         folder, kind = stored.folder, stored.standing.command
         result = _result(stored, kind) if kind == "run" else None
         stored.missing()
-        remarks += [f"{folder}/{one}" for one in stored.remarks]
+        remarks += [f"{folder}/{remark}" for remark in stored.remarks]
         if result is not None:
             runs[label] = result
         elif kind not in ("", "run"):
             remarks.append(f"{folder}: holds a {kind}; only runs are compared")
         else:
             remarks += [str(fault) for fault in _faults(folder, kind, [])]
-    found, said = compared(runs)
-    if found is None:
+    comparison, sentences = compared(runs)
+    if comparison is None:
         text = "fewer than two runs that can be compared are left"
-        split = [one.split(": ", 1) for one in (*remarks, *said)]
+        split = [remark.split(": ", 1) for remark in (*remarks, *sentences)]
         raise_all([*(Fault(place, why) for place, why in split), Fault("report", text)])
-    assert found is not None
+    assert comparison is not None
     for stored in held:
         _check_unchanged(stored)
-    write_text(out, comparison_page(found, tuple(remarks)))
-    _draw({"fronts": comparison_figure(found)}, figures)
-    return Report(out, (*remarks, *said))
+    write_text(out, comparison_page(comparison, tuple(remarks)))
+    _draw({"fronts": comparison_figure(comparison)}, figures)
+    return Report(out, (*remarks, *sentences))
 
 
 def _labels(folders: Sequence[Path]) -> list[str]:
-    """Names that tell the directories apart: the last parts of their paths, as many as needed."""
+    """Names that distinguish the directories: the last parts of their paths, as many as needed."""
     parts = [folder.resolve().parts for folder in folders]
     for count in range(1, max(map(len, parts)) + 1):
-        labels = ["/".join(one[-count:]) for one in parts]
+        labels = ["/".join(path[-count:]) for path in parts]
         if len(set(labels)) == len(labels):
             return labels
-    return [f"{'/'.join(one[-1:])} ({at})" for at, one in enumerate(parts, start=1)]
+    return [f"{'/'.join(path[-1:])} ({at})" for at, path in enumerate(parts, start=1)]

@@ -25,7 +25,7 @@ SHOWN = 3
 
 
 class Stored:
-    """A directory; what is missing or wrong is handed out as None and said in `remarks`."""
+    """A directory; what is missing or wrong is returned as None and noted in `remarks`."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -35,7 +35,7 @@ class Stored:
             self.remark(MANIFEST, text)
 
     def remark(self, name: str, text: str) -> None:
-        """Say something of a file."""
+        """Add a remark on a file."""
         self.remarks.append(f"{name}: {text}")
 
     @property
@@ -44,11 +44,11 @@ class Stored:
         return self.standing.unfinished is not None
 
     def missing(self) -> None:
-        """Say which files of a complete result are gone, where it has not been said."""
+        """Remark which files of a complete result are gone, unless that has been remarked."""
         kind = KINDS.get(self.standing.command)
-        said = {one.split(": ")[0] for one in self.remarks}
+        remarked = {remark.split(": ")[0] for remark in self.remarks}
         for name in self.standing.missing:
-            if name not in said and kind is not None and not fits(name, kind.state):
+            if name not in remarked and kind is not None and not fits(name, kind.state):
                 self.remark(name, "is missing")
 
     def text(self, name: str, needed: bool = True) -> str | None:
@@ -70,14 +70,14 @@ class Stored:
         if text is None:
             return {}
         try:
-            found = json.loads(text)
+            content = json.loads(text)
         except ValueError as error:
             self.remark(name, f"is not JSON ({error}): was it edited by hand?")
             return {}
-        if not isinstance(found, dict):
+        if not isinstance(content, dict):
             self.remark(name, "holds no object: was it edited by hand?")
             return {}
-        return found
+        return content
 
     def table(
         self, name: str, numeric: Iterable[str] = (), needed: bool = True
@@ -86,23 +86,23 @@ class Stored:
         if self.text(name, needed) is None:
             return None
         try:
-            found = read_own_csv(self.folder / name)
+            frame = read_own_csv(self.folder / name)
         except (ValueError, OSError) as error:  # pandas' own errors are ValueErrors
             self.remark(name, f"is no table ({str(error).strip()}): was it edited by hand?")
             return None
         blank = {
-            column: found[column].astype(object).fillna("") for column in TEXT if column in found
+            column: frame[column].astype(object).fillna("") for column in TEXT if column in frame
         }
-        return self.numbered(found.assign(**blank), name, numeric)
+        return self.numbered(frame.assign(**blank), name, numeric)
 
-    def numbered(self, found: pd.DataFrame, name: str, numeric: Iterable[str]) -> pd.DataFrame:
+    def numbered(self, frame: pd.DataFrame, name: str, numeric: Iterable[str]) -> pd.DataFrame:
         """The table without rows that lack a number where there must be one."""
-        kept = np.ones(len(found), dtype=bool)
-        typed = found.copy()
+        kept = np.ones(len(frame), dtype=bool)
+        typed = frame.copy()
         for column in numeric:
-            if column not in found:
+            if column not in frame:
                 continue
-            values = pd.to_numeric(found[column], errors="coerce")
+            values = pd.to_numeric(frame[column], errors="coerce")
             good = np.isfinite(values.to_numpy(dtype=float))
             self._bad_cells(name, column, np.flatnonzero(~good))
             typed[column] = values
@@ -116,16 +116,16 @@ class Stored:
             self.remark(name, f"line {named}{more}, column {column}: no finite number; left out")
 
     def edited(self, hashes: Mapping[str, Any]) -> None:
-        """Say which files are not as they were written, by their SHA-256."""
+        """Remark which files are not as they were written, by their SHA-256."""
         for name, known in hashes.items():
             path = self.folder / Path(str(name)).name
             if not path.is_file():
-                continue  # said where it is read
+                continue  # remarked where it is read
             if hashlib.sha256(path.read_bytes()).hexdigest() != known:
                 self.remark(path.name, "was changed after it was written; shown as it is now")
 
     def newer(self, name: str, versions: Any, format_: Any, known: int) -> None:
-        """Say whether a newer version wrote this."""
+        """Remark whether a newer version wrote this."""
         written = str(versions.get("tolevo", "")) if isinstance(versions, Mapping) else ""
         of_format = isinstance(format_, int) and format_ > known
         if of_format or _parts(written) > _parts(version("tolevo")):

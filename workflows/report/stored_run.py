@@ -106,13 +106,13 @@ def _tolerances(stored: Stored) -> tuple[Mapping[str, Any], ...]:
     if not (stored.folder / TOLERANCES).is_file():
         return ()
     try:
-        found = json.loads(stored.text(TOLERANCES) or "")
+        records = json.loads(stored.text(TOLERANCES) or "")
     except ValueError:
-        found = None
-    if isinstance(found, list) and all(
-        isinstance(one, dict) and one.keys() >= NAMED for one in found
+        records = None
+    if isinstance(records, list) and all(
+        isinstance(record, dict) and record.keys() >= NAMED for record in records
     ):
-        return tuple(found)
+        return tuple(records)
     stored.remark(TOLERANCES, "is not what a run writes: was it edited by hand?")
     return ()
 
@@ -143,9 +143,9 @@ def _with(
 
 def _front(stored: Stored, names: list[str]) -> pd.DataFrame:
     """`front.csv`, or where it cannot be read `front.parquet`."""
-    found = stored.table("front.csv", names)
+    front = stored.table("front.csv", names)
     path = stored.folder / "front.parquet"
-    if found is None and path.is_file():
+    if front is None and path.is_file():
         try:
             table = pd.read_parquet(path)
         except (OSError, ValueError) as error:
@@ -153,20 +153,24 @@ def _front(stored: Stored, names: list[str]) -> pd.DataFrame:
         else:
             stored.remark(path.name, "is shown in place of front.csv")
             return stored.numbered(table, path.name, names)
-    return pd.DataFrame() if found is None else found
+    return pd.DataFrame() if front is None else front
 
 
 def _overlays(stored: Stored, names: list[str]) -> dict[str, pd.DataFrame]:
     """Fronts of other algorithms by label."""
-    found = _with(stored.table(OVERLAYS, names, needed=False), ("label", *names), OVERLAYS, stored)
-    if found.empty:
+    overlays = _with(
+        stored.table(OVERLAYS, names, needed=False), ("label", *names), OVERLAYS, stored
+    )
+    if overlays.empty:
         return {}
-    groups = found.groupby(found["label"].astype(str), sort=False)
-    return {str(label): own.drop(columns="label").reset_index(drop=True) for label, own in groups}
+    groups = overlays.groupby(overlays["label"].astype(str), sort=False)
+    return {
+        str(label): front.drop(columns="label").reset_index(drop=True) for label, front in groups
+    }
 
 
 def _optional(stored: Stored, points: int) -> dict[str, pd.DataFrame | None]:
-    found: dict[str, pd.DataFrame | None] = {}
+    tables: dict[str, pd.DataFrame | None] = {}
     for field, name in OPTIONAL.items():
         table = stored.table(name, needed=False)
         missing = [
@@ -183,8 +187,8 @@ def _optional(stored: Stored, points: int) -> dict[str, pd.DataFrame | None]:
                     name, f"names points that front.csv has not ({points} rows): these are left out"
                 )
             table = table[inside].assign(point=rows[inside].astype("int64"))
-        found[field] = table
-    return found
+        tables[field] = table
+    return tables
 
 
 def _typed(summary: dict[str, Any], stored: Stored) -> dict[str, Any]:
@@ -221,15 +225,15 @@ def _axes(
 ) -> tuple[tuple[Axis, ...], tuple[Axis, ...]]:
     """Objectives and variables; of an older run the objectives by its configuration."""
     axes = summary.get("axes") or {}
-    found = [
+    named_axes = [
         tuple(
-            Axis(str(one["name"]), str(one.get("unit", "")), str(one.get("meaning", "")))
-            for one in (axes.get(kind) or ())
-            if isinstance(one, dict) and "name" in one
+            Axis(str(axis["name"]), str(axis.get("unit", "")), str(axis.get("meaning", "")))
+            for axis in (axes.get(kind) or ())
+            if isinstance(axis, dict) and "name" in axis
         )
         for kind in ("objectives", "variables")
     ]
-    return found[0] or _by_configuration(configuration), found[1]
+    return named_axes[0] or _by_configuration(configuration), named_axes[1]
 
 
 def _by_configuration(configuration: str) -> tuple[Axis, ...]:
@@ -242,11 +246,11 @@ def _by_configuration(configuration: str) -> tuple[Axis, ...]:
 
 def _bars(summary: Mapping[str, Any]) -> tuple[Bars, ...]:
     """Charts of the problem; those that are not whole are left out."""
-    found = []
-    for one in summary.get("bars") or ():
-        whole = isinstance(one, dict) and {"title", "unit", "labels", "values"} <= one.keys()
-        if whole and len(one["labels"]) == len(one["values"]):
-            found.append(
-                Bars(one["title"], one["unit"], tuple(one["labels"]), tuple(one["values"]))
+    charts = []
+    for chart in summary.get("bars") or ():
+        whole = isinstance(chart, dict) and {"title", "unit", "labels", "values"} <= chart.keys()
+        if whole and len(chart["labels"]) == len(chart["values"]):
+            charts.append(
+                Bars(chart["title"], chart["unit"], tuple(chart["labels"]), tuple(chart["values"]))
             )
-    return tuple(found)
+    return tuple(charts)

@@ -23,7 +23,7 @@ COLUMNS = ["generation", "evaluations", "seconds", "hypervolume", "feasible_frac
 
 
 def remark_of(here: Standing) -> str:
-    """What is said of a directory that is not finished, or in use; empty for others."""
+    """The remark on a directory that is not finished, or in use; empty for others."""
     if here.unfinished is None:
         return f"is complete, but {here.holders} is at work here" if here.holders else ""
     if here.holders:
@@ -65,8 +65,8 @@ def facts(folder: Path, here: Standing) -> tuple[str, ...]:
 
 
 def tables(folder: Path, here: Standing) -> dict[str, pd.DataFrame]:
-    """What has been found so far, by title: responses of a study by setting, claims by verdict,
-    effects in the replicates of a gap analysis.
+    """The results so far, by title: responses of a study by setting, claims by verdict, effects in
+    the replicates of a gap analysis.
     """
     if here.unfinished is not None and here.unfinished.retiring:
         return {}
@@ -85,9 +85,9 @@ def _responses(folder: Path) -> dict[str, pd.DataFrame]:
     names = [name for name in RESPONSES if name in runs and runs[name].notna().any()]
     if runs.empty or not names:
         return {}
-    found = runs.groupby("point")[names].median()
-    found.insert(0, "runs ended", runs.groupby("point").size())
-    return {"Medians so far, by point of the design": found.reset_index()}
+    medians = runs.groupby("point")[names].median()
+    medians.insert(0, "runs ended", runs.groupby("point").size())
+    return {"Medians so far, by point of the design": medians.reset_index()}
 
 
 def _checked(folder: Path) -> dict[str, pd.DataFrame]:
@@ -95,10 +95,10 @@ def _checked(folder: Path) -> dict[str, pd.DataFrame]:
     rows = []
     for name in present(folder, KINDS["reproduce"].state):
         try:
-            found = read_record(folder / name)
+            record = read_record(folder / name)
         except ValueError:
             continue
-        verdict = found.get("verdict") if isinstance(found, dict) else None
+        verdict = record.get("verdict") if isinstance(record, dict) else None
         if isinstance(verdict, dict):
             rows.append(
                 {
@@ -111,7 +111,7 @@ def _checked(folder: Path) -> dict[str, pd.DataFrame]:
 
 
 def _replicates(folder: Path) -> dict[str, pd.DataFrame]:
-    """What the replicates of a bootstrap that have ended name, and the numbers they find."""
+    """Effects identified in the replicates of a bootstrap that have ended, and their estimates."""
     values: dict[tuple[str, str], list[float]] = {}
     named: dict[str, int] = {}
     ended = 0
@@ -128,8 +128,10 @@ def _replicates(folder: Path) -> dict[str, pd.DataFrame]:
                 values.setdefault((effect, parameter), []).append(float(value))
     rows = [
         {"effect": effect, "named in [%]": 100.0 * named[effect] / ended, "parameter": parameter}
-        | dict(zip(("5 %", "median", "95 %"), np.quantile(found, (0.05, 0.5, 0.95)), strict=True))
-        for (effect, parameter), found in values.items()
+        | dict(
+            zip(("5 %", "median", "95 %"), np.quantile(estimates, (0.05, 0.5, 0.95)), strict=True)
+        )
+        for (effect, parameter), estimates in values.items()
     ]
     title = f"Effects in the {ended} replicates so far; the answer follows when all have ended"
     return {title: pd.DataFrame(rows)} if rows else {}
@@ -146,7 +148,7 @@ def _runs(folder: Path) -> pd.DataFrame:
     columns = [RUNS.c.point, *(RUNS.c[name] for name in RESPONSES)]
     try:
         with Store(site_of(folder).backend(reading=True), reading=True) as store:
-            rows = store.read(lambda one: one.execute(select(*columns)).all())
+            rows = store.read(lambda connection: connection.execute(select(*columns)).all())
     except (*DAMAGE, Foreign, Newer, InputError):
         rows = []
-    return pd.DataFrame([tuple(row) for row in rows], columns=[one.name for one in columns])
+    return pd.DataFrame([tuple(row) for row in rows], columns=[column.name for column in columns])

@@ -20,7 +20,7 @@ class Newer(Exception):
 
 
 class Foreign(Exception):
-    """There are tables that are none of ours."""
+    """There are tables of another program."""
 
 
 class Backend(ABC):
@@ -69,6 +69,6 @@ class Backend(ABC):
 
 
 def reason(error: BaseException) -> str:
-    """What a database says, without the statement."""
+    """The message of a database, without the statement."""
     cause: Any = getattr(error, "orig", None) or error
     return str(cause).strip().partition("\n")[0]

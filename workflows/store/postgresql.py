@@ -57,14 +57,14 @@ class PostgreSQL(Backend):
         if not look.get_table_names(schema):
             return 0
         columns = look.get_columns(META.name, schema) if look.has_table(META.name, schema) else []
-        if {one["name"] for one in columns} != {column.name for column in META.columns}:
+        if {column["name"] for column in columns} != {column.name for column in META.columns}:
             raise Foreign
-        found = connection.execute(select(META.c.value).where(META.c.key == VERSION)).scalar()
-        if found is None or not str(found).isdecimal():
+        stored = connection.execute(select(META.c.value).where(META.c.key == VERSION)).scalar()
+        if stored is None or not str(stored).isdecimal():
             raise Foreign
-        if int(found) > FORMAT:
-            raise Newer(int(found))
-        return int(found)
+        if int(stored) > FORMAT:
+            raise Newer(int(stored))
+        return int(stored)
 
     def mark(self, connection: Connection, version: int) -> None:
         row = self.insert(META).values(key=VERSION, value=str(version))
@@ -103,6 +103,9 @@ class PostgreSQL(Backend):
         if isinstance(cause, psycopg.errors.DiskFull):
             return "the disk of the server is full", "make room there"
         if isinstance(cause, psycopg.OperationalError):
-            said = " ".join(str(cause).split()) or "no answer"
-            return f"it cannot be reached ({said})", "start the server, or mend address or password"
+            message = " ".join(str(cause).split()) or "no answer"
+            return (
+                f"it cannot be reached ({message})",
+                "start the server, or mend address or password",
+            )
         return None

@@ -33,7 +33,7 @@ HINDRANCES = {
     sqlite3.SQLITE_LOCKED: ("another process holds it", "wait for that"),
     sqlite3.SQLITE_NOMEM: ("there is not enough memory", "make room"),
 }
-"""Errors that say nothing of what a database holds: why, and what helps."""
+"""Errors that do not concern the content of a database: why, and what helps."""
 
 
 class SqliteFile(Backend):
@@ -120,19 +120,19 @@ def _damaged(text: str) -> DatabaseError:
 def _columns(connection: Connection) -> set[tuple[Any, ...]]:
     """Tables with their columns: name, type, place in the primary key."""
     names = connection.exec_driver_sql("SELECT type, name FROM sqlite_schema").fetchall()
-    found: set[tuple[Any, ...]] = set()
+    columns: set[tuple[Any, ...]] = set()
     for kind, name in names:
         if kind != "table":
-            found |= set() if str(name).startswith("sqlite_autoindex_") else {(kind, name)}
+            columns |= set() if str(name).startswith("sqlite_autoindex_") else {(kind, name)}
             continue
         quoted = str(name).replace('"', '""')
         for row in connection.exec_driver_sql(f'PRAGMA table_info("{quoted}")').fetchall():
-            found.add((name, row[1], row[2], bool(row[5])))
-    return found
+            columns.add((name, row[1], row[2], bool(row[5])))
+    return columns
 
 
 def _expected(version: int) -> set[tuple[Any, ...]]:
-    """The same of sound tables of a version."""
+    """The same for sound tables of a version."""
     dialect = sqlite.dialect()
     return {
         (table.name, column.name, column.type.compile(dialect), column.primary_key)

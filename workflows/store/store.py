@@ -43,8 +43,8 @@ class Store:
     """The open tables in a database; `prefix` begins the name under which this process claims.
 
     Tables are made where there are none, and left as they are where they are of an older version,
-    until `migrate`. Who is going to write waits for a server that restarts; a store that is only
-    looked at (`reading`) answers at once or not at all. Raises Newer, Foreign, and errors of
+    until `migrate`. A store that is going to be written waits for a server that restarts; one that
+    is only read (`reading`) answers at once or not at all. Raises Newer, Foreign, and errors of
     SQLAlchemy where they cannot be opened.
     """
 
@@ -95,7 +95,7 @@ class Store:
             self._renewing.join()
         with suppress(*DAMAGE):  # what is claimed by a process that is gone is free after a while
             if self._held:
-                self._once(lambda one: one.execute(delete(CLAIMS).where(self._mine)))
+                self._once(lambda connection: connection.execute(delete(CLAIMS).where(self._mine)))
         self.backend.close()
 
     def __enter__(self) -> Self:
@@ -107,7 +107,7 @@ class Store:
     # transactions
 
     def read(self, work: Callable[[Connection], Found]) -> Found:
-        """What `work` finds in one transaction, which sees one state of the tables."""
+        """The result of `work` in one transaction, which reads one state of the tables."""
         return self._patiently(lambda: self._once(work, writing=False))
 
     def write(self, work: Callable[[Connection], Found]) -> Found:
@@ -143,12 +143,12 @@ class Store:
     # what the tables belong to
 
     def meta(self, key: str) -> str:
-        """What the store says of what it belongs to, empty for a new one."""
+        """What the store belongs to, by `key`; empty for a new store."""
         text = select(META.c.value).where(META.c.key == key)
-        return self.read(lambda one: str(one.execute(text).scalar() or ""))
+        return self.read(lambda connection: str(connection.execute(text).scalar() or ""))
 
     def set_meta(self, values: Mapping[str, str], key: str = "", before: str = "") -> bool:
-        """Say what the store belongs to, where `key` still has the value `before`.
+        """Write what the store belongs to, where `key` still has the value `before`.
 
         Returns whether it has: another process may have been quicker.
         """
@@ -160,8 +160,8 @@ class Store:
 
         def work(connection: Connection) -> bool:
             self.backend.alone(connection)
-            found = connection.execute(select(META.c.value).where(META.c.key == key)).scalar()
-            if str(found or "") != before:
+            current = connection.execute(select(META.c.value).where(META.c.key == key)).scalar()
+            if str(current or "") != before:
                 return False
             connection.execute(text, rows)
             return True
@@ -180,7 +180,11 @@ class Store:
         A claim that was not renewed in time is anybody's.
         """
         wanted = sorted(set(numbers) - self._held)
-        taken = self.write(lambda one: self._claimed(one, wanted, table)) if wanted else []
+        taken = (
+            self.write(lambda connection: self._claimed(connection, wanted, table))
+            if wanted
+            else []
+        )
         self._held.update(taken)
         if taken and self._renewing is None:
             self._renewing = threading.Thread(target=self._renew, daemon=True)
@@ -216,7 +220,7 @@ class Store:
     def claimed(self, numbers: Iterable[int]) -> set[int]:
         """Those of some numbers that somebody is at work on."""
         text = select(CLAIMS.c.number).where(CLAIMS.c.number.in_(sorted(numbers)), self._live)
-        return self.read(lambda one: {n for (n,) in one.execute(text)})
+        return self.read(lambda connection: {n for (n,) in connection.execute(text)})
 
     def finished(self, connection: Connection, numbers: Iterable[int]) -> None:
         """Drop the claims of what has been written in the same transaction, whoever's they are."""
@@ -233,14 +237,16 @@ class Store:
 
     def drop_claims(self, prefix: str = "") -> None:
         """Drop the claims of owners whose names begin so, none of which is at work any more."""
-        own = CLAIMS.c.owner.startswith(prefix, autoescape=True)
-        if self.read(lambda one: one.execute(select(func.count()).where(own)).scalar()):
-            self.write(lambda one: one.execute(delete(CLAIMS).where(own)))
+        owned = CLAIMS.c.owner.startswith(prefix, autoescape=True)
+        if self.read(
+            lambda connection: connection.execute(select(func.count()).where(owned)).scalar()
+        ):
+            self.write(lambda connection: connection.execute(delete(CLAIMS).where(owned)))
 
     def _renew(self) -> None:
-        """Until the end: say of what is claimed that it still is."""
+        """Renew the claims of this process until the store is closed."""
         text = update(CLAIMS).where(self._mine).values(expires=self.backend.clock + LEASE_S)
         while not self._ended.wait(RENEWED_S):
             if self._held:
                 with suppress(*DAMAGE):  # it is tried again, and what has expired may be taken
-                    self._once(lambda one: one.execute(text))
+                    self._once(lambda connection: connection.execute(text))

@@ -30,7 +30,7 @@ FILES = (
 
 
 def analysed(settings: StudySettings, data: StudyData, out: Path) -> tuple[str, ...]:
-    """Write what the study says to `out`, and return it in lines for the terminal.
+    """Write the statistics of the study to `out`, and return them in lines for the terminal.
 
     Where `out` already holds the statistics of the same runs, nothing is done again.
     """
@@ -47,15 +47,19 @@ def analysed(settings: StudySettings, data: StudyData, out: Path) -> tuple[str, 
     costs = [runs_of(data.table, name, len(data.design)).costs() for name in settings.responses]
     keys = [factor.key for factor in settings.factors]
     write_text(out / LEADERS, csv_text(leaders(data.design[keys], costs)))
-    found = lines(result)
-    write_text(out / SAID, said(result, {"digest": digest, "lines": list(found)}))
-    return found
+    terminal_lines = lines(result)
+    write_text(out / SAID, said(result, {"digest": digest, "lines": list(terminal_lines)}))
+    return terminal_lines
 
 
 def _digest(settings: StudySettings, data: StudyData) -> str:
     """A hash of all that the statistics depend on."""
     parts = (data.table, data.design, data.exact)
-    text = [settings.configuration, version("tolevo"), *(one.to_csv(index=False) for one in parts)]
+    text = [
+        settings.configuration,
+        version("tolevo"),
+        *(table.to_csv(index=False) for table in parts),
+    ]
     return hashlib.sha256("\n".join([*text, *data.notes]).encode()).hexdigest()
 
 
@@ -64,9 +68,9 @@ def known_lines(settings: StudySettings, data: StudyData, out: Path) -> tuple[st
     if not all((out / name).is_file() for name in FILES):
         return None
     try:
-        found = json.loads((out / SAID).read_text(encoding="utf-8"))
+        record = json.loads((out / SAID).read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return None
-    if not isinstance(found, dict) or found.get("digest") != _digest(settings, data):
+    if not isinstance(record, dict) or record.get("digest") != _digest(settings, data):
         return None
-    return tuple(map(str, found.get("lines", ())))
+    return tuple(map(str, record.get("lines", ())))

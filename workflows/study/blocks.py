@@ -55,13 +55,13 @@ def monte_carlo(
             for at, part in enumerate(np.random.SeedSequence(seed).spawn(count))
         ]
     )
-    found: dict[int, Propagated] = {}
+    by_number: dict[int, Propagated] = {}
     with executor:
         for block, result in executor.completed(propagated, lambda: next(blocks, None)):
             if isinstance(result, Lost):
                 raise RunError(f"block {block.number} of the Monte Carlo: {result.reason}")
-            found[block.number] = result
-    return _combined([found[at] for at in range(count)])
+            by_number[block.number] = result
+    return _combined([by_number[at] for at in range(count)])
 
 
 def propagated(block: Block) -> Propagated:

@@ -56,8 +56,8 @@ class Curves(Closing):
         if point not in self._group:
             return curves_of(())
         with parquet.ParquetFile(self._path) as file:
-            found: pd.DataFrame = file.read_row_group(self._group[point]).to_pandas()
-        return found
+            frame: pd.DataFrame = file.read_row_group(self._group[point]).to_pandas()
+        return frame
 
     def copy_to(self, path: Path) -> None:
         """Write the whole file."""

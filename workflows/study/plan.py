@@ -51,10 +51,10 @@ class StudyPlan:
     @property
     def warnings(self) -> tuple[str, ...]:
         """What the user should know before trusting the study."""
-        found = [text for problem in self.problems for text in problem.cautions()]
+        texts = [text for problem in self.problems for text in problem.cautions()]
         if any(point.budget.time_limit_s is not None for point in self.points):
-            found.append("algorithm.time_limit_s ends a run by the clock: no two studies are equal")
-        return tuple(dict.fromkeys(found))
+            texts.append("algorithm.time_limit_s ends a run by the clock: no two studies are equal")
+        return tuple(dict.fromkeys(texts))
 
     @property
     def total(self) -> int:
@@ -74,7 +74,7 @@ class StudyOutcome:
 
 @dataclass(frozen=True, slots=True)
 class StudyProgress:
-    """State of a study. `remaining` is the time left [s], None before the first run has ended."""
+    """State of a study. `remaining` is a time [s], None before the first run has ended."""
 
     done: int
     running: int

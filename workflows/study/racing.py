@@ -32,7 +32,7 @@ STOPPED = "stopped"
 
 
 def looks(seeds: int) -> Iterator[int]:
-    """Numbers of seeds after which settings are looked at: 5, 7, 10, 14, 20, 28, ... below all."""
+    """Numbers of seeds after which settings are compared: 5, 7, 10, 14, 20, 28, ... below all."""
     at, step = float(FIRST), 2.0**0.5
     while round(at) < seeds:
         yield round(at)
@@ -47,8 +47,8 @@ def behind(costs: Array, look: int) -> NDArray[np.bool_]:
     if settings < 2:
         return np.zeros(settings, dtype=bool)
     mean = rankdata(costs, axis=0).mean(axis=1)
-    share = ALPHA / (look * (look + 1)) / (settings - 1)
-    least = norm.isf(share) * np.sqrt(settings * (settings + 1) / (6.0 * seeds))
+    level = ALPHA / (look * (look + 1)) / (settings - 1)
+    least = norm.isf(level) * np.sqrt(settings * (settings + 1) / (6.0 * seeds))
     return np.asarray(mean - mean.min() > least)
 
 
@@ -57,9 +57,11 @@ def left_behind(costs: Sequence[Array], racing: NDArray[np.bool_], look: int) ->
 
     A setting that leads in one of them stays in all.
     """
-    found = np.zeros(len(racing), dtype=bool)
-    found[racing] = np.all([behind(one[racing], look) for one in costs], axis=0)
-    return found
+    trailing = np.zeros(len(racing), dtype=bool)
+    trailing[racing] = np.all(
+        [behind(response_costs[racing], look) for response_costs in costs], axis=0
+    )
+    return trailing
 
 
 def leaders(design: pd.DataFrame, costs: Sequence[Array]) -> pd.DataFrame:

@@ -63,7 +63,7 @@ class Factor:
         return any(isinstance(level, str) for level in self.levels)
 
     def at(self, share: float) -> Level:
-        """The value at a share in [0, 1] of the range, or of the list of levels."""
+        """The value at the fraction `share` in [0, 1] of the range, or of the list of levels."""
         if self.levels:
             return self.levels[min(int(share * len(self.levels)), len(self.levels) - 1)]
         if self.integer and not self.log:  # every whole number has the same share
@@ -79,9 +79,9 @@ class Factor:
         """The levels, or `count` values evenly over the range, both ends included."""
         if self.levels or not self.count:
             return self.levels
-        shares = np.linspace(0.0, 1.0, self.count)
+        fractions = np.linspace(0.0, 1.0, self.count)
         ends = (np.log(self.low), np.log(self.high)) if self.log else (self.low, self.high)
-        values = ends[0] + shares * (ends[1] - ends[0])
+        values = ends[0] + fractions * (ends[1] - ends[0])
         values = np.exp(values) if self.log else values
         values[[0, -1]] = self.low, self.high
         if self.integer:
@@ -120,16 +120,16 @@ class Design(ABC):
     ) -> pd.DataFrame:
         """One row per setting, one column per key of the factors, plus what the analysis needs.
 
-        `base` holds the values of the varied keys in the run configuration. Names of columns beside
-        the keys begin with an underscore.
+        `base` holds the values of the varied keys in the run configuration. Names of columns other
+        than the keys begin with an underscore.
         """
 
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """What somebody reads from a figure: at level `a` of a key a run is better than at level `b`.
+    """An interpretation of a figure: at level `a` of a key a run is better than at level `b`.
 
-    `better` False: it is worse. `says` are their words, `figure` is where they stand.
+    `better` False: it is worse. `says` is its wording, `figure` is where it stands.
     """
 
     figure: str

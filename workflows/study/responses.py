@@ -1,4 +1,4 @@
-"""The numbers that a run is judged by."""
+"""The responses by which runs are compared."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def _gap(value: float, bound: float) -> float:
 
 
 def _gap_percent(run: Ended) -> float:
-    """Of one objective that of the best design, else the median over the front."""
+    """The gap of the best design for one objective, else the median over the front."""
     front = run.course.front
     if not len(front):
         return nan
@@ -80,8 +80,9 @@ def needs_level(names: Iterable[str]) -> bool:
 
 
 def compared(name: str, value: float, end: float, measure: Yardstick) -> float:
-    """A response of a run that has ended, by its reference: what it is compared with may have been
-    measured later. `value` is what the run itself saw, `end` the last value of its curve.
+    """A response of a run that has ended, by its reference, which may have been measured later.
+
+    `value` is what the run itself computed, `end` the last value of its curve.
     """
     if name == "hypervolume_ratio":
         return end / measure.value
@@ -91,12 +92,12 @@ def compared(name: str, value: float, end: float, measure: Yardstick) -> float:
 
 
 def unsuitable(name: str, problem: ToleranceProblem) -> str:
-    """Why a response says nothing of a problem, with what to use instead; empty where it does."""
+    """Why a response has no meaning for a problem, and what to use instead; empty where it has."""
     if name == "hypervolume_ratio" and problem.n_obj == 1:
         return "has no meaning for one objective: use gap_percent"
     if name == "gap_percent":
         text = reason(problem, problem.form())
-        return f"cannot be told ({text}): use hypervolume" if text else ""
+        return f"cannot be computed ({text}): use hypervolume" if text else ""
     if name in ("hypervolume_ratio", "evaluations_to_99", "cpu_s_to_99"):
         text = _no_exact_front(problem)
         return f"needs the exact front, and {text}: use hypervolume" if text else ""
@@ -104,18 +105,18 @@ def unsuitable(name: str, problem: ToleranceProblem) -> str:
 
 
 def unknown(name: str, measure: Yardstick) -> str:
-    """What is missing for a response now that the exact front has been looked for."""
+    """What is missing for a response after the exact front has been searched."""
     needs_value = name in ("hypervolume_ratio", "evaluations_to_99", "cpu_s_to_99")
-    one = len(measure.box.ideal) == 1
+    single = len(measure.box.ideal) == 1
     if (needs_value and isnan(measure.value)) or (
-        name == "gap_percent" and one and isnan(measure.bound)
+        name == "gap_percent" and single and isnan(measure.bound)
     ):
         return "the exact front of this problem could not be proven: use hypervolume"
     return ""
 
 
 def _no_exact_front(problem: ToleranceProblem) -> str:
-    """Why the exact front is not known, from what can be seen without solving it."""
+    """Why the exact front is not known, as far as that shows without solving for it."""
     if problem.n_obj > 2:
         return "that of three or more objectives is not known"
     form = closed_form(problem)

@@ -1,4 +1,4 @@
-"""`tolevo study`: many runs, their table, and what it says."""
+"""`tolevo study`: many runs, their table, and its statistics."""
 
 from __future__ import annotations
 
@@ -107,7 +107,7 @@ def _begin(plan: StudyPlan, place: Ownership) -> None:
 
 
 def _has_all(database: Database, plan: StudyPlan) -> bool:
-    """Whether there is nothing left to be done."""
+    """Whether all runs have ended and all references are known."""
     return not database.missing(plan.total) and len(database.yardsticks()) == len(plan.problems)
 
 
@@ -145,14 +145,14 @@ def gathered(
                 [response_of(name, run, measure) for name in plan.settings.responses]
                 for run in runs
             ]
-    own = pd.DataFrame(rows, columns=["point", "replicate", "seed", "status", "reason"])
-    columns = {"point": own["point"].to_numpy()}
+    table = pd.DataFrame(rows, columns=["point", "replicate", "seed", "status", "reason"])
+    columns = {"point": table["point"].to_numpy()}
     columns |= {
-        factor.key: plan.design[factor.key].to_numpy()[own["point"]]
+        factor.key: plan.design[factor.key].to_numpy()[table["point"]]
         for factor in plan.settings.factors
     }
-    columns |= {name: own[name].to_numpy() for name in ("replicate", "seed", "status", "reason")}
-    values = np.array(responses, dtype=float).reshape(len(own), -1)
+    columns |= {name: table[name].to_numpy() for name in ("replicate", "seed", "status", "reason")}
+    values = np.array(responses, dtype=float).reshape(len(table), -1)
     columns |= dict(zip(plan.settings.responses, values.T, strict=True))
     exact = [measures[point.problem].value for point in plan.points]
     frame = pd.DataFrame({"point": np.arange(len(exact)), "value": exact})

@@ -1,4 +1,4 @@
-"""Whole runs as tasks: pure functions of what they are given, at home in any process."""
+"""Whole runs as tasks: pure functions of their arguments, which any process can compute."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ class RunRecord:
 
 
 class Guarded:
-    """A context in which any error is caught and told in `reason`; an interrupt is not."""
+    """A context in which any error is caught and kept in `reason`; an interrupt is not."""
 
     def __init__(self) -> None:
         self.reason = ""
@@ -95,7 +95,7 @@ class Guarded:
 
 
 def done(task: Chunk | Surveying) -> tuple[RunRecord, ...] | Yardstick:
-    """What a task of a study comes to."""
+    """The result of a task of a study."""
     return perform(task) if isinstance(task, Chunk) else survey(task)
 
 
@@ -143,7 +143,7 @@ def lost(job: Job, reason: str, responses: tuple[str, ...]) -> RunRecord:
 
 
 def ended(job: Job, status: str, reason: str, responses: tuple[str, ...]) -> RunRecord:
-    """The record of a run of which nothing is known but why."""
+    """The record of a run of which only the reason of its end is known."""
     return RunRecord(
         job.point,
         job.replicate,

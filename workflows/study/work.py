@@ -37,7 +37,7 @@ Report = Callable[[StudyProgress], None]
 
 
 class Work:
-    """Everything that is left to be done of a study; `finish` does it."""
+    """The remaining work of a study; `finish` does it."""
 
     def __init__(
         self, plan: StudyPlan, database: Database, executor: Executor, report: Report | None
@@ -63,9 +63,9 @@ class Work:
     def finish(self) -> Mapping[int, Yardstick]:
         """Do every run that is missing, and wait for those that other processes have begun.
 
-        References that are not known yet are measured beside the first runs, but before them where
-        a run must know when it got there, or where there is one process only: a study that cannot
-        be compared with anything should end early. Returns all of them.
+        References that are not known yet are measured along with the first runs, but before them
+        where a run must know its target, or where there is one process only: a study without a
+        reference should end early. Returns all of them.
         """
         unknown = self._unmeasured()
         if unknown and needs_level(self._responses):
@@ -121,13 +121,13 @@ class Work:
 
     def _costs(self, name: str, runs: Sequence[RunRecord], seeds: int) -> NDArray[np.float64]:
         """A response (points, seeds), less is better, infinite where there is none."""
-        found = np.full((len(self.plan.points), seeds), np.inf)
+        costs = np.full((len(self.plan.points), seeds), np.inf)
         sign = -1.0 if name in LARGER_IS_BETTER else 1.0
         for run in runs:
             measure = self._measures[self.plan.points[run.point].problem]
             value = sign * response_of(name, run, measure)
-            found[run.point, run.replicate] = np.inf if isnan(value) else value
-        return found
+            costs[run.point, run.replicate] = np.inf if isnan(value) else value
+        return costs
 
     @property
     def _responses(self) -> tuple[str, ...]:
@@ -155,15 +155,15 @@ class Work:
                 return Surveying(key, self._version, self._problems[number], number)
         return None
 
-    def _measured(self, task: Surveying, found: Yardstick | Lost) -> None:
-        """Keep a reference. Raises RunError where a response cannot be told without it."""
-        if isinstance(found, Lost):
-            raise RunError(f"the reference of problem {task.number}: {found.reason}")
+    def _measured(self, task: Surveying, reference: Yardstick | Lost) -> None:
+        """Keep a reference. Raises RunError where a response cannot be computed without it."""
+        if isinstance(reference, Lost):
+            raise RunError(f"the reference of problem {task.number}: {reference.reason}")
         for name in self._responses:
-            if text := unknown(name, found):
+            if text := unknown(name, reference):
                 raise RunError(f"{name}: {text}")
-        self.database.keep_yardstick(task.number, found)
-        self._measures[task.number] = found
+        self.database.keep_yardstick(task.number, reference)
+        self._measures[task.number] = reference
         self._surveying -= 1
         self._tell()
 
@@ -247,8 +247,8 @@ class Work:
             return
         done, failed = self.database.count(self.plan.total)
         seconds = time.monotonic() - self._start
-        left = self.plan.total - done - failed
-        remaining = seconds * left / self._own if self._own else None
+        waiting = self.plan.total - done - failed
+        remaining = seconds * waiting / self._own if self._own else None
         if self._surveying and not note:
             note = "measuring what the runs are compared with"
         self._report(

@@ -1,4 +1,4 @@
-"""The files of what a study says. Each appears whole or not at all."""
+"""The files of the statistics of a study. Each appears whole or not at all."""
 
 from __future__ import annotations
 
@@ -20,27 +20,29 @@ def write(result: StudyResult, folder: Path) -> None:
     """`sensitivity.csv`, `tests.csv`, `medians.csv`, every figure and the page."""
     for name in ("sensitivity", "tests", "medians"):
         write_text(folder / f"{name}.csv", csv_text(getattr(result, name)))
-    for one in figures(result):
-        write_bytes(folder / f"{one.name}.png", as_png(one.figure))
-        write_bytes(folder / f"{one.name}.svg", as_svg(one.figure))
+    for named in figures(result):
+        write_bytes(folder / f"{named.name}.png", as_png(named.figure))
+        write_bytes(folder / f"{named.name}.svg", as_svg(named.figure))
     write_text(folder / "report.html", study_page(result))
     write_text(folder / page_data.NAME, page_data.dumped(result))
 
 
 def said(result: StudyResult, more: Mapping[str, Any]) -> str:
     """`study.json`: recommendations, verdicts on readings, notes, and `more`."""
-    found = {
+    record = {
         **({"mechanism": dict(result.mechanism)} if result.mechanism else {}),
-        "recommendations": [asdict(one) for one in result.recommendations],
-        "readings": [asdict(one) for one in result.verdicts],
+        "recommendations": [asdict(recommendation) for recommendation in result.recommendations],
+        "readings": [asdict(verdict) for verdict in result.verdicts],
         "notes": list(result.notes),
     }
-    return as_json(found | dict(more))
+    return as_json(record | dict(more))
 
 
 def lines(result: StudyResult) -> tuple[str, ...]:
-    """What the terminal says of it."""
-    said = mechanism_lines({"mechanism": result.mechanism})
-    said += [f"recommended: {one.sentence}" for one in result.recommendations]
-    said += [f"reading: {one.sentence}" for one in result.verdicts]
-    return (*said, *(f"note: {note}" for note in result.notes))
+    """The lines of the result for the terminal."""
+    sentences = mechanism_lines({"mechanism": result.mechanism})
+    sentences += [
+        f"recommended: {recommendation.sentence}" for recommendation in result.recommendations
+    ]
+    sentences += [f"reading: {verdict.sentence}" for verdict in result.verdicts]
+    return (*sentences, *(f"note: {note}" for note in result.notes))

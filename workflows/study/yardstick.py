@@ -1,4 +1,4 @@
-"""What the runs of one problem are measured by; found once per problem of a study."""
+"""The reference of the runs of one problem; computed once per problem of a study."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from ...errors import ModelError
 from ...problems.tolerance_problem import ToleranceProblem
 
 SHARE = 0.99
-"""Share of the exact hypervolume, and 1 less the relative gap of one objective, that `..._to_99`
-waits for."""
+"""Fraction of the exact hypervolume, and 1 less the relative gap of one objective, that
+`..._to_99` waits for."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,8 +51,8 @@ def yardstick(problem: ToleranceProblem) -> Yardstick:
     if exact is not None and problem.n_obj > 1:
         value = exact.hypervolume
     elif exact is not None:
-        found = problem.outputs_of(exact.designs[:1], searching=True)
-        value = float(problem.objective_values(found)[0, 0])
+        outputs = problem.outputs_of(exact.designs[:1], searching=True)
+        value = float(problem.objective_values(outputs)[0, 0])
     if problem.n_obj == 1:
         bound = _bound(problem)
     return replace(bare(problem), value=value, bound=bound)

@@ -28,13 +28,13 @@ class Factorial(Design):
     analysis: ClassVar[str] = "factorial"
 
     def faults(self, factors: tuple[Factor, ...], seeds: int) -> list[Fault]:
-        found = level_faults(factors, self.kind)
+        issues = level_faults(factors, self.kind)
         count = self.size(factors)
         if count > MOST and not is_forced():
             text = f"has {count} settings, {MOST} at most: give fewer levels, use sobol, or add "
             text += "--force"
-            found.append(Fault("kind", text))
-        return found + replicate_faults(seeds, "shares of variance")
+            issues.append(Fault("kind", text))
+        return issues + replicate_faults(seeds, "shares of variance")
 
     def size(self, factors: tuple[Factor, ...]) -> int:
         return prod(len(factor.grid()) or 1 for factor in factors)

@@ -34,8 +34,8 @@ class LatinHypercube(Design):
     def faults(self, factors: tuple[Factor, ...], seeds: int) -> list[Fault]:
         statistic = "an analysis of variance needs twice its terms,"
         least = 2 * terms(factors)
-        found = small("samples", self.samples, least, statistic)
-        return found + replicate_faults(seeds, "shares of variance")
+        issues = small("samples", self.samples, least, statistic)
+        return issues + replicate_faults(seeds, "shares of variance")
 
     def size(self, factors: tuple[Factor, ...]) -> int:
         return self.samples

@@ -15,7 +15,7 @@ from ..records import Design, Factor, Level
 from .needs import frame_of, replicate_faults, small
 
 LEAST = 10
-"""Trajectories from which the intervals of the statistics are worth their name."""
+"""Trajectories from which on the intervals of the statistics are reliable."""
 SHARE = "_share_"
 """Prefix of the columns that hold the place in the grid, in [0, 1]."""
 
@@ -31,11 +31,11 @@ class Morris(Design):
 
     def faults(self, factors: tuple[Factor, ...], seeds: int) -> list[Fault]:
         statistic = "intervals of elementary effects need"
-        found = small("trajectories", self.trajectories, LEAST, statistic)
+        issues = small("trajectories", self.trajectories, LEAST, statistic)
         if self.levels % 2:
             text = f"is {self.levels}: steps of half the grid need an even number of levels"
-            found.append(Fault("levels", text))
-        return found + replicate_faults(seeds, "elementary effects")
+            issues.append(Fault("levels", text))
+        return issues + replicate_faults(seeds, "elementary effects")
 
     def size(self, factors: tuple[Factor, ...]) -> int:
         return self.trajectories * (len(factors) + 1)

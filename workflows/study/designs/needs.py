@@ -1,4 +1,4 @@
-"""What designs ask of factors and replicates."""
+"""What designs require of factors and replicates."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ..records import Factor, Level
 
 
 def replicate_faults(seeds: int, statistic: str) -> list[Fault]:
-    """A fault where one seed per setting cannot tell the noise of a run from an effect."""
+    """A fault where one seed per setting confounds the noise of a run with an effect."""
     if seeds >= 2:
         return []
     text = f"is {seeds}: {statistic} need at least 2 replicates, or the noise of a run counts as an"
@@ -41,7 +41,7 @@ def small(name: str, value: int, least: int, statistic: str) -> list[Fault]:
 def frame_of(factors: tuple[Factor, ...], shares: NDArray[np.float64]) -> pd.DataFrame:
     """The values of the factors at `shares` (n, factors), each in [0, 1]."""
     columns = zip(factors, shares.T.tolist(), strict=True)
-    return pd.DataFrame({one.key: column(map(one.at, values)) for one, values in columns})
+    return pd.DataFrame({factor.key: column(map(factor.at, values)) for factor, values in columns})
 
 
 def column(values: Iterable[Level]) -> pd.Series:

@@ -33,12 +33,12 @@ class OneAtATime(Design):
         base: Mapping[str, Level],
         rng: np.random.Generator,
     ) -> pd.DataFrame:
-        own = {factor.key: base[factor.key] for factor in factors}
+        base_levels = {factor.key: base[factor.key] for factor in factors}
         varied = [
-            own | {factor.key: level}
+            base_levels | {factor.key: level}
             for factor in factors
             for level in factor.grid()
             if level != base[factor.key]
         ]
-        rows = [own, *varied]
-        return pd.DataFrame({key: column(row[key] for row in rows) for key in own})
+        rows = [base_levels, *varied]
+        return pd.DataFrame({key: column(row[key] for row in rows) for key in base_levels})

@@ -15,7 +15,7 @@ from ..records import Design, Factor, Level
 from .needs import frame_of, replicate_faults, small
 
 LEAST = 128
-"""Base samples from which the intervals of the indices are worth their name."""
+"""Base samples from which on the intervals of the indices are reliable."""
 
 PARTS = 8
 
@@ -24,8 +24,8 @@ PARTS = 8
 class Sobol(Design):
     """`samples` blocks of A, A with one key from B for every key, and B (Saltelli et al. 2010).
 
-    They are `PARTS` Sobol sequences of equal length, each scrambled by itself: what the estimates
-    differ by between them is how exact the whole is.
+    They are `PARTS` Sobol sequences of equal length, each scrambled by itself: the scatter of the
+    estimates between them shows the precision of the whole.
     """
 
     kind: ClassVar[str] = "sobol"
@@ -33,12 +33,14 @@ class Sobol(Design):
     samples: int = field(default=128, metadata={"low": 1, "need": SETTINGS})
 
     def faults(self, factors: tuple[Factor, ...], seeds: int) -> list[Fault]:
-        found = small("samples", self.samples, LEAST, "intervals of Sobol indices need")
+        issues = small("samples", self.samples, LEAST, "intervals of Sobol indices need")
         if self.samples & (self.samples - 1):
             lower = 1 << (self.samples.bit_length() - 1)
             text = f"is {self.samples}: a Sobol sequence is balanced at powers of 2; use"
-            found.append(Fault("samples", f"{text} {max(lower, LEAST)} or {max(2 * lower, LEAST)}"))
-        return found + replicate_faults(seeds, "Sobol indices")
+            issues.append(
+                Fault("samples", f"{text} {max(lower, LEAST)} or {max(2 * lower, LEAST)}")
+            )
+        return issues + replicate_faults(seeds, "Sobol indices")
 
     def size(self, factors: tuple[Factor, ...]) -> int:
         return self.samples * (len(factors) + 2)

@@ -35,10 +35,10 @@ class Table(Design):
         base: Mapping[str, Level],
         rng: np.random.Generator,
     ) -> pd.DataFrame:
-        found, faults = self._parsed(factors)
+        settings, faults = self._parsed(factors)
         if faults:
             raise InputError(faults)
-        return found.reset_index(drop=True)
+        return settings.reset_index(drop=True)
 
     def _parsed(self, factors: tuple[Factor, ...]) -> tuple[pd.DataFrame, list[Fault]]:
         try:
@@ -51,32 +51,32 @@ class Table(Design):
         for factor in known:
             bad = _bad_cells(factor, typed[factor.key])
             faults += cell_faults(self.file, factor.key, bad)
-        values = {one.key: column(_levels(one, typed[one.key])) for one in known}
+        values = {factor.key: column(_levels(factor, typed[factor.key])) for factor in known}
         return pd.DataFrame(values), faults
 
 
 def _bad_cells(factor: Factor, cells: pd.Series) -> dict[Any, str]:
     """What is no level of the factor, or outside of its range, by row."""
-    given = cells.dropna()
+    present = cells.dropna()
     if not factor.ranged:
-        bad = given[~given.isin(factor.levels)]
+        bad = present[~present.isin(factor.levels)]
         names = [str(level) for level in factor.levels]
         known = ", ".join(names)
         return {
             at: f"must be one of {known}, got {_shown(value)}{nearest(str(value), names)}"
             for at, value in bad.items()
         }
-    bad = given[(given < factor.low) | (given > factor.high)]
-    found = {
+    bad = present[(present < factor.low) | (present > factor.high)]
+    messages = {
         at: f"must lie in [{factor.low:.10g}, {factor.high:.10g}], got {_shown(value)}"
         for at, value in bad.items()
     }
     if factor.integer:
-        broken = given[given != np.floor(given)]
-        found |= {
+        broken = present[present != np.floor(present)]
+        messages |= {
             at: f"must be a whole number, got {_shown(value)}" for at, value in broken.items()
         }
-    return found
+    return messages
 
 
 def _shown(value: Any) -> str:
@@ -87,6 +87,6 @@ def _levels(factor: Factor, cells: pd.Series) -> list[Any]:
     """The cells as the levels are written, whole numbers whole."""
     if factor.ranged:
         whole = factor.integer and not cells.isna().any()
-        return [int(one) if whole else float(one) for one in cells]
+        return [int(cell) if whole else float(cell) for cell in cells]
     known: dict[Any, Level] = {level: level for level in factor.levels}
-    return [known.get(one, one) for one in cells]
+    return [known.get(cell, cell) for cell in cells]

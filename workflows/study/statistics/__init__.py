@@ -1,4 +1,4 @@
-"""Statistics of a study: what its settings do, beside the noise of its runs."""
+"""Statistics of a study: the effects of its settings, and the noise of its runs."""
 
 from __future__ import annotations
 

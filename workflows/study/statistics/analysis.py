@@ -1,4 +1,4 @@
-"""From the runs of a study to what they say."""
+"""From the runs of a study to its statistics."""
 
 from __future__ import annotations
 
@@ -33,13 +33,13 @@ def analyse(settings: StudySettings, data: StudyData, rng: np.random.Generator) 
     """All statistics of a finished study; the same data and generator give the same result."""
     design = data.design.reset_index(drop=True)
     keys = [factor.key for factor in settings.factors]
-    found = contrasts(settings.design.analysis, design, settings.factors, settings.base)
+    key_contrasts = contrasts(settings.design.analysis, design, settings.factors, settings.base)
     responses = tuple(
         Response(name, name in LARGER_IS_BETTER, BEST.get(name)) for name in settings.responses
     )
     all_runs = [runs_of(data.table, name, len(design)) for name in settings.responses]
-    tested = _joined([tests(runs, design, settings, found, rng) for runs in all_runs])
-    alone = found if settings.design.analysis == "one_at_a_time" else []
+    tested = _joined([tests(runs, design, settings, key_contrasts, rng) for runs in all_runs])
+    alone = key_contrasts if settings.design.analysis == "one_at_a_time" else []
     return StudyResult(
         title=settings.title,
         kind=settings.design.kind,
@@ -51,7 +51,9 @@ def analyse(settings: StudySettings, data: StudyData, rng: np.random.Generator) 
             for factor in settings.factors
         ),
         medians=_joined([medians(runs, rng) for runs in all_runs]),
-        sensitivity=_joined([sensitivity(runs, design, settings, found, rng) for runs in all_runs]),
+        sensitivity=_joined(
+            [sensitivity(runs, design, settings, key_contrasts, rng) for runs in all_runs]
+        ),
         tests=tested,
         courses=courses(data, alone, rng),
         course_of=settings.objectives[0] if len(settings.objectives) == 1 else "hypervolume",
@@ -75,28 +77,28 @@ def _notes(
     settings: StudySettings, table: pd.DataFrame, all_runs: list[Runs], tested: pd.DataFrame
 ) -> list[str]:
     """What the reader must know: failures, what is left out and why."""
-    found = []
+    notes = []
     failed = int((table["status"] == "failed").sum())
     if failed:
-        found.append(FAILED.format(failed=failed, total=len(table)))
+        notes.append(FAILED.format(failed=failed, total=len(table)))
     for runs in all_runs:
         if not runs.reached:
             count = int(np.isinf(runs.array).sum())
             text = (
                 f"{runs.response}: {count} of {runs.array.size} runs did not get there within the"
             )
-            found.append(
+            notes.append(
                 f"{text} budget of their setting; they count as worse than all others in "
                 "ranks, and the response has no variance to be shared out"
             )
     if settings.seeds < 2:
-        found.append(
-            "one seed per setting: noise cannot be told from an effect, and nothing is tested"
+        notes.append(
+            "one seed per setting: noise and effects are confounded, and nothing is tested"
         )
     pairs = tested[tested["kind"] == "wilcoxon"] if len(tested) else tested
     counts = pairs.groupby("response").size() if len(pairs) else pd.Series(dtype=int)
     needed = max((pairs_needed(int(count)) for count in counts), default=0)
     if settings.seeds < needed:
         text = f"{settings.seeds} seeds cannot show a difference at p = {ALPHA}"
-        found.append(f"{text} among so many comparisons: {needed} can")
-    return found
+        notes.append(f"{text} among so many comparisons: {needed} can")
+    return notes

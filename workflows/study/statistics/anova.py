@@ -23,7 +23,7 @@ def surface_tests(
     full = OLS(means, model(design, factors)).fit()
     rows = []
     for factor in factors:
-        rest = tuple(one for one in factors if one is not factor)
+        rest = tuple(other for other in factors if other is not factor)
         f, p, _ = full.compare_f_test(OLS(means, model(design, rest)).fit())
         rows.append({"key": factor.key, "statistic": float(f), "p": float(p), "n": len(means)})
     return rows
@@ -57,9 +57,9 @@ def model(design: pd.DataFrame, factors: tuple[Factor, ...]) -> Array:
     for factor in factors:
         cells = design[factor.key]
         if not factor.ranged:
-            kept = [one for one in factor.levels if (cells == one).any()][1:]
+            kept = [level for level in factor.levels if (cells == level).any()][1:]
             blocks.append(
-                np.column_stack([(cells == one).astype(float) for one in kept])
+                np.column_stack([(cells == level).astype(float) for level in kept])
                 if kept
                 else np.empty((len(design), 0))
             )

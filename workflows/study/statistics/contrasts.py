@@ -1,4 +1,4 @@
-"""The levels of a key side by side: what each seed gave at each of them."""
+"""The levels of a key side by side: the value of each seed at each of them."""
 
 from __future__ import annotations
 
@@ -41,14 +41,14 @@ def contrasts(
     if kind not in ("one_at_a_time", "factorial"):
         return []
     at_base = pd.DataFrame({key: design[key] == base.get(key) for key in keys})
-    found = []
+    compared = []
     for key in keys:
         others = at_base.drop(columns=key).all(axis=1).to_numpy()
         usable = others if kind == "one_at_a_time" else np.ones(len(design), dtype=bool)
         levels = _ordered(design.loc[usable, key])
-        rows = tuple(np.flatnonzero(usable & (design[key] == one).to_numpy()) for one in levels)
-        found.append(Contrast(key, levels, rows))
-    return found
+        rows = tuple(np.flatnonzero(usable & (design[key] == level).to_numpy()) for level in levels)
+        compared.append(Contrast(key, levels, rows))
+    return compared
 
 
 def _ordered(column: pd.Series) -> tuple[Level, ...]:

@@ -20,14 +20,14 @@ def medians(runs: Runs, rng: np.random.Generator) -> pd.DataFrame:
     NaN where nothing is known: all runs failed, or half of them did not reach the response.
     """
     known = (~np.isnan(runs.array)).sum(axis=1)
-    found = np.full((len(known), 3), np.nan)
+    intervals = np.full((len(known), 3), np.nan)
     for count in np.unique(known[known > 0]):
         rows = known == count
         values = np.sort(runs.array[rows], axis=1)[:, :count]  # NaN comes last
-        found[rows] = interval_of_median(values, rng)
+        intervals[rows] = interval_of_median(values, rng)
     return pd.DataFrame(
         {"response": runs.response, "point": np.arange(len(known))}
-        | dict(zip(("median", "low", "high"), found.T, strict=True))
+        | dict(zip(("median", "low", "high"), intervals.T, strict=True))
         | {"level": LEVEL, "n": known, "failed": runs.replicates - known}
         | {"reached": np.isfinite(runs.array).sum(axis=1)}
     )
@@ -41,7 +41,7 @@ def interval_of_median(values: Array, rng: np.random.Generator) -> Array:
             low, high = np.full((2, len(values)), np.nan)
         else:
             batch = max(1, BATCH // values.size)
-            found = bootstrap(
+            interval = bootstrap(
                 (values,),
                 np.median,
                 axis=1,
@@ -52,6 +52,6 @@ def interval_of_median(values: Array, rng: np.random.Generator) -> Array:
                 method="percentile",
                 rng=rng,
             ).confidence_interval
-            low, high = np.asarray(found.low), np.asarray(found.high)
+            low, high = np.asarray(interval.low), np.asarray(interval.high)
         stacked = np.column_stack([middle, low, high])
     return np.where(np.isfinite(stacked), stacked, np.nan)

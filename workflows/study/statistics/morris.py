@@ -27,11 +27,15 @@ def effects(values: Array, shares: Array, rng: np.random.Generator) -> Estimates
     slope, known = np.where(known, ordered, 0.0).swapaxes(0, 1), known.swapaxes(0, 1)
 
     def statistic(rows: Array, runs: Array) -> Array:
-        found = [_of_key(one, runs * at, rows) for one, at in zip(slope, known, strict=True)]
-        return np.stack([*(mean for mean, _ in found), *(v for _, v in found)], axis=-1)
+        per_key = [
+            _of_key(key_slope, runs * at, rows) for key_slope, at in zip(slope, known, strict=True)
+        ]
+        return np.stack([*(mean for mean, _ in per_key), *(v for _, v in per_key)], axis=-1)
 
-    found = random_settings(statistic, len(paths), values.shape[1], rng)
-    value, low, high = (_rooted(one, keys) for one in (found.value, found.low, found.high))
+    estimates = random_settings(statistic, len(paths), values.shape[1], rng)
+    value, low, high = (
+        _rooted(side, keys) for side in (estimates.value, estimates.low, estimates.high)
+    )
     return Estimates(value, low, high)
 
 
@@ -39,8 +43,8 @@ def _of_key(slope: Array, weights: Array, rows: Array) -> tuple[Array, Array]:
     """Mean absolute effect and variance of the effects of one key, each of shape (draws,)."""
     total = weights.sum(-1, keepdims=True)
     others = (weights * slope).sum(-1, keepdims=True) - weights * slope
-    left = total - weights
-    signed = np.where(left > 0, np.sign(others), 0.0)
+    remaining = total - weights
+    signed = np.where(remaining > 0, np.sign(others), 0.0)
     counts = total[..., 0]
     seeds = (weights > 0).sum(-1)
     size = (weights * slope * signed).sum(-1) / np.where(counts > 0, counts, 1.0)

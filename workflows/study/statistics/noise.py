@@ -46,6 +46,6 @@ def variance(values: Array, weights: Array) -> Array:
     safe = np.where(total > 0, total, 1.0)
     mean = (weights * values).sum(-1) / safe
     spread = (weights * (values - mean[..., None]) ** 2).sum(-1) / safe
-    left = 1.0 - (weights**2).sum(-1) / safe**2
-    usable = left > 1e-9
-    return np.where(usable & (total > 0), spread / np.where(usable, left, 1.0), np.nan)
+    correction = 1.0 - (weights**2).sum(-1) / safe**2
+    usable = correction > 1e-9
+    return np.where(usable & (total > 0), spread / np.where(usable, correction, 1.0), np.nan)

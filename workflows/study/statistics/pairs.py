@@ -41,14 +41,14 @@ COLUMNS = (
 )
 
 
-def wilcoxon_tests(runs: Runs, found: list[Contrast], rng: np.random.Generator) -> pd.DataFrame:
+def wilcoxon_tests(runs: Runs, contrasts: list[Contrast], rng: np.random.Generator) -> pd.DataFrame:
     """Every pair of levels of every key; Holm's correction is over all of the response.
 
     `effect` is the matched-pairs rank-biserial correlation (Kerby 2014), positive where a is
     larger; `difference` the median of a - b over the seeds, with its bootstrap interval.
     """
     rows: list[dict[str, Any]] = []
-    for contrast in found:
+    for contrast in contrasts:
         if len(contrast.levels) > MOST:
             continue
         values = contrast.table(runs.array)
@@ -57,7 +57,7 @@ def wilcoxon_tests(runs: Runs, found: list[Contrast], rng: np.random.Generator) 
             rows.append(
                 {"key": contrast.key, "a": contrast.levels[i], "b": contrast.levels[j]} | pair
             )
-    return _judged(runs.response, "wilcoxon", rows, pairs_needed)
+    return _corrected(runs.response, "wilcoxon", rows, pairs_needed)
 
 
 def paired(a: Array, b: Array, rng: np.random.Generator) -> dict[str, Any]:
@@ -96,14 +96,14 @@ def pairs_needed(tests: int) -> int:
     return int(np.ceil(1 + np.log2(tests / ALPHA) - 1e-12))
 
 
-def friedman_tests(runs: Runs, found: list[Contrast]) -> pd.DataFrame:
+def friedman_tests(runs: Runs, contrasts: list[Contrast]) -> pd.DataFrame:
     """All levels of every key that has more than two; `effect` is Kendall's W."""
     rows = [
         {"key": contrast.key} | _friedman(contrast.table(runs.array))
-        for contrast in found
+        for contrast in contrasts
         if len(contrast.levels) > 2
     ]
-    return _judged(runs.response, "friedman", rows, None)
+    return _corrected(runs.response, "friedman", rows, None)
 
 
 def _friedman(values: Array) -> dict[str, Any]:
@@ -132,7 +132,7 @@ def _friedman(values: Array) -> dict[str, Any]:
     return out
 
 
-def _judged(response: str, kind: str, rows: list[dict[str, Any]], needed: Any) -> pd.DataFrame:
+def _corrected(response: str, kind: str, rows: list[dict[str, Any]], needed: Any) -> pd.DataFrame:
     """The rows as a table, corrected by Holm; what cannot be significant says why."""
     if not rows:
         return pd.DataFrame(columns=list(COLUMNS))

@@ -1,4 +1,4 @@
-"""Whether what somebody reads from a figure holds, told from the tests."""
+"""Whether an interpretation of a figure (a reading) holds by the tests."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from ..records import LARGER_IS_BETTER, Reading
 
 def verdicts(readings: tuple[Reading, ...], tests: pd.DataFrame) -> tuple[Verdict, ...]:
     """A verdict with its sentence for every reading whose levels were compared."""
-    found = []
+    outcomes = []
     for reading in readings:
         row = _row(reading, tests)
         verdict, because = _verdict(reading, row)
         words = f"{reading.figure}, “{reading.says}”: {verdict}. {because}"
-        found.append(
+        outcomes.append(
             Verdict(
                 reading.figure,
                 reading.key,
@@ -27,7 +27,7 @@ def verdicts(readings: tuple[Reading, ...], tests: pd.DataFrame) -> tuple[Verdic
                 words,
             )
         )
-    return tuple(found)
+    return tuple(outcomes)
 
 
 def _row(reading: Reading, tests: pd.DataFrame) -> dict[str, Any] | None:
@@ -52,7 +52,7 @@ def _row(reading: Reading, tests: pd.DataFrame) -> dict[str, Any] | None:
 
 
 def _verdict(reading: Reading, row: dict[str, Any] | None) -> tuple[str, str]:
-    """The verdict, and what it stands on."""
+    """The verdict, and the evidence for it."""
     if row is None:
         text = f"The study has no comparison of {reading.a} with {reading.b} in {reading.response}"
         return "undecided", f"{text}."

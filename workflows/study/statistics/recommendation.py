@@ -1,6 +1,6 @@
-"""Recommended settings: chosen on half of the seeds, judged on the other half.
+"""Recommended settings: chosen on half of the seeds, tested on the other half.
 
-What is best among many on the same runs that it is judged by looks better than it is.
+A setting that is chosen and tested on the same runs looks better than it is.
 """
 
 from __future__ import annotations
@@ -29,20 +29,20 @@ def recommendation(
     response: Response,
     rng: np.random.Generator,
 ) -> Recommendation:
-    """The setting with the best median over the even replicates, judged on the odd ones.
+    """The setting with the best median over the even replicates, tested on the odd ones.
 
     A failed run counts as the worst. The reference is the run configuration's own setting where the
     design has it, else the setting in the middle.
     """
     costs = runs.costs()
-    chosen, judged = costs[:, ::2], runs.array[:, 1::2]
+    chosen, held_out = costs[:, ::2], runs.array[:, 1::2]
     # Ties in the median (half of the runs not there) are broken by how many got there.
     rank = np.lexsort([np.isinf(chosen).sum(axis=1), np.median(chosen, axis=1)])
     best, reference, named = int(rank[0]), int(rank[len(rank) // 2]), "the setting in the middle"
     same = (design[list(base)] == pd.Series(base, dtype=object)).all(axis=1).to_numpy()
-    own = np.flatnonzero(same & bool(base))
-    if len(own):
-        reference, named = int(own[0]), "the run's own setting"
+    matching = np.flatnonzero(same & bool(base))
+    if len(matching):
+        reference, named = int(matching[0]), "the run's own setting"
     keys = [name for name in map(str, design.columns) if not name.startswith("_")]
     settings = {key: design[key].iloc[best] for key in keys}
     if np.isinf(np.median(chosen[best])):
@@ -53,23 +53,23 @@ def recommendation(
         return Recommendation(
             response.name, best, settings, False, UNKNOWN, f"{response.name}: {text}."
         )
-    found = paired(judged[best], judged[reference], rng)
-    improves = (found["effect"] > 0) == runs.larger_is_better
-    shown = bool(found["p"] <= ALPHA and improves and found["least"] <= ALPHA)
-    recovered = _recovered(judged[best], judged[reference], response.best, rng)
-    words = _sentence(response, settings, named, found, improves, shown, recovered)
+    test = paired(held_out[best], held_out[reference], rng)
+    improves = (test["effect"] > 0) == runs.larger_is_better
+    shown = bool(test["p"] <= ALPHA and improves and test["least"] <= ALPHA)
+    recovered = _recovered(held_out[best], held_out[reference], response.best, rng)
+    words = _sentence(response, settings, named, test, improves, shown, recovered)
     return Recommendation(response.name, best, settings, shown, recovered, words)
 
 
 def _recovered(
     best: Array, reference: Array, ideal: float | None, rng: np.random.Generator
 ) -> tuple[float, float, float]:
-    """Share of the distance to the ideal that the reference misses and the best does not."""
+    """Fraction of the reference's distance from the ideal that the best setting recovers."""
     both = np.isfinite(best) & np.isfinite(reference)
     if ideal is None or both.sum() < 2:
         return UNKNOWN
 
-    def share(a: Array, b: Array, axis: int = -1) -> Array:
+    def recovered_fraction(a: Array, b: Array, axis: int = -1) -> Array:
         missed = np.abs(ideal - b).sum(axis=axis)
         gained = missed - np.abs(ideal - a).sum(axis=axis)
         return np.asarray(np.divide(gained, missed, out=np.zeros_like(gained), where=missed > 0.0))
@@ -77,7 +77,7 @@ def _recovered(
     pair = (best[both], reference[both])
     around = bootstrap(
         pair,
-        share,
+        recovered_fraction,
         paired=True,
         vectorized=True,
         n_resamples=RESAMPLES,
@@ -86,38 +86,38 @@ def _recovered(
         rng=rng,
     )
     low, high = around.confidence_interval
-    return float(share(pair[0][None], pair[1][None])[0]), float(low), float(high)
+    return float(recovered_fraction(pair[0][None], pair[1][None])[0]), float(low), float(high)
 
 
 def _sentence(
     response: Response,
     settings: Mapping[str, Any],
     named: str,
-    found: dict[str, Any],
+    test: dict[str, Any],
     improves: bool,
     shown: bool,
     recovered: tuple[float, float, float],
 ) -> str:
     what = ", ".join(f"{key} = {_plain(value)}" for key, value in settings.items())
-    half = f"{found['n']} seeds that did not choose it"
-    if not found["n"]:
+    half = f"{test['n']} seeds that did not choose it"
+    if not test["n"]:
         return f"{response.name}: {what} is the best seen; there is no other seed to judge it by."
     if not shown:
         missing = pairs_needed(1)
         why = (
             f"; at least {2 * missing} seeds are needed"
-            if found["least"] > ALPHA
+            if test["least"] > ALPHA
             else ""
             if improves
             else ", and on those it is the worse one"
         )
         return (
             f"{response.name}: {what} is the best seen, but {half} do not show that it beats "
-            f"{named} (p = {found['p']:.2g}){why}."
+            f"{named} (p = {test['p']:.2g}){why}."
         )
     text = (
-        f"{response.name}: {what} beats {named} on {half} (p = {found['p']:.2g}, rank "
-        f"correlation {abs(found['effect']):.2f})"
+        f"{response.name}: {what} beats {named} on {half} (p = {test['p']:.2g}, rank "
+        f"correlation {abs(test['effect']):.2f})"
     )
     if np.isnan(recovered[0]):
         return f"{text}."

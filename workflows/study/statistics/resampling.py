@@ -44,9 +44,9 @@ def crossed(a: Array, b: Array, weights: Array) -> Array:
     """
     squares = weights**2
     both = _summed(weights, a) * _summed(weights, b) - _summed(squares, a * b)
-    own = squares.sum(-1)
-    pairs = weights.sum(-1) ** 2 - own
-    usable = pairs > 1e-9 * np.maximum(own, 1e-300)
+    sum_of_squares = squares.sum(-1)
+    pairs = weights.sum(-1) ** 2 - sum_of_squares
+    usable = pairs > 1e-9 * np.maximum(sum_of_squares, 1e-300)
     return np.where(usable, both / np.where(usable, pairs, 1.0), np.nan)
 
 
@@ -56,7 +56,7 @@ def _summed(weights: Array, values: Array) -> Array:
 
 
 def over_settings(values: Array, weights: Array) -> Array:
-    """Weighted mean over the last axis but what is NaN; NaN where nothing is left."""
+    """Weighted mean over the last axis without NaN; NaN where no value remains."""
     known = ~np.isnan(values)
     total = (weights * known).sum(-1)
     summed = (weights * np.where(known, values, 0.0)).sum(-1)
@@ -73,7 +73,7 @@ def random_settings(
 ) -> Estimates:
     """Estimates where the settings are a sample (blocks of a Sobol design, trajectories).
 
-    Of `parts` equal parts in a row each is a sample apart from the others, and one within itself.
+    Each of `parts` equal parts in a row is a sample that is independent of the others.
     """
     value, flat = _value(statistic, settings, replicates)
     all_runs = np.ones((1, 1, replicates))
@@ -98,9 +98,9 @@ def _without_a_part(settings: int, parts: int) -> Array:
     return weights.reshape(parts, settings)
 
 
-def _jackknifed(found: Array) -> Array:
+def _jackknifed(estimates: Array) -> Array:
     """Variance (statistics,) of an estimate, from those without a part (parts, statistics)."""
-    return np.asarray((len(found) - 1) * found.var(axis=0))
+    return np.asarray((len(estimates) - 1) * estimates.var(axis=0))
 
 
 def fixed_settings(statistic: Statistic, replicates: int, rng: np.random.Generator) -> Estimates:
@@ -120,11 +120,11 @@ def _value(statistic: Statistic, settings: int, replicates: int) -> tuple[Array,
 def _spread(draw: Callable[[int], Array], units: int, block: int = DRAWS) -> Array:
     """Variance over the draws, as of a mean of `units` independent values."""
     counts = np.diff(np.append(np.arange(0, DRAWS, min(block, DRAWS)), DRAWS))
-    found = np.concatenate([draw(int(n)) for n in counts])
+    estimates = np.concatenate([draw(int(n)) for n in counts])
     if units < 2:
-        return np.full(found.shape[1], np.nan)
+        return np.full(estimates.shape[1], np.nan)
     # Weights of a Dirichlet distribution spread a mean by (n - 1) / (n + 1) of its variance.
-    return np.asarray(found.var(axis=0) * (units + 1) / (units - 1))
+    return np.asarray(estimates.var(axis=0) * (units + 1) / (units - 1))
 
 
 def _around(value: Array, variance: Array, freedom: int, level: float = LEVEL) -> Estimates:

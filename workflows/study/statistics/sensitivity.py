@@ -1,4 +1,4 @@
-"""`sensitivity.csv`: what each key does to a response, and what the noise does."""
+"""`sensitivity.csv`: the effect of each key on a response, and that of the noise."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def sensitivity(
     runs: Runs,
     design: pd.DataFrame,
     settings: StudySettings,
-    found: list[Contrast],
+    contrasts: list[Contrast],
     rng: np.random.Generator,
 ) -> pd.DataFrame:
     """Rows of one response, noise last; `distinct` where the interval lies above 0.
@@ -44,11 +44,11 @@ def sensitivity(
         names = [(key, statistic) for statistic in ("mu_star", "sigma") for key in keys]
         rows += _rows(names, morris.effects(values, shares, rng), len(values))
     elif complete(values).shape[1] >= 2:
-        rows += _variances(values, design, settings, found, rng)
+        rows += _variances(values, design, settings, contrasts, rng)
     group = {"sobol": len(keys) + 2, "morris": len(keys) + 1, "latin_hypercube": 1}.get(kind, 0)
     some = _ends(values, group) if kind == "sobol" else values
-    share = noise_share(some, 2 if kind == "sobol" else group, rng)
-    rows += _rows([("", "noise_share")], share, len(values))
+    noise = noise_share(some, 2 if kind == "sobol" else group, rng)
+    rows += _rows([("", "noise_share")], noise, len(values))
     frame = pd.DataFrame(rows).assign(response=runs.response)
     frame["distinct"] = frame["low"] > 0.0
     return frame.reindex(columns=list(COLUMNS))
@@ -58,21 +58,21 @@ def _variances(
     values: Array,
     design: pd.DataFrame,
     settings: StudySettings,
-    found: list[Contrast],
+    contrasts: list[Contrast],
     rng: np.random.Generator,
 ) -> Rows:
     """Shares of variance; seeds that failed at any setting are left out."""
     kind = settings.design.analysis
     if kind == "factorial":
-        names, shares = factorial_shares(values, found, rng)
+        names, shares = factorial_shares(values, contrasts, rng)
     elif kind == "latin_hypercube":
         names = [factor.key for factor in settings.factors]
         shares = surface_shares(values, design, settings.factors, rng)
     else:
-        names = [contrast.key for contrast in found]
-        parts = [key_shares(values, contrast, rng) for contrast in found]
+        names = [contrast.key for contrast in contrasts]
+        parts = [key_shares(values, contrast, rng) for contrast in contrasts]
         value, low, high = (
-            np.concatenate([getattr(one, side) for one in parts])
+            np.concatenate([getattr(part, side) for part in parts])
             for side in ("value", "low", "high")
         )
         shares = Estimates(value, low, high)
@@ -85,8 +85,8 @@ def _ends(values: Array, group: int) -> Array:
     return blocks[:, [0, -1]].reshape(-1, values.shape[1])
 
 
-def _rows(names: list[tuple[str, str]], found: Estimates, n: int) -> Rows:
-    sides = zip(names, found.value, found.low, found.high, strict=True)
+def _rows(names: list[tuple[str, str]], estimates: Estimates, n: int) -> Rows:
+    sides = zip(names, estimates.value, estimates.low, estimates.high, strict=True)
     return [
         {
             "key": key,
@@ -95,7 +95,7 @@ def _rows(names: list[tuple[str, str]], found: Estimates, n: int) -> Rows:
             "low": low,
             "high": high,
             "n": n,
-            "level": found.level,
+            "level": estimates.level,
         }
         for (key, name), value, low, high in sides
     ]

@@ -1,7 +1,7 @@
-"""Shares of the variance of one run: which part each key explains, beside the noise.
+"""Shares of the variance of one run, noise included: the fraction that each key explains.
 
-They are estimated over pairs of different seeds, so that noise is no share of a key. The settings
-are those of the design; the intervals are over seeds.
+They are estimated over pairs of different seeds, so that noise adds nothing to the share of a key.
+The settings are those of the design; the intervals are over seeds.
 """
 
 from __future__ import annotations
@@ -37,13 +37,15 @@ def key_shares(values: Array, contrast: Contrast, rng: np.random.Generator) -> E
 
 
 def factorial_shares(
-    values: Array, found: list[Contrast], rng: np.random.Generator
+    values: Array, contrasts: list[Contrast], rng: np.random.Generator
 ) -> tuple[list[str], Estimates]:
-    """Shares of every key, every pair of keys, and all that is left between settings."""
+    """Shares of every key and every pair of keys, and their names."""
     whole = complete(values)
-    means: dict[tuple[str, ...], Array] = {(one.key,): _means(whole, one.members) for one in found}
+    means: dict[tuple[str, ...], Array] = {
+        (contrast.key,): _means(whole, contrast.members) for contrast in contrasts
+    }
     effects = dict(means)
-    for a, b in combinations(found, 2):
+    for a, b in combinations(contrasts, 2):
         cells = _cells(len(values), a, b)
         joint = _means(whole, tuple(cells.values()))
         first, second = np.array(list(cells)).T
@@ -51,7 +53,7 @@ def factorial_shares(
 
     def statistic(rows: Array, weights: Array) -> Array:
         between = effect_of(whole, weights)
-        parts = np.stack([_squares(one, weights) for one in effects.values()], axis=-1)
+        parts = np.stack([_squares(effect, weights) for effect in effects.values()], axis=-1)
         return _share(parts, between + variance(whole, weights).mean(-1))
 
     names = [" x ".join(keys) for keys in effects]
@@ -88,7 +90,7 @@ def surface_shares(
     def statistic(rows: Array, weights: Array) -> Array:
         between = effect_of(whole, weights)
         explained = [crossed(q.T @ whole, q.T @ whole, weights).sum(-1) for q in parts]
-        gains = np.stack([explained[0] - one for one in explained[1:]], axis=-1) / len(whole)
+        gains = np.stack([explained[0] - part for part in explained[1:]], axis=-1) / len(whole)
         return _share(gains, between + variance(whole, weights).mean(-1))
 
     return fixed_settings(statistic, whole.shape[1], rng)
@@ -98,7 +100,7 @@ def _projections(
     design: pd.DataFrame, factors: tuple[Factor, ...], without: Factor | None
 ) -> Array:
     """Orthonormal columns of the model without one key."""
-    columns = model(design, tuple(one for one in factors if one is not without))
+    columns = model(design, tuple(factor for factor in factors if factor is not without))
     return np.linalg.qr(columns)[0]
 
 

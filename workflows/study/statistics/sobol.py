@@ -8,7 +8,7 @@ from ..designs.sobol import PARTS
 from .resampling import Array, Estimates, crossed, over_settings, random_settings
 
 SOBOL_LEVEL = 0.90
-"""Of the intervals: the one at which they are calibrated."""
+"""Level of the intervals: the one at which they are calibrated."""
 
 
 def indices(values: Array, keys: int, rng: np.random.Generator) -> Estimates:
@@ -32,10 +32,10 @@ def indices(values: Array, keys: int, rng: np.random.Generator) -> Estimates:
         squares = crossed(a, a, weights) + crossed(b, b, weights)
         centre = _centre(a + b, rows, weights) / 2
         total = over_settings(squares, rows) / 2 - centre**2
-        first = [over_settings(crossed(b, one - a, weights), rows) for one in mixed]
-        last = [over_settings(crossed(a - one, a - one, weights), rows) / 2 for one in mixed]
-        rest = [over_settings(crossed(b - one, b - one, weights), rows) / 2 for one in mixed]
-        small, whole_share, others = (_shares(one, total) for one in (first, last, rest))
+        first = [over_settings(crossed(b, mix - a, weights), rows) for mix in mixed]
+        last = [over_settings(crossed(a - mix, a - mix, weights), rows) / 2 for mix in mixed]
+        rest = [over_settings(crossed(b - mix, b - mix, weights), rows) / 2 for mix in mixed]
+        small, whole_share, others = (_shares(parts, total) for parts in (first, last, rest))
         weight = np.clip(whole_share, 0.0, 1.0)
         large = np.where(total[:, None] > 0.0, 1.0 - others, 0.0)
         return np.concatenate([(1.0 - weight) * small + weight * large, whole_share], axis=-1)
@@ -45,8 +45,10 @@ def indices(values: Array, keys: int, rng: np.random.Generator) -> Estimates:
 
 def _shares(parts: list[Array], total: Array) -> Array:
     """Variances as shares of the whole, (draws, keys); 0 where there is none."""
-    found = np.stack(parts, axis=-1)
-    return np.divide(found, total[:, None], out=np.zeros_like(found), where=total[:, None] > 0.0)
+    variances = np.stack(parts, axis=-1)
+    return np.divide(
+        variances, total[:, None], out=np.zeros_like(variances), where=total[:, None] > 0.0
+    )
 
 
 def _mean_of_seeds(ends: Array) -> Array:

@@ -19,30 +19,30 @@ def tests(
     runs: Runs,
     design: pd.DataFrame,
     settings: StudySettings,
-    found: list[Contrast],
+    contrasts: list[Contrast],
     rng: np.random.Generator,
 ) -> pd.DataFrame:
     """Wilcoxon for pairs, Friedman for more, analysis of variance; Holm within each kind."""
     parts = [
-        wilcoxon_tests(runs, found, rng),
-        friedman_tests(runs, found),
-        _variances(runs, design, settings, found),
+        wilcoxon_tests(runs, contrasts, rng),
+        friedman_tests(runs, contrasts),
+        _variances(runs, design, settings, contrasts),
     ]
     parts = [part for part in parts if len(part)]
     return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame(columns=list(COLUMNS))
 
 
 def _variances(
-    runs: Runs, design: pd.DataFrame, settings: StudySettings, found: list[Contrast]
+    runs: Runs, design: pd.DataFrame, settings: StudySettings, contrasts: list[Contrast]
 ) -> pd.DataFrame:
-    """Tests of the analysis of variance; none where it has nothing to go by."""
+    """Tests of the analysis of variance; none where values are missing for it."""
     if not runs.reached:
         return pd.DataFrame()
     rows: list[dict[str, Any]] = []
     if settings.design.analysis == "latin_hypercube" and complete(runs.array).shape[1]:
         rows = surface_tests(runs.array, design, settings.factors)
     elif settings.design.analysis != "latin_hypercube":
-        rows = [level_test(runs.array, contrast) for contrast in found]
+        rows = [level_test(runs.array, contrast) for contrast in contrasts]
     if not rows:
         return pd.DataFrame()
     frame = pd.DataFrame(rows).assign(response=runs.response, kind="anova")

@@ -51,23 +51,27 @@ class Database(Store):
         """Runs done and failed of the first `total` numbers."""
         failed = func.count().filter(RUNS.c.status == "failed")
         text = select(func.count(), failed).where(RUNS.c.number < total)
-        ended, wrong = self.read(lambda one: one.execute(text).one())
+        ended, wrong = self.read(lambda connection: connection.execute(text).one())
         return ended - wrong, wrong
 
     def missing(self, total: int) -> list[int]:
         """Numbers of the runs that have not ended, by point and replicate."""
-        ended = self.read(lambda one: {n for (n,) in one.execute(select(RUNS.c.number))})
-        left = (number for number in range(total) if number not in ended)
-        return sorted(left, key=lambda number: (number % self.points, number // self.points))
+        ended = self.read(
+            lambda connection: {n for (n,) in connection.execute(select(RUNS.c.number))}
+        )
+        open_numbers = (number for number in range(total) if number not in ended)
+        return sorted(
+            open_numbers, key=lambda number: (number % self.points, number // self.points)
+        )
 
     def free(self, numbers: Sequence[int]) -> list[int]:
         """The numbers from the first one on that nobody has done or is at work on."""
         for at in range(0, len(numbers), WINDOW):
             some = numbers[at : at + WINDOW]
             taken = self.claimed(some) | self.read(partial(self.present, table=RUNS, numbers=some))
-            left = [number for number in some if number not in taken]
-            if left:
-                return [*left, *numbers[at + WINDOW :]]
+            unclaimed = [number for number in some if number not in taken]
+            if unclaimed:
+                return [*unclaimed, *numbers[at + WINDOW :]]
         return []
 
     def damaged(self) -> list[int]:
@@ -89,21 +93,21 @@ class Database(Store):
 
     def of_point(self, point: int, total: int) -> list[RunRecord]:
         """The runs of one setting that have ended, by replicate."""
-        numbers, found = range(point, total, self.points), list[RunRecord]()
+        numbers, records = range(point, total, self.points), list[RunRecord]()
         for at in range(0, len(numbers), WINDOW):
             some = RUNS.c.number.in_(list(numbers[at : at + WINDOW]))
-            found += self._records(ALL.where(some))
-        return sorted(found, key=lambda run: run.replicate)
+            records += self._records(ALL.where(some))
+        return sorted(records, key=lambda run: run.replicate)
 
     def _records(self, text: Select[Any]) -> list[RunRecord]:
-        rows = self.read(lambda one: [tuple(row) for row in one.execute(text)])
+        rows = self.read(lambda connection: [tuple(row) for row in connection.execute(text)])
         return [record_of(row) for row in rows]
 
     def row(self, number: int) -> Row | None:
         """The row of a run as it is, None where there is none."""
         text = ALL.where(RUNS.c.number == number)
-        found = self.read(lambda one: one.execute(text).one_or_none())
-        return None if found is None else tuple(found)
+        stored = self.read(lambda connection: connection.execute(text).one_or_none())
+        return None if stored is None else tuple(stored)
 
     # what is to be done
 
@@ -138,31 +142,31 @@ class Database(Store):
     def forget(self, numbers: Iterable[int]) -> None:
         """Drop rows, so that the runs are done again."""
         text = delete(RUNS).where(RUNS.c.number.in_(list(numbers)))
-        self.write(lambda one: one.execute(text))
+        self.write(lambda connection: connection.execute(text))
 
     # yardsticks
 
     def yardsticks(self) -> dict[int, Yardstick]:
-        """What has been found of the problems, by their number in the plan.
+        """The yardsticks of the problems, by their number in the plan.
 
-        What is not as it was written is left out, and found again.
+        One that is not as it was written is left out, and computed again.
         """
         text = select(YARDSTICKS.c.problem, YARDSTICKS.c.value)
-        rows = self.read(lambda one: one.execute(text).all())
-        found = {number: _yardstick(value, number) for number, value in rows}
-        return {number: one for number, one in found.items() if one is not None}
+        rows = self.read(lambda connection: connection.execute(text).all())
+        measures = {number: _yardstick(value, number) for number, value in rows}
+        return {number: measure for number, measure in measures.items() if measure is not None}
 
     def claim_yardstick(self, problem: int) -> bool:
-        """Whether nobody else is finding that of a problem: then it is ours to be found."""
+        """Whether no other process computes the yardstick of a problem: then this one may."""
         return self.claim([_of(problem)], RUNS) != []
 
-    def keep_yardstick(self, problem: int, found: Yardstick) -> None:
-        """Keep what has been found of a problem."""
+    def keep_yardstick(self, problem: int, yardstick: Yardstick) -> None:
+        """Keep the yardstick of a problem."""
         record = {
-            "ideal": found.box.ideal,
-            "nadir": found.box.nadir,
-            "value": found.value,
-            "bound": found.bound,
+            "ideal": yardstick.box.ideal,
+            "nadir": yardstick.box.nadir,
+            "value": yardstick.value,
+            "bound": yardstick.bound,
         }
         value = json.dumps(sealed_record(record, of=str(problem))).encode()
         row = self.backend.insert(YARDSTICKS).values(problem=problem, value=value)
@@ -188,8 +192,8 @@ def _of(problem: int) -> int:
 
 def _yardstick(text: bytes | str, problem: int) -> Yardstick | None:
     try:
-        found = unsealed_record(loads(text), of=str(problem))
+        record = unsealed_record(loads(text), of=str(problem))
     except (TypeError, ValueError):
         return None
-    box = Box(tuple(found["ideal"]), tuple(found["nadir"]))
-    return Yardstick(box, found["value"], found["bound"])
+    box = Box(tuple(record["ideal"]), tuple(record["nadir"]))
+    return Yardstick(box, record["value"], record["bound"])

@@ -19,7 +19,7 @@ from .names import CONFIGURATION
 from .rows import Row, whole
 
 IDENTITY, POINTS, SEAL = STUDY, "points", "sha256"
-"""What a database says of its study: the resolved configuration, a hash of the design, and the
+"""What a database stores of its study: the resolved configuration, a hash of the design, and the
 digest of both.
 """
 SEALED = 2
@@ -59,7 +59,7 @@ def opened(
         database, notes = _recovered(backend, plan, reason(error))
     try:
         while not _taken(database, plan):
-            pass  # another process has just said what it is
+            pass  # another process has just written which study it belongs to
         if alone:
             database.drop_claims(prefix)
     except DAMAGE as error:
@@ -128,8 +128,8 @@ def _taken(database: Database, plan: StudyPlan) -> bool:
     new, points = plan.settings.configuration, _points(plan)
     if (old, database.meta(POINTS)) == (new, points) and database.meta(SEAL):
         return True
-    own = {IDENTITY: new, POINTS: points, SEAL: _digest(new, points)}
-    return database.set_meta(own, IDENTITY, old)
+    record = {IDENTITY: new, POINTS: points, SEAL: _digest(new, points)}
+    return database.set_meta(record, IDENTITY, old)
 
 
 def _points(plan: StudyPlan) -> str:
@@ -137,7 +137,7 @@ def _points(plan: StudyPlan) -> str:
 
 
 def _seal_fits(database: Database) -> bool:
-    """Whether what the database says of its study is as it was written."""
+    """Whether what the database stores of its study is as it was written."""
     identity, points, seal = (database.meta(key) for key in (IDENTITY, POINTS, SEAL))
     if database.format < SEALED and not seal:
         return True
@@ -151,15 +151,15 @@ def _digest(identity: str, points: str) -> str:
 def differences(before: str, after: str, anew: str = SqliteFile.anew) -> list[Fault]:
     """What makes a configuration (TOML) that of another study than one before."""
     old, new = (flat(tomllib.loads(text)) for text in (before, after))
-    found = []
+    faults = []
     for key in dict.fromkeys([*new, *old]):
         was, now = old.get(key, "unset"), new.get(key, "unset")
         if was == now or key == SAID or (key == GROWS and now > was):
             continue
         hint = "it may only grow" if key == GROWS else "only seeds may grow"
         text = f"is {now}, but the study to resume has {was}: {hint}; undo the change, or {anew}"
-        found.append(Fault(key, text))
-    return found
+        faults.append(Fault(key, text))
+    return faults
 
 
 def _recovered(
@@ -203,7 +203,7 @@ def _salvaged(path: Path, plan: StudyPlan) -> tuple[str, list[Row], list[int]]:
             if database.meta(SEAL) == _digest(*known):
                 identity = known[0]
         except (*DAMAGE, ValueError):
-            pass  # the configuration beside it says the same
+            pass  # the configuration in the same directory is the same
         for number in range(plan.total):
             try:
                 row = database.row(number)

@@ -24,7 +24,7 @@ COLUMNS = (
     *RESPONSES,
     "curve",
 )
-"""Columns of a run beside its number and its checksum."""
+"""Columns of a run in addition to its number and its checksum."""
 Row = tuple[Any, ...]
 
 

@@ -28,11 +28,11 @@ class Site:
 
     @property
     def where(self) -> str:
-        """Where the runs are, as messages say it."""
+        """Where the runs are, in the words of messages."""
         return _shown(self.address) if self.address else str(self.folder)
 
     def begin(self) -> None:
-        """Say in the directory where the runs are; a token tells its claims from those of others.
+        """Write to the directory where the runs are, and a token that marks its claims.
 
         Who resumes the study here knows by it which claims are of processes that are gone.
         """
@@ -89,23 +89,23 @@ def other_study(plan: StudyPlan, address: str, place: str) -> list[Fault]:
     backend = Site(Path(), address).backend()
     try:
         with Database(backend, len(plan.points), (), reading=True) as database:
-            found = identity_faults(database, plan) if database.format else []
+            faults = identity_faults(database, plan) if database.format else []
     except DAMAGE as error:
         return [Fault(place, f"{backend.where} cannot be read: {reason(error)}")]
     except InputError as error:
-        return [Fault(place, str(one)) for one in error.faults]
+        return [Fault(place, str(fault)) for fault in error.faults]
     head = f"{backend.where} belongs to another configuration"
-    return [Fault(place, f"{head}: {one.place} {one.message}") for one in found]
+    return [Fault(place, f"{head}: {fault.place} {fault.message}") for fault in faults]
 
 
 def _placed(folder: Path) -> dict[str, str] | None:
-    """What a directory says of where its runs are."""
+    """The record in a directory of where its runs are."""
     try:
-        found = read_record(folder / PLACE)
+        record = read_record(folder / PLACE)
     except ValueError as error:
         text = f"cannot be read: {error}; start again with --overwrite"
         raise refuse(f"{folder}/{PLACE}", text) from error
-    return None if found is None else {key: str(found[key]) for key in (STORE, TOKEN)}
+    return None if record is None else {key: str(record[key]) for key in (STORE, TOKEN)}
 
 
 def _shown(address: str) -> str:
