@@ -17,7 +17,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from ...problems.forms import Form
+from ...problems.forms import Feature, Form
 from ...problems.spread import largest_parts, spread_of
 from .combination import Combination
 from .prices import ROUNDING
@@ -268,14 +268,7 @@ class Master:
     def _round(self, weight: list[Array], allowed: Allowed, start: Array) -> None:
         """Solve the ways of most weight, and the tightest of those that are mixed."""
         heavy = tuple(map(_heaviest, weight, allowed))
-        tight = tuple(
-            min(
-                (way for way in allowed[at] if feature_weight[way] > 1e-6),
-                default=heavy[at],
-                key=lambda way, at=at: self.form.features[at].ways[way].low,
-            )  # type: ignore[misc]
-            for at, feature_weight in enumerate(weight)
-        )
+        tight = tuple(map(_tightest, self.form.features, weight, allowed, heavy))
         for chosen in (heavy, tight) if self.best is None else (heavy,):
             self._leaf(chosen, start)
 
@@ -299,3 +292,9 @@ class Master:
 def _heaviest(weight: Array, ways: tuple[int, ...]) -> int:
     """The way of most weight among some; after a linear programme that failed all weights are 0."""
     return max(ways, key=weight.tolist().__getitem__)
+
+
+def _tightest(feature: Feature, weight: Array, ways: tuple[int, ...], default: int) -> int:
+    """The way with the least lower end of its range, of those that have weight."""
+    mixed = (way for way in ways if weight[way] > 1e-6)
+    return min(mixed, default=default, key=lambda way: feature.ways[way].low)
