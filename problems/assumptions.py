@@ -52,25 +52,25 @@ def _parameters(problem: ToleranceProblem) -> list[Assumption]:
 
 
 def _variables(problem: ToleranceProblem) -> list[Assumption]:
-    found = []
+    assumptions = []
     for v in problem.variables:
         setting = problem.settings.variables[v.name]
         set_by = _set_by(v.name, problem.given.variables)
         if v.assumed and v.document is not None:
             place = f"references.{v.name}"
-            found.append(Assumption(place, v.document, v.unit, v.assumed))
+            assumptions.append(Assumption(place, v.document, v.unit, v.assumed))
         if setting.value is None:
             text = f"{setting.low:g} .. {setting.high:g}"
             reason = "search range; no document prints one"
-            found.append(Assumption(f"variables.{v.name}", text, v.unit, reason, set_by))
+            assumptions.append(Assumption(f"variables.{v.name}", text, v.unit, reason, set_by))
         if setting.sample is not None:
-            found += _measured(v, setting.sample, problem.settings.promise)
+            assumptions += _measured(v, setting.sample, problem.settings.promise)
         elif v.random:
             kind = type(setting.distribution).__name__ if setting.distribution else "Uniform"
             reason = "distribution over units; the documents name none"
             place = f"variables.{v.name}.distribution"
-            found.append(Assumption(place, kind, "", reason, set_by))
-    return found
+            assumptions.append(Assumption(place, kind, "", reason, set_by))
+    return assumptions
 
 
 def _measured(variable: Variable, sample: PartSample, promise: Promise | None) -> list[Assumption]:

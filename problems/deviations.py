@@ -40,7 +40,7 @@ class Deviations:
 
     def known(self, names: tuple[str, ...]) -> Array:
         """Variance (n,) of all that is not among some variables."""
-        others = [one**2 for name, one in self.each.items() if name not in names]
+        others = [std**2 for name, std in self.each.items() if name not in names]
         return np.asarray(np.sum([self.rest, *others], axis=0))
 
     @property
@@ -65,10 +65,10 @@ class PromisedOutput:
 
     def norm(self, given: Deviations) -> Norm:
         """The norm of the standard deviations (n, k) of these variables."""
-        one = np.ones(len(self.processes))
+        ones = np.ones(len(self.processes))
         quantile = self.quantile(given) if len(given.sides) == 1 else None
         return norm_of(
-            list(self.processes.values()), one, one, self.promise.confidence, quantile=quantile
+            list(self.processes.values()), ones, ones, self.promise.confidence, quantile=quantile
         )
 
     def quantile(self, given: Deviations) -> float:
@@ -87,7 +87,7 @@ class PromisedOutput:
         """The promised yield [percent] (n,): assured by the norm, or expected over the draws."""
         if self.promise.statement != ASSURED:
             return 100.0 * np.concatenate(
-                [np.empty(0), *(one.mean(axis=1) for one in self._yields(given))]
+                [np.empty(0), *(yields.mean(axis=1) for yields in self._yields(given))]
             )
         room = np.min([side * (end - given.mean) for side, end in given.sides], axis=0)
         z = room / self.spread(given)
@@ -101,7 +101,7 @@ class PromisedOutput:
 
     def assurance(self, given: Deviations) -> tuple[Array, Array]:
         """Probability [percent] (n,) that the promised share of units conforms, its error."""
-        every = [np.mean(one >= self.promise.share, axis=1) for one in self._yields(given)]
+        every = [np.mean(yields >= self.promise.share, axis=1) for yields in self._yields(given)]
         kept = np.concatenate([np.empty(0), *every])
         return assured_percent(kept)
 
@@ -114,12 +114,17 @@ class PromisedOutput:
 
     def _yields(self, given: Deviations) -> list[Array]:
         """Yields (k, draws) of the designs, some at a time."""
-        own = given.stacked(self.names) if self.names else np.zeros((len(given.mean), 0))
+        spreads = given.stacked(self.names) if self.names else np.zeros((len(given.mean), 0))
         known, step = given.known(self.names), self._drawn.rows
-        parts = [slice(first, first + step) for first in range(0, len(own), step)]
+        parts = [slice(first, first + step) for first in range(0, len(spreads), step)]
         return [
             Sums(
-                given.mean[rows], own[rows], own[rows], known[rows], given.lower, given.upper
+                given.mean[rows],
+                spreads[rows],
+                spreads[rows],
+                known[rows],
+                given.lower,
+                given.upper,
             ).yields(self._drawn)
             for rows in parts
         ]

@@ -36,9 +36,9 @@ class Draws:
         """Draws of processes, each by a seed of its own; None stands for one without doubt."""
         pairs = [
             (np.ones(count), np.zeros(count))
-            if one is None
-            else one.drawn(count, np.random.default_rng(list(seed)))
-            for one, seed in zip(known, seeds, strict=True)
+            if knowledge is None
+            else knowledge.drawn(count, np.random.default_rng(list(seed)))
+            for knowledge, seed in zip(known, seeds, strict=True)
         ]
         if not pairs:
             return cls(np.ones((count, 0)), np.zeros((count, 0)))

@@ -77,14 +77,16 @@ class Quantiles:
     """
 
     def __init__(self, rows: Sequence[Quantile | None]) -> None:
-        self.rows = np.array([at for at, one in enumerate(rows) if one is not None], dtype=int)
-        known = [one for one in rows if one is not None]
-        self.probability = np.array([one.probability for one in known])
+        self.rows = np.array(
+            [at for at, quantile in enumerate(rows) if quantile is not None], dtype=int
+        )
+        known = [quantile for quantile in rows if quantile is not None]
+        self.probability = np.array([quantile.probability for quantile in known])
         weight: dict[tuple[int, int, Even], Array] = {}
         for row, quantile in enumerate(known):
-            for at, own in enumerate((*quantile.pieces, quantile.fixed)):
+            for at, pieces in enumerate((*quantile.pieces, quantile.fixed)):
                 owner = at if at < len(quantile.pieces) else -1
-                for place, piece in enumerate(own):
+                for place, piece in enumerate(pieces):
                     column = weight.setdefault((owner, place, piece.law), np.zeros(len(known)))
                     column[row] += abs(piece.weight)
         self._sum = SymmetricSum([law for _, _, law in weight])
@@ -97,18 +99,18 @@ class Quantiles:
         With the errors of both; those of gradients are wider than need be unless they are `sure`.
         """
         n, k, features = s.shape
-        own = self._owner >= 0
-        scale = np.where(own, s[:, :, np.maximum(self._owner, 0)], 1.0) * self._weight
-        found = self._sum.quantile(scale.reshape(n * k, -1), np.tile(self.probability, n), sure)
+        featured = self._owner >= 0
+        scale = np.where(featured, s[:, :, np.maximum(self._owner, 0)], 1.0) * self._weight
+        quantiles = self._sum.quantile(scale.reshape(n * k, -1), np.tile(self.probability, n), sure)
         gradient, doubt = np.zeros((2, features, n, k))
         slopes, errors = (
-            np.where(self._weight > 0.0, one.reshape(n, k, -1), 0.0) * self._weight
-            for one in (found.gradient, found.gradient_error)
+            np.where(self._weight > 0.0, values.reshape(n, k, -1), 0.0) * self._weight
+            for values in (quantiles.gradient, quantiles.gradient_error)
         )
-        np.add.at(gradient, self._owner[own], np.moveaxis(slopes, 2, 0)[own])
-        np.add.at(doubt, self._owner[own], np.moveaxis(errors, 2, 0)[own])
+        np.add.at(gradient, self._owner[featured], np.moveaxis(slopes, 2, 0)[featured])
+        np.add.at(doubt, self._owner[featured], np.moveaxis(errors, 2, 0)[featured])
         side = np.where(s < 0.0, -1.0, 1.0)
-        value, error = (one.reshape(n, k) for one in (found.value, found.value_error))
+        value, error = (values.reshape(n, k) for values in (quantiles.value, quantiles.value_error))
         return Tangent(value, side * np.moveaxis(gradient, 0, 2), error, np.moveaxis(doubt, 0, 2))
 
 
@@ -170,7 +172,7 @@ class Form:
     @cached_property
     def joint(self) -> Quantiles | None:
         """All quantiles of the form, None where there is none."""
-        return Quantiles(self.rows) if any(one is not None for one in self.rows) else None
+        return Quantiles(self.rows) if any(quantile is not None for quantile in self.rows) else None
 
     def asked(self, row: str) -> tuple[str, str]:
         """Outputs that ask for a requirement: itself and what it stands for."""

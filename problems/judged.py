@@ -100,16 +100,19 @@ class Judged(WithPromise):
         if promise.statement != ASSURED:
             return self.expected_yields(designs, searching)
         if not searching:
-            return np.array([self.verdict(one).promised for one in designs])
-        return np.array([self.unfavourable_yield(one) for one in designs])
+            return np.array([self.verdict(design).promised for design in designs])
+        return np.array([self.unfavourable_yield(design) for design in designs])
 
     def unfavourable_yield(self, design: Array) -> float:
         """The yield [percent] of a full design (all,) at the worst state, as a search sees it."""
         return self.yield_at(design, *self.worst(design, True).at(1.0), True)
 
     def assurances(self, designs: Array) -> tuple[Array, Array]:
-        found = [self.verdict(one) for one in designs]
-        return (np.array([one.assurance for one in found]), np.array([one.error for one in found]))
+        verdicts = [self.verdict(design) for design in designs]
+        return (
+            np.array([verdict.assurance for verdict in verdicts]),
+            np.array([verdict.error for verdict in verdicts]),
+        )
 
     @cached_property
     def _posterior(self) -> Draws:
@@ -126,21 +129,24 @@ class Judged(WithPromise):
         """What the draws say of a full design (all,)."""
         key = design.tobytes()
         if key not in self._verdicts:
-            self._verdicts[key] = self._judged(design)
+            self._verdicts[key] = self._by_draws(design)
             while len(self._verdicts) > KEPT:
                 self._verdicts.popitem(last=False)
         return self._verdicts[key]
 
-    def _judged(self, design: Array) -> Verdict:
+    def _by_draws(self, design: Array) -> Verdict:
         promise = self.settings.promise
         assert promise is not None
         if not self.known:
             return self._without_doubt(design)
         drawn = self._posterior
         x = self.coordinates(np.sqrt(drawn.variance), drawn.error)
-        some = slice(0, evaluations(x.shape[1], self._has_slopes))
-        seen = self.shortfall(design, np.sqrt(drawn.variance[some]), drawn.error[some])
-        response, worst = Response.of(x[some], seen.values, seen.slopes), self.worst(design, False)
+        fitted = slice(0, evaluations(x.shape[1], self._has_slopes))
+        tried = self.shortfall(design, np.sqrt(drawn.variance[fitted]), drawn.error[fitted])
+        response, worst = (
+            Response.of(x[fitted], tried.values, tried.slopes),
+            self.worst(design, False),
+        )
 
         def along(radius: float) -> float:
             scale, shift = worst.at(radius)
@@ -168,9 +174,9 @@ class Judged(WithPromise):
     def _without_doubt(self, design: Array) -> Verdict:
         """Of a design whose processes are all known."""
         nothing = np.ones(0)
-        found = self.shortfall(design, nothing[None, :], nothing[None, :])
-        kept = 100.0 * float(found.values[0] <= 0.0)
-        return Verdict(self.yield_at(design, nothing, nothing, False), kept, 0.0, found.values)
+        shortfall = self.shortfall(design, nothing[None, :], nothing[None, :])
+        kept = 100.0 * float(shortfall.values[0] <= 0.0)
+        return Verdict(self.yield_at(design, nothing, nothing, False), kept, 0.0, shortfall.values)
 
 
 def _reached(along: Callable[[float], float], wanted: float) -> float:

@@ -34,13 +34,13 @@ class Variant:
 def effect_notes(settings: Settings, counterparts: Sequence[str]) -> tuple[str, ...]:
     """A sentence for each active effect, from what it does in a problem: empty for nothing."""
     missing = "has no counterpart in this problem: it changes nothing here"
-    told = tuple(
-        f"effect {one.effect.name}: {does}" if does else f"effect {one.effect.name} {missing}"
-        for one, does in zip(settings.effects, counterparts, strict=True)
+    notes = tuple(
+        f"effect {effect.effect.name}: {does}" if does else f"effect {effect.effect.name} {missing}"
+        for effect, does in zip(settings.effects, counterparts, strict=True)
     )
     zeros = ", ".join(settings.zero)
     why = "belongs to its instrument: it changes nothing in this problem"
-    return (*told, f"the zero of {zeros} {why}") if zeros else told
+    return (*notes, f"the zero of {zeros} {why}") if zeros else notes
 
 
 class Shown:
@@ -70,7 +70,7 @@ class Shown:
         alone, verdicts = self.model_statement, self.contact_verdict(designs)
         if not alone or not verdicts:
             return (alone,) * len(designs)
-        return tuple(f"{alone}; by contact this allocation {one}" for one in verdicts)
+        return tuple(f"{alone}; by contact this allocation {verdict}" for verdict in verdicts)
 
     def warnings(self) -> tuple[str, ...]:
         """What the user should know before trusting a run of this problem."""

@@ -47,14 +47,16 @@ def spread_of(form: Form, s: Array, most: Array | None = None) -> Spread:
             intercept[:, row] = (root - along) - ROUNDING * (root + np.abs(along))
     if form.joint is not None:
         rows = form.joint.rows
-        found = form.joint.tangent(s[:, rows], sure=most is not None)
-        doubt = found.value_error
+        tangent = form.joint.tangent(s[:, rows], sure=most is not None)
+        doubt = tangent.value_error
         if most is not None:
             with np.errstate(invalid="ignore"):
-                reach = np.where(most[rows] != 0.0, found.gradient_error * np.abs(most[rows]), 0.0)
+                reach = np.where(
+                    most[rows] != 0.0, tangent.gradient_error * np.abs(most[rows]), 0.0
+                )
             doubt = doubt + np.where(np.isfinite(reach), reach, np.inf).sum(axis=2)
-        value[:, rows], direction[:, rows] = found.value, found.gradient
-        intercept[:, rows] = found.value - np.sum(found.gradient * s[:, rows], axis=2) - doubt
+        value[:, rows], direction[:, rows] = tangent.value, tangent.gradient
+        intercept[:, rows] = tangent.value - np.sum(tangent.gradient * s[:, rows], axis=2) - doubt
     return Spread(np.where(value > LEAST, value, 0.0), direction, intercept)
 
 

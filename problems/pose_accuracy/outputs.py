@@ -30,7 +30,7 @@ def _by_index(name: str) -> Output:
 
 def _at_pose(name: str) -> tuple[Output, ...]:
     unit, of = UNITS[name], f"of the {MEANT[name]} at the pose"
-    found = (
+    outputs = (
         Output(f"{name}_pose_{unit}", unit, f"standard deviation over machines {of}", low=0.0),
         Output(
             f"{name}_pose_quantile_{unit}",
@@ -40,12 +40,14 @@ def _at_pose(name: str) -> tuple[Output, ...]:
         ),
     )
     text = f"machines that keep {name}_limit_{unit} at the pose"
-    return found if name not in LIMITED else (*found, _yield(f"{name}_pose_yield_percent", text))
+    return (
+        outputs if name not in LIMITED else (*outputs, _yield(f"{name}_pose_yield_percent", text))
+    )
 
 
 def _over_ring(name: str) -> tuple[Output, ...]:
     unit, quantile = UNITS[name], f"{name}_ring_quantile_{UNITS[name]}"
-    found = _sampled(
+    outputs = _sampled(
         Output(
             quantile,
             unit,
@@ -57,7 +59,7 @@ def _over_ring(name: str) -> tuple[Output, ...]:
     )
     text = f"machines that keep {name}_limit_{unit} at every pose of the ring"
     more = _sampled(_yield(f"{name}_ring_yield_percent", text)) if name in LIMITED else ()
-    return found + more
+    return outputs + more
 
 
 def _yield(name: str, meaning: str) -> Output:

@@ -72,15 +72,15 @@ def ends_of(block: Block) -> tuple[float, float]:
 
 def _curve(block: Block, at: int) -> PricedCurve:
     grade = np.full(len(PRICES), at)
-    found = least(block, PRICES, grade)
-    proven = lower_bound(block, PRICES, grade, found)
+    allocations = least(block, PRICES, grade)
+    proven = lower_bound(block, PRICES, grade, allocations)
     order = np.argsort(PRICES)[::-1]  # the dearest price has the least rms
-    t = np.sqrt(found.square)[order]
+    t = np.sqrt(allocations.square)[order]
     apart = np.append(True, np.diff(t) > APART * t[1:])
     kept = order[apart]
     return PricedCurve.of(
-        np.sqrt(found.square)[kept],
-        found.cost[kept],
+        np.sqrt(allocations.square)[kept],
+        allocations.cost[kept],
         PRICES[kept],
         proven[kept],
         label=f"grade {block.grades[at]:g}",

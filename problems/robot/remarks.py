@@ -31,9 +31,9 @@ def remarks_of(front: pd.DataFrame) -> tuple[str, ...]:
 
 
 def _largest(values: dict[str, float], begins: str, ends: str) -> list[tuple[str, float]]:
-    own = [
+    ranked = [
         (name.removeprefix(begins).removesuffix(ends), value)
         for name, value in values.items()
         if name.startswith(begins)
     ]
-    return sorted(own, key=lambda pair: -pair[1])[:MOST]
+    return sorted(ranked, key=lambda pair: -pair[1])[:MOST]

@@ -28,6 +28,6 @@ _MACHINE = {
     },
 }
 PARAMETERS: tuple[Parameter, ...] = (
-    *(replace(one, **_MACHINE.get(one.name, {})) for one in declared.PARAMETERS),  # type: ignore[arg-type]
+    *(replace(p, **_MACHINE.get(p.name, {})) for p in declared.PARAMETERS),  # type: ignore[arg-type]
     *OF_ROBOTS,
 )

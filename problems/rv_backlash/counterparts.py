@@ -104,13 +104,13 @@ COUNTERPARTS: Mapping[str, tuple[Callable[[Mapping[str, float], BacklashModel], 
 
 def change_of(active: Active, model: BacklashModel) -> Change:
     """What one effect changes; nothing where it has no counterpart."""
-    found = COUNTERPARTS.get(active.effect.name)
-    return found[0](active.values, model) if found else Change()
+    counterpart = COUNTERPARTS.get(active.effect.name)
+    return counterpart[0](active.values, model) if counterpart else Change()
 
 
 def changes_of(effects: Iterable[Active], model: BacklashModel) -> Change:
     """What all effects change."""
-    return sum((change_of(one, model) for one in effects), Change())
+    return sum((change_of(effect, model) for effect in effects), Change())
 
 
 def sentence(active: Active, model: BacklashModel) -> str:

@@ -67,8 +67,8 @@ class PromisedRow:
         """The way of the moments' form that a member is; all grades where it stands for all."""
         if not part.variable:
             every = self._grades
-            own = tuple(way for way in every if way.choice == member.choice)
-            return own if len(part.members) == len(every) else every
+            same_grade = tuple(way for way in every if way.choice == member.choice)
+            return same_grade if len(part.members) == len(every) else every
         term = self._terms.get(part.variable)
         if term is None:
             return bearing_feature(self.problem, 1.0).ways

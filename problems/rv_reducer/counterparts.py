@@ -83,13 +83,13 @@ COUNTERPARTS: Mapping[str, tuple[Callable[[Mapping[str, float], ContactGeometry]
 
 def change_of(active: Active, geometry: ContactGeometry) -> Change:
     """What one effect changes; nothing where it has no counterpart."""
-    found = COUNTERPARTS.get(active.effect.name)
-    return found[0](active.values, geometry) if found else Change()
+    counterpart = COUNTERPARTS.get(active.effect.name)
+    return counterpart[0](active.values, geometry) if counterpart else Change()
 
 
 def changes_of(effects: Iterable[Active], geometry: ContactGeometry) -> Change:
     """What all effects change."""
-    return sum((change_of(one, geometry) for one in effects), Change())
+    return sum((change_of(effect, geometry) for effect in effects), Change())
 
 
 def sentence(active: Active, geometry: ContactGeometry) -> str:

@@ -37,9 +37,15 @@ class UnitModel(UnitBasis):
     ) -> UnitModel:
         """The model of completed settings."""
         inputs: dict[str, Distribution] = {
-            stem(name): one.distribution for name, one in variables.items() if one.distribution
+            stem(name): setting.distribution
+            for name, setting in variables.items()
+            if setting.distribution
         }
-        mids = {stem(name): one.centre for name, one in variables.items() if one.centre is not None}
+        mids = {
+            stem(name): setting.centre
+            for name, setting in variables.items()
+            if setting.centre is not None
+        }
         conditions = Conditions(
             coverage,
             number(parameters["backlash_limit_arcmin"]),
@@ -76,8 +82,8 @@ class UnitModel(UnitBasis):
 
     def measures(self, turn: Turn) -> Measures:
         """Statistics of the units of a turn, with what effects change beside their contact."""
-        found = Measures(turn, self.involute(turn.design.involute_grade), self.conditions)
-        return ChangedMeasures(found, self.change) if self.change.outside else found
+        statistics = Measures(turn, self.involute(turn.design.involute_grade), self.conditions)
+        return ChangedMeasures(statistics, self.change) if self.change.outside else statistics
 
     def population(self, positions: int, units: int, seed: int, stream: int) -> Population:
         """A population drawn from `seed`; each `stream` is independent of the others."""

@@ -109,7 +109,7 @@ class Part:
             if machine is None
             else [offer.sample for offer in self.machines if offer.machine.name == machine.name]
         )
-        return next((one.knowledge for one in samples if one is not None), None)
+        return next((sample.knowledge for sample in samples if sample is not None), None)
 
     @property
     def sampled(self) -> bool:

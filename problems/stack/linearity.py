@@ -35,15 +35,15 @@ def linearity_warnings(
     limits = {f"{mean:.4g} +- {rss:.4g}{unit} (root sum square)": (mean - rss, mean + rss)}
     if mechanism.bounded:
         limits["the limits of the requirement"] = (mechanism.lower, mechanism.upper)
-    found = []
+    sentences = []
     for name, (lower, upper) in limits.items():
         low, high = ((bound - mean) / (rss / SIGMAS) for bound in (lower, upper))
         promised = 100.0 * float(ndtr(low) + ndtr(-high))
         within, error = yield_percent(replace(mechanism, lower=lower, upper=upper), design, sample)
         actual, doubt = 100.0 - float(within[0]), float(error[0])
         if abs(actual - promised) > max(LEAST, ERRORS * doubt, RELATIVE * promised):
-            found.append(
+            sentences.append(
                 f"outside {name} it promises {promised:.2g} %, the formula itself gives "
                 f"{actual:.3g} % (standard error {doubt:.1g} %)"
             )
-    return (f"the linear model misleads {where}: {'; '.join(found)}",) if found else ()
+    return (f"the linear model misleads {where}: {'; '.join(sentences)}",) if sentences else ()

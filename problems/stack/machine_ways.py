@@ -69,7 +69,7 @@ def _fixed(part: Part, number: int, rows: list[Row], at: int) -> Way:
     process = part.processes[number]
     assert process.machine is not None
     t = np.array([process.low])
-    spread, mean = (float(one[0]) for one in spread_and_mean(part, process, t))
+    spread, mean = (float(values[0]) for values in spread_and_mean(part, process, t))
     x = process.low if limits_alone(rows) else spread
     return Way(
         curve=process.curve or Reciprocal(0.0, 0.0),
