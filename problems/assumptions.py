@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 PRINTED = "printed"
-"""The reading in which a parameter has the value that a document prints."""
+"""The interpretation in which a parameter has the value that a document prints."""
 NOT_PRINTED = object()
 SAMPLED = (
     "later parts are normal, of the process that made the sample; what it leaves open of "
@@ -23,7 +23,7 @@ SAMPLED = (
 
 
 def told(promise: Promise | None) -> str:
-    """What is taken for granted of a measured process."""
+    """The assumption about a measured process."""
     return ESTIMATED if promise is None or promise.statement == PLUG_IN else SAMPLED
 
 
@@ -74,7 +74,7 @@ def _variables(problem: ToleranceProblem) -> list[Assumption]:
 
 
 def _measured(variable: Variable, sample: PartSample, promise: Promise | None) -> list[Assumption]:
-    """What is known of a variable by measured parts, and what they leave open."""
+    """What measured parts say about a variable, and what they leave open."""
     place = f"variables.{variable.name}"
     known = sample.statement(variable.unit)
     return [

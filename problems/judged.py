@@ -1,6 +1,6 @@
-"""Problems whose yield has no closed form: a promise is judged by draws of the posterior.
+"""Problems whose yield has no closed form: a promise is tested by draws of the posterior.
 
-In a search a promised yield is that of processes as unfavourable as the samples leave open
+In a search a promised yield is that of the most unfavourable processes that the samples allow
 (`worst_process`). At a reported point the units themselves are evaluated at a few draws of the
 posterior, a quadratic function is fitted to them, and all draws decide: the promised yield is that
 of the processes along the worst direction that are as unfavourable as the confidence asks.
@@ -26,16 +26,16 @@ from .worst_process import Worst
 
 Array = NDArray[np.float64]
 SOFTEST, HARDEST = -2.0, 6.0
-"""Where along the worst direction the processes are looked for that the confidence asks for."""
+"""Range along the worst direction in which the processes of the confidence are sought."""
 KEPT = 64
 """Verdicts kept."""
 
 
 @dataclass(frozen=True, eq=False)
 class Shortfall:
-    """By how much the promised share misses its limit, (q,) at q states of the processes; at most 0
-    where it is kept. `slopes` (q, d) are by scales and by the shifts that count, where known;
-    `error` is the standard error of a value.
+    """By how much the promised fraction misses its limit, (q,) at q states of the processes; at
+    most 0 where it is kept. `slopes` (q, d) are by scales and by the shifts that count, where
+    known; `error` is the standard error of a value.
     """
 
     values: Array
@@ -45,7 +45,7 @@ class Shortfall:
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """What the draws say of a design, in percent, and the shortfalls that they have."""
+    """The results of a design over the draws, in percent, and the shortfall of each draw."""
 
     promised: float
     assurance: float
@@ -64,7 +64,7 @@ class Judged(WithPromise):
     def shortfall(
         self, design: Array, scales: Array, shifts: Array, searching: bool = False
     ) -> Shortfall:
-        """Of a full design (all,) at states (q, k)."""
+        """The shortfall of a full design (all,) at states (q, k)."""
 
     @abstractmethod
     def steepness(self, design: Array, searching: bool) -> tuple[Array, Array]:
@@ -84,7 +84,7 @@ class Judged(WithPromise):
         return np.zeros(len(self.known), dtype=bool)
 
     def coordinates(self, scales: Array, shifts: Array) -> Array:
-        """What the shortfall is a smooth function of, (q, d), of states (q, k)."""
+        """Coordinates (q, d) of states (q, k), of which the shortfall is a smooth function."""
         return np.hstack([scales - 1.0, shifts[:, self.shifting]])
 
     def worst(self, design: Array, searching: bool) -> Worst:
@@ -126,7 +126,7 @@ class Judged(WithPromise):
         return OrderedDict()
 
     def verdict(self, design: Array) -> Verdict:
-        """What the draws say of a full design (all,)."""
+        """The verdict of the draws on a full design (all,)."""
         key = design.tobytes()
         if key not in self._verdicts:
             self._verdicts[key] = self._by_draws(design)
@@ -156,7 +156,7 @@ class Judged(WithPromise):
         wanted = float(np.quantile(values, promise.confidence, method="higher"))
         scale, shift = worst.at(_reached(along, wanted))
         there = self.shortfall(design, scale[None, :], shift[None, :])
-        # the units have the last word where it is decided
+        # the evaluated units correct the fitted response where it decides
         values += float(there.values[0]) - wanted
         kept, error = assured_percent(np.array([float(np.mean(values <= 0.0))]), drawn.count)
         doubt = np.hypot(response.rms, there.error)
@@ -172,7 +172,7 @@ class Judged(WithPromise):
     """Whether `shortfall` gives slopes."""
 
     def _without_doubt(self, design: Array) -> Verdict:
-        """Of a design whose processes are all known."""
+        """The verdict on a design whose processes are all known."""
         nothing = np.ones(0)
         shortfall = self.shortfall(design, nothing[None, :], nothing[None, :])
         kept = 100.0 * float(shortfall.values[0] <= 0.0)

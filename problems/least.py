@@ -14,7 +14,7 @@ from .spread import spread_of
 
 Array = NDArray[np.float64]
 MOST = 4096
-"""Combinations of ways that are looked at."""
+"""Most combinations of ways that are evaluated."""
 SLACK = 1e-12
 """Rounding of a limit."""
 
@@ -96,7 +96,7 @@ def _course(corner: _Corner, limits: Array, others: NDArray[np.bool_]) -> tuple[
 def _undominated(feature: Feature, ways: list[int]) -> list[int]:
     """The ways of a feature that have something less than any other at their tightest.
 
-    What another way has no more of in any requirement, mean and scatter, it lowers none with.
+    A way that is nowhere below another, in mean and scatter of each requirement, is left out.
     """
     rows = len(feature.ways[0].linear)
     least = np.array(
@@ -162,7 +162,7 @@ def _trading(form: Form) -> list[int]:
 
 
 def ends_of_front(form: Form, row: int, limits: Array) -> tuple[Array, Array] | None:
-    """Ideal and nadir (2,) of cost and one requirement: proven least values and those beside them.
+    """Ideal and nadir (2,) of cost and one requirement, from proven least values.
 
     The other requirements keep upper limits (r,). The nadir is the cost of the allocation of least
     value, and the least value of the cheapest allocation. None where these are not known.

@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class MachinedKind:
-    """A problem with machines as its configuration has them; with settings it makes the problem."""
+    """A problem with the machines of its configuration; with settings it makes the problem."""
 
     base: type[ToleranceProblem]
     machines: Mapping[str, tuple[Offer, ...]]
@@ -40,7 +40,7 @@ class MachinedKind:
 
     @property
     def variables(self) -> tuple[Variable, ...]:
-        """Those of the problem, and the choices of machines."""
+        """The variables of the problem, and the choices of machines."""
         return with_choices(self.base.variables, self.machines)
 
     def unpriced(self, parameters: Mapping[str, Value]) -> frozenset[str]:
@@ -125,7 +125,7 @@ class Machined(ToleranceProblem):
 
     @classmethod
     def _check(cls, table: Section) -> None:
-        """Faults of what stands beside the machines of a variable."""
+        """Faults of the other keys of a variable that machines make."""
         if "value" in table:
             table.fault("value", "is fixed beside machines: limits of inspection are low and high")
         if table.take("measured") is not None:
@@ -203,7 +203,7 @@ class Machined(ToleranceProblem):
         return messages
 
     def effective(self, designs: Array) -> Array:
-        """Full designs with the spread of good parts in the place of limits."""
+        """Full designs with the spreads of good parts in place of the limits."""
         if not self.made:
             return designs
         with_spreads = np.array(designs, dtype=float)
@@ -292,7 +292,7 @@ class Machined(ToleranceProblem):
 
 
 def _owner(table: Section, variable: Variable, parameters: Section) -> Owner:
-    """What machines of a variable make: limits of inspection, and the mid-limit."""
+    """Unit, limits of inspection and mid-limit of the variable that machines make."""
     ends = [table.number(key, variable.unit) for key in ("low", "high")]
     mid = table.number("mid", variable.unit)
     if mid is None:
@@ -302,7 +302,7 @@ def _owner(table: Section, variable: Variable, parameters: Section) -> Owner:
 
 
 def _assumptions(tolerance: Made) -> list[Assumption]:
-    """What is taken for granted of the machines of a tolerance."""
+    """Assumptions about the machines of a tolerance."""
     place = f"variables.{tolerance.name}.machine"
     unit = split_unit(tolerance.name)[1]
     assumptions = [

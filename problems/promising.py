@@ -33,7 +33,7 @@ class Promising(WithPromise):
 
     @cached_property
     def promised(self) -> PromisedOutput | None:
-        """What is promised, where something is."""
+        """The promise of the output, None where there is none."""
         promise = self.settings.promise
         if promise is None:
             return None

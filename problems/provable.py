@@ -1,4 +1,4 @@
-"""What a problem gives to proofs and to searches by gradients; by default nothing."""
+"""What a problem provides for proofs and for searches by gradients; by default nothing."""
 
 from __future__ import annotations
 
@@ -34,9 +34,9 @@ class Provable:
         return None
 
     def form_values(self, form: Form, designs: Array, outputs: Mapping[str, Array]) -> Array:
-        """What the requirements of the form (n, r) are in truth, from the outputs of designs.
+        """True values (n, r) of the requirements of the form, from the outputs of designs.
 
-        Of a requirement with a limit of its own it is that limit plus what is missing to keep it.
+        With its own limit, a requirement has the value of that limit plus what is missing.
         """
         nothing = np.full(len(designs), -np.inf)
         return np.stack(

@@ -25,8 +25,8 @@ def evaluations(size: int, with_slopes: bool) -> int:
 
 @dataclass(frozen=True, eq=False)
 class Response:
-    """The fitted function of x (n, d) in units of `unit` (d,); `rms` is what the values it was
-    fitted to scatter about it.
+    """The fitted function of x (n, d) in units of `unit` (d,); `rms` is the residual scatter of the
+    values that it was fitted to.
     """
 
     coefficients: Array

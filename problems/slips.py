@@ -12,13 +12,13 @@ if TYPE_CHECKING:
     from .tolerance_problem import ToleranceProblem
 
 FAR = 20.0
-"""How many times what is usual a number is, or its inverse, to be asked about."""
+"""Ratio of a number to the usual one, or its inverse, above which it is suspicious."""
 NEAR = 3.0
-"""How many times what is usual it is at most in the unit that was probably meant."""
+"""Largest ratio to the usual number in the unit that was probably meant."""
 
 
 def unit_slips(problem: ToleranceProblem) -> list[Fault]:
-    """Parameters and tolerances far from what is usual that another unit would bring back.
+    """Parameters and tolerances far from the usual ones that another unit would explain.
 
     What is usual is the default of a parameter and the default range of a variable.
     """
@@ -26,7 +26,7 @@ def unit_slips(problem: ToleranceProblem) -> list[Fault]:
 
 
 def slip(value: float, unit: str, low: float, high: float) -> str:
-    """What is suspicious about a number where `low` to `high` is usual, empty where nothing is."""
+    """Why a number is suspicious where `low` to `high` is usual, empty where it is not."""
     if low / FAR <= value <= high * FAR or low <= 0.0 or value <= 0.0:
         return ""
     hint = unit_hint(value, unit, low / NEAR, high * NEAR)

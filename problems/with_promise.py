@@ -1,4 +1,4 @@
-"""Problems that promise a yield by what samples tell of their processes: `[promise]`."""
+"""Problems that promise a yield, given samples of their processes: `[promise]`."""
 
 from __future__ import annotations
 
@@ -35,12 +35,12 @@ class PromisingKind:
 
     @property
     def outputs(self) -> tuple[Output, ...]:
-        """Those of the problem, and of its promise."""
+        """The outputs of the problem, and those of its promise."""
         return (*self.base.outputs, *outputs_of_promise(self.promise))
 
     @property
     def default_algorithm(self) -> str:
-        """That of the problem; gradients, where its units are evaluated for a promise."""
+        """The problem's algorithm; gradients where its units are evaluated for a promise."""
         algorithm = str(getattr(self.base, "default_algorithm", ""))
         return algorithm or ("exact" if self.promise.statement != PLUG_IN else "")
 
@@ -65,7 +65,7 @@ class WithPromise(ToleranceProblem):
 
     @abstractmethod
     def assurances(self, designs: Array) -> tuple[Array, Array]:
-        """Probability [percent] (n,) that the promised share conforms, and its error."""
+        """Probability [percent] (n,) that the promised fraction conforms, and its error."""
 
     @classmethod
     def configured(cls, top: Section) -> Any:
@@ -114,7 +114,7 @@ class WithPromise(ToleranceProblem):
 
     @property
     def known(self) -> Mapping[str, Knowledge]:
-        """What samples tell of the processes of variables."""
+        """Knowledge of the processes of variables from samples."""
         return {
             name: setting.sample.knowledge
             for name, setting in self.settings.variables.items()

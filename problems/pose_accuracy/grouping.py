@@ -42,7 +42,7 @@ def _of_kind(kind: str) -> tuple[str, ...]:
 
 
 NINE: Grouping = {f"{kind}_{unit_of(kind)}": _of_kind(kind) for kind in KINDS}
-"""The document's count, in its preferred reading: three kinds for each of three chains."""
+"""The document's count, in its preferred interpretation: three kinds for each of three chains."""
 
 
 def read_grouping(
@@ -88,7 +88,7 @@ def _wrong(
     unit: Callable[[str], str],
     called: str,
 ) -> list[tuple[str, str]]:
-    """Unknown sources, those named twice, and wrong units, with texts; notes the owner of each."""
+    """Unknown sources, sources named twice, and wrong units, with texts; records each owner."""
     faults = []
     for source in sources:
         if source not in known:

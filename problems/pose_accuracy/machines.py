@@ -19,12 +19,12 @@ Rows = NDArray[np.int64]
 Estimates = tuple[Array, Array]
 """Values (n,) and their standard errors (n,)."""
 EVERY = 5
-"""Of the grid's poses along each axis, those at which machines are sampled: 9 x 9 of 41 x 41. In
-between the largest quantiles of the yaw are larger by 0.1 %, of the squareness by 0.01 %."""
+"""Step along each axis between the grid's poses at which machines are sampled: 9 x 9 of 41 x 41.
+In between the largest quantiles of the yaw are larger by 0.1 %, of the squareness by 0.01 %."""
 WORTH = 64
 """Plain samples per sampled machine, which stands for all sizes of its main errors."""
 BLOCK = 8
-"""Designs that are worked on at once."""
+"""Designs that are evaluated at once."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +55,7 @@ class Population:
     def interval(self, output: str, ends: Array) -> tuple[float, float]:
         """Proven bounds of an output between the tightest and the loosest `ends` (2, sources).
 
-        What machines keep over the ring they keep at the worst pose, where nothing is sampled.
+        Limits kept over the ring are kept at the worst pose as well, where nothing is sampled.
         """
         over_ring = output == BOTH or "_ring_" in output
         of = replace(self, here={}) if over_ring else self
@@ -107,7 +107,7 @@ class PoseError:
     sigma: Array
 
     def outputs(self, names: frozenset[str]) -> dict[str, Array]:
-        """Those of its outputs (n,) that are among the names, with their errors."""
+        """Its outputs (n,) that are among the names, with their errors."""
         name, unit = self.name, UNITS[self.name]
         exact = {
             f"{name}_pose_{unit}": self.deviation,
@@ -135,7 +135,7 @@ class PoseError:
 
     @cached_property
     def worst_exceedance(self) -> tuple[Array, Rows]:
-        """Largest share (n,) of machines that exceed the limit on the grid, and its pose."""
+        """Largest fraction (n,) of machines that exceed the limit on the grid, and its pose."""
         return worst_exceedance(self.variances, self.limit)
 
     # ---------------------------------------------------------------- at a pose
@@ -221,6 +221,6 @@ def _columns(estimates: Iterable[tuple[float, float]]) -> Estimates:
 
 
 def _percent(beyond: Iterable[tuple[float, float]]) -> Estimates:
-    """Shares that keep, in percent, of shares that do not."""
+    """Machines that keep a limit, in percent, from the fractions that exceed it."""
     shares, errors = _columns(beyond)
     return 100.0 * (1.0 - shares), 100.0 * errors

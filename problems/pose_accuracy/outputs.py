@@ -1,4 +1,4 @@
-"""Outputs of `pose_accuracy`, its parameters beside the manipulator's, and its default limits."""
+"""Outputs of `pose_accuracy`, its parameters other than the manipulator's, and default limits."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ MEANT = {
     "position": "position error from these sources through the orientation, and from other_sources",
 }
 ERRORS = tuple(f"{name}_{unit}" for name, unit in UNITS.items())
-"""Standard deviations by the index: of these the problem has a convex form."""
+"""Standard deviations by the index; the problem has a convex form of these."""
 
 
 def _by_index(name: str) -> Output:
@@ -132,4 +132,4 @@ EXPLAINED = {
     for name in UNITS
     if output.name in OVER_MACHINES and output.name.startswith(name)
 }
-"""What contributes to an output over machines is told by that of the index."""
+"""By output over machines, the output of the index that gives its contributions."""

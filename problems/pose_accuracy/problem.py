@@ -63,7 +63,7 @@ SCALES: Array = np.array([{"um": UM, "mrad": MRAD}[unit_of(source)] for source i
 
 @dataclass(frozen=True)
 class PoseKind:
-    """What a configuration declares: the variables of its grouping; it makes the problem."""
+    """The variables that a configuration declares by its grouping; it makes the problem."""
 
     grouping: Grouping
     variables: tuple[Variable, ...]
@@ -129,7 +129,7 @@ class PoseAccuracy(PromisingPoses):
 
     @cached_property
     def _owners(self) -> Array:
-        """Which variable (sources, variables) each source belongs to."""
+        """1 where a source belongs to a variable, else 0, (sources, variables)."""
         groups = self.grouping.values()
         return np.array([[source in group for group in groups] for source in SOURCES], dtype=float)
 
@@ -215,7 +215,7 @@ class PoseAccuracy(PromisingPoses):
         return self.population.outputs(self._sources(designs @ self._owners.T), names)
 
     def _outputs(self, designs: Array, searching: bool) -> dict[str, Array]:
-        """What machines do is left out (NaN) but for what is minimised or limited."""
+        """Outputs over machines are NaN unless they are minimised or limited."""
         outputs = {"cost": self.cost_of(designs)}
         for name, squares in self.squares.items():
             worst = np.max(designs**2 @ squares.T, axis=1)
@@ -227,11 +227,11 @@ class PoseAccuracy(PromisingPoses):
         return outputs | unsampled | self.over_machines(designs, asked)
 
     def _verified(self, designs: Array, outputs: Mapping[str, Array]) -> dict[str, Array]:
-        """What machines do, of the designs that are reported."""
+        """Outputs over machines, for the designs that are reported."""
         return self.over_machines(designs, (output.name for output in MACHINES))
 
     def gradient(self, designs: Array) -> dict[str, Array]:
-        """Derivatives of all outputs; of the worst pose where every pose is looked at."""
+        """Derivatives of all outputs; at the worst pose where the index is every pose."""
         gradients = {
             "cost": np.stack(
                 [
@@ -252,8 +252,8 @@ class PoseAccuracy(PromisingPoses):
     def interval(self, output: str) -> Interval:
         """Proven bounds: errors rise and costs fall with every standard deviation.
 
-        So do the shares of machines that exceed a bound: where it is kept is convex and symmetric
-        (Anderson 1955, Proc. Am. Math. Soc. 6(2)).
+        The fractions of machines that exceed a bound rise as well: the region where the bound is
+        kept is convex and symmetric (Anderson 1955, Proc. Am. Math. Soc. 6(2)).
         """
         if output == "cost":
             return self.cost_interval
@@ -268,7 +268,7 @@ class PoseAccuracy(PromisingPoses):
     def least_cost(self) -> tuple[str, PoseAccuracy] | None:
         """The document's task: tolerances as wide as the limits on the orientation allow.
 
-        None where units are judged for a promise: it is not the document's task, and the 32,000
+        None where units are tested for a promise: that is not the document's task, and the 32,000
         evaluations of its GA would take 25 times the rest of the run.
         """
         if "cost" not in self.objectives or not self.limits or self.sampled:
@@ -347,7 +347,7 @@ class PoseAccuracy(PromisingPoses):
         )
 
     def remarks(self, front: pd.DataFrame) -> tuple[str, ...]:
-        """What the standard deviations of the cheapest point mean for machines."""
+        """The meaning for machines of the standard deviations of the cheapest point."""
         if front.empty:
             return ()
         cheapest = int(np.argmin(front["cost"].to_numpy()))

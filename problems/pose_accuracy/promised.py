@@ -1,8 +1,8 @@
 """The promise of `pose_accuracy`: machines that keep both limits at every pose of the ring.
 
-A state of the processes scales the standard deviations that are known by samples. What the error of
-a mean moves is the same in all machines of a process; it counts by the variance that it adds, which
-is the same to second order.
+A state of the processes scales the standard deviations that are known by samples. The error
+of a mean moves all machines of a process alike; it counts by the variance that it adds, which is
+the same to second order.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from .outputs import BOTH, BOUNDS, LIMITED, UNITS
 
 Array = NDArray[np.float64]
 SURE = 1e-12
-"""Share of machines beyond a limit that is told from none."""
+"""Least fraction of machines beyond a limit that is distinguished from none."""
 STEPS = 14
 """Halvings of the range in which a search begins."""
 STEP = 1e-3
@@ -53,7 +53,7 @@ class PromisingPoses(Judged):
     def shortfall(
         self, design: Array, scales: Array, shifts: Array, searching: bool = False
     ) -> Shortfall:
-        """Standard normal quantiles that the share of machines within both limits falls short."""
+        """Shortfall of the fraction of machines within both limits, as normal quantiles."""
         outputs = self.over_machines(self._at(design, scales, shifts), [BOTH])
         share = np.clip(0.01 * outputs[BOTH], SURE, 1.0 - SURE)
         z = ndtri(share)
@@ -63,7 +63,7 @@ class PromisingPoses(Judged):
 
     @property
     def _wanted(self) -> float:
-        """Standard normal quantile of the promised share."""
+        """Standard normal quantile of the promised fraction."""
         assert self.settings.promise is not None
         return float(ndtri(self.settings.promise.share))
 
@@ -78,7 +78,7 @@ class PromisingPoses(Judged):
         return np.hypot(scales, shifts) - 1.0
 
     def steepness(self, design: Array, searching: bool) -> tuple[Array, Array]:
-        """By what each adds to the variances, in those that the limits allow."""
+        """By what each process adds to the variances, over the variances that the limits allow."""
         columns = [self.names.index(name) for name in self.known]
         total = np.zeros(len(columns))
         for name, bound in zip(LIMITED, BOUNDS, strict=True):
@@ -92,7 +92,7 @@ class PromisingPoses(Judged):
         return float(self.over_machines(designs, [BOTH])[BOTH][0])
 
     def starts(self) -> Array:
-        """Equal shares of all search ranges where the promise is just kept, and a half of that."""
+        """Equal fractions of all search ranges that just keep the promise, and half of them."""
         promise = self.settings.promise
         if promise is None or promise.statement == PLUG_IN:
             return super().starts()
@@ -100,11 +100,11 @@ class PromisingPoses(Judged):
         return np.stack([self._along(share), self._along(0.5 * share)])
 
     def _along(self, share: float) -> Array:
-        """The full design (all,) at equal shares of all search ranges, by their logarithms."""
+        """The full design (all,) at equal fractions of all search ranges, by their logarithms."""
         return np.asarray(self.complete((self.xl * (self.xu / self.xl) ** share)[None, :])[0])
 
     def _share(self, yields: Callable[[Array], float]) -> float:
-        """The share at which a yield just keeps what is promised."""
+        """The fraction of the ranges at which a yield just keeps the promise."""
         assert self.settings.promise is not None
         near, far = 0.0, 1.0
         for _ in range(STEPS):

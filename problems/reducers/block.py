@@ -49,7 +49,7 @@ class Block:
     edge: float
 
     def with_more(self, lost: float) -> Block:
-        """The same with a lost motion [arcmin] that every unit has besides."""
+        """The same with an additional lost motion [arcmin] of every unit."""
         return replace(self, grade_mean=self.grade_mean + lost) if lost else self
 
     def of_phi_2(self, t: Array) -> tuple[Array, Array]:

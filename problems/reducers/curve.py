@@ -1,4 +1,4 @@
-"""What a reducer costs at an rms of its backlash: curves of cost that a larger problem works on."""
+"""Cost of a reducer at an rms of its backlash: cost curves for a larger problem."""
 
 from __future__ import annotations
 
@@ -96,9 +96,8 @@ class PricedCurve(CostCurve):
         unpriced = np.asarray(square) / self.price
         with np.errstate(divide="ignore"):
             x = np.interp(np.log(np.maximum(unpriced, 0.0)), *self._inverse)
-        rise = (
-            2.0 * unpriced * np.exp(2.0 * x)
-        )  # a secant step on the spline: what is left is rounding
+        # a secant step on the spline: the residual is rounding
+        rise = 2.0 * unpriced * np.exp(2.0 * x)
         bend = self._bend(x) + 2.0 * rise
         step = np.where(bend > 0.0, (self._slope(x) + rise) / np.where(bend > 0.0, bend, 1.0), 0.0)
         return np.asarray(np.clip(np.exp(x - np.clip(step, -0.02, 0.02)), low, high))

@@ -1,4 +1,4 @@
-"""A reducer as a larger allocation sees it: what an rms of its backlash costs."""
+"""A reducer as part of a larger allocation: its cost at an rms of its backlash."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ class Nested:
 
     @cached_property
     def _variants(self) -> dict[tuple[float, float], Nested]:
-        """Those that were asked for: fronts are worked out once."""
+        """Variants that were asked for: each front is computed once."""
         return {}
 
     @property

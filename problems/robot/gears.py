@@ -217,7 +217,7 @@ class Gears:
 
     def _every(self, columns: Array) -> list[Array]:
         """By gear: full designs (n, all variables) of its problem, or the rms (n, 1) of a front of
-        points. Gears that are one reducer are worked out together.
+        points. Gears with the same reducer are computed together.
         """
         if not self.small:
             return [self._designs(columns, gear) for gear in range(len(self.nested))]
@@ -256,7 +256,7 @@ class Gears:
         return self.price * cost, reducer.block.of_designs(designs), wave
 
     def amplitudes(self, columns: Array) -> Array:
-        """Quantile (n,) [arcsec] of the amplitude of the transmission error; of the worst drive."""
+        """Quantile (n,) [arcsec] of the amplitude of the transmission error of the worst drive."""
         by_gear = [
             self.largest[1, gear] * self.wave.amplitude(self._half_widths(columns, gear))
             for gear in range(len(self.nested))
@@ -264,7 +264,7 @@ class Gears:
         return np.asarray(np.max(by_gear, axis=0))
 
     def quantiles(self, columns: Array) -> Array:
-        """Quantile (n,) [arcmin] of the backlash; of the worst drive."""
+        """Quantile (n,) [arcmin] of the backlash of the worst drive."""
         by_gear = [
             self.largest[0, gear] * self._quantile(columns, gear)
             for gear in range(len(self.nested))
@@ -294,7 +294,7 @@ class Gears:
     # ---------------------------------------------------------------- Monte Carlo
 
     def built(self, columns: Array) -> list[Built]:
-        """What units of the reducers are made to, of columns (n, all of the reducers')."""
+        """The reducers that units are built to, by columns (n, all of the reducers')."""
         every = self._every(columns)
         parts = [
             (whole, smooth_root(self.wave.covariance(self._half_widths(columns, gear))))
@@ -361,7 +361,7 @@ class Gears:
     # ---------------------------------------------------------------- from the convex form
 
     def form_columns(self, columns: Mapping[str, Array]) -> dict[str, Array]:
-        """All variables of the reducers from the rms of each that a form has found."""
+        """All variables of the reducers from the rms values of a form's optimum."""
         all_columns = dict(columns)
         if self.small:
             return all_columns

@@ -1,4 +1,4 @@
-"""What errors of links and reducers do at a machine's tool: mean squares over its poses."""
+"""Effects of errors of links and reducers at a machine's tool: mean squares over its poses."""
 
 from __future__ import annotations
 
@@ -147,7 +147,7 @@ class Machine(ABC):
 
     @property
     def wind_up_varying(self) -> float:
-        """Rms [mm] of what is left of it when its mean over the poses is taken away."""
+        """Rms [mm] of the residual displacement after subtracting its mean over the poses."""
         varying = self.wound_up - self.places.mean(self.wound_up)
         return float(np.sqrt(self.places.mean(np.sum(varying**2, axis=1))))
 

@@ -28,11 +28,11 @@ from .remarks import remarks_of
 
 Array = NDArray[np.float64]
 SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)
-"""Shares of backlash in R^2 at which the ratio A/R of a search is known."""
+"""Fractions of backlash in R^2 at which the ratio A/R of a search is tabulated."""
 SAFE = 1.01
-"""Factor of that ratio, so that what a search finds keeps its limits when it is sampled."""
+"""Factor of that ratio, so that a design of a search keeps its limits when it is sampled."""
 SAMPLED = 200
-"""Designs that are sampled at once; of more, those that are reported."""
+"""Most designs that are sampled at once; of a larger batch only those that are reported."""
 UNITS = 16_384
 """Units of the ratio that a search uses."""
 ROWS = ("pose_rms_mm", "squareness_mrad", "yaw_mrad")
@@ -93,7 +93,7 @@ class RobotProblem(ToleranceProblem):
 
     def first_order(self, designs: Array) -> dict[str, Array]:
         """Outputs (n,) of full designs (n, all variables) that need no sample: costs, root mean
-        squares and shares.
+        squares and their fractions.
         """
         sigma, gears = self.sigma(designs), self.gears.at(self._of_gears(designs))
         drives = list(self.gears.gear_of)
@@ -150,12 +150,12 @@ class RobotProblem(ToleranceProblem):
         return np.asarray(np.sqrt(by_tolerances + (whole - backlash) @ lost))
 
     def _accuracy(self, rms: Array, share: Array) -> dict[str, Array]:
-        """A by the ratio that a search uses: interpolated over the share of backlash in R^2."""
+        """A by the ratio that a search uses: interpolated over the fraction of backlash in R^2."""
         c = SAFE * np.interp(share, SHARES, self._ratios)
         return {"pose_accuracy_mm": c * rms, "accuracy_ratio": c}
 
     def _asked(self, designs: Array) -> dict[str, Array]:
-        """Outputs that take longer, where they are minimised or limited."""
+        """The outputs that take longer, where they are minimised or limited."""
         asked = {*self.objectives, *(limit.name for limit in self.limits)}
         outputs: dict[str, Array] = {}
         columns = self._of_gears(designs)
@@ -173,7 +173,7 @@ class RobotProblem(ToleranceProblem):
         return np.sqrt(square) * self.gears.factors
 
     def _verified(self, designs: Array, outputs: Mapping[str, Array]) -> dict[str, Array]:
-        """Everything else, of the designs that are reported."""
+        """The remaining outputs, for the designs that are reported."""
         columns, rms = self._of_gears(designs), outputs["pose_rms_mm"]
         more = {
             "te_amplitude_arcsec": self.gears.amplitudes(columns),
@@ -212,7 +212,7 @@ class RobotProblem(ToleranceProblem):
 
     @cached_property
     def _ratios(self) -> Array:
-        """c at `SHARES`, of machines whose errors are scaled until backlash has that share."""
+        """c at `SHARES`, of machines whose errors are scaled to that fraction of backlash."""
         rng = np.random.default_rng(self.settings.seed)
         sampled = self.machine.sampled(UNITS, self.gears.dimensions, rng)
         middle = np.sqrt(self._corner(tight=True) * np.maximum(self._corner(tight=False), 1e-12))
@@ -286,7 +286,7 @@ class RobotProblem(ToleranceProblem):
     def stand_in_limit(self, name: str, high: float) -> float:
         """The upper limit of the requirement that stands for a limit on an output."""
         if name == "pose_accuracy_mm":
-            # of one objective the exact solver moves the limit by what is found to be missing
+            # with one objective the exact solver moves the limit by what is missing
             extreme = np.min if len(self.objectives) == 1 else np.max
             return high / float(extreme(self._ratios))
         if name == "backlash_arcmin":
@@ -319,7 +319,7 @@ class RobotProblem(ToleranceProblem):
         sigma = [self.definition.link_references[name] for name in self.link_names]
         return {"documents' reducers, reference links": np.array([*sigma, *self.gears.document()])}
 
-    # ---------------------------------------------------------------- told beside the front
+    # ---------------------------------------------------------------- alternatives to the machine
 
     def alternatives(self) -> dict[str, ToleranceProblem]:
         definition, given = self.definition, self.given
@@ -336,14 +336,14 @@ class RobotProblem(ToleranceProblem):
 
     def _with(self, given: Settings, definition: Definition, **parameters: Value) -> RobotProblem:
         every = {**given.parameters, **parameters}
-        # limits that the other machine may not reach are no reason not to say what it costs
+        # the other machine's least cost is of interest even where it cannot reach the limits
         settings = replace(
             given, parameters=every, definition=definition, variables=self._still(definition)
         )
         return type(self)(settings)  # type: ignore[call-arg]
 
     def _still(self, definition: Definition) -> dict[str, VariableSetting]:
-        """What was said of variables that are there still."""
+        """The settings of the variables that remain."""
         names = {v.name for v in declarations(definition)[0]}
         return {name: setting for name, setting in self.given.variables.items() if name in names}
 

@@ -9,7 +9,7 @@ MOST = 3
 
 
 def remarks_of(front: pd.DataFrame) -> tuple[str, ...]:
-    """Of the point of the front in its middle by cost: dearest shares, and the best prices."""
+    """The best prices and the largest fractions of R^2 at the front's middle point by cost."""
     if front.empty:
         return ()
     order = front["cost"].astype(float).argsort(kind="stable")

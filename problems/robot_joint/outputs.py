@@ -1,4 +1,4 @@
-"""What `robot_joint` declares beside its variables: parameters of machine and drives."""
+"""Parameters of machine and drives that `robot_joint` declares."""
 
 from __future__ import annotations
 

@@ -153,7 +153,7 @@ class RobotJoint(RobotProblem):
         return {"parts": [*parts, platform], "poses": millimetres(corners)}
 
     def _shares(self, stems: tuple[str, ...], chain: int) -> list[str]:
-        """Shares of the links' variables of a chain whose elementary errors begin so."""
+        """Columns of the fractions of a chain's link variables whose elementary errors begin so."""
         return [
             share_name(name)
             for name, sources in self.definition.grouping.items()

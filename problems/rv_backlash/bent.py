@@ -20,9 +20,9 @@ Array = NDArray[np.float64]
 LEVELS = 4001
 """Quantiles by which a law is compared with a uniform one."""
 SAFE = 2e-3
-"""Share of a half-width, or of a range, that is given away to what lies between the points."""
+"""Fraction of a half-width, or of a range, that is given up for values between the points."""
 WITHIN = 5
-"""Points of a cell that are looked at."""
+"""Points of a cell that are evaluated."""
 
 
 def uniform_below(values: Array) -> float:
@@ -32,7 +32,7 @@ def uniform_below(values: Array) -> float:
     """
     ordered = np.sort(values)
     n = len(ordered)
-    share = np.arange(1, n) / n  # above the first i of n quantiles
+    share = np.arange(1, n) / n  # fraction above the first i of n quantiles
     upper = np.cumsum((ordered - ordered.mean())[::-1])[::-1][1:] / n
     return max(0.0, float(np.min(upper / (share * (1.0 - share)))) * (1.0 - SAFE))
 
@@ -44,7 +44,7 @@ def quantiles_of(law: Distribution) -> Array:
 
 @dataclass(frozen=True)
 class Cell:
-    """What is known of Y = b t z + q t^2 z^2 [arcmin] for half-widths t in [low, high] [um].
+    """Bounds of Y = b t z + q t^2 z^2 [arcmin] for half-widths t in [low, high] [um].
 
     `mean_below` and `mean_above` (slope, constant) bound its mean by lines in t, from below and
     from above; `spread` t is the half-width of a uniform law below it in convex order; `least` is

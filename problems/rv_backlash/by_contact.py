@@ -1,4 +1,4 @@
-"""What the exact contact says of allocations that the closed form has made."""
+"""The exact contact's verdict on allocations of the closed form."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def contact_problem(problem: RvBacklash) -> RvReducer:
 
 
 def verdicts(problem: RvBacklash, designs: Array) -> tuple[str, ...]:
-    """What each full design (n, all variables) of the closed form does, from its verb on."""
+    """The verdict on each full design (n, all variables) of the closed form, from its verb on."""
     contact = contact_problem(problem)
     rows = np.array(
         [

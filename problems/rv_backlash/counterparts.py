@@ -1,4 +1,4 @@
-"""What effects do to the backlash of the units that an allocation gives."""
+"""What effects change in the backlash of an allocation's units."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from ...units import ARCMIN, UM
 @dataclass(frozen=True, slots=True)
 class Change:
     """What effects change: `cycloid` is added to phi_2 (before interference is cut off) and
-    `effective` to the backlash [rad]; its standard deviation grows by the share `growth`.
+    `effective` to the backlash [rad]; its standard deviation grows by the fraction `growth`.
     """
 
     cycloid: float = 0.0

@@ -1,7 +1,7 @@
 """The geometric backlash as a sum of deviations, for promises by measured parts.
 
 Every term constant + b t z + q t^2 z^2 has a mean and a variance; a sample of the process of z
-scales the variance. The share of the eccentricity that is of second order is taken to follow it
+scales the variance. The second-order fraction of the eccentricity's variance is taken to scale
 alike: it is less than a thousandth of the variance of its term in the document's case.
 """
 
@@ -57,8 +57,8 @@ def promised_form(problem: RvBacklash) -> Form | None:
 
 
 def doubt_of(problem: RvBacklash, variables: Sequence[str]) -> tuple[Array, Surplus | None]:
-    """By which factors (features,) standard deviations count in an assured promise, and what doubt
-    adds; None without any. `variables` are those of the features, empty where they have none.
+    """Factors (features,) of the standard deviations in an assured promise, and what uncertain
+    processes add; None without any. `variables` are those of the features, or empty.
     """
     promised = problem.promised
     assert promised is not None
@@ -75,7 +75,7 @@ def doubt_of(problem: RvBacklash, variables: Sequence[str]) -> tuple[Array, Surp
 
 
 def statement_of(problem: RvBacklash) -> str:
-    """What is proven of an assured promise, in words."""
+    """The proven statement of an assured promise, in words."""
     promise = problem.settings.promise
     assert promise is not None
     return (

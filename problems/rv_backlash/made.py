@@ -28,11 +28,11 @@ CELLS = 6
 TRIED = 33
 """Points of a piece at which lines are tried."""
 ROUNDING = 1e-12
-"""Share of its values by which a line keeps below."""
+"""Fraction of its values by which a line keeps below."""
 
 
 def moved(problem: RvBacklash, designs: Array, total: ClippedSum) -> ClippedSum:
-    """The sum with the means of what machines make; spreads are in the place of limits already.
+    """The sum with the means of machined parts; spreads already replace the limits.
 
     A term b x z + q (x z)^2 of the spread x becomes, about a mean m, b m + q m^2 and
     (b + 2 q m) x z + q (x z)^2.

@@ -24,10 +24,10 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 CELLS, COARSE = 48, 4
-"""Pieces of the range of the eccentricity, in geometric steps; those of designs for which
-y - Y >= 0 fails, which cost more than is of interest."""
+"""Pieces of the range of the eccentricity, in geometric steps; and pieces for designs at which
+y - Y >= 0 fails, which are too expensive to be of interest."""
 ROUNDING = 1e-6
-"""Share of a range that its mean by quantiles may be wrong by."""
+"""Error of a mean by quantiles, as a fraction of the range."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ class Member:
     choice: float = 0.0
 
     def above(self, share: float) -> float:
-        """What a share of the units has at least."""
+        """A value that at least a fraction `share` of the units exceeds."""
         if self.units is None:
             return self.least
         quantile = float(np.quantile(self.units, 1.0 - share)) - SAFE * float(np.ptp(self.units))
@@ -222,8 +222,8 @@ def _best_of(members: tuple[Member, ...]) -> Member:
 def _grades(problem: RvBacklash, cut: float) -> Part:
     """The involute grade: every grade of the range is a way of its own.
 
-    A skewed clearance G enters as min(G, g), which a share `cut` of the units exceeds: it is less
-    than G, and y - g cannot be below the rest of W for designs that keep a limit (`OUTSIDE`).
+    A skewed clearance G enters as min(G, g), where a fraction `cut` of the units exceeds g: it is
+    less than G, and y - g cannot be below the rest of W for designs that keep a limit (`OUTSIDE`).
     """
     name = "involute_grade"
     low, high = ends(problem, name)

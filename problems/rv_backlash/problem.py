@@ -48,7 +48,7 @@ Array = NDArray[np.float64]
 SEARCH_POINTS = 512
 """Lattice of the search; its quantiles are within about 0.001 arcmin of the reported ones."""
 TIGHTER = 1.0, 0.7, 0.5
-"""Shares of document B's bands that a search of a promise begins from."""
+"""Fractions of document B's bands at which a search for a promise begins."""
 STAGGER_OF_DOCUMENT = 0.2
 """Turn of each disc [arcmin] in document B's structural adjustment: twice its delta' of 0.1'."""
 STAGGERED = "document B, staggered 0.2 arcmin (delta' = 0.1)"
@@ -169,7 +169,7 @@ class RvBacklash(Promising, Machined):
 
     @cached_property
     def shift(self) -> Shift | None:
-        """What modification and stagger may do to phi_2, None where they have no room."""
+        """Range in which modification and stagger move phi_2, None where they have no room."""
         return shift_of(self)
 
     @cached_property
@@ -198,7 +198,7 @@ class RvBacklash(Promising, Machined):
         return values
 
     def form_columns(self, columns: Mapping[str, Array]) -> dict[str, Array]:
-        """Modification and stagger of the shift that a form has found, limits of inspection."""
+        """Modification and stagger at the shift of a form's optimum, and limits of inspection."""
         values, shift = dict(columns), self.shift
         for tolerance in self.made.values():
             if tolerance.name in values:

@@ -37,18 +37,18 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 BELOW, ABOVE = (1.0, 0.5, 0.25), (1.0, 0.5, 0.1, 0.02)
-"""Shares of units for which parts that are bent are bounded by their quantile: in phi_2 from above,
+"""Fractions of units at whose quantile parts that are bent are bounded: in phi_2 from above,
 in the backlash from below."""
 KEPT = ("dr_rp_mm", "dr_p_mm", "stagger_arcmin", "radial_gap_mm", "modification_backlash_arcmin")
 """Limits that the range of the shift keeps."""
 OUTSIDE = 0.135
-"""Share of S above the range of the eccentricity's term for designs of interest: with a skewed
-clearance that a share c of the units exceeds, P(S + W > y) >= c P(S > y - g - least Y), so that
+"""Fraction of S above the range of the eccentricity's term for designs of interest: with a skewed
+clearance that a fraction c of the units exceeds, P(S + W > y) >= c P(S > y - g - least Y), so that
 y - g < most Y needs P(S > range of Y) <= P(S + W > y)/c; c is chosen so that this is `OUTSIDE`."""
 SHIFTS = 5
 """Shifts at which the other limits of a modification are tried."""
 NONE = Reciprocal(0.0, 0.0)
-"""Cost of what has none."""
+"""Cost curve of a feature that costs nothing."""
 
 
 def quantile_form(problem: RvBacklash) -> Form | str:
@@ -93,7 +93,7 @@ class Row:
 
 
 def _rows(problem: RvBacklash) -> list[Row]:
-    """What objectives and limits ask for, as quantiles."""
+    """The quantiles that objectives and limits ask for."""
     coverage = problem.settings.propagation.coverage
     limits = {limit.name: limit for limit in problem.limits}
     rows: list[Row] = []
@@ -234,7 +234,7 @@ def _coefficients(
 
 
 def _means(part: Part, member: Member, row: Row) -> tuple[float, float]:
-    """Slope and constant of what a way adds to a row beside its spread."""
+    """Slope and constant of what a way adds to a row in addition to its spread."""
     if not _inside(part, row):
         return 0.0, 0.0
     match row.kind:

@@ -1,4 +1,4 @@
-"""What modification and stagger do to phi_2 together: one shift s, and designs that have it."""
+"""The joint effect of modification and stagger on phi_2: one shift s, and designs that have it."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ def extreme_pair(problem: RvBacklash, goal: Array) -> tuple[float, float] | None
 def columns_of(problem: RvBacklash, shift: Shift, s: Array) -> dict[str, Array]:
     """Modification and stagger (n,) of shifts (n,): no more stagger than they need.
 
-    Of the modifications of one play that of most room in its limits is taken.
+    Among the modifications of one play, the one with the largest margin to its limits is taken.
     """
     low, high = shift.plays
     play = np.clip(s + shift.gain * shift.stagger[0], low, high)

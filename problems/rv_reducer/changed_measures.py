@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 
 
 class ChangedMeasures(Measures):
-    """Statistics by name as those of `plain`, with what effects change beside the contact."""
+    """Statistics by name as those of `plain`, with what effects change outside the contact."""
 
     def __init__(self, plain: Measures, change: Change) -> None:
         super().__init__(plain.turn, plain.involute, plain.conditions)
@@ -40,7 +40,7 @@ class ChangedMeasures(Measures):
         return replace(plain, statistic=_combined(*parts, shift=self.change.effective))
 
     def _within(self) -> Measure:
-        """The share of units that keep the limit: those whose contact keeps another limit."""
+        """The fraction of units that keep the limit: those whose contact keeps another limit."""
         middle, involute = self.plain["mean max"], self.involute
         factor, mean = 1.0 + self.change.growth, middle.statistic.value
         limit = self.conditions.limit

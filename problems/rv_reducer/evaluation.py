@@ -65,7 +65,7 @@ LOADED = {
 
 
 def part_of(name: str) -> tuple[str, str]:
-    """An output under load and what of it is meant: quantile, mean or std."""
+    """An output under load, and which statistic of it is meant: quantile, mean or std."""
     for part in ("mean", "std"):
         if name.endswith(f"_{part}") and name.removesuffix(f"_{part}") in LOADED:
             return name.removesuffix(f"_{part}"), part
@@ -79,7 +79,7 @@ def known(name: str) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class Populations:
-    """What a design is tried on: rigid units, units under load, and for transmission error.
+    """The populations of a design: rigid units, units under load, and units for transmission error.
 
     Each is given as its numbers of positions and units, and drawn when it is first asked for.
     """
@@ -99,14 +99,14 @@ class Populations:
 
     @cached_property
     def turning(self) -> Population:
-        """Units of which the transmission error is computed."""
+        """Units whose transmission error is computed."""
         return self.draw(*self.sizes[2])
 
 
 class Evaluation:
     """One design on populations; each statistic is computed when it is first asked for.
 
-    `means` [um] are by how much the means of errors are off their mid-limits, by name.
+    `means` [um] are the offsets of the means of errors from their mid-limits, by name.
     """
 
     def __init__(

@@ -1,4 +1,4 @@
-"""Allocation of an RV reducer judged by its exact contact, unit by unit."""
+"""Allocation of an RV reducer evaluated by its exact contact, unit by unit."""
 
 from __future__ import annotations
 
@@ -172,7 +172,7 @@ class RvReducer(PromisingUnits, Machined):
         return Evaluation(self.model, drawn, *self.as_built(design))
 
     def as_built(self, design: Array) -> tuple[dict[str, float], dict[str, float]]:
-        """Variables by name as good parts scatter, and by how much their means are off [um]."""
+        """Variables by name with the scatter of good parts, and the offsets of their means [um]."""
         effective = self.effective(design[None, :])[0]
         row = {v.name: float(effective[at]) for at, v in enumerate(type(self).variables)}
         means = {

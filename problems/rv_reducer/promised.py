@@ -1,8 +1,8 @@
-"""Units of `rv_reducer` whose processes are not as the samples say, and what is promised of them.
+"""Units of `rv_reducer` whose processes differ from the samples' estimates, and their promise.
 
 A state of the processes scales the scatter of measured errors and moves their means; the units are
-built and measured as ever. The promised share keeps the limit where its quantile of the largest
-backlash does.
+built and measured as usual. The promised fraction keeps the limit where its quantile of the
+largest backlash does.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ POSITION = "pin_position"
 
 
 def shifting(problem: PromisingUnits) -> NDArray[np.bool_]:
-    """Which means (k,) of measured errors move what the units show."""
+    """Which means (k,) of measured errors move the outputs of the units."""
     return np.array(
         [
             problem.settings.variables[name].mid is not None and stem(name) != POSITION
@@ -96,8 +96,8 @@ def add_gradient(
     gradients: dict[str, Array],
     by_mean: dict[str, dict[str, Array]],
 ) -> None:
-    """Put derivatives of the promised yield where those of other outputs are: by variables, and by
-    the means of errors that machines make. The processes of an assured yield stay where they are.
+    """Add derivatives of the promised yield to those of the other outputs: by variables, and by the
+    means of errors that machines make. The processes of an assured yield are held fixed.
     """
     promise = problem.settings.promise
     if promise is None or promise.statement == PLUG_IN:

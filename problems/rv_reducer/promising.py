@@ -1,4 +1,4 @@
-"""The promise of `rv_reducer`: its units at any state of the processes that samples tell of."""
+"""The promise of `rv_reducer`: its units at any state of the sampled processes."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class PromisingUnits(Judged):
 
     @abstractmethod
     def as_built(self, design: Array) -> tuple[dict[str, float], dict[str, float]]:
-        """Variables by name as good parts scatter, and by how much their means are off [um]."""
+        """Variables by name with the scatter of good parts, and the offsets of their means [um]."""
 
     @abstractmethod
     def populations(self, searching: bool) -> Populations:
@@ -51,7 +51,7 @@ class PromisingUnits(Judged):
 
     @cached_property
     def promised_model(self) -> UnitModel:
-        """The model whose coverage is the promised share."""
+        """The model whose coverage is the promised fraction."""
         assert self.settings.promise is not None
         coverage = self.settings.promise.share
         return replace(self.model, conditions=replace(self.model.conditions, coverage=coverage))

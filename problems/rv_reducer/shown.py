@@ -72,13 +72,13 @@ def _population_of_one(evaluation: Evaluation, unit: int) -> Population:
 
 
 def _population(evaluation: Evaluation) -> pd.DataFrame:
-    """Share of units up to each value of their largest backlash, phi_1 integrated."""
+    """Fraction of units up to each value of their largest backlash, phi_1 integrated."""
     largest = _largest(evaluation)
     low, high = evaluation.involute.ends()
     at = np.linspace(low + largest.min(), high + largest.max(), BINS + 1)
     within = 100.0 * np.array([float(np.mean(evaluation.involute.cdf(v - largest))) for v in at])
     change, mean = evaluation.model.change, float(largest.mean()) + evaluation.involute.mean
-    moved = mean + change.effective + (1.0 + change.growth) * (at - mean)  # beside the contact
+    moved = mean + change.effective + (1.0 + change.growth) * (at - mean)  # outside the contact
     return pd.DataFrame(
         {
             "backlash_max_arcmin": moved,

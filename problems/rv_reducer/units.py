@@ -21,7 +21,7 @@ from .counterparts import Change
 
 @dataclass(frozen=True, slots=True, eq=False)
 class UnitModel(UnitBasis):
-    """What every unit has in common, how units are drawn, and what is asked of them."""
+    """The properties common to all units, how units are drawn, and the conditions on them."""
 
     conditions: Conditions
     loading: Loading
@@ -81,7 +81,7 @@ class UnitModel(UnitBasis):
         return replace(self, mid=mid, change=change)
 
     def measures(self, turn: Turn) -> Measures:
-        """Statistics of the units of a turn, with what effects change beside their contact."""
+        """Statistics of the units of a turn, with what effects change outside their contact."""
         statistics = Measures(turn, self.involute(turn.design.involute_grade), self.conditions)
         return ChangedMeasures(statistics, self.change) if self.change.outside else statistics
 

@@ -1,16 +1,17 @@
-"""What effects do to the transmission error of adjusted units.
+"""What effects change in the transmission error of adjusted units.
 
 Effects of the assembly act in it, but for the dead band of `adjustment_backlash`, which is not
-linear. Others are read over one turn of the output at the problem's torque and speed, as they act
-on the reading of the model `rv_transmission`: what varies over the turn is there in every unit.
+linear. Others are evaluated over one turn of the output at the problem's torque and speed, as they
+act on the model `rv_transmission`: what varies over the turn is present in every unit.
 
 - Order 40 meets that of the angles, c . x, and adds as a vector: |c . x + m|.
-- Other orders together add half of their peak to peak. That is an upper bound. Of a single wave it
-  is close: a crest of order 39 falls so close to one of order 40 that at most 0.3 % of the wave is
-  not seen, of order 78 1.2 %. Multiples of 40 are locked to it and may even make it smaller, by as
-  much as they have; and where several orders are added, their crests need not meet in one place.
+- Other orders together add half of their peak to peak. That is an upper bound. It is close
+  for a single wave: a crest of order 39 falls so close to one of order 40 that at most 0.3 % of the
+  wave is missed, 1.2 % for order 78. Multiples of 40 are locked to it and may even
+  make it smaller, by as much as they have; and where several orders are added, their crests need
+  not meet in one place.
 
-What is the same over the turn changes nothing, nor does what the instrument adds.
+Contributions that are constant over the turn change nothing, nor does the instrument.
 """
 
 from __future__ import annotations
@@ -42,12 +43,12 @@ ACTING = {
     "chain_coupling": "chain 1 moves by {:.4g} of what putting in chain 2 moves that",
     "springback": "{:.4g} of the total adjustment returns at the end",
 }
-"""Linear departures of the assembly, and what is said of them."""
+"""Linear departures of the assembly, and their descriptions."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Waves:
-    """What every unit's transmission error has besides, over the turn of the output.
+    """Waves that are added to every unit's transmission error over the turn of the output.
 
     Its order 40 is Re[`wave` exp(40 j theta)], `rest` half the peak to peak of all else [rad].
     """
@@ -99,7 +100,7 @@ def _over_turn(active: Active, torque: float, speed: float) -> Array:
 
 
 def _adds_waves(active: Active, target: Target, columns: tuple[Column, ...]) -> bool:
-    """Whether it adds to the reading of a unit here, and its values are those of this reading."""
+    """Whether the effect adds to the output of a unit here, and its parameters are those of it."""
     effect, angled = active.effect, Role.ANGLE in active.effect.needs
     if effect.family == "instrument" or not angled or not effect.applies(target):
         return False

@@ -156,7 +156,7 @@ class RvTransmissionError(ToleranceProblem):
         return dict(zip(("te_error_percent", "force_error_percent"), errors, strict=True))
 
     def _te(self, covariance: Array, searching: bool) -> Array:
-        """Quantile (n,) [rad] of the TE amplitude; of a sample where all units share a wave."""
+        """Quantile (n,) [rad] of the TE amplitude; from a sample where all units share a wave."""
         plane, coverage = self.influence.order_40, self.settings.propagation.coverage
         within = plane @ covariance @ plane.T
         if not self.influence.wave.any():
@@ -186,7 +186,7 @@ class RvTransmissionError(ToleranceProblem):
     def interval(self, output: str) -> Interval:
         """Proven bounds: costs fall with every tolerance, and no unit is below the error-free one.
 
-        The latter holds of the influence coefficients; a wave of order 40 that all units share may
+        The latter holds for the influence coefficients; a wave of order 40 that all units share may
         be cancelled in some, the other orders are there in all.
         """
         if output == "cost":

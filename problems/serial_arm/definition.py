@@ -37,7 +37,7 @@ class LinkError:
 
     @classmethod
     def usual(cls, kind: str) -> LinkError:
-        """The range and cost of an error of a `kind` that nothing is written of."""
+        """The default range and cost of an error of a `kind`."""
         reference = REFERENCE[declared.ERRORS[kind][0]]
         low, high = (factor * reference for factor in RANGE)
         return cls(low, high, reference, Reciprocal(0.0, reference))
@@ -46,7 +46,7 @@ class LinkError:
 @dataclass(frozen=True)
 class Gearing:
     """The reducer of a joint. `stiffness` [N m/arcmin] and `friction` [N m] are None, and `flank`
-    empty, where the parameters say; `te_factor` is None where it is `backlash_factor`.
+    empty, where the parameters say; `te_factor` is None where it equals `backlash_factor`.
     """
 
     reducer: Nested
@@ -61,8 +61,8 @@ class Gearing:
 
 @dataclass(frozen=True)
 class Joint:
-    """A joint beside its row of the table: mass [kg] and its centre [m] in the frame after it, the
-    range of its reading [rad], its reducer (None: a direct drive), and its errors by kind.
+    """A joint apart from its row of the table: mass [kg] and its centre [m] in the frame after it,
+    the range of its angle [rad], its reducer (None: a direct drive), and its errors by kind.
     """
 
     mass: float | None = None
@@ -155,12 +155,12 @@ class Definition(definition.Definition):
 
     @property
     def near(self) -> Array:
-        """Readings (k,) [rad] that tell the posture from others."""
+        """Joint angles (k,) [rad] near which the posture is chosen."""
         return np.array(self.cell.near or (0.0,) * len(self.joints))
 
     @property
     def ends(self) -> tuple[Array, Array]:
-        """Ranges (k,) of the joints' readings [rad]."""
+        """Ranges (k,) of the joints' angles [rad]."""
         return np.array([joint.low for joint in self.joints]), np.array(
             [joint.high for joint in self.joints]
         )

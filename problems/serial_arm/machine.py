@@ -57,7 +57,7 @@ class ArmMachine(Machine):
 
     @cached_property
     def chain(self) -> Chain:
-        """The nominal chain, what a recalibration found included."""
+        """The nominal chain, with the results of a recalibration."""
         return declared.chain_of(self.parameters)
 
     @cached_property
@@ -115,8 +115,8 @@ class ArmMachine(Machine):
 
 
 def _corrected(move: Array, turn: Array, by_move: Array, by_turn: Array) -> tuple[Array, Array]:
-    """What errors (n, 3, sources) leave when commands keep the position exact; the orientation as
-    well where there are joints enough.
+    """The residual errors (n, 3, sources) when commands keep the position exact; the orientation
+    as well where there are enough joints.
     """
     if move.shape[2] >= WHOLE:
         return np.zeros_like(by_move), np.zeros_like(by_turn)

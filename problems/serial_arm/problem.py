@@ -23,7 +23,7 @@ from .shipped import shipped_arm
 from .writing import definition_tables
 
 NAMED = 5
-"""Poses that are named; of more the number."""
+"""Most poses that are named; the others are counted."""
 
 
 class ArmKind:
@@ -153,7 +153,7 @@ class SerialArmAllocation(RobotProblem):
         return np.asarray(tool[at] if cell.in_joints else cell.poses()[0][at])
 
     def _without_masses(self) -> list[Fault]:
-        """Gravity cannot say which flank it holds of an arm without masses."""
+        """Gravity determines no flank of an arm without masses."""
         if "gravity" not in self.machine.flanks:
             return []
         lacking = [at for at, joint in enumerate(self.definition.joints) if joint.mass is None]

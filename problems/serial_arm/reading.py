@@ -52,7 +52,7 @@ def read_definition(top: Section) -> Definition | None:
 
 
 class _Faults:
-    """Whether anything has been found wrong since this was made."""
+    """Whether faults have been added since this was made."""
 
     def __init__(self, top: Section) -> None:
         self._faults = top.faults
@@ -64,7 +64,7 @@ class _Faults:
 
 
 def _joint(section: Section) -> Joint:
-    """What a row says beside its columns of the table."""
+    """The keys of a row other than its columns of the table."""
     mass = section.quantity("mass_kg", "kg", NOT_NEGATIVE)
     centre = _triple(section, "centre_of_mass_mm", MM)
     heavy = "mass_kg" in section or "mass" in section
@@ -121,7 +121,7 @@ def _gearing(section: Section) -> Gearing | None:
     friction = table.number("friction_torque_Nm", "Nm", NOT_NEGATIVE)
     flank, group = table.text("flank", FLANKS) or "", table.text("group") or ""
     table.finish()
-    if not isinstance(reducer, Nested):  # its faults were found where it was opened
+    if not isinstance(reducer, Nested):  # its faults are reported where it is opened
         reducer = documents_reducer()
     cost, backlash = (1.0 if factor is None else factor for factor in factors[:2])
     return Gearing(reducer, cost, backlash, factors[2], stiffness, friction, flank, group)
@@ -158,7 +158,7 @@ def _is_listed(section: Section) -> bool:
 
 def _cube(section: Section, known: Cell, more: dict[str, Any]) -> Cell:
     kind = section.text("poses") or known.kind
-    if kind not in KINDS and "." not in kind:  # what is wrong with a file has been said
+    if kind not in KINDS and "." not in kind:  # faults of a file are reported already
         known_kinds = ", ".join(KINDS)
         section.fault("poses", f'must be one of {known_kinds}, a table or a list, got "{kind}"')
     centre = _triple(section, "centre_mm", MM) or known.centre

@@ -1,4 +1,4 @@
-"""The tables that mean an arm, as `reading` takes them."""
+"""The tables of an arm, as `reading` reads them."""
 
 from __future__ import annotations
 

@@ -16,9 +16,9 @@ from .measured import Measured
 
 Array = NDArray[np.float64]
 POINTS = 6
-"""Tolerances of a range that stand for it in the choices that are judged."""
+"""Tolerances that represent a range in the choices that are tested."""
 NEVER = 1.0 - 1e-12
-"""Level of the norm where none is sure: hardly an allocation keeps it."""
+"""Level of the norm where no level is sure: hardly any allocation keeps it."""
 
 
 def level_of(requirements: Sequence[Measured], promise: Promise, seed: int) -> Level | None:
@@ -65,7 +65,7 @@ def _owner(part: Part, at: int, number: int) -> tuple[int, str]:
 
 
 def _aim(bounded: Sequence[Measured], promise: Promise) -> Aim:
-    """What is promised of every requirement with limits."""
+    """The promise of every requirement with limits."""
     ends = np.array([[measured.mechanism.lower, measured.mechanism.upper] for measured in bounded])
     ends -= np.array([[measured.mechanism.centre] for measured in bounded])
     both = np.all(np.isfinite(ends), axis=1)

@@ -1,4 +1,4 @@
-"""The convex form of a stack: what is proven about its cost."""
+"""The convex form of a stack, with which bounds of its cost are proven."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def form_of(stack: Stack, gaussian: bool = False) -> Form | None:
 
 
 def limits_by_spread(stack: Stack, columns: Mapping[str, Array]) -> dict[str, Array]:
-    """Columns (n,) of a form with limits of inspection in the place of the spread of good parts."""
+    """Columns (n,) of a form with limits of inspection in place of the spread of good parts."""
     with_limits = dict(columns)
     if limits_alone(rows_of(stack, gaussian=True)):
         return with_limits
@@ -97,7 +97,7 @@ def _entangled(stack: Stack) -> bool:
 
 
 def possible(stack: Stack) -> bool:
-    """Whether limits leave every part a process."""
+    """Whether every part has a process within the limits."""
     ends = [(part, *range_of(stack, part)) for part in stack.definition.parts]
     return all(
         any(max(process.low, low) <= min(process.high, high) for process in part.processes)
@@ -137,7 +137,7 @@ def _square(spread: Array, t: Array, correlation: Array, settled: NDArray[np.boo
 
 
 def range_of(stack: Stack, part: Part) -> tuple[float, float]:
-    """What limits leave of the tolerance of a part."""
+    """The range of a part's tolerance within the limits on it."""
     limits = [limit for limit in stack.limits if limit.name == f"{part.name}_t"]
     low = max((limit.low for limit in limits), default=-np.inf)
     return low, min((limit.high for limit in limits), default=np.inf)
@@ -170,7 +170,7 @@ def _fixed_cost(part: Part) -> float:
 
 
 def _statement(stack: Stack, rows: list[Row], left_out: tuple[str, ...]) -> str:
-    """What is proven, and of what."""
+    """The proven statement: which model, and which variations."""
     words = {
         "worst_case": "its worst case",
         "rss": "its root sum square",

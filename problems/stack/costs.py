@@ -1,4 +1,4 @@
-"""What the parts of a stack cost."""
+"""Costs of the parts of a stack."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class PartCosts:
 
     @cached_property
     def interval(self) -> tuple[float, float]:
-        """Least and largest cost: every part in its cheapest and its dearest process."""
+        """Least and largest cost: every part in its cheapest and its most expensive process."""
         ends = np.zeros(2)
         for part in self.parts:
             costs = [

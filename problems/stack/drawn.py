@@ -1,4 +1,4 @@
-"""What a drawing says of a part beside its limits: class, symbol, numbers."""
+"""What a drawing states of a part in addition to its limits: class, symbol, numbers."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def drawn(part: Part) -> dict[str, str]:
 
 
 def labels_of(requirement: Requirement) -> dict[str, object]:
-    """What readers know a requirement by: name, limits and their unit, description, drawing."""
+    """Labels of a requirement for readers: name, limits and their unit, description, drawing."""
     labels = {
         key: getattr(requirement, key)
         for key in ("name", "lower", "upper", "unit", "description", "drawing")

@@ -1,4 +1,4 @@
-"""What is wrong with a stack as a whole: samples, units of objectives, limits that contradict."""
+"""Faults of a stack as a whole: samples, units of objectives, contradictory limits."""
 
 from __future__ import annotations
 
@@ -25,13 +25,11 @@ if TYPE_CHECKING:
 HALF = 50.0
 """Percent that no yield reaches where the mean is outside of the limits."""
 DEVIATIONS = Need("deviation", bytes=16.0)
-"""Of every piece of every unit of the sample: a point, and the deviation."""
+"""Memory of every piece of every unit of the sample: a point, and the deviation."""
 
 
 def faults_of(stack: Stack, inherited: Callable[[], list[Fault]]) -> list[Fault]:
-    """Everything that is wrong; those that any problem may have are not looked for in a sample that
-    is too large.
-    """
+    """Every fault; where the sample is too large, faults of any problem are not sought."""
     faults = promise_faults(stack.definition, stack.given.limits)
     faults += size_faults(stack) or inherited()
     faults += [*yield_faults(stack), *range_faults(stack)]
@@ -84,7 +82,7 @@ def yield_faults(stack: Stack) -> list[Fault]:
 
 
 def with_nominal(stack: Stack, unreachable: Sequence[Fault]) -> list[Fault]:
-    """Limits that no design reaches; of those that the nominal values break already, these."""
+    """Limits that no design reaches; where the nominal values break a limit already, that fault."""
     asked = {limit.name: limit.low for limit in stack.limits}
     covered, faults = set(), []
     for measured in stack.measured:

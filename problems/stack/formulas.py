@@ -1,4 +1,4 @@
-"""The mechanism of a formula, and what can be wrong with it."""
+"""The mechanism of a formula, and its faults."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from .definition import Part, Requirement
 
 Array = NDArray[np.float64]
 NEGLIGIBLE = 1e-12
-"""A part that adds less than this share of the worst case does not matter."""
+"""A part that adds less than this fraction of the worst case does not matter."""
 
 
 def with_formula(

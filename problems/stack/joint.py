@@ -1,4 +1,4 @@
-"""What several requirements come to together: the largest variation, the joint yield."""
+"""Several requirements together: the largest variation, the joint yield."""
 
 from __future__ import annotations
 

@@ -15,15 +15,15 @@ Array = NDArray[np.float64]
 LEAST = 0.01
 """Percentage points below which a difference does not matter."""
 RELATIVE = 0.2
-"""Share of the promise below which a difference does not matter."""
+"""Fraction of the promise below which a difference does not matter."""
 ERRORS = 3.0
-"""Standard errors of the sample below which a difference is not seen."""
+"""Standard errors of the sample below which a difference is not detected."""
 
 
 def linearity_warnings(
     mechanism: Mechanism, linear: Linear, design: Tolerances, where: str, unit: str, sample: Sample
 ) -> tuple[str, ...]:
-    """What the linear model gets wrong, in a sentence, at one design (1, p).
+    """The errors of the linear model, in a sentence, at one design (1, p).
 
     The limits are those of the requirement, where there are some, and the linear mean +- the root
     sum square, beyond which 0.27 % are promised.

@@ -25,9 +25,9 @@ Array = NDArray[np.float64]
 CELLS = 6
 """Pieces of the range of a spread, where something is replaced by lines below it."""
 TRIED = 33
-"""Points of a piece at which a line is tried to be below."""
+"""Points of a piece at which a line is tested to lie below."""
 ROUNDING = 1e-9
-"""Share of its scale by which a line keeps below."""
+"""Fraction of its scale by which a line keeps below."""
 
 
 def machine_ways(
@@ -83,7 +83,7 @@ def _fixed(part: Part, number: int, rows: list[Row], at: int) -> Way:
 
 
 def _moved(row: Row, at: int, t: Array, mean: Array) -> Array:
-    """What limits and means of a part add to a row beside its spread."""
+    """What limits and means of a part add to a row in addition to its spread."""
     return np.asarray(row.linear[at] * t + row.bias_of(at) * mean + row.shift_of(at) * np.abs(mean))
 
 

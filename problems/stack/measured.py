@@ -101,7 +101,7 @@ class Measured:
     def slopes(self, t: Tolerances, wanted: Collection[str], coverage: float) -> dict[str, Array]:
         """Derivatives (n, parts) of the variations, and of a yield that is wanted.
 
-        That of a sampled yield, a step function, is the normal linear model's.
+        The derivative of a sampled yield, a step function, is the normal linear model's.
         """
         worst, rss = (
             np.broadcast_to(self.linear.worst, spread_of(t).shape),
@@ -184,7 +184,7 @@ class Measured:
 
     def _most_yield(self, tightest: Tolerances) -> float:
         """The largest yield [percent]: that of the tightest parts, where the mean stays within the
-        limits. Every wider deviation takes from it (Birnbaum 1948, on random variables with
+        limits. Every wider deviation reduces it (Birnbaum 1948, on random variables with
         comparable peakedness, Annals of Mathematical Statistics 19(1), 76-81).
         """
         if not (self.mechanism.bounded and self._still):

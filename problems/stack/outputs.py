@@ -62,7 +62,7 @@ def outputs_of(
 ) -> tuple[Output, ...]:
     """The outputs of a stack, in the order of the tables.
 
-    Without `each` requirement as it is measured all those that there may be.
+    Without `measured`, all outputs that there may be.
     """
     outputs = [Output("cost", "", "cost of all parts", low=0.0)]
     if requirements[0].key:

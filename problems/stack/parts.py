@@ -26,7 +26,7 @@ MOST = 1000
 ALL = 2000
 """Pieces of all parts: a sample of 8192 units then takes some seconds."""
 SOBOL = 21_201
-"""Pieces of all parts, however many are asked for: dimensions of a Sobol sequence (Joe, Kuo)."""
+"""Most pieces of all parts, even with --force: dimensions of a Sobol sequence (Joe, Kuo)."""
 
 
 def read_parts(
@@ -112,7 +112,7 @@ def _read(
 def _sample(
     section: Section, unit: str, nominal: float | None, zone: Tolerance
 ) -> PartSample | None:
-    """What measured parts tell of the process, None and faults where they cannot."""
+    """The sample of measured parts, None and faults where it does not apply."""
     stated = [key for key in ("distribution", "cp", "cpk", "shift") if key in section]
     for key in stated:
         section.fault(key, "is stated beside [part.measured], which tells it: keep one")
@@ -207,7 +207,7 @@ def _unit(section: Section, length_unit: str) -> tuple[str | None, dict[str, str
 
 
 def _duplicates(parts: Sequence[Part]) -> list[Fault]:
-    """A fault for every name that a formula could not tell apart."""
+    """A fault for every name that is ambiguous in a formula."""
     owners: dict[str, str] = {}
     faults = []
     for part in parts:

@@ -1,6 +1,6 @@
 """Yields over the posterior of the processes: how surely a promise is kept, and what to expect.
 
-Of every draw the requirement is normal: its variance is the sum of the drawn ones, its mean is off
+The requirement is normal in every draw: its variance is the sum of the drawn ones, its mean is off
 by the drawn errors of the means, both in proportion to the tolerances. Where a part is made by one
 of several processes, those that a design chooses count.
 """
@@ -43,7 +43,7 @@ class Posterior:
 
     @cached_property
     def _drawn_processes(self) -> dict[tuple[int, str], tuple[Array, Array]]:
-        """What is drawn of each sampled process, by part and machine."""
+        """Draws of variance and error of each sampled process, by part and machine."""
         draws = {}
         for at, part in enumerate(self.parts):
             for number in range(len(part.processes)):
@@ -71,9 +71,9 @@ class Posterior:
         ]
 
     def assurance(self, of: Sequence[Measured], t: Tolerances, share: float) -> tuple[Array, Array]:
-        """Probability [percent] (n,) that a share of the units keeps every requirement, its error.
+        """Probability [percent] (n,) that a fraction of units keeps every requirement, its error.
 
-        Every requirement is asked for the share on its own.
+        The fraction is required of every requirement separately.
         """
         kept = np.empty(len(t))
         for chosen, rows in self._portions(t):
@@ -98,7 +98,7 @@ class Posterior:
         return slopes
 
     def _portions(self, t: Tolerances) -> list[tuple[tuple[int, ...], NDArray[np.int64]]]:
-        """Rows of designs that are looked at together, with the processes that they choose."""
+        """Rows of designs that are evaluated together, with the processes that they choose."""
         step = max(1, AT_ONCE // self.draws)
         return [
             (chosen, rows[first : first + step])

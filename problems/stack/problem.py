@@ -49,7 +49,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class StackKind:
-    """What a configuration declares a stack to be; called with settings, it makes the problem."""
+    """A stack as its configuration declares it; called with settings, it makes the problem."""
 
     definition: Definition | None
     variables: tuple[Variable, ...]
@@ -200,7 +200,7 @@ class Stack(ToleranceProblem):
 
     @cached_property
     def promises(self) -> Promises | None:
-        """What is promised of the yields, where something is."""
+        """The promises of the yields, None where there are none."""
         promise = self.definition.promise
         return None if promise is None else Promises(self.measured, promise, self.settings.seed)
 
@@ -279,7 +279,7 @@ class Stack(ToleranceProblem):
     def gradient(self, designs: Array) -> dict[str, Array]:
         """Derivatives of cost and of the linear variations; 0 for a process.
 
-        That of a sampled yield, a step function, is the normal linear model's.
+        The derivative of a sampled yield, a step function, is the normal linear model's.
         """
         t, coverage = self.made(designs), self.settings.propagation.coverage
         derivatives: dict[str, Array] = {}
@@ -316,7 +316,7 @@ class Stack(ToleranceProblem):
         return values
 
     def guide(self) -> Form | None:
-        """The form; of a half-width without a law that of the root sum square."""
+        """The form; for a half-width without a law, that of the root sum square."""
         return form_of(self, gaussian=True)
 
     def interval(self, output: str) -> Interval:
@@ -356,7 +356,7 @@ class Stack(ToleranceProblem):
 
     @cached_property
     def cost_interval(self) -> Interval:
-        """Least and largest cost: every part in its cheapest and its dearest process."""
+        """Least and largest cost: every part in its cheapest and its most expensive process."""
         return self._costs.interval
 
     def corner(self, tight: bool) -> Array:
@@ -368,7 +368,7 @@ class Stack(ToleranceProblem):
         return corner_of(self._parts, self.names, tight)
 
     def least_cost(self) -> tuple[str, Stack] | None:
-        """The cheapest design within the limits, where a run has other objectives beside."""
+        """The cheapest design within the limits, where a run has further objectives."""
         kept = [limit.name for limit in self.limits if limit.name != "cost"]
         if self.objectives == ("cost",) or "cost" not in self.objectives or not kept:
             return None

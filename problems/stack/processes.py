@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 
 
 def out_of_process(part: Part, t: Array, chosen: NDArray[np.int64]) -> dict[int, str]:
-    """What is wrong with tolerances (n,) of a part for the processes (n,) beside them, by row."""
+    """Messages by row where tolerances (n,) of a part do not suit the processes (n,) chosen."""
     messages = {}
     for row, (half_width, at) in (
         enumerate(zip(t, chosen, strict=True)) if part.alternatives else ()

@@ -1,4 +1,4 @@
-"""What is promised of the yield of one requirement, from what is known of the processes."""
+"""The promise of one requirement's yield, given the knowledge of the processes."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ class Promised:
 
     @cached_property
     def norms(self) -> tuple[Norm, ...]:
-        """The standard deviation that an assured promise reckons with, by the spreads of the parts.
+        """The standard deviation that an assured promise uses, by the spreads of the parts.
 
-        One for each number of a process; parts that have fewer count with their last one.
+        One norm for each process number; parts with fewer processes count with their last one.
         """
         measured = self.measured
         variances = np.diag(measured.linear.covariance)
@@ -82,7 +82,7 @@ class Promised:
     def promised(self, t: Tolerances) -> Array:
         """The promised yield [percent] (n,): assured by the norm, or expected.
 
-        Assured between two limits, both are taken to be as near as the nearer one.
+        For an assured yield between two limits, both count at the distance of the nearer one.
         """
         if self.promise.statement != ASSURED:
             return self.posterior.expected(self.measured, t)

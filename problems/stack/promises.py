@@ -1,4 +1,4 @@
-"""The promise of a stack: its outputs, its rows in the convex form, what it takes for granted."""
+"""The promise of a stack: its outputs, its limits and its faults."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def promise_limits(definition: Definition, given: Mapping[str, Bound]) -> dict[s
 
 
 def promise_faults(definition: Definition, given: Mapping[str, Bound]) -> list[Fault]:
-    """What contradicts a promise, or leaves it without a meaning."""
+    """Faults of settings that contradict a promise, or make it meaningless."""
     promise = definition.promise
     if promise is None:
         return []

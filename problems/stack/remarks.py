@@ -1,4 +1,4 @@
-"""What the user of a stack is warned of before a run."""
+"""Warnings to the user of a stack before a run."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 FINEST, COARSEST = 1e-6, 0.25
-"""Half-widths between which tolerances of lengths lie, as shares of the nominal size: from half of
-IT01 at 500 mm to a quarter of the size.
+"""Half-widths between which tolerances of lengths lie, as fractions of the nominal size: from
+half of IT01 at 500 mm to a quarter of the size.
 """
 WARNING_SAMPLES = 131_072
-"""Units at most by which warnings are judged before a run."""
+"""Most units with which warnings are tested before a run."""
 
 
 def warnings_of(stack: Stack) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""What the convex form of a stack describes: variations, half-widths and yields, a row each."""
+"""The rows of the convex form of a stack: variations, half-widths and yields."""
 
 from __future__ import annotations
 
@@ -214,7 +214,7 @@ def _promise_rows(stack: Stack, gaussian: bool) -> list[Row]:
 
 
 def _least(doubts: list[Surplus]) -> Surplus | None:
-    """What the doubt of parts adds at least, by whatever process each is made."""
+    """The least that uncertain processes add, whichever process makes each part."""
     if not doubts:
         return None
     own, shared, error = (_of_all(doubts, name) for name in ("own", "shared", "error"))
@@ -243,15 +243,15 @@ def _off_centre(measured: Measured) -> bool:
 
 
 def least_yield(stack: Stack, name: str) -> float:
-    """The least share of units that a limit asks for, 0 where there is none."""
+    """The least fraction of units that a limit asks for, 0 where there is none."""
     return 0.01 * max((limit.low for limit in stack.limits if limit.name == name), default=0.0)
 
 
 def _kept_limits(measured: Measured, output: str, p: float) -> list[Row]:
-    """The limits of a requirement at a share p of the units.
+    """The limits of a requirement at a fraction p of the units.
 
-    Exact for one limit, and for two about a mean that does not move with the tolerances; else what
-    any design keeps that keeps both: each of them at the whole share, both about the mean, and,
+    Exact for one limit, and for two about a mean that does not move with the tolerances; else rows
+    that are necessary to keep both limits: each at the whole fraction, both about the mean, and,
     where all deviations are normal, the tangents between (`two_sided`).
     """
     law = measured.law
@@ -293,7 +293,7 @@ def quantile_of(row: Row, kept: list[int], settled: NDArray[np.bool_], t: Array)
 
 
 def surplus_of(row: Row, kept: list[int], settled: NDArray[np.bool_], t: Array) -> Surplus | None:
-    """What doubt adds under the root of a row, by the squares of the parts `kept`."""
+    """What uncertain processes add under a row's root, by the squares of the parts `kept`."""
     if (doubt := row.doubt) is None:
         return None
     square = (row.spread * t)[settled] ** 2

@@ -27,11 +27,11 @@ from ...units import family
 from .definition import Process
 
 MORE = ("geometry", "price", "feature", "leg")
-"""Keys beside that of the zone: prices of grades, the geometrical characteristic of ISO 1101, and
-what a general tolerance is of.
+"""Keys other than that of the zone: prices of grades, the geometrical characteristic of ISO 1101,
+and what a general tolerance is of.
 """
 COSTS = ("cost", "setup", "inspection")
-"""Keys that say what grades cost beside their prices."""
+"""Keys for costs of grades other than their prices."""
 FEATURES = ("length", "radius")
 
 
@@ -63,7 +63,7 @@ def searched_grades(
 ) -> tuple[Process, ...] | None:
     """`grade = ["IT5", "IT8"]`: each grade from the first to the second as a process of its own.
 
-    Each costs its `price`, or what `cost` says of its half-width, and its share of a set-up and its
+    Each costs its `price`, or the `cost` at its half-width, plus its part of a set-up and its
     inspection. None and faults where the table does not say it all.
     """
     grades = _range(section)
@@ -87,7 +87,7 @@ def searched_grades(
 
 
 def price_remark(name: str, processes: tuple[Process, ...], prices: dict[str, Any]) -> str:
-    """That a coarser grade is dearer than a finer one, empty where none is."""
+    """A remark that a coarser grade is more expensive than a finer one, empty where none is."""
     listed = [
         (process.name, float(prices[process.name]))
         for process in processes
@@ -150,7 +150,7 @@ def _prices(section: Section, grades: tuple[str, ...]) -> dict[str, float] | Non
         return None
     table = section.section("price")
     by_grade = {grade: table.number(grade, within=Range(low=0.0)) for grade in grades}
-    if not grades:  # their own fault is said already
+    if not grades:  # their own fault is reported already
         table.known(table.given())
     for grade, price in by_grade.items():
         if price is None and grade not in table:

@@ -23,7 +23,7 @@ UNDECIDED = 6.0
 
 @dataclass(frozen=True, eq=False)
 class Yields:
-    """What of the outputs (n,) at tolerances t (n, parts) takes a sample of units."""
+    """The outputs (n,) at tolerances t (n, parts) that take a sample of units."""
 
     measured: tuple[Measured, ...]
     settings: Settings
@@ -33,7 +33,7 @@ class Yields:
     def outputs(self, t: Tolerances, searching: bool, needed: bool) -> dict[str, Array]:
         """Half-widths and yields; NaN without limits.
 
-        Of those that only a report shows, NaN where a search or a judge wants what is `needed`.
+        Outputs that only a report shows are NaN where only those `needed` are asked for.
         """
         by_output: dict[str, Array] = {}
         bounded = [measured for measured in self.measured if measured.mechanism.bounded]
@@ -86,9 +86,9 @@ class Yields:
         return dict(zip(names, estimates, strict=True))
 
     def _undecided(self, name: str, percent: Array, error: Array) -> NDArray[np.int64]:
-        """Rows whose yield is so close to its limit that only the whole sample can judge it.
+        """Rows whose yield is so close to its limit that only the whole sample can decide.
 
-        A search converges to its limits: what is judged otherwise in the end would all be lost.
+        A search converges to its limits: a different verdict at the end would lose all its points.
         """
         near = np.zeros(len(percent), dtype=bool)
         for limit in self.limits:

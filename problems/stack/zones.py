@@ -20,8 +20,8 @@ from .made import processes_of
 from .standards import COSTS, MORE, assumed_of, searched_grades, standard
 
 KEYS = ("t_min", "tolerance", "limits", "grade", "fit", "general", "process", "machine")
-"""The ways to state a zone, by their first key; exactly one is given, but that machines may stand
-beside processes and with t_min and t_max, the limits of their inspection."""
+"""The ways to state a zone, by their first key; exactly one is given, except that machines may be
+given with processes, and with t_min and t_max, the limits of their inspection."""
 MADE = ({"process"}, {"machine"}, {"process", "machine"}, {"t_min", "machine"})
 REMEDY = (
     "t_min and t_max with a cost, [[part.process]] or [[part.machine]] tables, or a fixed "
@@ -31,7 +31,7 @@ REMEDY = (
 
 @dataclass(frozen=True, slots=True)
 class Tolerance:
-    """What is known of a part's zone: its processes, and the mid-limit minus the nominal."""
+    """A part's zone: its processes, and the mid-limit minus the nominal."""
 
     processes: tuple[Process, ...]
     fixed: bool = False
@@ -115,7 +115,7 @@ def _process(section: Section, unit: str, name: str = "") -> Process | None:
 def _narrowed(
     low: float, high: float, curve: CostCurve | None, unit: str
 ) -> tuple[float, float, str]:
-    """A range within the tolerances that a table of costs spans, and what to say of it."""
+    """A range within the tolerances that a table of costs spans, and a note on it."""
     if not isinstance(curve, Table):
         return low, high, ""
     ends = max(low, curve.t[0]), min(high, curve.t[-1])
@@ -129,7 +129,7 @@ def _narrowed(
 
 
 def _read_cost(section: Section) -> CostCurve | None:
-    """The cost of a part, its share of a set-up and its inspection included."""
+    """The cost of a part, including its part of a set-up and its inspection."""
     curve, more = read_curve(section.section("cost")), read_extras(section)
     return None if curve is None else dearer(curve, more)
 
@@ -197,7 +197,7 @@ def _fixed(
 
 
 def stated_of(section: Section) -> dict[str, Any]:
-    """What the table of a part says about the standard of its zone, as it stands there."""
+    """The keys of a part's table that state the standard of its zone, as written."""
     keys = ("grade", *(key for key in MORE if key != "geometry"))
     return {key: section.take(key) for key in keys if key in section}
 

@@ -123,7 +123,7 @@ DEFAULT_OBJECTIVES = ("backlash_arcmin", "peak_mesh_force_N")
 SHIFT = -60 * UM
 """Shift modification [m] about which the contact is expanded: the middle of the search range."""
 OPEN = 5 * UM
-"""Flank clearance [m] left there, so that no profile interferes."""
+"""Remaining flank clearance [m] there, so that no profile interferes."""
 
 
 def one_disc(parameters: Mapping[str, Value]) -> LoadedContact:
