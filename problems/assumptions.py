@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 PRINTED = "printed"
-"""The reading in which a parameter has the value that a document prints."""
+"""The interpretation in which a parameter has the value that a document prints."""
 NOT_PRINTED = object()
 SAMPLED = (
     "later parts are normal, of the process that made the sample; what it leaves open of "
@@ -23,7 +23,7 @@ SAMPLED = (
 
 
 def told(promise: Promise | None) -> str:
-    """What is taken for granted of a measured process."""
+    """The assumption about a measured process."""
     return ESTIMATED if promise is None or promise.statement == PLUG_IN else SAMPLED
 
 
@@ -52,29 +52,29 @@ def _parameters(problem: ToleranceProblem) -> list[Assumption]:
 
 
 def _variables(problem: ToleranceProblem) -> list[Assumption]:
-    found = []
+    assumptions = []
     for v in problem.variables:
         setting = problem.settings.variables[v.name]
         set_by = _set_by(v.name, problem.given.variables)
         if v.assumed and v.document is not None:
             place = f"references.{v.name}"
-            found.append(Assumption(place, v.document, v.unit, v.assumed))
+            assumptions.append(Assumption(place, v.document, v.unit, v.assumed))
         if setting.value is None:
             text = f"{setting.low:g} .. {setting.high:g}"
             reason = "search range; no document prints one"
-            found.append(Assumption(f"variables.{v.name}", text, v.unit, reason, set_by))
+            assumptions.append(Assumption(f"variables.{v.name}", text, v.unit, reason, set_by))
         if setting.sample is not None:
-            found += _measured(v, setting.sample, problem.settings.promise)
+            assumptions += _measured(v, setting.sample, problem.settings.promise)
         elif v.random:
             kind = type(setting.distribution).__name__ if setting.distribution else "Uniform"
             reason = "distribution over units; the documents name none"
             place = f"variables.{v.name}.distribution"
-            found.append(Assumption(place, kind, "", reason, set_by))
-    return found
+            assumptions.append(Assumption(place, kind, "", reason, set_by))
+    return assumptions
 
 
 def _measured(variable: Variable, sample: PartSample, promise: Promise | None) -> list[Assumption]:
-    """What is known of a variable by measured parts, and what they leave open."""
+    """What measured parts say about a variable, and what they leave open."""
     place = f"variables.{variable.name}"
     known = sample.statement(variable.unit)
     return [

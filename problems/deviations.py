@@ -1,8 +1,8 @@
 """A promised output as a sum of independent deviations, some of processes known by samples.
 
 The output is normal about its mean, with the variance sum_j s_j^2 + rest, s_j the standard
-deviation that variable j adds by the estimates. What the samples leave open of s_j and of the mean
-of variable j enters by the norm of `models.capability`, or by draws of the posterior.
+deviation that variable j adds by the estimates. The samples' uncertainty of s_j and of the mean of
+variable j enters by the norm of `models.capability`, or by draws of the posterior.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Deviations:
-    """Of n designs: `mean` (n,) of the output, the standard deviation (n,) that each variable adds
-    to it, the variance `rest` (n,) of what is known, and the limits that units are to keep.
+    """The output of n designs: its `mean` (n,), the standard deviation (n,) that each variable
+    adds, the variance `rest` (n,) of known contributions, and the limits that units are to keep.
     """
 
     mean: Array
@@ -40,7 +40,7 @@ class Deviations:
 
     def known(self, names: tuple[str, ...]) -> Array:
         """Variance (n,) of all that is not among some variables."""
-        others = [one**2 for name, one in self.each.items() if name not in names]
+        others = [std**2 for name, std in self.each.items() if name not in names]
         return np.asarray(np.sum([self.rest, *others], axis=0))
 
     @property
@@ -52,7 +52,7 @@ class Deviations:
 
 @dataclass(frozen=True, eq=False)
 class PromisedOutput:
-    """What is promised of an output, by what samples tell of the processes of some variables."""
+    """The promise of an output, given the samples of the processes of some variables."""
 
     promise: Promise
     processes: Mapping[str, Knowledge]
@@ -65,10 +65,10 @@ class PromisedOutput:
 
     def norm(self, given: Deviations) -> Norm:
         """The norm of the standard deviations (n, k) of these variables."""
-        one = np.ones(len(self.processes))
+        ones = np.ones(len(self.processes))
         quantile = self.quantile(given) if len(given.sides) == 1 else None
         return norm_of(
-            list(self.processes.values()), one, one, self.promise.confidence, quantile=quantile
+            list(self.processes.values()), ones, ones, self.promise.confidence, quantile=quantile
         )
 
     def quantile(self, given: Deviations) -> float:
@@ -77,7 +77,7 @@ class PromisedOutput:
         return float(ndtri(0.5 * (1.0 + share) if len(given.sides) == 2 else share))
 
     def spread(self, given: Deviations) -> Array:
-        """The standard deviation (n,) that an assured promise reckons with."""
+        """The standard deviation (n,) that an assured promise uses."""
         rest = np.maximum(given.known(self.names), 1e-300)
         if not self.names:
             return np.sqrt(rest)
@@ -87,7 +87,7 @@ class PromisedOutput:
         """The promised yield [percent] (n,): assured by the norm, or expected over the draws."""
         if self.promise.statement != ASSURED:
             return 100.0 * np.concatenate(
-                [np.empty(0), *(one.mean(axis=1) for one in self._yields(given))]
+                [np.empty(0), *(yields.mean(axis=1) for yields in self._yields(given))]
             )
         room = np.min([side * (end - given.mean) for side, end in given.sides], axis=0)
         z = room / self.spread(given)
@@ -100,8 +100,8 @@ class PromisedOutput:
         return np.asarray(np.max(lacking, axis=0))
 
     def assurance(self, given: Deviations) -> tuple[Array, Array]:
-        """Probability [percent] (n,) that the promised share of units conforms, its error."""
-        every = [np.mean(one >= self.promise.share, axis=1) for one in self._yields(given)]
+        """Probability [percent] (n,) that the promised fraction of units conforms, its error."""
+        every = [np.mean(yields >= self.promise.share, axis=1) for yields in self._yields(given)]
         kept = np.concatenate([np.empty(0), *every])
         return assured_percent(kept)
 
@@ -113,13 +113,18 @@ class PromisedOutput:
         )
 
     def _yields(self, given: Deviations) -> list[Array]:
-        """Yields (k, draws) of the designs, some at a time."""
-        own = given.stacked(self.names) if self.names else np.zeros((len(given.mean), 0))
+        """Yields (k, draws) of the designs, in parts of limited size."""
+        spreads = given.stacked(self.names) if self.names else np.zeros((len(given.mean), 0))
         known, step = given.known(self.names), self._drawn.rows
-        parts = [slice(first, first + step) for first in range(0, len(own), step)]
+        parts = [slice(first, first + step) for first in range(0, len(spreads), step)]
         return [
             Sums(
-                given.mean[rows], own[rows], own[rows], known[rows], given.lower, given.upper
+                given.mean[rows],
+                spreads[rows],
+                spreads[rows],
+                known[rows],
+                given.lower,
+                given.upper,
             ).yields(self._drawn)
             for rows in parts
         ]

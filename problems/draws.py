@@ -1,6 +1,6 @@
 """Draws of the posterior of processes, and the yields of a sum of deviations over them.
 
-Of every draw the sum is normal: its variance is sum_j r_j s_j^2 + rest, its mean is off by
+The sum is normal in every draw: its variance is sum_j r_j s_j^2 + rest, its mean is off by
 sum_j e_j m_j, with r_j the drawn variance of process j over its estimate, and e_j the drawn error
 of its mean over the estimated standard deviation.
 """
@@ -19,7 +19,7 @@ from .promise import AT_ONCE, DRAWS
 
 Array = NDArray[np.float64]
 LEAST = 1e-300
-"""Variance that stands for none."""
+"""Least variance, in place of zero."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,9 +36,9 @@ class Draws:
         """Draws of processes, each by a seed of its own; None stands for one without doubt."""
         pairs = [
             (np.ones(count), np.zeros(count))
-            if one is None
-            else one.drawn(count, np.random.default_rng(list(seed)))
-            for one, seed in zip(known, seeds, strict=True)
+            if knowledge is None
+            else knowledge.drawn(count, np.random.default_rng(list(seed)))
+            for knowledge, seed in zip(known, seeds, strict=True)
         ]
         if not pairs:
             return cls(np.ones((count, 0)), np.zeros((count, 0)))
@@ -52,7 +52,7 @@ class Draws:
 
     @property
     def rows(self) -> int:
-        """Designs that are looked at together."""
+        """Designs that are evaluated together."""
         return max(1, AT_ONCE // self.count)
 
 
@@ -78,6 +78,6 @@ class Sums:
         return std, (self.upper - mean) / std, (self.lower - mean) / std
 
     def yields(self, drawn: Draws) -> Array:
-        """Shares (n, draws) of the units that keep both ends."""
+        """Fractions (n, draws) of the units that keep both ends."""
         _, above, below = self.ends(drawn)
         return np.asarray(ndtr(above) - ndtr(below))

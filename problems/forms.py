@@ -8,10 +8,10 @@ Cost is separable, and every requirement is convex in the tolerances t_j:
                 where processes are known from samples (a norm, docs/proofs.md), or
                 the p_i-quantile of sum_j s_ij D_ij + fixed deviations, p_i >= 1/2
 
-Worst case is a = 0, root sum square is m = 0, an estimated mean shift (Cpk) and "mean plus k
+Worst case has a = 0, root sum square has m = 0, an estimated mean shift (Cpk) and "mean plus k
 standard deviations" have both. The deviations D of a `Quantile` are independent, even and
 log-concave; then it is convex in the tolerances (docs/proofs.md). A yield is such a requirement: a
-share p of the units lies below a limit u where mean + q_p <= u. A feature may be made in several
+fraction p of the units lies below a limit u where mean + q_p <= u. A feature may be made in several
 ways (alternative processes, grades, or pieces of a range), each with coefficients of its own.
 """
 
@@ -77,14 +77,16 @@ class Quantiles:
     """
 
     def __init__(self, rows: Sequence[Quantile | None]) -> None:
-        self.rows = np.array([at for at, one in enumerate(rows) if one is not None], dtype=int)
-        known = [one for one in rows if one is not None]
-        self.probability = np.array([one.probability for one in known])
+        self.rows = np.array(
+            [at for at, quantile in enumerate(rows) if quantile is not None], dtype=int
+        )
+        known = [quantile for quantile in rows if quantile is not None]
+        self.probability = np.array([quantile.probability for quantile in known])
         weight: dict[tuple[int, int, Even], Array] = {}
         for row, quantile in enumerate(known):
-            for at, own in enumerate((*quantile.pieces, quantile.fixed)):
+            for at, pieces in enumerate((*quantile.pieces, quantile.fixed)):
                 owner = at if at < len(quantile.pieces) else -1
-                for place, piece in enumerate(own):
+                for place, piece in enumerate(pieces):
                     column = weight.setdefault((owner, place, piece.law), np.zeros(len(known)))
                     column[row] += abs(piece.weight)
         self._sum = SymmetricSum([law for _, _, law in weight])
@@ -94,21 +96,21 @@ class Quantiles:
     def tangent(self, s: Array, sure: bool = True) -> Tangent:
         """Values (n, k) of the k quantiles and gradients (n, k, features) at scales of that shape.
 
-        With the errors of both; those of gradients are wider than need be unless they are `sure`.
+        The errors of both are included; those of gradients are wider than necessary unless `sure`.
         """
         n, k, features = s.shape
-        own = self._owner >= 0
-        scale = np.where(own, s[:, :, np.maximum(self._owner, 0)], 1.0) * self._weight
-        found = self._sum.quantile(scale.reshape(n * k, -1), np.tile(self.probability, n), sure)
+        featured = self._owner >= 0
+        scale = np.where(featured, s[:, :, np.maximum(self._owner, 0)], 1.0) * self._weight
+        quantiles = self._sum.quantile(scale.reshape(n * k, -1), np.tile(self.probability, n), sure)
         gradient, doubt = np.zeros((2, features, n, k))
         slopes, errors = (
-            np.where(self._weight > 0.0, one.reshape(n, k, -1), 0.0) * self._weight
-            for one in (found.gradient, found.gradient_error)
+            np.where(self._weight > 0.0, values.reshape(n, k, -1), 0.0) * self._weight
+            for values in (quantiles.gradient, quantiles.gradient_error)
         )
-        np.add.at(gradient, self._owner[own], np.moveaxis(slopes, 2, 0)[own])
-        np.add.at(doubt, self._owner[own], np.moveaxis(errors, 2, 0)[own])
+        np.add.at(gradient, self._owner[featured], np.moveaxis(slopes, 2, 0)[featured])
+        np.add.at(doubt, self._owner[featured], np.moveaxis(errors, 2, 0)[featured])
         side = np.where(s < 0.0, -1.0, 1.0)
-        value, error = (one.reshape(n, k) for one in (found.value, found.value_error))
+        value, error = (values.reshape(n, k) for values in (quantiles.value, quantiles.value_error))
         return Tangent(value, side * np.moveaxis(gradient, 0, 2), error, np.moveaxis(doubt, 0, 2))
 
 
@@ -131,16 +133,16 @@ class Form:
     """The convex form of a problem; see the module for its formula.
 
     `outputs` names the requirements, in the order of the coefficients. `settled` holds the
-    variables that the form does not search, at the values that are best for it. `relaxed` names the
+    best values of the variables that the form does not search. `relaxed` names the
     limits that it leaves out: with any, it still bounds the cost from below. `exact` says that
     its values are those of the outputs; else they are lower bounds of them. `statement` says in
     words what is proven. `tested` names limits that it leaves out as well, but that are rarely met:
     its optimum counts where it keeps them.
 
     `quantiles` holds for each requirement what its S is, None for a root; empty: all are roots.
-    `most` (r,) are upper limits that requirements have of themselves, in the place of a limit of
-    the problem (a yield); inf where it is the output's. `also` are forms for designs that this one
-    leaves out: what is proven is the least of all.
+    `most` (r,) are the requirements' own upper limits, in place of a limit of the problem (on a
+    yield); inf where the limit is on the output. `also` are forms for designs that this one
+    leaves out: the proven bound is the least of all.
     """
 
     outputs: tuple[str, ...]
@@ -160,7 +162,7 @@ class Form:
     stands: Mapping[str, str] = field(default_factory=dict)
     """By requirement, an output that it stands for: what is proven holds at equal requirements."""
     surpluses: tuple[Surplus | None, ...] = ()
-    """By requirement, what doubt of the processes adds under its root; empty: nothing anywhere."""
+    """By requirement, what uncertain processes add under its root; empty: nothing anywhere."""
 
     @property
     def rows(self) -> tuple[Quantile | None, ...]:
@@ -170,7 +172,7 @@ class Form:
     @cached_property
     def joint(self) -> Quantiles | None:
         """All quantiles of the form, None where there is none."""
-        return Quantiles(self.rows) if any(one is not None for one in self.rows) else None
+        return Quantiles(self.rows) if any(quantile is not None for quantile in self.rows) else None
 
     def asked(self, row: str) -> tuple[str, str]:
         """Outputs that ask for a requirement: itself and what it stands for."""
@@ -178,7 +180,7 @@ class Form:
 
     @property
     def own_limits(self) -> Array:
-        """Upper limits (r,) that requirements have of themselves, inf where they have none."""
+        """The requirements' own upper limits (r,), inf where they have none."""
         return np.array(self.most) if self.most else np.full(len(self.outputs), np.inf)
 
     @property

@@ -1,6 +1,6 @@
-"""Problems whose yield has no closed form: a promise is judged by draws of the posterior.
+"""Problems whose yield has no closed form: a promise is tested by draws of the posterior.
 
-In a search a promised yield is that of processes as unfavourable as the samples leave open
+In a search a promised yield is that of the most unfavourable processes that the samples allow
 (`worst_process`). At a reported point the units themselves are evaluated at a few draws of the
 posterior, a quadratic function is fitted to them, and all draws decide: the promised yield is that
 of the processes along the worst direction that are as unfavourable as the confidence asks.
@@ -26,16 +26,16 @@ from .worst_process import Worst
 
 Array = NDArray[np.float64]
 SOFTEST, HARDEST = -2.0, 6.0
-"""Where along the worst direction the processes are looked for that the confidence asks for."""
+"""Range along the worst direction in which the processes of the confidence are sought."""
 KEPT = 64
 """Verdicts kept."""
 
 
 @dataclass(frozen=True, eq=False)
 class Shortfall:
-    """By how much the promised share misses its limit, (q,) at q states of the processes; at most 0
-    where it is kept. `slopes` (q, d) are by scales and by the shifts that count, where known;
-    `error` is the standard error of a value.
+    """By how much the promised fraction misses its limit, (q,) at q states of the processes; at
+    most 0 where it is kept. `slopes` (q, d) are by scales and by the shifts that count, where
+    known; `error` is the standard error of a value.
     """
 
     values: Array
@@ -45,7 +45,7 @@ class Shortfall:
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """What the draws say of a design, in percent, and the shortfalls that they have."""
+    """The results of a design over the draws, in percent, and the shortfall of each draw."""
 
     promised: float
     assurance: float
@@ -64,7 +64,7 @@ class Judged(WithPromise):
     def shortfall(
         self, design: Array, scales: Array, shifts: Array, searching: bool = False
     ) -> Shortfall:
-        """Of a full design (all,) at states (q, k)."""
+        """The shortfall of a full design (all,) at states (q, k)."""
 
     @abstractmethod
     def steepness(self, design: Array, searching: bool) -> tuple[Array, Array]:
@@ -84,7 +84,7 @@ class Judged(WithPromise):
         return np.zeros(len(self.known), dtype=bool)
 
     def coordinates(self, scales: Array, shifts: Array) -> Array:
-        """What the shortfall is a smooth function of, (q, d), of states (q, k)."""
+        """Coordinates (q, d) of states (q, k), of which the shortfall is a smooth function."""
         return np.hstack([scales - 1.0, shifts[:, self.shifting]])
 
     def worst(self, design: Array, searching: bool) -> Worst:
@@ -100,16 +100,19 @@ class Judged(WithPromise):
         if promise.statement != ASSURED:
             return self.expected_yields(designs, searching)
         if not searching:
-            return np.array([self.verdict(one).promised for one in designs])
-        return np.array([self.unfavourable_yield(one) for one in designs])
+            return np.array([self.verdict(design).promised for design in designs])
+        return np.array([self.unfavourable_yield(design) for design in designs])
 
     def unfavourable_yield(self, design: Array) -> float:
         """The yield [percent] of a full design (all,) at the worst state, as a search sees it."""
         return self.yield_at(design, *self.worst(design, True).at(1.0), True)
 
     def assurances(self, designs: Array) -> tuple[Array, Array]:
-        found = [self.verdict(one) for one in designs]
-        return (np.array([one.assurance for one in found]), np.array([one.error for one in found]))
+        verdicts = [self.verdict(design) for design in designs]
+        return (
+            np.array([verdict.assurance for verdict in verdicts]),
+            np.array([verdict.error for verdict in verdicts]),
+        )
 
     @cached_property
     def _posterior(self) -> Draws:
@@ -123,24 +126,27 @@ class Judged(WithPromise):
         return OrderedDict()
 
     def verdict(self, design: Array) -> Verdict:
-        """What the draws say of a full design (all,)."""
+        """The verdict of the draws on a full design (all,)."""
         key = design.tobytes()
         if key not in self._verdicts:
-            self._verdicts[key] = self._judged(design)
+            self._verdicts[key] = self._by_draws(design)
             while len(self._verdicts) > KEPT:
                 self._verdicts.popitem(last=False)
         return self._verdicts[key]
 
-    def _judged(self, design: Array) -> Verdict:
+    def _by_draws(self, design: Array) -> Verdict:
         promise = self.settings.promise
         assert promise is not None
         if not self.known:
             return self._without_doubt(design)
         drawn = self._posterior
         x = self.coordinates(np.sqrt(drawn.variance), drawn.error)
-        some = slice(0, evaluations(x.shape[1], self._has_slopes))
-        seen = self.shortfall(design, np.sqrt(drawn.variance[some]), drawn.error[some])
-        response, worst = Response.of(x[some], seen.values, seen.slopes), self.worst(design, False)
+        fitted = slice(0, evaluations(x.shape[1], self._has_slopes))
+        tried = self.shortfall(design, np.sqrt(drawn.variance[fitted]), drawn.error[fitted])
+        response, worst = (
+            Response.of(x[fitted], tried.values, tried.slopes),
+            self.worst(design, False),
+        )
 
         def along(radius: float) -> float:
             scale, shift = worst.at(radius)
@@ -150,7 +156,7 @@ class Judged(WithPromise):
         wanted = float(np.quantile(values, promise.confidence, method="higher"))
         scale, shift = worst.at(_reached(along, wanted))
         there = self.shortfall(design, scale[None, :], shift[None, :])
-        # the units have the last word where it is decided
+        # the evaluated units correct the fitted response where it decides
         values += float(there.values[0]) - wanted
         kept, error = assured_percent(np.array([float(np.mean(values <= 0.0))]), drawn.count)
         doubt = np.hypot(response.rms, there.error)
@@ -166,11 +172,11 @@ class Judged(WithPromise):
     """Whether `shortfall` gives slopes."""
 
     def _without_doubt(self, design: Array) -> Verdict:
-        """Of a design whose processes are all known."""
+        """The verdict on a design whose processes are all known."""
         nothing = np.ones(0)
-        found = self.shortfall(design, nothing[None, :], nothing[None, :])
-        kept = 100.0 * float(found.values[0] <= 0.0)
-        return Verdict(self.yield_at(design, nothing, nothing, False), kept, 0.0, found.values)
+        shortfall = self.shortfall(design, nothing[None, :], nothing[None, :])
+        kept = 100.0 * float(shortfall.values[0] <= 0.0)
+        return Verdict(self.yield_at(design, nothing, nothing, False), kept, 0.0, shortfall.values)
 
 
 def _reached(along: Callable[[float], float], wanted: float) -> float:

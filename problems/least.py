@@ -14,7 +14,7 @@ from .spread import spread_of
 
 Array = NDArray[np.float64]
 MOST = 4096
-"""Combinations of ways that are looked at."""
+"""Most combinations of ways that are evaluated."""
 SLACK = 1e-12
 """Rounding of a limit."""
 
@@ -60,10 +60,10 @@ def least_values(form: Form, rows: Sequence[int], limits: Array) -> list[Least |
     kept = [list(range(len(feature.ways))) for feature in form.features]
     if form.combinations > MOST:
         kept = [
-            own if at in trading else _undominated(form.features[at], own)
-            for at, own in enumerate(kept)
+            ways if at in trading else _undominated(form.features[at], ways)
+            for at, ways in enumerate(kept)
         ]
-    too_many = np.prod([float(len(own)) for own in kept]) > MOST
+    too_many = np.prod([float(len(ways)) for ways in kept]) > MOST
     if form.correlation is not None or too_many or len(trading) > 1:
         return [None] * len(rows)
     corner = _corner(form, trading, kept)
@@ -96,7 +96,7 @@ def _course(corner: _Corner, limits: Array, others: NDArray[np.bool_]) -> tuple[
 def _undominated(feature: Feature, ways: list[int]) -> list[int]:
     """The ways of a feature that have something less than any other at their tightest.
 
-    What another way has no more of in any requirement, mean and scatter, it lowers none with.
+    A way that is nowhere below another, in mean and scatter of each requirement, is left out.
     """
     rows = len(feature.ways[0].linear)
     least = np.array(
@@ -109,11 +109,11 @@ def _undominated(feature: Feature, ways: list[int]) -> list[int]:
             for way in (feature.ways[at] for at in ways)
         ]
     )
-    found: list[int] = []
+    undominated: list[int] = []
     for at in np.argsort(least.sum(axis=1), kind="stable").tolist():
-        if not any(np.all(least[other] <= least[at]) for other in found):
-            found.append(at)
-    return sorted(ways[at] for at in found)
+        if not any(np.all(least[earlier] <= least[at]) for earlier in undominated):
+            undominated.append(at)
+    return sorted(ways[at] for at in undominated)
 
 
 def _corner(form: Form, trading: list[int], kept: list[list[int]]) -> _Corner:
@@ -122,11 +122,11 @@ def _corner(form: Form, trading: list[int], kept: list[list[int]]) -> _Corner:
 
     def every(name: str) -> Array:
         """A coefficient of all combinations (c, r, features)."""
-        each = [
+        by_feature = [
             np.array([getattr(way, name) or (0.0,) * rows for way in feature.ways])[ways[:, at]]
             for at, feature in enumerate(form.features)
         ]
-        return np.stack(each, axis=2)
+        return np.stack(by_feature, axis=2)
 
     def ends(name: str) -> Array:
         return np.stack(
@@ -138,14 +138,14 @@ def _corner(form: Form, trading: list[int], kept: list[list[int]]) -> _Corner:
         )
 
     low, high, linear, spread = ends("low"), ends("high"), every("linear"), every("spread")
-    found = spread_of(form, spread * low[:, None, :])
+    tangent = spread_of(form, spread * low[:, None, :])
     fixed = np.ones(len(form.features), dtype=bool)
     fixed[trading] = False
     means = np.minimum(linear * low[:, None, :], linear * np.where(fixed, high, low)[:, None, :])
     # what rounding and an unfinished series may add to a quantile is in its intercept
-    along = np.sum(found.direction * spread * low[:, None, :], axis=2) + found.intercept
-    rooted = np.array([one is None for one in form.rows])
-    least = np.where(rooted, found.value, along)
+    along = np.sum(tangent.direction * spread * low[:, None, :], axis=2) + tangent.intercept
+    rooted = np.array([quantile is None for quantile in form.rows])
+    least = np.where(rooted, tangent.value, along)
     values = form.offset + every("offset").sum(axis=2) + means.sum(axis=2) + least
     slopes = linear[:, :, trading].sum(axis=2)
     return _Corner(ways, low, values, slopes, (high - low)[:, trading].sum(axis=1))
@@ -162,18 +162,20 @@ def _trading(form: Form) -> list[int]:
 
 
 def ends_of_front(form: Form, row: int, limits: Array) -> tuple[Array, Array] | None:
-    """Ideal and nadir (2,) of cost and one requirement: proven least values and those beside them.
+    """Ideal and nadir (2,) of cost and one requirement, from proven least values.
 
     The other requirements keep upper limits (r,). The nadir is the cost of the allocation of least
     value, and the least value of the cheapest allocation. None where these are not known.
     """
     least = least_value(form, row, limits)
     cheapest = _cheapest(form)
-    other = least_value(cheapest, row, limits)
-    if least is None or other is None:
+    at_cheapest = least_value(cheapest, row, limits)
+    if least is None or at_cheapest is None:
         return None
-    low = _cost(cheapest, (0,) * len(form.features), other.t)
-    return np.array([low, least.value]), np.array([_cost(form, least.chosen, least.t), other.value])
+    low = _cost(cheapest, (0,) * len(form.features), at_cheapest.t)
+    return np.array([low, least.value]), np.array(
+        [_cost(form, least.chosen, least.t), at_cheapest.value]
+    )
 
 
 def _cheapest(form: Form) -> Form:
@@ -188,8 +190,8 @@ def _cheapest(form: Form) -> Form:
 
 
 def _cost(form: Form, chosen: tuple[int, ...], t: Array) -> float:
-    each = [
-        feature.count * float(feature.ways[at].curve.cost(np.array([one]))[0])
-        for feature, at, one in zip(form.features, chosen, t, strict=True)
+    costs = [
+        feature.count * float(feature.ways[at].curve.cost(np.array([half_width]))[0])
+        for feature, at, half_width in zip(form.features, chosen, t, strict=True)
     ]
-    return float(form.base + sum(each))
+    return float(form.base + sum(costs))

@@ -39,21 +39,21 @@ class Limit:
 
     def violations(self, value: Array) -> list[Array]:
         """One column (n,) per bound, above 0 where it is broken, normalised by the bound."""
-        found = []
+        columns = []
         if np.isfinite(self.low):
-            found.append((self.low - value) / self._by(self.low))
+            columns.append((self.low - value) / self._by(self.low))
         if np.isfinite(self.high):
-            found.append((value - self.high) / self._by(self.high))
-        return found
+            columns.append((value - self.high) / self._by(self.high))
+        return columns
 
     def slopes(self) -> list[float]:
         """Derivative of each column of `violations` by the value."""
-        found = []
+        derivatives = []
         if np.isfinite(self.low):
-            found.append(-1.0 / self._by(self.low))
+            derivatives.append(-1.0 / self._by(self.low))
         if np.isfinite(self.high):
-            found.append(1.0 / self._by(self.high))
-        return found
+            derivatives.append(1.0 / self._by(self.high))
+        return derivatives
 
     def margins(self, value: Array) -> dict[str, Array]:
         """Distance to the nearest bound in the unit of the output, negative where broken."""
@@ -75,13 +75,13 @@ def limits_of(
 
 def impossible(problem: ToleranceProblem) -> list[Fault]:
     """A fault for each limit that no design of the search space can meet, with the nearest miss."""
-    found = []
+    faults = []
     for limit in problem.limits:
         low, high = problem.interval(limit.name)
         corner = "loosest" if limit.name == "cost" else "tightest"
         place, unit = f"limits.{limit.name}", f" {limit.unit}".rstrip()
         if limit.high < low:
-            found.append(
+            faults.append(
                 Fault(
                     place,
                     f"at most {limit.high:g}{unit} cannot be met: the best that "
@@ -91,7 +91,7 @@ def impossible(problem: ToleranceProblem) -> list[Fault]:
                 )
             )
         if limit.low > high:
-            found.append(
+            faults.append(
                 Fault(
                     place,
                     f"at least {limit.low:g}{unit} cannot be met: the best that "
@@ -100,4 +100,4 @@ def impossible(problem: ToleranceProblem) -> list[Fault]:
                     "widen the ranges",
                 )
             )
-    return found
+    return faults

@@ -20,10 +20,10 @@ def with_currency(outputs: Iterable[Output], money: Money) -> tuple[Output, ...]
     unit = unit_of_cost(money)
     more = f"; assumed: {', '.join(money.assumed)}" if money.assumed else ""
     return tuple(
-        replace(one, unit=unit, meaning=one.meaning.replace("relative ", "") + more)
-        if one.name == "cost"
-        else one
-        for one in outputs
+        replace(output, unit=unit, meaning=output.meaning.replace("relative ", "") + more)
+        if output.name == "cost"
+        else output
+        for output in outputs
     )
 
 

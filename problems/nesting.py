@@ -1,4 +1,4 @@
-"""What a problem with others inside it gives a run; by default nothing."""
+"""What a problem that contains other problems provides for a run; by default nothing."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ Array = NDArray[np.float64]
 
 
 class Nesting:
-    """Parts that take long to work out, and requirements that stand for outputs."""
+    """Parts that take long to compute, and requirements that stand for outputs."""
 
     def kept(self) -> dict[str, Array]:
-        """What took long to work out and depends on the configuration alone, by name."""
+        """Arrays by name that took long to compute and depend on the configuration alone."""
         return {}
 
     def adopt(self, arrays: Mapping[str, Array]) -> bool:
@@ -30,7 +30,7 @@ class Nesting:
         return high
 
     def alternatives(self) -> dict[str, ToleranceProblem]:
-        """The machine with another choice, by what it is: its least cost is told."""
+        """The machine with another choice, by a label of it: its least cost is reported."""
         return {}
 
     def sketch(self) -> dict[str, Any]:

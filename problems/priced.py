@@ -44,10 +44,10 @@ class Priced:
 
     def cost_slopes(self, designs: Array) -> Array:
         """Derivatives of the cost (n, all variables) at full designs."""
-        found = np.zeros_like(designs)
+        slopes = np.zeros_like(designs)
         for name, curve in self.settings.costs.items():
-            found[:, self.names.index(name)] = curve.slope(self.column(designs, name))
-        return found
+            slopes[:, self.names.index(name)] = curve.slope(self.column(designs, name))
+        return slopes
 
     def costs_of(self, designs: Array) -> dict[str, Array]:
         """What each cost curve (n,) gives at full designs."""

@@ -27,19 +27,19 @@ AT_ONCE = 2_000_000
 
 
 def assured_percent(kept: Array, draws: int = DRAWS) -> tuple[Array, Array]:
-    """An assurance [percent] (n,) by the shares of draws that keep a promise, and its error."""
+    """An assurance [percent] (n,) by the fractions of draws that keep a promise, and its error."""
     error = np.sqrt(np.maximum(kept * (1.0 - kept), 1.0 / draws) / draws)
     return 100.0 * kept, 100.0 * error
 
 
 @dataclass(frozen=True, slots=True)
 class Promise:
-    """A share of conforming units, by one of `STATEMENTS`, with a confidence.
+    """A fraction of conforming units, by one of `STATEMENTS`, with a confidence.
 
-    `plug_in`: the yield that the estimates say. `predictive`: the expected yield, over what is not
-    known of the processes. `assured`: a yield that is kept with the confidence. `level_percent` is
+    `plug_in`: the yield by the estimates. `predictive`: the expected yield, over the uncertainty
+    of the processes. `assured`: a yield that is kept with the confidence. `level_percent` is
     the level of its norm where processes are chosen by samples; None: found by self-calibration.
-    `of` is the output that the estimates say the yield by.
+    `of` is the output that holds the yield by the estimates.
     """
 
     yield_percent: float
@@ -50,7 +50,7 @@ class Promise:
 
     @property
     def share(self) -> float:
-        """The promised share of conforming units."""
+        """The promised fraction of conforming units."""
         return 0.01 * self.yield_percent
 
     @property

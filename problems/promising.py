@@ -33,7 +33,7 @@ class Promising(WithPromise):
 
     @cached_property
     def promised(self) -> PromisedOutput | None:
-        """What is promised, where something is."""
+        """The promise of the output, None where there is none."""
         promise = self.settings.promise
         if promise is None:
             return None
@@ -52,15 +52,15 @@ class Promising(WithPromise):
 
     def promised_slopes(self, designs: Array) -> dict[str, Array]:
         """Derivatives (n, all variables) of an assured yield, by central differences."""
-        one = self.promised
-        if one is None or one.promise.statement != ASSURED:
+        promised = self.promised
+        if promised is None or promised.promise.statement != ASSURED:
             return {}
-        found = np.zeros_like(designs)
+        slopes = np.zeros_like(designs)
         for at in range(designs.shape[1]):
             ends, step = [], STEP * np.maximum(np.abs(designs[:, at]), STEP)
             for side in (1.0, -1.0):
                 moved = designs.copy()
                 moved[:, at] += side * step
-                ends.append(one.promised(self.deviations(moved)))
-            found[:, at] = (ends[0] - ends[1]) / (2.0 * step)
-        return {PROMISED: found}
+                ends.append(promised.promised(self.deviations(moved)))
+            slopes[:, at] = (ends[0] - ends[1]) / (2.0 * step)
+        return {PROMISED: slopes}

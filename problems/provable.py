@@ -1,4 +1,4 @@
-"""What a problem gives to proofs and to searches by gradients; by default nothing."""
+"""What a problem provides for proofs and for searches by gradients; by default nothing."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Provable:
     variables: tuple[Variable, ...]
 
     @abstractmethod
-    def values(self, designs: Array, found: Mapping[str, Array], name: str) -> Array:
+    def values(self, designs: Array, outputs: Mapping[str, Array], name: str) -> Array:
         """An output or variable (n,) by name."""
 
     def exact_front(self) -> Array | None:
@@ -33,15 +33,15 @@ class Provable:
         """The convex form that bounds of the cost are proven with, None where there is none."""
         return None
 
-    def form_values(self, form: Form, designs: Array, found: Mapping[str, Array]) -> Array:
-        """What the requirements of the form (n, r) are in truth, from the outputs of designs.
+    def form_values(self, form: Form, designs: Array, outputs: Mapping[str, Array]) -> Array:
+        """True values (n, r) of the requirements of the form, from the outputs of designs.
 
-        Of a requirement with a limit of its own it is that limit plus what is missing to keep it.
+        With its own limit, a requirement has the value of that limit plus what is missing.
         """
         nothing = np.full(len(designs), -np.inf)
         return np.stack(
             [
-                nothing if np.isfinite(most) else self.values(designs, found, name)
+                nothing if np.isfinite(most) else self.values(designs, outputs, name)
                 for name, most in zip(form.outputs, form.own_limits, strict=True)
             ],
             axis=1,

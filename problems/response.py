@@ -25,8 +25,8 @@ def evaluations(size: int, with_slopes: bool) -> int:
 
 @dataclass(frozen=True, eq=False)
 class Response:
-    """The fitted function of x (n, d) in units of `unit` (d,); `rms` is what the values it was
-    fitted to scatter about it.
+    """The fitted function of x (n, d) in units of `unit` (d,); `rms` is the residual scatter of the
+    values that it was fitted to.
     """
 
     coefficients: Array
@@ -38,16 +38,18 @@ class Response:
         """Least squares of values (n,) at x (n, d), and of slopes (n, d) where they are known."""
         unit = np.maximum(np.std(x, axis=0), 1e-9)
         rows = _terms(x / unit)
-        left, right = [rows], [values]
+        equations, right = [rows], [values]
         if slopes is not None:
             for at in range(x.shape[1]):
-                left.append(_slopes(x / unit, at))
+                equations.append(_slopes(x / unit, at))
                 right.append(slopes[:, at] * unit[at])
-        found = np.linalg.lstsq(np.concatenate(left), np.concatenate(right), rcond=None)[0]
+        coefficients = np.linalg.lstsq(
+            np.concatenate(equations), np.concatenate(right), rcond=None
+        )[0]
         return cls(
-            np.asarray(found, dtype=np.float64),
+            np.asarray(coefficients, dtype=np.float64),
             unit,
-            float(np.sqrt(np.mean((rows @ found - values) ** 2))),
+            float(np.sqrt(np.mean((rows @ coefficients - values) ** 2))),
         )
 
     def __call__(self, x: Array) -> Array:

@@ -24,7 +24,7 @@ METHODS = ("moments", "convolution", "monte_carlo")
 class VariableSetting:
     """A variable fixed at `value`, or searched in [low, high]; None means the problem's default.
 
-    `mid` is that of the zone on the drawing; `sample` is what measured parts tell of what is made.
+    `mid` is that of the zone on the drawing; `sample` is what measured parts say about the process.
     """
 
     value: float | None = None
@@ -75,7 +75,7 @@ class Labels:
 @dataclass(frozen=True, slots=True)
 class Money:
     """Currency of the costs, empty where they are relative; names of curves that are assumptions,
-    and what one unit of theirs was taken to be worth.
+    and the assumed price of one unit of theirs.
     """
 
     currency: str = ""

@@ -1,4 +1,4 @@
-"""What a problem tells its readers beside numbers of a front; by default nothing."""
+"""What a problem shows its readers in addition to the numbers of a front; by default nothing."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Variant:
-    """A problem in which one assumption is another: which one, what it is, and the problem."""
+    """A problem with one changed assumption: which one, its new value, and the problem."""
 
     assumption: str
     value: str
@@ -34,22 +34,22 @@ class Variant:
 def effect_notes(settings: Settings, counterparts: Sequence[str]) -> tuple[str, ...]:
     """A sentence for each active effect, from what it does in a problem: empty for nothing."""
     missing = "has no counterpart in this problem: it changes nothing here"
-    told = tuple(
-        f"effect {one.effect.name}: {does}" if does else f"effect {one.effect.name} {missing}"
-        for one, does in zip(settings.effects, counterparts, strict=True)
+    notes = tuple(
+        f"effect {effect.effect.name}: {does}" if does else f"effect {effect.effect.name} {missing}"
+        for effect, does in zip(settings.effects, counterparts, strict=True)
     )
     zeros = ", ".join(settings.zero)
     why = "belongs to its instrument: it changes nothing in this problem"
-    return (*told, f"the zero of {zeros} {why}") if zeros else told
+    return (*notes, f"the zero of {zeros} {why}") if zeros else notes
 
 
 class Shown:
-    """What the page of a run has beside the front, where a problem knows it."""
+    """What the page of a run shows in addition to the front, where a problem provides it."""
 
     settings: Settings
 
     explained: ClassVar[Mapping[str, str]] = {}
-    """By output without a derivative, the one whose derivative tells what contributes to it."""
+    """By output without a derivative, the output whose derivative gives its contributions."""
 
     model_name: ClassVar[str] = ""
     """Which of several models of one thing the numbers are of; empty where there is one."""
@@ -57,27 +57,27 @@ class Shown:
     """The same in words, printed wherever the numbers appear."""
 
     def contact_verdict(self, designs: Array) -> tuple[str, ...]:
-        """What the exact contact says of each full design (n, all variables), such as "keeps 1
+        """The exact contact's verdict on each full design (n, all variables), such as "keeps 1
         arcmin in 43 % of units"; empty where it is not asked.
         """
         return ()
 
     def model_labels(self, designs: Array) -> tuple[str, ...]:
-        """By which model each full design (n, all variables) is judged, and what contact says.
+        """The model that evaluates each full design (n, all variables), and the contact's verdict.
 
-        Empty texts where there is but one model.
+        Empty texts where there is only one model.
         """
         alone, verdicts = self.model_statement, self.contact_verdict(designs)
         if not alone or not verdicts:
             return (alone,) * len(designs)
-        return tuple(f"{alone}; by contact this allocation {one}" for one in verdicts)
+        return tuple(f"{alone}; by contact this allocation {verdict}" for verdict in verdicts)
 
     def warnings(self) -> tuple[str, ...]:
         """What the user should know before trusting a run of this problem."""
         return ()
 
     def remarks(self, front: pd.DataFrame) -> tuple[str, ...]:
-        """What should be said of the reported points, a row each as `frame` makes them."""
+        """Remarks on the reported points; `front` has a row for each, as `frame` makes them."""
         return ()
 
     def bars(self) -> tuple[Bars, ...]:
@@ -107,7 +107,7 @@ class Shown:
         return ()
 
     def shown_limit(self) -> tuple[str, float] | None:
-        """Output and upper limit by which the point is chosen whose units are shown."""
+        """Output and upper limit that choose the point whose units are shown."""
         return None
 
     def shown_units(self, design: Array) -> UnitsShown | None:
@@ -117,6 +117,6 @@ class Shown:
     def variants(self) -> tuple[Variant, ...]:
         """The problem as it is, then with one assumption changed at a time.
 
-        They search the same free variables; empty where no assumption is worth trying.
+        They search the same free variables; empty where no assumption needs trying.
         """
         return ()

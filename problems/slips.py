@@ -12,13 +12,13 @@ if TYPE_CHECKING:
     from .tolerance_problem import ToleranceProblem
 
 FAR = 20.0
-"""How many times what is usual a number is, or its inverse, to be asked about."""
+"""Ratio of a number to the usual one, or its inverse, above which it is suspicious."""
 NEAR = 3.0
-"""How many times what is usual it is at most in the unit that was probably meant."""
+"""Largest ratio to the usual number in the unit that was probably meant."""
 
 
 def unit_slips(problem: ToleranceProblem) -> list[Fault]:
-    """Parameters and tolerances far from what is usual that another unit would bring back.
+    """Parameters and tolerances far from the usual ones that another unit would explain.
 
     What is usual is the default of a parameter and the default range of a variable.
     """
@@ -26,7 +26,7 @@ def unit_slips(problem: ToleranceProblem) -> list[Fault]:
 
 
 def slip(value: float, unit: str, low: float, high: float) -> str:
-    """What is suspicious about a number where `low` to `high` is usual, empty where nothing is."""
+    """Why a number is suspicious where `low` to `high` is usual, empty where it is not."""
     if low / FAR <= value <= high * FAR or low <= 0.0 or value <= 0.0:
         return ""
     hint = unit_hint(value, unit, low / NEAR, high * NEAR)
@@ -35,22 +35,22 @@ def slip(value: float, unit: str, low: float, high: float) -> str:
 
 
 def _parameters(problem: ToleranceProblem) -> Iterator[tuple[str, str]]:
-    for one in problem.parameters:
-        value, default = problem.settings.parameters.get(one.name), one.default
-        if isinstance(value, int | float) and isinstance(default, int | float) and one.unit:
-            text = slip(abs(value), one.unit, abs(default), abs(default))
+    for parameter in problem.parameters:
+        value, default = problem.settings.parameters.get(parameter.name), parameter.default
+        if isinstance(value, int | float) and isinstance(default, int | float) and parameter.unit:
+            text = slip(abs(value), parameter.unit, abs(default), abs(default))
             if text:
-                yield f"parameters.{one.name}", text
+                yield f"parameters.{parameter.name}", text
 
 
 def _variables(problem: ToleranceProblem) -> Iterator[tuple[str, str]]:
-    usual = {one.name: one for one in getattr(type(problem), "variables", ())}
+    usual = {variable.name: variable for variable in getattr(type(problem), "variables", ())}
     for name, setting in problem.settings.variables.items():
-        one = usual.get(name)
-        for key in ("value", "low", "high") if one is not None and one.tolerance else ():
+        variable = usual.get(name)
+        for key in ("value", "low", "high") if variable is not None and variable.tolerance else ():
             value = getattr(setting, key)
-            if one is None or value is None:
+            if variable is None or value is None:
                 continue
-            text = slip(value, one.unit, one.low, one.high)
+            text = slip(value, variable.unit, variable.low, variable.high)
             if text:
                 yield f"variables.{name}.{key}", text

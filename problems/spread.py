@@ -11,17 +11,17 @@ from .forms import Form
 
 Array = NDArray[np.float64]
 LEAST = 1e-100
-"""What is below counts as no spread: a price per square of it would overflow."""
+"""A smaller value counts as no spread: a price per square of it would overflow."""
 ROUNDING = 1e-14
 """Relative allowance for the rounding of the tangent of a norm."""
 
 
 @dataclass(frozen=True, slots=True)
 class Spread:
-    """S (n, r) at parts s, its derivatives in s (n, r, features), and S >= intercept + them . s.
+    """S (n, r) at parts s, its derivatives (n, r, features), and S >= intercept + direction . s.
 
     The `intercept` (n, r) is lowered by what rounding and an unfinished series may add; it needs
-    the largest parts that are looked at.
+    the largest parts that are considered.
     """
 
     value: Array
@@ -30,7 +30,7 @@ class Spread:
 
 
 def spread_of(form: Form, s: Array, most: Array | None = None) -> Spread:
-    """S at parts s (n, r, features); `most` (r, features) are the largest parts looked at."""
+    """S at parts s (n, r, features); `most` (r, features) are the largest ones considered."""
     towards = s if form.correlation is None else s @ form.correlation
     square = np.maximum(form.constant + np.sum(towards * s, axis=2), 0.0)
     value = np.sqrt(square)
@@ -47,14 +47,16 @@ def spread_of(form: Form, s: Array, most: Array | None = None) -> Spread:
             intercept[:, row] = (root - along) - ROUNDING * (root + np.abs(along))
     if form.joint is not None:
         rows = form.joint.rows
-        found = form.joint.tangent(s[:, rows], sure=most is not None)
-        doubt = found.value_error
+        tangent = form.joint.tangent(s[:, rows], sure=most is not None)
+        doubt = tangent.value_error
         if most is not None:
             with np.errstate(invalid="ignore"):
-                reach = np.where(most[rows] != 0.0, found.gradient_error * np.abs(most[rows]), 0.0)
+                reach = np.where(
+                    most[rows] != 0.0, tangent.gradient_error * np.abs(most[rows]), 0.0
+                )
             doubt = doubt + np.where(np.isfinite(reach), reach, np.inf).sum(axis=2)
-        value[:, rows], direction[:, rows] = found.value, found.gradient
-        intercept[:, rows] = found.value - np.sum(found.gradient * s[:, rows], axis=2) - doubt
+        value[:, rows], direction[:, rows] = tangent.value, tangent.gradient
+        intercept[:, rows] = tangent.value - np.sum(tangent.gradient * s[:, rows], axis=2) - doubt
     return Spread(np.where(value > LEAST, value, 0.0), direction, intercept)
 
 

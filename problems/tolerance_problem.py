@@ -50,14 +50,14 @@ class ToleranceProblem(Problem, Shown, Nesting, Priced, Provable, Drawing, Table
     default_objectives: tuple[str, ...]
     default_model: str = ""
     reference_ga: ClassVar[Mapping[str, float]] = {}
-    """Settings of the single-objective GA beside a run, where the documents name them: population,
+    """Settings of a run's single-objective GA, where the documents name them: population,
     generations, crossover and mutation probability; and, where not the GA's own, their eta."""
     sampled: bool = False
     """Whether a search sees a fixed sample of units; its points are tested on a fresh one."""
     performance: ClassVar[frozenset[str]] = frozenset()
     """Outputs whose upper limits a search may find to be out of reach (see `sampled`)."""
     default_algorithm: ClassVar[str] = ""
-    """The best algorithm for the problem; empty: NSGA-II or, of one objective, the GA."""
+    """The best algorithm for the problem; empty: NSGA-II or, for one objective, the GA."""
     grain: ClassVar[int] = 0
     """Designs of a batch that a search computes at once, such that workers can share the batch; 0
     where designs are so cheap that the whole batch is computed at once.
@@ -98,13 +98,13 @@ class ToleranceProblem(Problem, Shown, Nesting, Priced, Provable, Drawing, Table
 
     def __getstate__(self) -> dict[str, Any]:
         """Everything but `drawn_again`."""
-        return {name: own for name, own in self.__dict__.items() if name not in self.drawn_again}
+        return {k: value for k, value in self.__dict__.items() if k not in self.drawn_again}
 
     # ---------------------------------------------------------------- what a subclass gives
 
     @classmethod
     def configured(cls, top: Section) -> Any:
-        """What makes the problem that a configuration with these tables means; None if faulty.
+        """The callable that makes the problem of a configuration's tables; None if they are faulty.
 
         It is called with `Settings` and declares `parameters`, `variables`, `outputs` and the
         defaults as this class does. A problem that is written in its configuration reads its own
@@ -120,13 +120,13 @@ class ToleranceProblem(Problem, Shown, Nesting, Priced, Provable, Drawing, Table
         """
 
     def _further(self, designs: Array, searching: bool) -> dict[str, Array]:
-        """Outputs (n,) that a problem has by what its settings add to it: a promise."""
+        """Outputs (n,) that the settings add to a problem: those of a promise."""
         return {}
 
-    def _verified(self, designs: Array, found: Mapping[str, Array]) -> dict[str, Array]:
-        """Errors (n,) of the outputs `found` that take a model of their own, where there are any.
+    def _verified(self, designs: Array, outputs: Mapping[str, Array]) -> dict[str, Array]:
+        """Errors (n,) of the outputs that need a model of their own, where there are any.
 
-        Asked for the designs that are reported, not for every one that might have been.
+        They are asked for only where designs are reported, not during a search.
         """
         return {}
 
@@ -162,11 +162,11 @@ class ToleranceProblem(Problem, Shown, Nesting, Priced, Provable, Drawing, Table
         return {}
 
     def more_tables(self) -> dict[str, Any]:
-        """Top-level tables that `configured` reads beside the usual ones."""
+        """Top-level tables that `configured` reads in addition to the usual ones."""
         return {}
 
     def misplaced(self, designs: Array) -> dict[str, dict[int, str]]:
-        """What is wrong with given designs beyond the bounds of each variable: column, row."""
+        """Messages, by column and row, on designs that break more than variables' bounds."""
         return {}
 
     def reported(self) -> ToleranceProblem:
@@ -186,7 +186,7 @@ class ToleranceProblem(Problem, Shown, Nesting, Priced, Provable, Drawing, Table
         return type(self)(replace(self.given, limits=dict(self.given.limits) | dict(limits)))
 
     def counterparts(self) -> tuple[str, ...]:
-        """What each active effect does in this problem; empty where it does nothing."""
+        """What each active effect does in this problem, in words; empty where it does nothing."""
         return ("",) * len(self.settings.effects)
 
     def effect_notes(self) -> tuple[str, ...]:
@@ -242,7 +242,7 @@ class ToleranceProblem(Problem, Shown, Nesting, Priced, Provable, Drawing, Table
 
     @property
     def promise(self) -> Promise | None:
-        """What is promised of the yield; it sets the limit that keeps it."""
+        """The promise of a yield; it sets the limit that keeps it."""
         return self.settings.promise
 
     @property
@@ -268,8 +268,8 @@ class ToleranceProblem(Problem, Shown, Nesting, Priced, Provable, Drawing, Table
 
     @cached_property
     def _columns(self) -> tuple[Array, NDArray[np.int64], NDArray[np.int64]]:
-        """Of a full design: the values (all,) that are set, 0 for the others, the columns of the
-        free variables, and those of whole numbers.
+        """The fixed values of a full design (all,), 0 for its free variables, the columns of the
+        free variables, and the columns of whole numbers.
         """
         at = {name: column for column, name in enumerate(self.names)}
         set_to = np.array([self.fixed.get(name, 0.0) for name in self.names])
@@ -286,35 +286,35 @@ class ToleranceProblem(Problem, Shown, Nesting, Priced, Provable, Drawing, Table
     ) -> dict[str, Array]:
         """Every output (n,) of full designs (n, all variables), checked for shape.
 
-        Without `errors`, or `searching`, those of `_verified` are left at zero. Outputs that are
-        `known` without these are not evaluated again.
+        Without `errors`, or with `searching`, those of `_verified` stay at zero. Outputs that are
+        `known` without errors are not evaluated again.
         """
         designs = np.asarray(designs, dtype=float)
-        found = dict(known or {})
+        outputs = dict(known or {})
         if known is None:
-            found = self._outputs(designs, searching) | self._further(designs, searching)
+            outputs = self._outputs(designs, searching) | self._further(designs, searching)
         if errors and not searching:
-            found |= self._verified(designs, found)
+            outputs |= self._verified(designs, outputs)
         for output in self.outputs:
-            shape = np.shape(found[output.name]) if output.name in found else None
+            shape = np.shape(outputs[output.name]) if output.name in outputs else None
             if shape != (len(designs),):
                 raise ModelError(f"{output.name}: expected shape ({len(designs)},), got {shape}")
-        return found
+        return outputs
 
-    def values(self, designs: Array, found: Mapping[str, Array], name: str) -> Array:
+    def values(self, designs: Array, outputs: Mapping[str, Array], name: str) -> Array:
         """An output or variable by name."""
-        return found[name] if name in found else self.column(designs, name)
+        return outputs[name] if name in outputs else self.column(designs, name)
 
-    def objective_values(self, found: Mapping[str, Array]) -> Array:
+    def objective_values(self, outputs: Mapping[str, Array]) -> Array:
         """F, shape (n, objectives)."""
-        return np.array([found[name] for name in self.objectives]).T
+        return np.array([outputs[name] for name in self.objectives]).T
 
-    def violations(self, designs: Array, found: Mapping[str, Array]) -> Array:
+    def violations(self, designs: Array, outputs: Mapping[str, Array]) -> Array:
         """G, shape (n, constraints): normalised by the bound, above 0 where a limit is broken."""
         columns = [
             column
             for limit in self.limits
-            for column in limit.violations(self.values(designs, found, limit.name))
+            for column in limit.violations(self.values(designs, outputs, limit.name))
         ]
         return np.stack(columns, axis=1) if columns else np.zeros((len(designs), 0))
 
@@ -330,8 +330,8 @@ class ToleranceProblem(Problem, Shown, Nesting, Priced, Provable, Drawing, Table
         Raises ModelError where a value is not finite.
         """
         designs = self.complete(x)
-        found = self.outputs_of(designs, searching=True)
-        f, g = self.objective_values(found), self.violations(designs, found)
+        outputs = self.outputs_of(designs, searching=True)
+        f, g = self.objective_values(outputs), self.violations(designs, outputs)
         for name, values in (("F", f), ("G", g)):
             if np.count_nonzero(np.isfinite(values)) < values.size:
                 row = int(np.argmin(np.all(np.isfinite(values), axis=1)))
@@ -342,8 +342,8 @@ class ToleranceProblem(Problem, Shown, Nesting, Priced, Provable, Drawing, Table
     def tested(self, x: Array) -> tuple[Array, Array]:
         """F and G of search vectors as reported: where a search sees a sample, on a fresh one."""
         designs = self.complete(x)
-        found = self.needed(designs)
-        return self.objective_values(found), self.violations(designs, found)
+        outputs = self.needed(designs)
+        return self.objective_values(outputs), self.violations(designs, outputs)
 
     def needed(self, designs: Array) -> dict[str, Array]:
         """Outputs (n,) of full designs as reported: at least the cost, and those that objectives
@@ -352,20 +352,20 @@ class ToleranceProblem(Problem, Shown, Nesting, Priced, Provable, Drawing, Table
         return self.outputs_of(designs, errors=False)
 
     def frame(
-        self, designs: Array, found: Mapping[str, Array] | None = None, searching: bool = False
+        self, designs: Array, outputs: Mapping[str, Array] | None = None, searching: bool = False
     ) -> pd.DataFrame:
         """Variables, outputs (at full accuracy) and limit margins of full designs, one row each.
 
-        `found` are their outputs without `errors`, where they are known. With `searching` they are
-        what a search sees: coarser, and NaN where it does not look.
+        `outputs` are those of the designs without `errors`, where they are known. With `searching`
+        they are as a search evaluates them: coarser, and NaN where it does not need them.
         """
-        found = self.outputs_of(designs, searching, known=found)
+        outputs = self.outputs_of(designs, searching, known=outputs)
         columns: dict[str, Any] = dict(self.designs_frame(designs))
-        columns |= {output.name: found[output.name] for output in self.outputs}
+        columns |= {output.name: outputs[output.name] for output in self.outputs}
         for limit in self.limits:
-            columns |= limit.margins(self.values(designs, found, limit.name))
+            columns |= limit.margins(self.values(designs, outputs, limit.name))
         frame = pd.DataFrame(columns)
-        frame["feasible"] = np.all(self.violations(designs, found) <= 0.0, axis=1)
+        frame["feasible"] = np.all(self.violations(designs, outputs) <= 0.0, axis=1)
         return frame
 
     # ---------------------------------------------------------------- corners
@@ -385,15 +385,15 @@ class ToleranceProblem(Problem, Shown, Nesting, Priced, Provable, Drawing, Table
         measured = (
             text
             for v in self.variables
-            if (own := self.settings.variables[v.name].sample)
-            for text in own.departures(v.name)
+            if (sample := self.settings.variables[v.name].sample)
+            for text in sample.departures(v.name)
         )
         return (*self.settings.notes, *slips, *prices, *measured, *self.warnings())
 
     def samples(self) -> tuple[tuple[str, str, PartSample], ...]:
-        """What was measured, by name, its unit, and what the sample tells."""
+        """Name and unit of each measured quantity, and its sample."""
         return tuple(
-            (v.name, v.unit, own)
+            (v.name, v.unit, sample)
             for v in self.variables
-            if (own := self.settings.variables[v.name].sample)
+            if (sample := self.settings.variables[v.name].sample)
         )

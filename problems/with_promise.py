@@ -1,4 +1,4 @@
-"""Problems that promise a yield by what samples tell of their processes: `[promise]`."""
+"""Problems that promise a yield, given samples of their processes: `[promise]`."""
 
 from __future__ import annotations
 
@@ -35,14 +35,14 @@ class PromisingKind:
 
     @property
     def outputs(self) -> tuple[Output, ...]:
-        """Those of the problem, and of its promise."""
+        """The outputs of the problem, and those of its promise."""
         return (*self.base.outputs, *outputs_of_promise(self.promise))
 
     @property
     def default_algorithm(self) -> str:
-        """That of the problem; gradients, where its units are evaluated for a promise."""
-        own = str(getattr(self.base, "default_algorithm", ""))
-        return own or ("exact" if self.promise.statement != PLUG_IN else "")
+        """The problem's algorithm; gradients where its units are evaluated for a promise."""
+        algorithm = str(getattr(self.base, "default_algorithm", ""))
+        return algorithm or ("exact" if self.promise.statement != PLUG_IN else "")
 
     def __call__(self, settings: Settings) -> ToleranceProblem:
         made: ToleranceProblem = self.base(replace(settings, promise=self.promise))
@@ -65,7 +65,7 @@ class WithPromise(ToleranceProblem):
 
     @abstractmethod
     def assurances(self, designs: Array) -> tuple[Array, Array]:
-        """Probability [percent] (n,) that the promised share conforms, and its error."""
+        """Probability [percent] (n,) that the promised fraction conforms, and its error."""
 
     @classmethod
     def configured(cls, top: Section) -> Any:
@@ -78,15 +78,15 @@ class WithPromise(ToleranceProblem):
         return kind if promise is None or kind is None else PromisingKind(kind, promise)
 
     def more_tables(self) -> dict[str, Any]:
-        own = self.settings.promise
-        return super().more_tables() | ({} if own is None else {"promise": own.table()})
+        promise = self.settings.promise
+        return super().more_tables() | ({} if promise is None else {"promise": promise.table()})
 
     def _completed(self, given: Settings) -> Settings:
         promise = given.promise
         if promise is None:
             return super()._completed(given)
         limits = {
-            name: one for name, one in given.limits.items() if not means_promise(name, promise)
+            name: bound for name, bound in given.limits.items() if not means_promise(name, promise)
         }
         limits[promise.output] = Bound(low=promise.yield_percent)
         return super()._completed(replace(given, limits=limits))
@@ -95,14 +95,14 @@ class WithPromise(ToleranceProblem):
         promise = self.settings.promise
         if promise is None:
             return super().faults()
-        found = contradictions(promise, self.given.limits)
+        promise_faults = contradictions(promise, self.given.limits)
         sampled = [
             name
             for name, offers in self.settings.machines.items()
-            if any(one.sample is not None for one in offers)
+            if any(offer.sample is not None for offer in offers)
         ]
         if promise.statement != PLUG_IN:
-            found += [
+            promise_faults += [
                 Fault(
                     f"variables.{name}.machine",
                     f"cannot be {promise.statement} where "
@@ -110,31 +110,31 @@ class WithPromise(ToleranceProblem):
                 )
                 for name in sampled
             ]
-        return found + super().faults()
+        return promise_faults + super().faults()
 
     @property
     def known(self) -> Mapping[str, Knowledge]:
-        """What samples tell of the processes of variables."""
+        """Knowledge of the processes of variables from samples."""
         return {
-            name: own.sample.knowledge
-            for name, own in self.settings.variables.items()
-            if own.sample is not None
+            name: setting.sample.knowledge
+            for name, setting in self.settings.variables.items()
+            if setting.sample is not None
         }
 
     def _further(self, designs: Array, searching: bool) -> dict[str, Array]:
         """Promised yield and assurance (n,); NaN where a search does not need them."""
-        found = super()._further(designs, searching)
+        outputs = super()._further(designs, searching)
         promise = self.settings.promise
         if promise is None:
-            return found
+            return outputs
         nothing = np.full(len(designs), np.nan)
         wanted = {*self.objectives, *(limit.name for limit in self.limits)}
         if promise.statement != PLUG_IN:
             asked = not searching or PROMISED in wanted
-            found[PROMISED] = self.promised_yields(designs, searching) if asked else nothing
+            outputs[PROMISED] = self.promised_yields(designs, searching) if asked else nothing
         asked = not searching or ASSURANCE in wanted
-        own = self.assurances(designs) if asked else (nothing, nothing)
-        return found | {ASSURANCE: own[0], f"{ASSURANCE}_error": own[1]}
+        assurances = self.assurances(designs) if asked else (nothing, nothing)
+        return outputs | {ASSURANCE: assurances[0], f"{ASSURANCE}_error": assurances[1]}
 
     def interval(self, output: str) -> Interval:
         if output in (PROMISED, ASSURANCE):

@@ -1,12 +1,12 @@
-"""Processes as unfavourable as samples leave open, to first order in what they do to a value.
+"""The most unfavourable processes that samples allow, to first order in their effect on a value.
 
-Of independent processes with posterior mean E of the variance ratio, G from there to its upper
-confidence limit, and the mean's limit z sqrt(E/n) standard deviations, the ellipsoid
+Let independent processes have the posterior mean E of the variance ratio, G from there to its
+upper confidence limit, and the limit z sqrt(E/n) standard deviations of the mean. The ellipsoid
 
     sum_j ((r_j - E_j)/G_j)^2 + sum_j (m_j/(z sqrt(E_j/n_j)))^2 <= b^2
 
-is where a promise is asked for: for a sum of deviations and b = 1 that is the norm of an assured
-promise. The point of it that is worst for a value is found by its slopes (first-order reliability).
+is the region in which a promise must hold: for a sum of deviations and b = 1 that is the norm of
+an assured promise. Its worst point for a value is found by slopes (first-order reliability).
 
 Reference: Hasofer & Lind (1974), Exact and invariant second-moment code format, J. Engineering
 Mechanics Division ASCE 100(1), 111-121.
@@ -44,9 +44,11 @@ class Worst:
 
         They are by the scale of each standard deviation, and by the error of each mean.
         """
-        even = np.array([one.inflation for one in known])
-        reach = np.array([one.surplus_at(confidence) for one in known])
-        error = float(ndtri(confidence)) * np.sqrt(even / np.array([one.n for one in known]))
+        even = np.array([knowledge.inflation for knowledge in known])
+        reach = np.array([knowledge.surplus_at(confidence) for knowledge in known])
+        error = float(ndtri(confidence)) * np.sqrt(
+            even / np.array([knowledge.n for knowledge in known])
+        )
         steep = np.concatenate([0.5 * reach * np.maximum(by_scale, 0.0), error * by_shift])
         size = float(np.linalg.norm(steep))
         unit = steep / size if size > 0.0 else steep

@@ -23,82 +23,85 @@ MISSED = Parameter(
 )
 
 
-def parameters_of(own: Problem) -> tuple[Parameter, ...]:
+def parameters_of(problem: Problem) -> tuple[Parameter, ...]:
     """The tolerance of equality constraints, where there are any."""
-    return (MISSED,) if own.n_eq_constr else ()
+    return (MISSED,) if problem.n_eq_constr else ()
 
 
-def variables_of(own: Problem) -> tuple[Variable, ...]:
+def variables_of(problem: Problem) -> tuple[Variable, ...]:
     """One variable per column: those that the problem declares as `variables`, else x1, x2, ..."""
-    declared: tuple[Variable, ...] = getattr(own, "variables", ())
+    declared: tuple[Variable, ...] = getattr(problem, "variables", ())
     if declared:
         return tuple(declared)
-    whole = own.vtype in (int, bool, Integer)
+    whole = problem.vtype in (int, bool, Integer)
     return tuple(
         Variable(f"x{at}", "", Kind.NOMINAL, low, high, f"variable {at}", integer=whole)
-        for at, (low, high) in enumerate(zip(*_bounds(own), strict=True), 1)
+        for at, (low, high) in enumerate(zip(*_bounds(problem), strict=True), 1)
     )
 
 
-def outputs_of(own: Problem) -> tuple[Output, ...]:
+def outputs_of(problem: Problem) -> tuple[Output, ...]:
     """Objectives, inequality and equality constraints: as declared, else f1, ..., g1, ..., h1."""
-    declared: tuple[Output, ...] = getattr(own, "outputs", ())
-    meanings = {name: f"objective {name[1:]}" for name in objectives_of(own)}
-    meanings |= {name: f"constraint {name[1:]}: at most 0" for name in inequalities_of(own)}
-    meanings |= {name: f"constraint {name[1:]}: equal to 0" for name in equalities_of(own)}
+    declared: tuple[Output, ...] = getattr(problem, "outputs", ())
+    meanings = {name: f"objective {name[1:]}" for name in objectives_of(problem)}
+    meanings |= {name: f"constraint {name[1:]}: at most 0" for name in inequalities_of(problem)}
+    meanings |= {name: f"constraint {name[1:]}: equal to 0" for name in equalities_of(problem)}
     return tuple(declared) or tuple(Output(n, "", text) for n, text in meanings.items())
 
 
-def objectives_of(own: Problem) -> tuple[str, ...]:
+def objectives_of(problem: Problem) -> tuple[str, ...]:
     """Names of the objectives, in the order of F."""
-    return _names(own, "f", 0, int(own.n_obj))
+    return _names(problem, "f", 0, int(problem.n_obj))
 
 
-def inequalities_of(own: Problem) -> tuple[str, ...]:
+def inequalities_of(problem: Problem) -> tuple[str, ...]:
     """Names of the inequality constraints, in the order of G."""
-    return _names(own, "g", int(own.n_obj), int(own.n_ieq_constr))
+    return _names(problem, "g", int(problem.n_obj), int(problem.n_ieq_constr))
 
 
-def equalities_of(own: Problem) -> tuple[str, ...]:
+def equalities_of(problem: Problem) -> tuple[str, ...]:
     """Names of the equality constraints, in the order of H."""
-    return _names(own, "h", int(own.n_obj) + int(own.n_ieq_constr), int(own.n_eq_constr))
+    return _names(
+        problem, "h", int(problem.n_obj) + int(problem.n_ieq_constr), int(problem.n_eq_constr)
+    )
 
 
-def limits_of(own: Problem, missed: float) -> Mapping[str, Bound]:
+def limits_of(problem: Problem, missed: float) -> Mapping[str, Bound]:
     """What the constraints say: g <= 0, and h = 0 but for `missed`."""
-    return {name: Bound(high=0.0) for name in inequalities_of(own)} | {
-        name: Bound(-missed, missed) for name in equalities_of(own)
+    return {name: Bound(high=0.0) for name in inequalities_of(problem)} | {
+        name: Bound(-missed, missed) for name in equalities_of(problem)
     }
 
 
-def faults_of(own: Problem) -> list[Fault]:
+def faults_of(problem: Problem) -> list[Fault]:
     """What keeps a pymoo problem from being run, at the key `problem`."""
-    bounds = np.array(_bounds(own))
-    found = []
+    bounds = np.array(_bounds(problem))
+    messages = []
     if not (np.all(np.isfinite(bounds)) and np.all(bounds[0] < bounds[1])):
-        found.append("needs finite bounds xl < xu of every variable")
+        messages.append("needs finite bounds xl < xu of every variable")
     for name, count in (
-        ("variables", own.n_var),
-        ("outputs", own.n_obj + own.n_ieq_constr + own.n_eq_constr),
+        ("variables", problem.n_var),
+        ("outputs", problem.n_obj + problem.n_ieq_constr + problem.n_eq_constr),
     ):
-        if (declared := getattr(own, name, ())) and len(declared) != count:
-            found.append(f"declares {len(declared)} {name}, but has {count}")
-    if own.n_obj < 1:
-        found.append("has no objective")
-    return [Fault("problem", f"{type(own).__name__} {text}") for text in found]
+        if (declared := getattr(problem, name, ())) and len(declared) != count:
+            messages.append(f"declares {len(declared)} {name}, but has {count}")
+    if problem.n_obj < 1:
+        messages.append("has no objective")
+    return [Fault("problem", f"{type(problem).__name__} {text}") for text in messages]
 
 
-def _names(own: Problem, letter: str, start: int, count: int) -> tuple[str, ...]:
-    declared: tuple[Output, ...] = getattr(own, "outputs", ())
+def _names(problem: Problem, letter: str, start: int, count: int) -> tuple[str, ...]:
+    declared: tuple[Output, ...] = getattr(problem, "outputs", ())
     if declared:
-        return tuple(one.name for one in declared[start : start + count])
+        return tuple(output.name for output in declared[start : start + count])
     return tuple(f"{letter}{at}" for at in range(1, count + 1))
 
 
-def _bounds(own: Problem) -> tuple[list[float], list[float]]:
+def _bounds(problem: Problem) -> tuple[list[float], list[float]]:
     """Lower and upper bounds (variables,); NaN where there are none."""
-    missing = np.full(int(own.n_var), np.nan)
+    missing = np.full(int(problem.n_var), np.nan)
     low, high = (
-        missing if end is None else np.broadcast_to(end, missing.shape) for end in (own.xl, own.xu)
+        missing if end is None else np.broadcast_to(end, missing.shape)
+        for end in (problem.xl, problem.xu)
     )
     return np.asarray(low, dtype=float).tolist(), np.asarray(high, dtype=float).tolist()

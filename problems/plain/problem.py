@@ -55,7 +55,7 @@ class PlainProblem(ToleranceProblem):
         return super()._completed(replace(given, limits=limits))
 
     def _outputs(self, designs: Array, searching: bool) -> dict[str, Array]:
-        found = self.own.evaluate(designs, return_as_dictionary=True)
+        evaluated = self.own.evaluate(designs, return_as_dictionary=True)
         names = {
             "F": objectives_of(self.own),
             "G": inequalities_of(self.own),
@@ -65,7 +65,7 @@ class PlainProblem(ToleranceProblem):
             name: column
             for key, of_key in names.items()
             if of_key
-            for name, column in zip(of_key, np.asarray(found[key], dtype=float).T, strict=True)
+            for name, column in zip(of_key, np.asarray(evaluated[key], dtype=float).T, strict=True)
         }
 
     def _corners(self) -> Array:

@@ -38,11 +38,11 @@ def reference_of(source: str) -> float:
 def _of_kind(kind: str) -> tuple[str, ...]:
     stem, _, chain = kind.rpartition("_")
     named = (f"{stem}_arm_{chain}_", f"{stem}_platform_{chain}_")
-    return tuple(one for one in SOURCES if one == kind or one.startswith(named))
+    return tuple(source for source in SOURCES if source == kind or source.startswith(named))
 
 
 NINE: Grouping = {f"{kind}_{unit_of(kind)}": _of_kind(kind) for kind in KINDS}
-"""The document's count, in its preferred reading: three kinds for each of three chains."""
+"""The document's count, in its preferred interpretation: three kinds for each of three chains."""
 
 
 def read_grouping(
@@ -58,10 +58,10 @@ def read_grouping(
     """
     if "grouping" not in top:
         return default
-    known = tuple(source for own in default.values() for source in own)
+    known = tuple(source for sources in default.values() for source in sources)
     section = top.section("grouping")
     table = top.take("grouping")
-    found: dict[str, tuple[str, ...]] = {}
+    grouping: dict[str, tuple[str, ...]] = {}
     owner: dict[str, str] = {}
     sound = True
     for name in table if isinstance(table, dict) else ():
@@ -73,11 +73,11 @@ def read_grouping(
             section.fault(name, text)
             owner.setdefault(source, name)
             sound = False
-        found[name] = tuple(sources)
-    left = [source for source in known if source not in owner]
-    if left and sound:
-        top.fault("grouping", f"leaves out {', '.join(left)}: every source needs a tolerance")
-    return found if sound and not left else None
+        grouping[name] = tuple(sources)
+    missing = [source for source in known if source not in owner]
+    if missing and sound:
+        top.fault("grouping", f"leaves out {', '.join(missing)}: every source needs a tolerance")
+    return grouping if sound and not missing else None
 
 
 def _wrong(
@@ -88,8 +88,8 @@ def _wrong(
     unit: Callable[[str], str],
     called: str,
 ) -> list[tuple[str, str]]:
-    """Unknown sources, those named twice, and wrong units, with texts; notes the owner of each."""
-    found = []
+    """Unknown sources, sources named twice, and wrong units, with texts; records each owner."""
+    faults = []
     for source in sources:
         if source not in known:
             text = f'"{source}" is not {called}{nearest(source, known)}'
@@ -100,8 +100,8 @@ def _wrong(
         else:
             owner[source] = name
             continue
-        found.append((source, text))
-    return found
+        faults.append((source, text))
+    return faults
 
 
 def variables_of(grouping: Grouping) -> tuple[Variable, ...]:

@@ -19,12 +19,12 @@ Rows = NDArray[np.int64]
 Estimates = tuple[Array, Array]
 """Values (n,) and their standard errors (n,)."""
 EVERY = 5
-"""Of the grid's poses along each axis, those at which machines are sampled: 9 x 9 of 41 x 41. In
-between the largest quantiles of the yaw are larger by 0.1 %, of the squareness by 0.01 %."""
+"""Step along each axis between the grid's poses at which machines are sampled: 9 x 9 of 41 x 41.
+In between the largest quantiles of the yaw are larger by 0.1 %, of the squareness by 0.01 %."""
 WORTH = 64
 """Plain samples per sampled machine, which stands for all sizes of its main errors."""
 BLOCK = 8
-"""Designs that are worked on at once."""
+"""Designs that are evaluated at once."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,14 +48,14 @@ class Population:
         """The outputs `wanted` (n,), with their errors, of standard deviations (n, sources)."""
         names = OVER_MACHINES.intersection(wanted)
         starts = range(0, len(sigma) if names else 0, BLOCK)
-        found = [self._block(sigma[at : at + BLOCK], names) for at in starts]
-        every = found[0] if found else ()
-        return {name: np.concatenate([one[name] for one in found]) for name in every}
+        blocks = [self._block(sigma[at : at + BLOCK], names) for at in starts]
+        every = blocks[0] if blocks else ()
+        return {name: np.concatenate([block[name] for block in blocks]) for name in every}
 
     def interval(self, output: str, ends: Array) -> tuple[float, float]:
         """Proven bounds of an output between the tightest and the loosest `ends` (2, sources).
 
-        What machines keep over the ring they keep at the worst pose, where nothing is sampled.
+        Limits kept over the ring are kept at the worst pose as well, where nothing is sampled.
         """
         over_ring = output == BOTH or "_ring_" in output
         of = replace(self, here={}) if over_ring else self
@@ -68,13 +68,13 @@ class Population:
 
     def _block(self, sigma: Array, names: frozenset[str]) -> dict[str, Array]:
         errors = [PoseError(self, name, sigma) for name in UNITS]
-        found: dict[str, Array] = {}
+        outputs: dict[str, Array] = {}
         for error in errors:
-            found |= error.outputs(names)
+            outputs |= error.outputs(names)
         if BOTH in names:
             limited = [error for error in errors if error.name in LIMITED]
-            found |= _with_error(BOTH, keeping_all(self, limited))
-        return found
+            outputs |= _with_error(BOTH, keeping_all(self, limited))
+        return outputs
 
     @cached_property
     def sample(self) -> Sample:
@@ -93,7 +93,9 @@ class Population:
         """The main plane of each pose error, and of those with a yield, at usual deviations."""
         usual = {name: f.at(self.poses).effects * self.typical for name, f in self.fields.items()}
         both = [usual[name] / self.limits[name] for name in LIMITED]
-        return {name: main_plane([one]) for name, one in usual.items()} | {BOTH: main_plane(both)}
+        return {name: main_plane([effects]) for name, effects in usual.items()} | {
+            BOTH: main_plane(both)
+        }
 
 
 @dataclass(eq=False)
@@ -105,16 +107,16 @@ class PoseError:
     sigma: Array
 
     def outputs(self, names: frozenset[str]) -> dict[str, Array]:
-        """Those of its outputs (n,) that are among the names, with their errors."""
+        """Its outputs (n,) that are among the names, with their errors."""
         name, unit = self.name, UNITS[self.name]
         exact = {
             f"{name}_pose_{unit}": self.deviation,
             f"{name}_pose_quantile_{unit}": self.quantile,
             f"{name}_pose_yield_percent": self.keeping,
         }
-        found = {key: of() for key, of in exact.items() if key in names}
+        by_output = {key: of() for key, of in exact.items() if key in names}
         sampled = (f"{name}_ring_quantile_{unit}", f"{name}_ring_yield_percent")
-        return found | self._over_ring(*(key if key in names else "" for key in sampled))
+        return by_output | self._over_ring(*(key if key in names else "" for key in sampled))
 
     @property
     def limit(self) -> float:
@@ -133,7 +135,7 @@ class PoseError:
 
     @cached_property
     def worst_exceedance(self) -> tuple[Array, Rows]:
-        """Largest share (n,) of machines that exceed the limit on the grid, and its pose."""
+        """Largest fraction (n,) of machines that exceed the limit on the grid, and its pose."""
         return worst_exceedance(self.variances, self.limit)
 
     # ---------------------------------------------------------------- at a pose
@@ -167,19 +169,19 @@ class PoseError:
         pose, by these names, with their errors; nothing by an empty name.
         """
         coverage, last = self.population.coverage, len(self.population.poses)
-        found: dict[str, list[tuple[float, float]]] = {key: [] for key in (quantile, keeping)}
+        estimates: dict[str, list[tuple[float, float]]] = {key: [] for key in (quantile, keeping)}
         for at in range(len(self.sigma) if quantile or keeping else 0):
             first = [int(self.worst_quantile[1][at])] if quantile else []
             after = [int(self.worst_exceedance[1][at])] if keeping else []
             machines = self._machines(at, first, after)
             if quantile:
-                least, own = float(self.worst_quantile[0][at]), machines.at(slice(0, last + 1))
-                found[quantile].append(own.quantile(coverage, 0, least))
+                least, sampled = float(self.worst_quantile[0][at]), machines.at(slice(0, last + 1))
+                estimates[quantile].append(sampled.quantile(coverage, 0, least))
             if keeping:
-                own = machines.at(slice(len(first), None))
-                found[keeping].append(own.beyond(self.limit, last))
-        both = _with_error(quantile, _columns(found[quantile])) if quantile else {}
-        return both | (_with_error(keeping, _percent(found[keeping])) if keeping else {})
+                sampled = machines.at(slice(len(first), None))
+                estimates[keeping].append(sampled.beyond(self.limit, last))
+        both = _with_error(quantile, _columns(estimates[quantile])) if quantile else {}
+        return both | (_with_error(keeping, _percent(estimates[keeping])) if keeping else {})
 
     def _machines(self, at: int, first: Sequence[int], last: Sequence[int]) -> Machines:
         """Machines of one design at the poses `first`, of the sample, and `last`."""
@@ -195,18 +197,18 @@ class PoseError:
 
 def keeping_all(of: Population, errors: Sequence[PoseError]) -> Estimates:
     """Machines (n,) that keep the limits of all pose errors at every pose, in percent."""
-    found = []
+    beyond = []
     for at in range(len(errors[0].sigma)):
         over = [float(error.worst_exceedance[0][at]) for error in errors]
         poses = [np.append(of.poses, error.worst_exceedance[1][at]) for error in errors]
         pairs = list(zip(errors, poses, strict=True))
-        effects = [error.effects(at, some) / error.limit for error, some in pairs]
-        variances = [error.variances[at, some] / error.limit**2 for error, some in pairs]
-        plane = main_plane([one[:-1] for one in effects], of.planes[BOTH])
+        effects = [error.effects(at, at_poses) / error.limit for error, at_poses in pairs]
+        variances = [error.variances[at, at_poses] / error.limit**2 for error, at_poses in pairs]
+        plane = main_plane([effect[:-1] for effect in effects], of.planes[BOTH])
         machines = Machines.of(effects, np.concatenate(variances), of.sample, plane)
-        last = np.cumsum([len(one) for one in effects]) - 1
-        found.append(machines.beyond(1.0, int(last[np.argmax(over)])))
-    return _percent(found)
+        last = np.cumsum([len(effect) for effect in effects]) - 1
+        beyond.append(machines.beyond(1.0, int(last[np.argmax(over)])))
+    return _percent(beyond)
 
 
 def _with_error(name: str, estimates: Estimates) -> dict[str, Array]:
@@ -219,6 +221,6 @@ def _columns(estimates: Iterable[tuple[float, float]]) -> Estimates:
 
 
 def _percent(beyond: Iterable[tuple[float, float]]) -> Estimates:
-    """Shares that keep, in percent, of shares that do not."""
+    """Machines that keep a limit, in percent, from the fractions that exceed it."""
     shares, errors = _columns(beyond)
     return 100.0 * (1.0 - shares), 100.0 * errors

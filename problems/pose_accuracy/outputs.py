@@ -1,4 +1,4 @@
-"""Outputs of `pose_accuracy`, its parameters beside the manipulator's, and its default limits."""
+"""Outputs of `pose_accuracy`, its parameters other than the manipulator's, and default limits."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ MEANT = {
     "position": "position error from these sources through the orientation, and from other_sources",
 }
 ERRORS = tuple(f"{name}_{unit}" for name, unit in UNITS.items())
-"""Standard deviations by the index: of these the problem has a convex form."""
+"""Standard deviations by the index; the problem has a convex form of these."""
 
 
 def _by_index(name: str) -> Output:
@@ -30,7 +30,7 @@ def _by_index(name: str) -> Output:
 
 def _at_pose(name: str) -> tuple[Output, ...]:
     unit, of = UNITS[name], f"of the {MEANT[name]} at the pose"
-    found = (
+    outputs = (
         Output(f"{name}_pose_{unit}", unit, f"standard deviation over machines {of}", low=0.0),
         Output(
             f"{name}_pose_quantile_{unit}",
@@ -40,12 +40,14 @@ def _at_pose(name: str) -> tuple[Output, ...]:
         ),
     )
     text = f"machines that keep {name}_limit_{unit} at the pose"
-    return found if name not in LIMITED else (*found, _yield(f"{name}_pose_yield_percent", text))
+    return (
+        outputs if name not in LIMITED else (*outputs, _yield(f"{name}_pose_yield_percent", text))
+    )
 
 
 def _over_ring(name: str) -> tuple[Output, ...]:
     unit, quantile = UNITS[name], f"{name}_ring_quantile_{UNITS[name]}"
-    found = _sampled(
+    outputs = _sampled(
         Output(
             quantile,
             unit,
@@ -57,7 +59,7 @@ def _over_ring(name: str) -> tuple[Output, ...]:
     )
     text = f"machines that keep {name}_limit_{unit} at every pose of the ring"
     more = _sampled(_yield(f"{name}_ring_yield_percent", text)) if name in LIMITED else ()
-    return found + more
+    return outputs + more
 
 
 def _yield(name: str, meaning: str) -> Output:
@@ -130,4 +132,4 @@ EXPLAINED = {
     for name in UNITS
     if output.name in OVER_MACHINES and output.name.startswith(name)
 }
-"""What contributes to an output over machines is told by that of the index."""
+"""By output over machines, the output of the index that gives its contributions."""

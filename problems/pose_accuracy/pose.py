@@ -35,11 +35,11 @@ def pose_faults(given: Value, ring_r: Value, ring_z: Value) -> list[Fault]:
     """A fault where half of the pose is missing, or where it lies outside of the ring [mm]."""
     if not isinstance(given, Mapping) or not given:
         return []
-    found = []
+    faults = []
     for name, (low, high) in zip(ENDS, np.array([ring_r, ring_z]).tolist(), strict=True):
         if name not in given:
-            found.append(Fault(f"{PLACE}.{name}", "is missing: a pose has r_mm and z_mm"))
+            faults.append(Fault(f"{PLACE}.{name}", "is missing: a pose has r_mm and z_mm"))
         elif not low <= given[name] <= high:
             text = f"must lie in the ring, [{low:.10g}, {high:.10g}], got {given[name]:.10g}"
-            found.append(Fault(f"{PLACE}.{name}", text))
-    return found
+            faults.append(Fault(f"{PLACE}.{name}", text))
+    return faults

@@ -63,7 +63,7 @@ SCALES: Array = np.array([{"um": UM, "mrad": MRAD}[unit_of(source)] for source i
 
 @dataclass(frozen=True)
 class PoseKind:
-    """What a configuration declares: the variables of its grouping; it makes the problem."""
+    """The variables that a configuration declares by its grouping; it makes the problem."""
 
     grouping: Grouping
     variables: tuple[Variable, ...]
@@ -129,9 +129,9 @@ class PoseAccuracy(PromisingPoses):
 
     @cached_property
     def _owners(self) -> Array:
-        """Which variable (sources, variables) each source belongs to."""
-        each = self.grouping.values()
-        return np.array([[source in own for own in each] for source in SOURCES], dtype=float)
+        """1 where a source belongs to a variable, else 0, (sources, variables)."""
+        groups = self.grouping.values()
+        return np.array([[source in group for group in groups] for source in SOURCES], dtype=float)
 
     @cached_property
     def squares(self) -> dict[str, Array]:
@@ -145,9 +145,9 @@ class PoseAccuracy(PromisingPoses):
 
     def _means(self, index: str) -> dict[str, Array]:
         combinations = orientation_combinations()
-        found = sensitivity(self.machine, self.ring, index, combinations)  # type: ignore[arg-type]
-        each = (found.squareness, found.yaw, found.position)
-        return {name: one[None, :] for name, one in zip(ERRORS, each, strict=True)}
+        indices = sensitivity(self.machine, self.ring, index, combinations)  # type: ignore[arg-type]
+        means = (indices.squareness, indices.yaw, indices.position)
+        return {name: mean[None, :] for name, mean in zip(ERRORS, means, strict=True)}
 
     def _every_pose(self) -> dict[str, Array]:
         maps = first_order(self.machine, *grid(self.ring))
@@ -166,9 +166,9 @@ class PoseAccuracy(PromisingPoses):
 
     def _errors_at(self, r: Array, z: Array) -> dict[str, Field]:
         maps, columns = first_order(self.machine, r, z), matrix(orientation_combinations())
-        turn, move = (one @ columns * SCALES for one in (maps.orientation, maps.position))
-        each = (turn[:, :2] / MRAD, turn[:, 2:] / MRAD, move / MM)
-        return {name: Field(one) for name, one in zip(UNITS, each, strict=True)}
+        turn, move = (jacobian @ columns * SCALES for jacobian in (maps.orientation, maps.position))
+        errors = (turn[:, :2] / MRAD, turn[:, 2:] / MRAD, move / MM)
+        return {name: Field(effects) for name, effects in zip(UNITS, errors, strict=True)}
 
     @cached_property
     def population(self) -> Population:
@@ -176,7 +176,9 @@ class PoseAccuracy(PromisingPoses):
         given, spread = self.settings.parameters, self.settings.propagation
         pose = pose_of(given[POSE.name])
         here = {} if pose is None else self._errors_at(*pose)
-        limits = {name: number(given[one.name]) for name, one in zip(LIMITED, BOUNDS, strict=True)}
+        limits = {
+            name: number(given[bound.name]) for name, bound in zip(LIMITED, BOUNDS, strict=True)
+        }
         usual = np.array([reference_of(source) for source in SOURCES])
         return Population(
             {name: self._with_others(name, field) for name, field in self._fields.items()},
@@ -213,24 +215,24 @@ class PoseAccuracy(PromisingPoses):
         return self.population.outputs(self._sources(designs @ self._owners.T), names)
 
     def _outputs(self, designs: Array, searching: bool) -> dict[str, Array]:
-        """What machines do is left out (NaN) but for what is minimised or limited."""
-        found = {"cost": self.cost_of(designs)}
+        """Outputs over machines are NaN unless they are minimised or limited."""
+        outputs = {"cost": self.cost_of(designs)}
         for name, squares in self.squares.items():
             worst = np.max(designs**2 @ squares.T, axis=1)
-            other = self._other**2 if name == "position_mm" else 0.0
-            found[name] = np.sqrt(worst + other)
+            other_sources = self._other**2 if name == "position_mm" else 0.0
+            outputs[name] = np.sqrt(worst + other_sources)
         asked = (*self.objectives, *(limit.name for limit in self.limits))
         nothing = np.full(len(designs), np.nan)
-        left = {output.name: nothing for output in MACHINES}
-        return found | left | self.over_machines(designs, asked)
+        unsampled = {output.name: nothing for output in MACHINES}
+        return outputs | unsampled | self.over_machines(designs, asked)
 
-    def _verified(self, designs: Array, found: Mapping[str, Array]) -> dict[str, Array]:
-        """What machines do, of the designs that are reported."""
+    def _verified(self, designs: Array, outputs: Mapping[str, Array]) -> dict[str, Array]:
+        """Outputs over machines, for the designs that are reported."""
         return self.over_machines(designs, (output.name for output in MACHINES))
 
     def gradient(self, designs: Array) -> dict[str, Array]:
-        """Derivatives of all outputs; of the worst pose where every pose is looked at."""
-        found = {
+        """Derivatives of all outputs; at the worst pose where the index is every pose."""
+        gradients = {
             "cost": np.stack(
                 [
                     self.settings.costs[name].slope(self.column(designs, name))
@@ -242,16 +244,16 @@ class PoseAccuracy(PromisingPoses):
         values = self._outputs(designs, searching=True)
         for name, squares in self.squares.items():
             worst = squares[np.argmax(designs**2 @ squares.T, axis=1)]
-            found[name] = worst * designs / values[name][:, None]
-        return found | self.promised_slopes(designs)
+            gradients[name] = worst * designs / values[name][:, None]
+        return gradients | self.promised_slopes(designs)
 
     # ---------------------------------------------------------------- what is known
 
     def interval(self, output: str) -> Interval:
         """Proven bounds: errors rise and costs fall with every standard deviation.
 
-        So do the shares of machines that exceed a bound: where it is kept is convex and symmetric
-        (Anderson 1955, Proc. Am. Math. Soc. 6(2)).
+        The fractions of machines that exceed a bound rise as well: the region where the bound is
+        kept is convex and symmetric (Anderson 1955, Proc. Am. Math. Soc. 6(2)).
         """
         if output == "cost":
             return self.cost_interval
@@ -266,7 +268,7 @@ class PoseAccuracy(PromisingPoses):
     def least_cost(self) -> tuple[str, PoseAccuracy] | None:
         """The document's task: tolerances as wide as the limits on the orientation allow.
 
-        None where units are judged for a promise: it is not the document's task, and the 32,000
+        None where units are tested for a promise: that is not the document's task, and the 32,000
         evaluations of its GA would take 25 times the rest of the run.
         """
         if "cost" not in self.objectives or not self.limits or self.sampled:
@@ -295,7 +297,7 @@ class PoseAccuracy(PromisingPoses):
             )
             for at, name in enumerate(self.names)
         )
-        other = np.array([self._other**2 if name == "position_mm" else 0.0 for name in outputs])
+        constants = np.array([self._other**2 if name == "position_mm" else 0.0 for name in outputs])
         relaxed = tuple(
             limit.name
             for limit in self.limits
@@ -307,7 +309,7 @@ class PoseAccuracy(PromisingPoses):
             outputs,
             features,
             np.zeros(len(rows)),
-            other,
+            constants,
             f"first-order errors, index {self.settings.parameters['index']}{left_out}",
             relaxed=relaxed,
         )
@@ -328,12 +330,14 @@ class PoseAccuracy(PromisingPoses):
         moving = {name: {name: 1.0} for name in position_sources()}
         turn = sensitivity(self.machine, self.ring, mean, turning)  # type: ignore[arg-type]
         move = sensitivity(self.machine, self.ring, mean, moving)  # type: ignore[arg-type]
-        own = np.array([reference_of(name) for name in turning]) * SCALES
+        reference = np.array([reference_of(name) for name in turning]) * SCALES
         step = np.array([1e-5 if name.endswith("_um") else 1e-4 for name in moving])
         of = f"index {mean}"
         return (
-            _bars(f"squareness by source, {of}", "mrad", turning, 1e3 * turn.squareness * own),
-            _bars(f"yaw by source, {of}", "mrad", turning, 1e3 * turn.yaw * own),
+            _bars(
+                f"squareness by source, {of}", "mrad", turning, 1e3 * turn.squareness * reference
+            ),
+            _bars(f"yaw by source, {of}", "mrad", turning, 1e3 * turn.yaw * reference),
             _bars(
                 f"position by source (10 um, 0.1 mrad), {of}",
                 "um",
@@ -343,7 +347,7 @@ class PoseAccuracy(PromisingPoses):
         )
 
     def remarks(self, front: pd.DataFrame) -> tuple[str, ...]:
-        """What the standard deviations of the cheapest point mean for machines."""
+        """The meaning for machines of the standard deviations of the cheapest point."""
         if front.empty:
             return ()
         cheapest = int(np.argmin(front["cost"].to_numpy()))
@@ -356,10 +360,10 @@ class PoseAccuracy(PromisingPoses):
     # ---------------------------------------------------------------- faults and assumptions
 
     def faults(self) -> list[Fault]:
-        found = faults(self.machine, self.ring)
+        messages = faults(self.machine, self.ring)
         given = self.settings.parameters
-        found += pose_faults(given[POSE.name], given["ring_r_mm"], given["ring_z_mm"])
-        return found or super().faults()
+        messages += pose_faults(given[POSE.name], given["ring_r_mm"], given["ring_z_mm"])
+        return messages or super().faults()
 
     def assumptions(self) -> tuple[Assumption, ...]:
         limited = [name for name in LIMITS if name in self.settings.limits]

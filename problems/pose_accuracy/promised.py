@@ -1,8 +1,8 @@
 """The promise of `pose_accuracy`: machines that keep both limits at every pose of the ring.
 
-A state of the processes scales the standard deviations that are known by samples. What the error of
-a mean moves is the same in all machines of a process; it counts by the variance that it adds, which
-is the same to second order.
+A state of the processes scales the standard deviations that are known by samples. The error
+of a mean moves all machines of a process alike; it counts by the variance that it adds, which is
+the same to second order.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from .outputs import BOTH, BOUNDS, LIMITED, UNITS
 
 Array = NDArray[np.float64]
 SURE = 1e-12
-"""Share of machines beyond a limit that is told from none."""
+"""Least fraction of machines beyond a limit that is distinguished from none."""
 STEPS = 14
 """Halvings of the range in which a search begins."""
 STEP = 1e-3
@@ -53,58 +53,58 @@ class PromisingPoses(Judged):
     def shortfall(
         self, design: Array, scales: Array, shifts: Array, searching: bool = False
     ) -> Shortfall:
-        """Standard normal quantiles that the share of machines within both limits falls short."""
-        found = self.over_machines(self._at(design, scales, shifts), [BOTH])
-        share = np.clip(0.01 * found[BOTH], SURE, 1.0 - SURE)
+        """Shortfall of the fraction of machines within both limits, as normal quantiles."""
+        outputs = self.over_machines(self._at(design, scales, shifts), [BOTH])
+        share = np.clip(0.01 * outputs[BOTH], SURE, 1.0 - SURE)
         z = ndtri(share)
         bell = np.exp(-0.5 * z**2) / np.sqrt(2.0 * np.pi)
-        error = float(np.median(0.01 * found[f"{BOTH}_error"] / np.maximum(bell, 1e-6)))
+        error = float(np.median(0.01 * outputs[f"{BOTH}_error"] / np.maximum(bell, 1e-6)))
         return Shortfall(self._wanted - z, error)
 
     @property
     def _wanted(self) -> float:
-        """Standard normal quantile of the promised share."""
+        """Standard normal quantile of the promised fraction."""
         assert self.settings.promise is not None
         return float(ndtri(self.settings.promise.share))
 
     def _at(self, design: Array, scales: Array, shifts: Array) -> Array:
         """Full designs (q, all) at states (q, k) of the processes."""
-        found = np.repeat(design[None, :], len(scales), axis=0)
+        designs = np.repeat(design[None, :], len(scales), axis=0)
         columns = [self.names.index(name) for name in self.known]
-        found[:, columns] *= np.hypot(scales, shifts)
-        return found
+        designs[:, columns] *= np.hypot(scales, shifts)
+        return designs
 
     def coordinates(self, scales: Array, shifts: Array) -> Array:
         return np.hypot(scales, shifts) - 1.0
 
     def steepness(self, design: Array, searching: bool) -> tuple[Array, Array]:
-        """By what each adds to the variances, in those that the limits allow."""
+        """By what each process adds to the variances, over the variances that the limits allow."""
         columns = [self.names.index(name) for name in self.known]
         total = np.zeros(len(columns))
         for name, bound in zip(LIMITED, BOUNDS, strict=True):
-            each = self.squares[f"{name}_{UNITS[name]}"] * design**2
-            worst = each[int(np.argmax(each.sum(axis=1)))]
+            added = self.squares[f"{name}_{UNITS[name]}"] * design**2
+            worst = added[int(np.argmax(added.sum(axis=1)))]
             total += worst[columns] / number(self.settings.parameters[bound.name]) ** 2
         return total, np.zeros_like(total)
 
     def yield_at(self, design: Array, scale: Array, shift: Array, searching: bool) -> float:
-        own = self._at(design, scale[None, :], shift[None, :])
-        return float(self.over_machines(own, [BOTH])[BOTH][0])
+        designs = self._at(design, scale[None, :], shift[None, :])
+        return float(self.over_machines(designs, [BOTH])[BOTH][0])
 
     def starts(self) -> Array:
-        """Equal shares of all search ranges where the promise is just kept, and a half of that."""
+        """Equal fractions of all search ranges that just keep the promise, and half of them."""
         promise = self.settings.promise
         if promise is None or promise.statement == PLUG_IN:
             return super().starts()
-        share = self._share(lambda one: float(self.promised_yields(one[None, :], True)[0]))
+        share = self._share(lambda design: float(self.promised_yields(design[None, :], True)[0]))
         return np.stack([self._along(share), self._along(0.5 * share)])
 
     def _along(self, share: float) -> Array:
-        """The full design (all,) at equal shares of all search ranges, by their logarithms."""
+        """The full design (all,) at equal fractions of all search ranges, by their logarithms."""
         return np.asarray(self.complete((self.xl * (self.xu / self.xl) ** share)[None, :])[0])
 
     def _share(self, yields: Callable[[Array], float]) -> float:
-        """The share at which a yield just keeps what is promised."""
+        """The fraction of the ranges at which a yield just keeps the promise."""
         assert self.settings.promise is not None
         near, far = 0.0, 1.0
         for _ in range(STEPS):
@@ -119,35 +119,40 @@ class PromisingPoses(Judged):
         keep what is promised.
         """
         none = np.ones(len(self.known)), np.zeros(len(self.known))
-        design = self._along(self._share(lambda one: self.yield_at(one, *none, True)))
+        design = self._along(self._share(lambda design: self.yield_at(design, *none, True)))
         wanted, worst = (
             float(self.expected_yields(design[None, :], False)[0]),
             self.worst(design, True),
         )
         radii = np.linspace(-1.0, 1.0, 21)
-        found = [self.yield_at(design, *worst.at(float(one)), True) for one in radii]
-        return float(np.interp(-wanted, -np.array(found), radii))
+        yields = [self.yield_at(design, *worst.at(float(radius)), True) for radius in radii]
+        return float(np.interp(-wanted, -np.array(yields), radii))
 
     def promised_slopes(self, designs: Array) -> dict[str, Array]:
         """Derivatives (n, all variables) of the promised yield, by differences on one sample."""
         promise = self.settings.promise
         if promise is None or promise.statement == PLUG_IN:
             return {}
-        found = np.zeros_like(designs)
+        slopes = np.zeros_like(designs)
         for at, v in enumerate(self.variables):
             if v.name not in self.fixed and len(designs):
                 ends = [designs.copy() for _ in range(2)]
                 ends[0][:, at] *= 1.0 + STEP
                 ends[1][:, at] *= 1.0 - STEP
-                up, down = (self.promised_yields(one, searching=True) for one in ends)
-                found[:, at] = (up - down) / (2.0 * STEP * designs[:, at])
-        return {PROMISED: found}
+                up, down = (self.promised_yields(end, searching=True) for end in ends)
+                slopes[:, at] = (up - down) / (2.0 * STEP * designs[:, at])
+        return {PROMISED: slopes}
 
     def expected_yields(self, designs: Array, searching: bool) -> Array:
         if not searching:
-            short = [self.verdict(one).shortfalls for one in designs]
-            return np.array([100.0 * float(np.mean(ndtr(self._wanted - one))) for one in short])
+            short = [self.verdict(design).shortfalls for design in designs]
+            return np.array(
+                [100.0 * float(np.mean(ndtr(self._wanted - shortfalls))) for shortfalls in short]
+            )
         radius = self._expecting if self.known else 0.0
         return np.array(
-            [self.yield_at(one, *self.worst(one, True).at(radius), True) for one in designs]
+            [
+                self.yield_at(design, *self.worst(design, True).at(radius), True)
+                for design in designs
+            ]
         )

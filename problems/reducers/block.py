@@ -49,7 +49,7 @@ class Block:
     edge: float
 
     def with_more(self, lost: float) -> Block:
-        """The same with a lost motion [arcmin] that every unit has besides."""
+        """The same with an additional lost motion [arcmin] of every unit."""
         return replace(self, grade_mean=self.grade_mean + lost) if lost else self
 
     def of_phi_2(self, t: Array) -> tuple[Array, Array]:
@@ -68,14 +68,14 @@ class Block:
         """E b^2 [arcmin^2] of designs: `grade` is a place among `grades`."""
         mean, variance = self.of_phi_2(t)
         free = self.grade_mean[grade] + self.bearing_mean * bearing
-        own = self.grade_variance[grade] + self.bearing_variance * bearing**2
-        return mean_square(free, own, mean + s, variance)
+        free_variance = self.grade_variance[grade] + self.bearing_variance * bearing**2
+        return mean_square(free, free_variance, mean + s, variance)
 
     def cost(self, t: Array, bearing: Array, grade: NDArray[np.int64]) -> Array:
         """Cost (n,) of designs."""
         every = np.concatenate([t, bearing[..., None]], axis=-1)
-        each = [curve.cost(every[..., at]) for at, curve in enumerate(self.curves)]
-        return np.asarray(np.sum(each, axis=0) + self.grade_cost[grade])
+        costs = [curve.cost(every[..., at]) for at, curve in enumerate(self.curves)]
+        return np.asarray(np.sum(costs, axis=0) + self.grade_cost[grade])
 
     def designs(self, t: Array, bearing: Array, grade: NDArray[np.int64], s: Array) -> Array:
         """Full designs (n, all variables) of the reducer's problem."""
@@ -119,7 +119,7 @@ def block_of(problem: RvBacklash) -> Block | str:
     phi_1, phi_3 = problem.total(designs).free
     by_grade, by_bearing = phi_1.cumulants(), phi_3.cumulants()
     ranges = np.array([ends(problem, name) for name in (*names, BEARING)])
-    limit = next((one.high for one in problem.limits if one.name == INTERFERENCE), 1.0)
+    limit = next((bound.high for bound in problem.limits if bound.name == INTERFERENCE), 1.0)
     constant = sum(float(term.constant[0]) for term in terms.values())
     return Block(
         problem=problem,

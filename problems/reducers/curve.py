@@ -1,4 +1,4 @@
-"""What a reducer costs at an rms of its backlash: curves of cost that a larger problem works on."""
+"""Cost of a reducer at an rms of its backlash: cost curves for a larger problem."""
 
 from __future__ import annotations
 
@@ -83,28 +83,29 @@ class PricedCurve(CostCurve):
     def cost(self, t: Array) -> Array:
         """Beyond the last t the cost stays; below the first it is infinite."""
         t = np.asarray(t, dtype=float)
-        found = self.price * (self._spline(np.log(self._inside(t))) - self.margin)
-        return np.where(t < self.t[0] * (1.0 - 1e-12), np.inf, found)
+        priced = self.price * (self._spline(np.log(self._inside(t))) - self.margin)
+        return np.where(t < self.t[0] * (1.0 - 1e-12), np.inf, priced)
 
     def slope(self, t: Array) -> Array:
-        own = self._inside(t)
-        return np.asarray(self.price * np.minimum(self._slope(np.log(own)), 0.0) / own)
+        inside = self._inside(t)
+        return np.asarray(self.price * np.minimum(self._slope(np.log(inside)), 0.0) / inside)
 
     def best(self, linear: Array, square: Array, low: float, high: float) -> Array:
         if np.any(linear):
             return super().best(linear, square, low, high)
-        own = np.asarray(square) / self.price
+        unpriced = np.asarray(square) / self.price
         with np.errstate(divide="ignore"):
-            x = np.interp(np.log(np.maximum(own, 0.0)), *self._inverse)
-        rise = 2.0 * own * np.exp(2.0 * x)  # a secant step on the spline: what is left is rounding
+            x = np.interp(np.log(np.maximum(unpriced, 0.0)), *self._inverse)
+        # a secant step on the spline: the residual is rounding
+        rise = 2.0 * unpriced * np.exp(2.0 * x)
         bend = self._bend(x) + 2.0 * rise
         step = np.where(bend > 0.0, (self._slope(x) + rise) / np.where(bend > 0.0, bend, 1.0), 0.0)
         return np.asarray(np.clip(np.exp(x - np.clip(step, -0.02, 0.02)), low, high))
 
     def price_at(self, t: Array) -> Array:
         """kappa (n,), without the factor, at an rms t (n,)."""
-        own = self._inside(t)
-        return np.asarray(-self._slope(np.log(own)) / (2.0 * own**2))
+        inside = self._inside(t)
+        return np.asarray(-self._slope(np.log(inside)) / (2.0 * inside**2))
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,7 +19,7 @@ STEPS = 5
 FEW = 12
 """Passes from one price to the next of these steps: an error falls to 1e-6."""
 APART = 1e-12
-"""Relative distance of neighbouring root mean squares that tell two allocations apart."""
+"""Relative distance of neighbouring root mean squares above which two allocations differ."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,15 +72,15 @@ def ends_of(block: Block) -> tuple[float, float]:
 
 def _curve(block: Block, at: int) -> PricedCurve:
     grade = np.full(len(PRICES), at)
-    found = least(block, PRICES, grade)
-    proven = lower_bound(block, PRICES, grade, found)
-    order = np.argsort(PRICES)[::-1]  # the dearest price has the least rms
-    t = np.sqrt(found.square)[order]
+    allocations = least(block, PRICES, grade)
+    proven = lower_bound(block, PRICES, grade, allocations)
+    order = np.argsort(PRICES)[::-1]  # the highest price has the least rms
+    t = np.sqrt(allocations.square)[order]
     apart = np.append(True, np.diff(t) > APART * t[1:])
     kept = order[apart]
     return PricedCurve.of(
-        np.sqrt(found.square)[kept],
-        found.cost[kept],
+        np.sqrt(allocations.square)[kept],
+        allocations.cost[kept],
         PRICES[kept],
         proven[kept],
         label=f"grade {block.grades[at]:g}",

@@ -82,8 +82,8 @@ def least(
             float(block.high[-1]),
         )
     s = block.least_shift(*block.of_phi_2(t))
-    found = block.backlash(t, bearing, grade, s)
-    return Least(t, bearing, s, block.cost(t, bearing, grade), found.value)
+    backlash = block.backlash(t, bearing, grade, s)
+    return Least(t, bearing, s, block.cost(t, bearing, grade), backlash.value)
 
 
 def _prices(
@@ -92,12 +92,12 @@ def _prices(
     """s, and the prices of variance and mean of phi_2 and of the mean of the rest, each (n,)."""
     mean, variance = block.of_phi_2(t)
     s = block.least_shift(mean, variance)
-    found = block.backlash(t, bearing, grade, s)
+    backlash = block.backlash(t, bearing, grade, s)
     follows = (s > block.shift.low) & (s < block.shift.high)  # s keeps the mean at the edge
     edge = block.edge if np.isfinite(block.edge) else 0.0
-    more = np.where(follows, found.by_mean * 0.5 * edge / np.sqrt(variance), 0.0)
-    by_mean = np.where(follows, 0.0, found.by_mean)
-    return s, kappa * (found.by_variance + more), kappa * by_mean, kappa * found.by_free
+    more = np.where(follows, backlash.by_mean * 0.5 * edge / np.sqrt(variance), 0.0)
+    by_mean = np.where(follows, 0.0, backlash.by_mean)
+    return s, kappa * (backlash.by_variance + more), kappa * by_mean, kappa * backlash.by_free
 
 
 def _eccentricity(block: Block, price: Array, by_mean: Array, halvings: int) -> Array:
@@ -126,13 +126,13 @@ def lower_bound(block: Block, kappa: Array, grade: NDArray[np.int64], near: Leas
     away = THINNEST * WIDER ** np.arange(np.ceil(np.log((high - low) / THINNEST) / np.log(WIDER)))
     offsets = np.concatenate([[low - high], -away[::-1], away, [high - low]])
     edges = np.clip(near.t[:, -1] + offsets[:, None], low, high)
-    found = np.full(len(kappa), np.inf)
+    bounds = np.full(len(kappa), np.inf)
     for first, last in pairwise(edges):
         real = np.flatnonzero(last > first)
         if len(real):
-            own = _in_cell(block, kappa, grade, near, first, last, real)
-            found[real] = np.minimum(found[real], own)
-    return found if high > low else _in_cell(block, kappa, grade, near, edges[0], edges[0], ...)
+            in_cell = _in_cell(block, kappa, grade, near, first, last, real)
+            bounds[real] = np.minimum(bounds[real], in_cell)
+    return bounds if high > low else _in_cell(block, kappa, grade, near, edges[0], edges[0], ...)
 
 
 def _in_cell(
@@ -153,9 +153,9 @@ def _in_cell(
     mean, variance = block.of_phi_2(x)
     chord = block.bend * ((low + high) * ecc - low * high)
     free = block.grade_mean[grade] + block.bearing_mean * near.bearing
-    own = block.grade_variance[grade] + block.bearing_variance * near.bearing**2
+    free_variance = block.grade_variance[grade] + block.bearing_variance * near.bearing**2
     s = block.least_shift(mean, variance)
-    at = mean_square(free, own, mean - bent + chord + s, variance)
+    at = mean_square(free, free_variance, mean - bent + chord + s, variance)
     deviation = np.sqrt(variance)
     by_t = block.square * x / deviation[:, None]
     by_t[:, -1] += 2.0 * block.bend_square * ecc**3 / deviation

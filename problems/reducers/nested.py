@@ -1,4 +1,4 @@
-"""A reducer as a larger allocation sees it: what an rms of its backlash costs."""
+"""A reducer as part of a larger allocation: its cost at an rms of its backlash."""
 
 from __future__ import annotations
 
@@ -57,13 +57,13 @@ class Nested:
         variants = self._variants
         if (hysteresis, price) not in variants:
             of = self if hysteresis == self.hysteresis else None
-            own = replace(self, hysteresis=hysteresis, price=price, known=None, of=of)
-            variants[hysteresis, price] = own
+            variant = replace(self, hysteresis=hysteresis, price=price, known=None, of=of)
+            variants[hysteresis, price] = variant
         return variants[hysteresis, price]
 
     @cached_property
     def _variants(self) -> dict[tuple[float, float], Nested]:
-        """Those that were asked for: fronts are worked out once."""
+        """Variants that were asked for: each front is computed once."""
         return {}
 
     @property
@@ -76,9 +76,9 @@ class Nested:
         """The coefficients of its tolerances, None of a front of points."""
         if self.problem is None:
             return None
-        found = block_of(self.problem)
-        assert isinstance(found, Block)  # checked where it was read
-        return found.with_more(self.hysteresis)
+        coefficients = block_of(self.problem)
+        assert isinstance(coefficients, Block)  # checked where it was read
+        return coefficients.with_more(self.hysteresis)
 
     @cached_property
     def front(self) -> ReducerFront | None:
@@ -93,7 +93,7 @@ class Nested:
     def curves(self) -> tuple[PricedCurve, ...]:
         """Proven least costs (or those of the points) by rms, one per grade."""
         if self.front is not None:
-            return tuple(replace(one, price=self.price) for one in self.front.curves)
+            return tuple(replace(curve, price=self.price) for curve in self.front.curves)
         return (replace(curve_of_points(*self.points), price=self.price),)
 
     @property
@@ -114,8 +114,8 @@ class Nested:
         if self.front_known is None and self.block is not None:
             return ends_of(self.block)
         return (
-            min(float(one.t[0]) for one in self.curves),
-            max(float(one.t[-1]) for one in self.curves),
+            min(float(curve.t[0]) for curve in self.curves),
+            max(float(curve.t[-1]) for curve in self.curves),
         )
 
     @property
@@ -149,7 +149,7 @@ class Nested:
         return True
 
     def _costs(self, rms: Array) -> Array:
-        return np.stack([one.cost(rms) + one.price * one.margin for one in self.curves])
+        return np.stack([curve.cost(rms) + curve.price * curve.margin for curve in self.curves])
 
     def cost(self, rms: Array) -> Array:
         """Least cost (n,) of reducers of at most an rms (n,)."""
@@ -157,8 +157,8 @@ class Nested:
 
     def slope(self, rms: Array) -> Array:
         """Its derivative (n,), in the cheapest grade."""
-        each = np.stack([one.slope(rms) for one in self.curves])
-        return np.asarray(np.take_along_axis(each, self.grade_at(rms)[None, :], axis=0)[0])
+        slopes = np.stack([curve.slope(rms) for curve in self.curves])
+        return np.asarray(np.take_along_axis(slopes, self.grade_at(rms)[None, :], axis=0)[0])
 
     def grade_at(self, rms: Array) -> NDArray[np.int64]:
         """The cheapest grade (n,), as a place among `grades`."""
@@ -168,17 +168,17 @@ class Nested:
         """Full designs (n, all variables of its problem) of least cost at an rms (n,)."""
         assert self.front is not None and self.block is not None
         grade = self.grade_at(rms)
-        most = np.array([float(one.t[-1]) for one in self.curves])[grade]
-        found = self.front.allocation(np.minimum(rms, most), grade)
-        return self.block.designs(found.t, found.bearing, grade, found.s)
+        most = np.array([float(curve.t[-1]) for curve in self.curves])[grade]
+        allocation = self.front.allocation(np.minimum(rms, most), grade)
+        return self.block.designs(allocation.t, allocation.bearing, grade, allocation.s)
 
     @cached_property
     def _quantiles(self) -> scipy.interpolate.PchipInterpolator:
         rms = np.geomspace(*self.range, KNOTS)
         if self.problem is None:
             return scipy.interpolate.PchipInterpolator(rms, rms * RATIO)
-        found = self.problem.outputs_of(self.designs(rms), errors=False)["backlash_arcmin"]
-        return scipy.interpolate.PchipInterpolator(rms, found)
+        quantiles = self.problem.outputs_of(self.designs(rms), errors=False)["backlash_arcmin"]
+        return scipy.interpolate.PchipInterpolator(rms, quantiles)
 
     def quantile(self, rms: Array) -> Array:
         """Quantile of the backlash (n,) [arcmin] along the front, at the reducer's coverage."""
@@ -194,8 +194,8 @@ class Nested:
             mean = rms / np.sqrt(1.0 + SCATTER**2)
             return np.asarray(gammaincinv(shape, points[:, 0]) * mean / shape)
         total = self.problem.total(np.atleast_2d(design))
-        found = units_of(total, points)[0]
-        return np.asarray(found * (10800.0 / np.pi) + self.hysteresis)
+        backlash = units_of(total, points)[0]
+        return np.asarray(backlash * (10800.0 / np.pi) + self.hysteresis)
 
     @property
     def dimensions(self) -> int:

@@ -66,18 +66,18 @@ class Definition(ABC):
     def gears(self) -> Mapping[str, Nested]:
         """The reducers that have variables of their own, by the key of their first drive."""
         first: dict[str, Drive] = {}
-        for one in self.drives:
-            first.setdefault(self._group(one), one)
+        for fitted in self.drives:
+            first.setdefault(self._group(fitted), fitted)
         return {drive.key: drive.reducer for drive in first.values()}
 
     @cached_property
     def fitted(self) -> tuple[Fitted, ...]:
         """The gear of each drive, with its factors."""
-        names = [self._group(one) for one in self.drives]
+        names = [self._group(drive) for drive in self.drives]
         order = list(dict.fromkeys(names))
         return tuple(
-            Fitted(order.index(name), one.cost_factor, one.backlash_factor, one.te_factor)
-            for name, one in zip(names, self.drives, strict=True)
+            Fitted(order.index(name), drive.cost_factor, drive.backlash_factor, drive.te_factor)
+            for name, drive in zip(names, self.drives, strict=True)
         )
 
     def _group(self, drive: Drive) -> str:
@@ -89,7 +89,11 @@ def declarations(
 ) -> tuple[tuple[Variable, ...], tuple[Output, ...], dict[str, CostCurve]]:
     """Variables, outputs and cost curves of the links."""
     gears = gear_variables(definition.gears, definition.nested)
-    own = definition.link_variables
-    names = [v.name for v in (*own, *gears) if v.tolerance]
-    drives = [one.key for one in definition.drives]
-    return (*own, *gears), outputs_of(drives, definition.links, names), dict(definition.link_costs)
+    links = definition.link_variables
+    names = [v.name for v in (*links, *gears) if v.tolerance]
+    drives = [drive.key for drive in definition.drives]
+    return (
+        (*links, *gears),
+        outputs_of(drives, definition.links, names),
+        dict(definition.link_costs),
+    )

@@ -61,10 +61,10 @@ def _constant(problem: RobotProblem, outputs: list[str]) -> Array:
     """Squares that no tolerance changes: the hysteresis of drives whose flank is held."""
     mean, gears = problem.machine.squares, problem.gears
     lost = 0.25 * (gears.hysteresis * gears.factors) ** 2
-    found = np.zeros(len(outputs))
+    squares = np.zeros(len(outputs))
     for row, name in enumerate(AXES):
-        found[row] = float((mean[f"{name}wave"] - mean[f"{name}backlash"]) @ lost)
-    return found
+        squares[row] = float((mean[f"{name}wave"] - mean[f"{name}backlash"]) @ lost)
+    return squares
 
 
 def _of_gears(problem: RobotProblem, rows: int) -> list[Feature]:
@@ -79,10 +79,10 @@ def _of_gears(problem: RobotProblem, rows: int) -> list[Feature]:
 def _spreads(problem: RobotProblem, gear: int, rows: int) -> Array:
     """Coefficients (2, rows) of a gear's rms backlash [arcmin] and rms wave [arcsec]."""
     mean, gears = problem.machine.squares, problem.gears
-    own = [at for at, which in enumerate(gears.gear_of) if which == gear]
-    squares = gears.factors[own] ** 2, gears.te_factors[own] ** 2
-    play = {name: float(mean[f"{name}backlash"][own] @ squares[0]) for name in AXES}
-    wave = {name: float(mean[f"{name}wave"][own] @ squares[1]) for name in AXES}
+    drives = [at for at, gear_of_drive in enumerate(gears.gear_of) if gear_of_drive == gear]
+    squares = gears.factors[drives] ** 2, gears.te_factors[drives] ** 2
+    play = {name: float(mean[f"{name}backlash"][drives] @ squares[0]) for name in AXES}
+    wave = {name: float(mean[f"{name}wave"][drives] @ squares[1]) for name in AXES}
     spread = np.zeros((2, rows))
     for row, name in enumerate(AXES):
         spread[0, row] = np.sqrt(play[name] / 4.0)
@@ -96,15 +96,15 @@ def _spreads(problem: RobotProblem, gear: int, rows: int) -> Array:
 
 def _of_backlash(problem: RobotProblem, gear: int, spread: Array) -> Feature:
     """A way per grade; the cost of all drives that have the gear is in its curve."""
-    one, name = problem.gears.nested[gear], f"reducer_{problem.gears.keys[gear]}"
-    low, high = _range(problem, f"{name}_{RMS}", one.range)
-    price = one.price * float(problem.gears.counts[gear])
+    reducer, name = problem.gears.nested[gear], f"reducer_{problem.gears.keys[gear]}"
+    low, high = _range(problem, f"{name}_{RMS}", reducer.range)
+    price = reducer.price * float(problem.gears.counts[gear])
     ways = []
-    for curve, grade in zip(one.curves, one.grades, strict=True):
+    for curve, grade in zip(reducer.curves, reducer.grades, strict=True):
         ends = max(low, float(curve.t[0])), min(high, float(curve.t[-1]))
         if ends[0] < ends[1]:
-            own = replace(curve, price=price)
-            ways.append(_way(own, ends, spread, float(grade)))
+            priced = replace(curve, price=price)
+            ways.append(_way(priced, ends, spread, float(grade)))
     return Feature(f"{name}_{RMS}", tuple(ways), f"{name}_grade_of_form")
 
 
@@ -112,8 +112,8 @@ def _of_wave(problem: RobotProblem, gear: int, spread: Array) -> Feature:
     curve, name = problem.gears.wave.curve, f"reducer_{problem.gears.keys[gear]}"
     usual = float(curve.t[0]), float(curve.t[-1])
     low, high = _range(problem, f"{name}_{TE}", usual)
-    own = replace(curve, price=curve.price * float(problem.gears.counts[gear]))
-    way = _way(own, (max(low, usual[0]), min(high, usual[1])), spread)
+    priced = replace(curve, price=curve.price * float(problem.gears.counts[gear]))
+    way = _way(priced, (max(low, usual[0]), min(high, usual[1])), spread)
     return Feature(f"{name}_{TE}", (way,))
 
 
@@ -124,14 +124,14 @@ def _way(curve: CostCurve, ends: tuple[float, float], spread: Array, choice: flo
 
 def _of_links(problem: RobotProblem, rows: int) -> list[Feature]:
     squares = problem.machine.links
-    found = []
+    features = []
     for at, name in enumerate(problem.link_names):
         spread = np.zeros(rows)
         spread[:3] = np.sqrt(squares[:, at])
         low, high = _range(problem, name, problem.interval(name))
         way = _way(problem.settings.costs[name], (low, high), spread)
-        found.append(Feature(name, (way,)))
-    return found
+        features.append(Feature(name, (way,)))
+    return features
 
 
 def _range(problem: RobotProblem, name: str, usual: tuple[float, float]) -> tuple[float, float]:

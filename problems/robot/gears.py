@@ -38,14 +38,14 @@ class Fitted:
 
 def gear_variables(gears: Mapping[str, Nested], nested: bool) -> tuple[Variable, ...]:
     """Variables of reducers by key: two each where they are nested, else all their tolerances."""
-    found: list[Variable] = []
-    for key, one in gears.items():
-        found += _nested(key, one) if nested else _whole(key, one)
-    return tuple(found)
+    variables: list[Variable] = []
+    for key, reducer in gears.items():
+        variables += _nested(key, reducer) if nested else _whole(key, reducer)
+    return tuple(variables)
 
 
-def _nested(at: str, one: Nested) -> list[Variable]:
-    low, high = one.range
+def _nested(at: str, reducer: Nested) -> list[Variable]:
+    low, high = reducer.range
     te = Wave().angles.ends
     return [
         Variable(
@@ -70,15 +70,15 @@ def _nested(at: str, one: Nested) -> list[Variable]:
     ]
 
 
-def _whole(at: str, one: Nested) -> list[Variable]:
-    problem = one.problem
+def _whole(at: str, reducer: Nested) -> list[Variable]:
+    problem = reducer.problem
     assert problem is not None
     set_to = problem.settings.variables
-    found = []
+    variables = []
     for v in problem.free:
         low, high = set_to[v.name].low, set_to[v.name].high
         assert low is not None and high is not None
-        found.append(
+        variables.append(
             Variable(
                 f"reducer_{at}_{v.name}",
                 v.unit,
@@ -93,17 +93,17 @@ def _whole(at: str, one: Nested) -> list[Variable]:
             )
         )
     for v in WAVES[: len(ANGLES)]:
-        found.append(
+        variables.append(
             replace(
                 v, name=f"reducer_{at}_{v.name}", meaning=f"reducer {at}: {v.meaning}", random=False
             )
         )
-    return found
+    return variables
 
 
-def _excess(rms: float, one: Nested, most: float) -> float:
+def _excess(rms: float, reducer: Nested, most: float) -> float:
     """Quantile of the backlash [arcmin] at an rms, less the most that it may be."""
-    return float(one.quantile(np.array([rms]))[0]) - most
+    return float(reducer.quantile(np.array([rms]))[0]) - most
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -153,28 +153,28 @@ class Gears:
         """The reducers at the parameters of a problem."""
         lost, price = number(p["hysteresis_arcmin"]), number(p["reducer_price"])
         wave = Wave(number(p["precision_weight"]), coverage, price)
-        own = tuple(one.with_(lost, price) for one in gears.values())
-        return cls(tuple(gears), own, fitted, nested, wave, lost, price)
+        reducers = tuple(reducer.with_(lost, price) for reducer in gears.values())
+        return cls(tuple(gears), reducers, fitted, nested, wave, lost, price)
 
     @cached_property
     def gear_of(self) -> tuple[int, ...]:
         """The gear of each drive."""
-        return tuple(one.gear for one in self.fitted)
+        return tuple(drive.gear for drive in self.fitted)
 
     @cached_property
     def factors(self) -> Array:
         """Backlash (drives,) as a factor of that of the drive's gear."""
-        return np.array([one.backlash_factor for one in self.fitted])
+        return np.array([drive.backlash_factor for drive in self.fitted])
 
     @cached_property
     def te_factors(self) -> Array:
         """Transmission error (drives,) as a factor of that of the drive's gear."""
-        return np.array([one.te_factor for one in self.fitted])
+        return np.array([drive.te_factor for drive in self.fitted])
 
     @cached_property
     def counts(self) -> Array:
         """Sum of the cost factors of the drives that have each gear."""
-        costs = [one.cost_factor for one in self.fitted]
+        costs = [drive.cost_factor for drive in self.fitted]
         return np.bincount(self.gear_of, costs, len(self.nested)).astype(float)
 
     @cached_property
@@ -182,10 +182,10 @@ class Gears:
         """Largest factors (2, gears) of backlash and transmission error of the drives that have
         each gear.
         """
-        own = np.array(self.gear_of)
+        gear_of_drive = np.array(self.gear_of)
         return np.array(
             [
-                [factors[own == gear].max() for gear in range(len(self.nested))]
+                [factors[gear_of_drive == gear].max() for gear in range(len(self.nested))]
                 for factors in (self.factors, self.te_factors)
             ]
         )
@@ -193,7 +193,7 @@ class Gears:
     @property
     def dimensions(self) -> int:
         """Independent errors of a unit of every drive."""
-        return len(self.fitted) * max(one.dimensions for one in self.nested)
+        return len(self.fitted) * max(reducer.dimensions for reducer in self.nested)
 
     # ---------------------------------------------------------------- columns
 
@@ -205,31 +205,31 @@ class Gears:
     def _begin(self, gear: int) -> int:
         if self.small:
             return 2 * gear
-        return sum(len(self._free(one)) + len(ANGLES) for one in range(gear))
+        return sum(len(self._free(earlier)) + len(ANGLES) for earlier in range(gear))
 
     def _designs(self, columns: Array, gear: int) -> Array:
         """Full designs (n, all variables) of a reducer's problem."""
-        one, begin = self.nested[gear], self._begin(gear)
+        reducer, begin = self.nested[gear], self._begin(gear)
         if self.small:
-            return one.designs(columns[:, begin])
-        assert one.problem is not None
-        return one.problem.complete(columns[:, begin : begin + len(self._free(gear))])
+            return reducer.designs(columns[:, begin])
+        assert reducer.problem is not None
+        return reducer.problem.complete(columns[:, begin : begin + len(self._free(gear))])
 
     def _every(self, columns: Array) -> list[Array]:
         """By gear: full designs (n, all variables) of its problem, or the rms (n, 1) of a front of
-        points. Gears that are one reducer are worked out together.
+        points. Gears with the same reducer are computed together.
         """
         if not self.small:
             return [self._designs(columns, gear) for gear in range(len(self.nested))]
-        found: dict[int, Array] = {}
-        for gear, one in enumerate(self.nested):
-            if gear in found:
+        by_gear: dict[int, Array] = {}
+        for gear, reducer in enumerate(self.nested):
+            if gear in by_gear:
                 continue
-            alike = [at for at, other in enumerate(self.nested) if other is one]
+            alike = [at for at, other in enumerate(self.nested) if other is reducer]
             rms = np.concatenate([columns[:, self._begin(at)] for at in alike])
-            whole = rms[:, None] if one.problem is None else one.designs(rms)
-            found |= dict(zip(alike, np.split(whole, len(alike)), strict=True))
-        return [found[gear] for gear in range(len(self.nested))]
+            whole = rms[:, None] if reducer.problem is None else reducer.designs(rms)
+            by_gear |= dict(zip(alike, np.split(whole, len(alike)), strict=True))
+        return [by_gear[gear] for gear in range(len(self.nested))]
 
     def _half_widths(self, columns: Array, gear: int) -> Array:
         """Half-widths (n, 12) [mrad] of the angles of a reducer."""
@@ -241,60 +241,60 @@ class Gears:
 
     def at(self, columns: Array) -> At:
         """Costs and mean squares of columns (n, all of the reducers')."""
-        each = [self._one(columns, gear) for gear in range(len(self.nested))]
-        return At(*(np.stack(part, axis=1) for part in zip(*each, strict=True)))
+        by_gear = [self._of_gear(columns, gear) for gear in range(len(self.nested))]
+        return At(*(np.stack(part, axis=1) for part in zip(*by_gear, strict=True)))
 
-    def _one(self, columns: Array, gear: int) -> tuple[Array, Array, Array]:
-        one, begin = self.nested[gear], self._begin(gear)
+    def _of_gear(self, columns: Array, gear: int) -> tuple[Array, Array, Array]:
+        reducer, begin = self.nested[gear], self._begin(gear)
         if self.small:
             rms, te = columns[:, begin], columns[:, begin + 1]
-            return one.cost(rms) + self.wave.cost(te), rms**2, te * SECONDS
-        assert one.problem is not None and one.block is not None
+            return reducer.cost(rms) + self.wave.cost(te), rms**2, te * SECONDS
+        assert reducer.problem is not None and reducer.block is not None
         designs, angles = self._designs(columns, gear), self._half_widths(columns, gear)
-        cost = one.problem.cost_of(designs) + np.sum(COST / angles, axis=1)
+        cost = reducer.problem.cost_of(designs) + np.sum(COST / angles, axis=1)
         wave = self.wave.rms(angles) * SECONDS
-        return self.price * cost, one.block.of_designs(designs), wave
+        return self.price * cost, reducer.block.of_designs(designs), wave
 
     def amplitudes(self, columns: Array) -> Array:
-        """Quantile (n,) [arcsec] of the amplitude of the transmission error; of the worst drive."""
-        each = [
+        """Quantile (n,) [arcsec] of the amplitude of the transmission error of the worst drive."""
+        by_gear = [
             self.largest[1, gear] * self.wave.amplitude(self._half_widths(columns, gear))
             for gear in range(len(self.nested))
         ]
-        return np.asarray(np.max(each, axis=0))
+        return np.asarray(np.max(by_gear, axis=0))
 
     def quantiles(self, columns: Array) -> Array:
-        """Quantile (n,) [arcmin] of the backlash; of the worst drive."""
-        each = [
+        """Quantile (n,) [arcmin] of the backlash of the worst drive."""
+        by_gear = [
             self.largest[0, gear] * self._quantile(columns, gear)
             for gear in range(len(self.nested))
         ]
-        return np.asarray(np.max(each, axis=0))
+        return np.asarray(np.max(by_gear, axis=0))
 
     def _quantile(self, columns: Array, gear: int) -> Array:
-        one = self.nested[gear]
-        if self.small or one.problem is None:
-            return one.quantile(columns[:, self._begin(gear)])
-        found = one.problem.outputs_of(self._designs(columns, gear), errors=False)
-        return found["backlash_arcmin"]
+        reducer = self.nested[gear]
+        if self.small or reducer.problem is None:
+            return reducer.quantile(columns[:, self._begin(gear)])
+        outputs = reducer.problem.outputs_of(self._designs(columns, gear), errors=False)
+        return outputs["backlash_arcmin"]
 
     def rms_of_quantile(self, most: float) -> float:
         """The least rms [arcmin] of any drive at which its quantile is `most` [arcmin]."""
-        found = []
-        for one, factor in zip(self.nested, self.largest[0].tolist(), strict=True):
-            low, high = one.range
-            ends = [_excess(t, one, most / factor) for t in (low, high)]
+        least = []
+        for reducer, factor in zip(self.nested, self.largest[0].tolist(), strict=True):
+            low, high = reducer.range
+            ends = [_excess(t, reducer, most / factor) for t in (low, high)]
             if ends[0] >= 0.0 or ends[1] <= 0.0:
-                found.append(factor * (low if ends[0] >= 0.0 else high))
+                least.append(factor * (low if ends[0] >= 0.0 else high))
                 continue
-            at = scipy.optimize.brentq(_excess, low, high, args=(one, most / factor))
-            found.append(factor * float(at))
-        return float(min(found))
+            at = scipy.optimize.brentq(_excess, low, high, args=(reducer, most / factor))
+            least.append(factor * float(at))
+        return float(min(least))
 
     # ---------------------------------------------------------------- Monte Carlo
 
     def built(self, columns: Array) -> list[Built]:
-        """What units of the reducers are made to, of columns (n, all of the reducers')."""
+        """The reducers that units are built to, by columns (n, all of the reducers')."""
         every = self._every(columns)
         parts = [
             (whole, smooth_root(self.wave.covariance(self._half_widths(columns, gear))))
@@ -312,9 +312,9 @@ class Gears:
         width = points.shape[1] // len(self.fitted)
         play = []
         for drive, gear in enumerate(self.gear_of):
-            one = self.nested[gear]
-            own = points[:, drive * width : drive * width + one.dimensions]
-            play.append(one.backlashes(built.designs[gear], own))
+            reducer = self.nested[gear]
+            drive_points = points[:, drive * width : drive * width + reducer.dimensions]
+            play.append(reducer.backlashes(built.designs[gear], drive_points))
         lost = self.hysteresis * self.factors
         roots = self.te_factors[:, None, None] * built.roots[list(self.gear_of)]
         return self.factors * np.stack(play, axis=1), lost, roots
@@ -325,19 +325,19 @@ class Gears:
         """By variable: derivatives of mean square backlash and wave [arcmin^2], and minus that of
         the cost of one reducer, each (n,). The grade counts by the step to the next finer one.
         """
-        begin, one = self._begin(gear), self.nested[gear]
+        begin, reducer = self._begin(gear), self.nested[gear]
         names = [RMS, TE] if self.small else [*self._free(gear), *ANGLES]
-        found = {}
+        by_variable = {}
         for at, name in enumerate(names):
             value = columns[:, begin + at]
             if self.small and name == RMS:
-                own = (2.0 * value, 0.0 * value), -one.slope(value)
+                derivatives = (2.0 * value, 0.0 * value), -reducer.slope(value)
             elif self.small:
-                own = (0.0 * value, 2.0 * value * SECONDS**2), -self.wave.curve.slope(value)
+                derivatives = (0.0 * value, 2.0 * value * SECONDS**2), -self.wave.curve.slope(value)
             else:
-                own = self._difference(columns, gear, begin + at, name)
-            found[f"reducer_{self.keys[gear]}_{name}"] = own
-        return found
+                derivatives = self._difference(columns, gear, begin + at, name)
+            by_variable[f"reducer_{self.keys[gear]}_{name}"] = derivatives
+        return by_variable
 
     def _difference(
         self, columns: Array, gear: int, at: int, name: str
@@ -353,40 +353,47 @@ class Gears:
         width = np.where(width == 0.0, np.inf, width)
         cost, square, wave = (
             (high - low) / width
-            for high, low in zip(self._one(up, gear), self._one(down, gear), strict=True)
+            for high, low in zip(self._of_gear(up, gear), self._of_gear(down, gear), strict=True)
         )
-        mean = 0.5 * (self._one(up, gear)[2] + self._one(down, gear)[2])
+        mean = 0.5 * (self._of_gear(up, gear)[2] + self._of_gear(down, gear)[2])
         return (square, 2.0 * mean * wave), -cost
 
     # ---------------------------------------------------------------- from the convex form
 
     def form_columns(self, columns: Mapping[str, Array]) -> dict[str, Array]:
-        """All variables of the reducers from the rms of each that a form has found."""
-        found = dict(columns)
+        """All variables of the reducers from the rms values of a form's optimum."""
+        all_columns = dict(columns)
         if self.small:
-            return found
-        for gear, one in zip(self.keys, self.nested, strict=True):
-            rms, te = found.pop(f"reducer_{gear}_{RMS}"), found.pop(f"reducer_{gear}_{TE}")
-            assert one.problem is not None
-            designs = (
-                one.designs(np.asarray(rms)) if len(rms) else np.empty((0, len(one.problem.names)))
+            return all_columns
+        for gear, reducer in zip(self.keys, self.nested, strict=True):
+            rms, te = (
+                all_columns.pop(f"reducer_{gear}_{RMS}"),
+                all_columns.pop(f"reducer_{gear}_{TE}"),
             )
-            for name, column in zip(one.problem.names, designs.T, strict=True):
-                found[f"reducer_{gear}_{name}"] = column
+            assert reducer.problem is not None
+            designs = (
+                reducer.designs(np.asarray(rms))
+                if len(rms)
+                else np.empty((0, len(reducer.problem.names)))
+            )
+            for name, column in zip(reducer.problem.names, designs.T, strict=True):
+                all_columns[f"reducer_{gear}_{name}"] = column
             for name, column in zip(ANGLES, self.wave.angles.allocation(te).T, strict=True):
-                found[f"reducer_{gear}_{name}"] = column
-        return found
+                all_columns[f"reducer_{gear}_{name}"] = column
+        return all_columns
 
     def document(self) -> list[float]:
         """The documents' tolerances of all reducers, as columns."""
-        found: list[float] = []
-        for gear, one in enumerate(self.nested):
-            assert one.problem is not None
-            printed = {v.name: float(v.document or 0.0) for v in one.problem.variables}
-            found += [printed[name] for name in self._free(gear)] + list(DOCUMENT_MRAD.values())
-        return found
+        tolerances: list[float] = []
+        for gear, reducer in enumerate(self.nested):
+            assert reducer.problem is not None
+            printed = {v.name: float(v.document or 0.0) for v in reducer.problem.variables}
+            tolerances += [printed[name] for name in self._free(gear)] + list(
+                DOCUMENT_MRAD.values()
+            )
+        return tolerances
 
     @cached_property
     def proven(self) -> bool:
         """Whether the least cost of every reducer is proven."""
-        return all(one.proven for one in self.nested)
+        return all(reducer.proven for reducer in self.nested)

@@ -1,4 +1,4 @@
-"""What errors of links and reducers do at a machine's tool: mean squares over its poses."""
+"""Effects of errors of links and reducers at a machine's tool: mean squares over its poses."""
 
 from __future__ import annotations
 
@@ -93,16 +93,19 @@ class Machine(ABC):
         """Mean squares (3, variables) of position, squareness and yaw [mm^2, mrad^2 per unit^2]."""
         places = self.places
         rows = (places.move / MM, places.turn[:, :2] / MRAD, places.turn[:, 2:] / MRAD)
-        each = [places.mean(np.sum(row**2, axis=1)) for row in rows]
+        squares = [places.mean(np.sum(row**2, axis=1)) for row in rows]
         return np.array(
-            [_without_rounding(np.array([row[own].sum() for own in self.columns])) for row in each]
+            [
+                _without_rounding(np.array([row[sources].sum() for sources in self.columns]))
+                for row in squares
+            ]
         )
 
     def free(self, places: Places) -> Array:
         """1 where no flank of a drive (n, geared) is held, 0 where gravity holds one."""
         held = np.abs(places.torque) > self.friction
-        given = np.array(self.flanks)
-        return np.where(given == "gravity", ~held, given == "free").astype(float)
+        stated = np.array(self.flanks)
+        return np.where(stated == "gravity", ~held, stated == "free").astype(float)
 
     @cached_property
     def squares(self) -> dict[str, Array]:
@@ -113,14 +116,14 @@ class Machine(ABC):
         places, count = self.places, self.geared
         free, turn = self.free(places), places.drives.turn[:, :, :count] ** 2
         turn = np.where(turn > NONE, turn, 0.0)
-        each = {
+        by_axis = {
             "": places.drives.squares[:, :count] * (ARCMIN / MM) ** 2,
             "tilt_": turn[:, :2].sum(axis=1) * (ARCMIN / MRAD) ** 2,
             "yaw_": turn[:, 2] * (ARCMIN / MRAD) ** 2,
         }
         return {
-            f"{name}{what}": _without_rounding(places.mean(weight * own))
-            for name, own in each.items()
+            f"{name}{what}": _without_rounding(places.mean(weight * square))
+            for name, square in by_axis.items()
             for what, weight in (("backlash", free), ("wave", np.ones_like(free)))
         }
 
@@ -144,34 +147,36 @@ class Machine(ABC):
 
     @property
     def wind_up_varying(self) -> float:
-        """Rms [mm] of what is left of it when its mean over the poses is taken away."""
-        left = self.wound_up - self.places.mean(self.wound_up)
-        return float(np.sqrt(self.places.mean(np.sum(left**2, axis=1))))
+        """Rms [mm] of the residual displacement after subtracting its mean over the poses."""
+        varying = self.wound_up - self.places.mean(self.wound_up)
+        return float(np.sqrt(self.places.mean(np.sum(varying**2, axis=1))))
 
     def variation(self, rms: Array) -> Array:
         """vAP (n,) [mm] of reducers of rms backlashes (n, geared) [arcmin]: rms over the poses."""
         machine = self.places.drives
         direct = machine.move.shape[2] - self.geared
         free = np.pad(self.free(self.places), ((0, 0), (0, direct)))
-        each = np.pad(rms * ARCMIN, ((0, 0), (0, direct)))
-        found = [machine.mean(machine.variation(one, free=free)) for one in each]
-        return np.sqrt(np.array(found)) / MM
+        backlashes = np.pad(rms * ARCMIN, ((0, 0), (0, direct)))
+        variations = [
+            machine.mean(machine.variation(backlash, free=free)) for backlash in backlashes
+        ]
+        return np.sqrt(np.array(variations)) / MM
 
     # ---------------------------------------------------------------- Monte Carlo
 
     def sampled(self, samples: int, dimensions: int, rng: np.random.Generator) -> Sampled:
         """The machine at poses drawn evenly, with units for the accuracy."""
         places = self.drawn(rng)
-        each = np.stack(
+        covariances = np.stack(
             [
-                np.einsum("nik,njk->nij", places.move[:, :, own], places.move[:, :, own])
-                for own in self.columns
+                np.einsum("nik,njk->nij", places.move[:, :, sources], places.move[:, :, sources])
+                for sources in self.columns
             ]
         )
         whole, count = places.drives, self.geared
-        own = Drives(whole.weight, whole.move[:, :, :count], whole.turn[:, :, :count])
+        geared_drives = Drives(whole.weight, whole.move[:, :, :count], whole.turn[:, :, :count])
         sample = AccuracySample.draw(samples, len(whole.move), count, dimensions, rng)
-        return Sampled(own, each, self.free(places), sample)
+        return Sampled(geared_drives, covariances, self.free(places), sample)
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,4 +1,4 @@
-"""What every machine of links and reducers declares beside its variables."""
+"""Parameters and outputs that every machine of links and reducers declares."""
 
 from __future__ import annotations
 

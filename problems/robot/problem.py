@@ -28,11 +28,11 @@ from .remarks import remarks_of
 
 Array = NDArray[np.float64]
 SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)
-"""Shares of backlash in R^2 at which the ratio A/R of a search is known."""
+"""Fractions of backlash in R^2 at which the ratio A/R of a search is tabulated."""
 SAFE = 1.01
-"""Factor of that ratio, so that what a search finds keeps its limits when it is sampled."""
+"""Factor of that ratio, so that a design of a search keeps its limits when it is sampled."""
 SAMPLED = 200
-"""Designs that are sampled at once; of more, those that are reported."""
+"""Most designs that are sampled at once; of a larger batch only those that are reported."""
 UNITS = 16_384
 """Units of the ratio that a search uses."""
 ROWS = ("pose_rms_mm", "squareness_mrad", "yaw_mrad")
@@ -79,21 +79,21 @@ class RobotProblem(ToleranceProblem):
         return designs[:, : len(self.link_names)]
 
     def _outputs(self, designs: Array, searching: bool) -> dict[str, Array]:
-        found = {output.name: np.full(len(designs), np.nan) for output in self.outputs}
-        found |= self.first_order(designs)
-        rms = found["pose_rms_mm"]
+        outputs = {output.name: np.full(len(designs), np.nan) for output in self.outputs}
+        outputs |= self.first_order(designs)
+        rms = outputs["pose_rms_mm"]
         if searching or len(designs) > SAMPLED:
-            waves = found["path_te_mm"] ** 2 / 2.0
-            links = sum(found[share_name(name)] for name in self.link_names) / 100.0
+            waves = outputs["path_te_mm"] ** 2 / 2.0
+            links = sum(outputs[share_name(name)] for name in self.link_names) / 100.0
             share = 1.0 - links - waves / np.where(rms > 0.0, rms**2, 1.0)
-            found |= self._accuracy(rms, np.where(rms > 0.0, share, 0.0))
+            outputs |= self._accuracy(rms, np.where(rms > 0.0, share, 0.0))
         else:
-            found |= self._by_monte_carlo(designs, rms)
-        return found | self._asked(designs)
+            outputs |= self._by_monte_carlo(designs, rms)
+        return outputs | self._asked(designs)
 
     def first_order(self, designs: Array) -> dict[str, Array]:
         """Outputs (n,) of full designs (n, all variables) that need no sample: costs, root mean
-        squares and shares.
+        squares and their fractions.
         """
         sigma, gears = self.sigma(designs), self.gears.at(self._of_gears(designs))
         drives = list(self.gears.gear_of)
@@ -105,7 +105,7 @@ class RobotProblem(ToleranceProblem):
         tilt, turn = (self._turned(row, square, wave, sigma) for row in (1, 2))
         mean, machine = self.machine.squares, self.machine
         cost_links, cost_gears = self.cost_of(designs), gears.cost @ self.gears.counts
-        found = {
+        outputs = {
             "cost": cost_links + cost_gears,
             "cost_links": cost_links,
             "cost_reducers": cost_gears,
@@ -116,7 +116,7 @@ class RobotProblem(ToleranceProblem):
             "reversal_mm": np.sqrt(square @ mean["backlash"]),
             "path_te_mm": np.sqrt(2.0 * wave @ mean["wave"]),
         }
-        found |= {
+        outputs |= {
             name: np.full(len(designs), value)
             for name, value in (
                 ("wind_up_mm", machine.wind_up),
@@ -126,12 +126,12 @@ class RobotProblem(ToleranceProblem):
         }
         with np.errstate(invalid="ignore", divide="ignore"):
             shares = np.where(total > 0.0, 100.0 / total, 0.0)
-        keys = [one.key for one in self.definition.drives]
-        found |= {
+        keys = [drive.key for drive in self.definition.drives]
+        outputs |= {
             f"share_joint_{key}_percent": by_joint[:, at] * shares for at, key in enumerate(keys)
         }
-        found |= {share_name(n): by_link[:, k] * shares for k, n in enumerate(self.link_names)}
-        return found
+        outputs |= {share_name(n): by_link[:, k] * shares for k, n in enumerate(self.link_names)}
+        return outputs
 
     def _parts(self, square: Array, wave: Array, sigma: Array) -> tuple[Array, Array]:
         """Parts (n, drives) and (n, links) of R^2 [mm^2]."""
@@ -146,39 +146,39 @@ class RobotProblem(ToleranceProblem):
         mean, name = self.machine.squares, AXES[row]
         backlash, whole = mean[f"{name}backlash"], mean[f"{name}wave"]
         lost = 0.25 * (self.gears.hysteresis * self.gears.factors) ** 2
-        found = sigma**2 @ self.machine.links[row] + square @ backlash / 4.0 + wave @ whole
-        return np.asarray(np.sqrt(found + (whole - backlash) @ lost))
+        by_tolerances = sigma**2 @ self.machine.links[row] + square @ backlash / 4.0 + wave @ whole
+        return np.asarray(np.sqrt(by_tolerances + (whole - backlash) @ lost))
 
     def _accuracy(self, rms: Array, share: Array) -> dict[str, Array]:
-        """A by the ratio that a search uses: interpolated over the share of backlash in R^2."""
+        """A by the ratio that a search uses: interpolated over the fraction of backlash in R^2."""
         c = SAFE * np.interp(share, SHARES, self._ratios)
         return {"pose_accuracy_mm": c * rms, "accuracy_ratio": c}
 
     def _asked(self, designs: Array) -> dict[str, Array]:
-        """Outputs that take longer, where they are minimised or limited."""
+        """The outputs that take longer, where they are minimised or limited."""
         asked = {*self.objectives, *(limit.name for limit in self.limits)}
-        found: dict[str, Array] = {}
-        own = self._of_gears(designs)
+        outputs: dict[str, Array] = {}
+        columns = self._of_gears(designs)
         if "te_amplitude_arcsec" in asked:
-            found["te_amplitude_arcsec"] = self.gears.amplitudes(own)
+            outputs["te_amplitude_arcsec"] = self.gears.amplitudes(columns)
         if "backlash_arcmin" in asked:
-            found["backlash_arcmin"] = self.gears.quantiles(own)
+            outputs["backlash_arcmin"] = self.gears.quantiles(columns)
         if "iso_vap_mm" in asked:
-            found["iso_vap_mm"] = self.machine.variation(self._play(own))
-        return found
+            outputs["iso_vap_mm"] = self.machine.variation(self._play(columns))
+        return outputs
 
     def _play(self, columns: Array) -> Array:
         """Rms backlash (n, drives) [arcmin]."""
         square = self.gears.at(columns).square[:, list(self.gears.gear_of)]
         return np.sqrt(square) * self.gears.factors
 
-    def _verified(self, designs: Array, found: Mapping[str, Array]) -> dict[str, Array]:
-        """Everything else, of the designs that are reported."""
-        own, rms = self._of_gears(designs), found["pose_rms_mm"]
+    def _verified(self, designs: Array, outputs: Mapping[str, Array]) -> dict[str, Array]:
+        """The remaining outputs, for the designs that are reported."""
+        columns, rms = self._of_gears(designs), outputs["pose_rms_mm"]
         more = {
-            "te_amplitude_arcsec": self.gears.amplitudes(own),
-            "backlash_arcmin": self.gears.quantiles(own),
-            "iso_vap_mm": self.machine.variation(self._play(own)),
+            "te_amplitude_arcsec": self.gears.amplitudes(columns),
+            "backlash_arcmin": self.gears.quantiles(columns),
+            "iso_vap_mm": self.machine.variation(self._play(columns)),
         }
         accuracy = self._by_monte_carlo(designs, rms) if len(designs) > SAMPLED else {}
         return more | self._prices(designs, rms) | accuracy
@@ -188,8 +188,8 @@ class RobotProblem(ToleranceProblem):
         coverage = self.settings.propagation.coverage
         c = np.array(
             [
-                ratio(self._errors(sigma, one), coverage)
-                for sigma, one in zip(self.sigma(designs), built, strict=True)
+                ratio(self._errors(sigma, reducers), coverage)
+                for sigma, reducers in zip(self.sigma(designs), built, strict=True)
             ]
         )
         return {"pose_accuracy_mm": c * rms, "accuracy_ratio": c}
@@ -206,27 +206,27 @@ class RobotProblem(ToleranceProblem):
         return self.machine.sampled(samples, self.gears.dimensions, rng)
 
     def _errors(self, sigma: Array, built: Built) -> Array:
-        some = self._sampled
-        units = self.gears.units(built, some.sample.unit)
-        return some.errors(sigma, some.joint_errors(*units))
+        sampled = self._sampled
+        units = self.gears.units(built, sampled.sample.unit)
+        return sampled.errors(sigma, sampled.joint_errors(*units))
 
     @cached_property
     def _ratios(self) -> Array:
-        """c at `SHARES`, of machines whose errors are scaled until backlash has that share."""
+        """c at `SHARES`, of machines whose errors are scaled to that fraction of backlash."""
         rng = np.random.default_rng(self.settings.seed)
-        some = self.machine.sampled(UNITS, self.gears.dimensions, rng)
+        sampled = self.machine.sampled(UNITS, self.gears.dimensions, rng)
         middle = np.sqrt(self._corner(tight=True) * np.maximum(self._corner(tight=False), 1e-12))
-        own = self.gears.built(self._of_gears(middle[None, :]))[0]
-        units = self.gears.units(own, some.sample.unit)
+        built = self.gears.built(self._of_gears(middle[None, :]))[0]
+        units = self.gears.units(built, sampled.sample.unit)
         nothing = np.zeros_like(units[2])
-        play = some.errors(
-            0.0 * self.sigma(middle[None, :])[0], some.joint_errors(units[0], units[1], nothing)
+        play = sampled.errors(
+            0.0 * self.sigma(middle[None, :])[0], sampled.joint_errors(units[0], units[1], nothing)
         )
-        rest = some.errors(
+        rest = sampled.errors(
             self.sigma(middle[None, :])[0],
-            some.joint_errors(0.0 * units[0], 0.0 * units[1], units[2]),
+            sampled.joint_errors(0.0 * units[0], 0.0 * units[1], units[2]),
         )
-        sizes = [float(np.sqrt(np.mean(np.sum(one**2, axis=1)))) for one in (play, rest)]
+        sizes = [float(np.sqrt(np.mean(np.sum(errors**2, axis=1)))) for errors in (play, rest)]
         if not sizes[0]:
             return np.full(len(SHARES), ratio(rest, self.settings.propagation.coverage))
         return np.array(
@@ -244,11 +244,11 @@ class RobotProblem(ToleranceProblem):
     def _prices(self, designs: Array, rms: Array) -> dict[str, Array]:
         """Fall of R [um] per unit of cost spent on each tolerance."""
         sigma = self.sigma(designs)
-        found: dict[str, Array] = {}
+        prices: dict[str, Array] = {}
         for at, name in enumerate(self.link_names):
             fall = self.machine.links[0][at] * sigma[:, at] / rms
             rise = -self.settings.costs[name].slope(sigma[:, at])
-            found[f"price_{name}"] = 1e3 * fall / np.maximum(rise, 1e-300)
+            prices[f"price_{name}"] = 1e3 * fall / np.maximum(rise, 1e-300)
         mean = self.machine.squares
         for drive, gear in enumerate(self.gears.gear_of):
             fitted = self.gears.fitted[drive]
@@ -260,8 +260,8 @@ class RobotProblem(ToleranceProblem):
                 fall = (weights[0] * square[0] + weights[1] * square[1]) / (2.0 * rms)
                 count = self.gears.counts[gear]
                 price = 1e3 * fall / (np.maximum(cost, 1e-300) * count)
-                found[f"price_{name}"] = found.get(f"price_{name}", 0.0) + price
-        return found
+                prices[f"price_{name}"] = prices.get(f"price_{name}", 0.0) + price
+        return prices
 
     # ---------------------------------------------------------------- what is known
 
@@ -286,61 +286,66 @@ class RobotProblem(ToleranceProblem):
     def stand_in_limit(self, name: str, high: float) -> float:
         """The upper limit of the requirement that stands for a limit on an output."""
         if name == "pose_accuracy_mm":
-            # of one objective the exact solver moves the limit by what is found to be missing
+            # with one objective the exact solver moves the limit by what is missing
             extreme = np.min if len(self.objectives) == 1 else np.max
             return high / float(extreme(self._ratios))
         if name == "backlash_arcmin":
             return self.gears.rms_of_quantile(high)
         return high
 
-    def form_values(self, form: Form, designs: Array, found: Mapping[str, Array]) -> Array:
-        values = super().form_values(form, designs, found)
+    def form_values(self, form: Form, designs: Array, outputs: Mapping[str, Array]) -> Array:
+        values = super().form_values(form, designs, outputs)
         limits = {limit.name: limit.high for limit in self.limits}
         for row, name in enumerate(form.outputs):
-            other = form.stands.get(name, "")
-            if np.isfinite(limits.get(other, np.inf)):
-                per = found[other] / found[name]
-                allowed = self.stand_in_limit(other, limits[other])
-                values[:, row] = allowed + (found[other] - limits[other]) / per
+            limited = form.stands.get(name, "")
+            if np.isfinite(limits.get(limited, np.inf)):
+                per = outputs[limited] / outputs[name]
+                allowed = self.stand_in_limit(limited, limits[limited])
+                values[:, row] = allowed + (outputs[limited] - limits[limited]) / per
         return values
 
     def kept(self) -> dict[str, Array]:
-        return {name: each for one in self.gears.nested for name, each in one.kept().items()}
+        return {
+            name: array for reducer in self.gears.nested for name, array in reducer.kept().items()
+        }
 
     def adopt(self, arrays: Mapping[str, Array]) -> bool:
-        return not [one for one in self.gears.nested if not one.adopt(arrays)]
+        return not [reducer for reducer in self.gears.nested if not reducer.adopt(arrays)]
 
     def references(self) -> dict[str, Array]:
         """The documents' reducers on links at their references; all variables must be there."""
         if self.definition.nested:
             return {}
-        own = [self.definition.link_references[name] for name in self.link_names]
-        return {"documents' reducers, reference links": np.array([*own, *self.gears.document()])}
+        sigma = [self.definition.link_references[name] for name in self.link_names]
+        return {"documents' reducers, reference links": np.array([*sigma, *self.gears.document()])}
 
-    # ---------------------------------------------------------------- told beside the front
+    # ---------------------------------------------------------------- alternatives to the machine
 
     def alternatives(self) -> dict[str, ToleranceProblem]:
-        own, given = self.definition, self.given
-        found: dict[str, ToleranceProblem] = {}
-        if len(own.gears) > 1 and len({one.reducer.key for one in own.drives}) == 1:
-            alike = replace(own, per_drive=False)  # type: ignore[type-var]
-            found["reducers alike in all drives"] = self._with(given, alike, per_drive=False)
-        other = "none" if self.machine.calibrated else "position"
-        label = "calibrated in position" if other == "position" else "not calibrated"
-        return found | {label: self._with(given, own, calibrated=other)}
+        definition, given = self.definition, self.given
+        problems: dict[str, ToleranceProblem] = {}
+        if (
+            len(definition.gears) > 1
+            and len({drive.reducer.key for drive in definition.drives}) == 1
+        ):
+            alike = replace(definition, per_drive=False)  # type: ignore[type-var]
+            problems["reducers alike in all drives"] = self._with(given, alike, per_drive=False)
+        calibration = "none" if self.machine.calibrated else "position"
+        label = "calibrated in position" if calibration == "position" else "not calibrated"
+        return problems | {label: self._with(given, definition, calibrated=calibration)}
 
     def _with(self, given: Settings, definition: Definition, **parameters: Value) -> RobotProblem:
         every = {**given.parameters, **parameters}
-        # limits that the other machine may not reach are no reason not to say what it costs
+        # the other machine's least cost is of interest even where it cannot reach the limits
         settings = replace(
             given, parameters=every, definition=definition, variables=self._still(definition)
         )
         return type(self)(settings)  # type: ignore[call-arg]
 
     def _still(self, definition: Definition) -> dict[str, VariableSetting]:
-        """What was said of variables that are there still."""
+        """The settings of the variables that remain."""
         names = {v.name for v in declarations(definition)[0]}
-        return {name: one for name, one in self.given.variables.items() if name in names}
+        return {name: setting for name, setting in self.given.variables.items() if name in names}
 
     # ---------------------------------------------------------------- faults and assumptions
 
@@ -353,31 +358,31 @@ class RobotProblem(ToleranceProblem):
 
     def _without_effect(self) -> list[Fault]:
         """Objectives that calibration, or gravity, removes entirely."""
-        found = []
+        faults = []
         for at, name in enumerate(self.objectives):
             low, high = self.interval(name)
             if np.isfinite(low) and np.isfinite(high) and high <= low + 1e-15:
-                left = "transmission errors and links" if name == "reversal_mm" else "nothing"
+                cause = "transmission errors and links" if name == "reversal_mm" else "nothing"
                 text = (
                     f"{name} is {low:.4g} for every design: calibration and held flanks "
                     f"(calibrated, flanks) remove what tolerances change of it; what is left "
-                    f'is due to {left}: minimise another output, or set flanks = "free"'
+                    f'is due to {cause}: minimise another output, or set flanks = "free"'
                 )
-                found.append(Fault(f"objectives.minimise[{at}]", text))
-        return found
+                faults.append(Fault(f"objectives.minimise[{at}]", text))
+        return faults
 
     def assumptions(self) -> tuple[Assumption, ...]:
-        own = [
-            Assumption(f"reducers.{one.key}", one.reducer.source, "", "whose costs they are")
-            for one in self.definition.drives
+        sources = [
+            Assumption(f"reducers.{drive.key}", drive.reducer.source, "", "whose costs they are")
+            for drive in self.definition.drives
         ]
-        return (*super().assumptions(), *own)
+        return (*super().assumptions(), *sources)
 
     def remarks(self, front: pd.DataFrame) -> tuple[str, ...]:
         return remarks_of(front)
 
     def warnings(self) -> tuple[str, ...]:
-        unproven = [one.key for one in self.definition.drives if not one.reducer.proven]
+        unproven = [drive.key for drive in self.definition.drives if not drive.reducer.proven]
         if not unproven:
             return ()
         return (

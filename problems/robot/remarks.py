@@ -9,7 +9,7 @@ MOST = 3
 
 
 def remarks_of(front: pd.DataFrame) -> tuple[str, ...]:
-    """Of the point of the front in its middle by cost: dearest shares, and the best prices."""
+    """The best prices and the largest fractions of R^2 at the front's middle point by cost."""
     if front.empty:
         return ()
     order = front["cost"].astype(float).argsort(kind="stable")
@@ -31,9 +31,9 @@ def remarks_of(front: pd.DataFrame) -> tuple[str, ...]:
 
 
 def _largest(values: dict[str, float], begins: str, ends: str) -> list[tuple[str, float]]:
-    own = [
+    ranked = [
         (name.removeprefix(begins).removesuffix(ends), value)
         for name, value in values.items()
         if name.startswith(begins)
     ]
-    return sorted(own, key=lambda pair: -pair[1])[:MOST]
+    return sorted(ranked, key=lambda pair: -pair[1])[:MOST]

@@ -19,7 +19,7 @@ from ..settings import Settings, VariableSetting
 
 Array = NDArray[np.float64]
 ANGLES = tuple(DOCUMENT_MRAD)
-COST = float(next(one.b for one in COSTS.values() if isinstance(one, Reciprocal)))
+COST = float(next(curve.b for curve in COSTS.values() if isinstance(curve, Reciprocal)))
 
 
 @lru_cache(maxsize=8)
@@ -81,8 +81,8 @@ class Wave:
 
     def amplitude(self, half_widths: Array) -> Array:
         """Quantile (n,) [arcsec] of the amplitude at the coverage."""
-        found = radius_quantile(self.covariance(half_widths), self.coverage)
-        return np.asarray(60.0 * (found + self._plane[1]))
+        radius = radius_quantile(self.covariance(half_widths), self.coverage)
+        return np.asarray(60.0 * (radius + self._plane[1]))
 
     @property
     def base(self) -> float:

@@ -27,7 +27,7 @@ class Definition(definition.Definition):
 
     @property
     def drives(self) -> tuple[Drive, ...]:
-        return tuple(Drive(str(at), one) for at, one in enumerate(self.reducers, 1))
+        return tuple(Drive(str(at), reducer) for at, reducer in enumerate(self.reducers, 1))
 
     @property
     def link_variables(self) -> tuple[Variable, ...]:

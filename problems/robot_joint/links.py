@@ -39,13 +39,13 @@ def reference_of(source: str) -> float:
 
 
 def _grouped() -> dict[str, tuple[str, ...]]:
-    found: dict[str, list[str]] = {}
+    groups: dict[str, list[str]] = {}
     for kind in KINDS:
         for source in SOURCES:
             if kind_of(source.name) == kind:
                 name = f"{kind}_{source.chain}_{source.unit}"
-                found.setdefault(name, []).append(source.name)
-    return {name: tuple(own) for name, own in found.items()}
+                groups.setdefault(name, []).append(source.name)
+    return {name: tuple(sources) for name, sources in groups.items()}
 
 
 TWENTY_ONE: Grouping = _grouped()

@@ -34,7 +34,7 @@ class RingMachine(Machine):
 
     @property
     def columns(self) -> list[list[int]]:
-        return [[NAMES.index(one) for one in own] for own in self.grouping.values()]
+        return [[NAMES.index(source) for source in sources] for sources in self.grouping.values()]
 
     @cached_property
     def places(self) -> Places:
@@ -54,7 +54,7 @@ class RingMachine(Machine):
     def _at(self, r: Array, z: Array, weight: Array) -> Places:
         """The machine at poses r, z (n,) [m]."""
         manipulator = declared.manipulator(self.parameters)
-        own = drives(manipulator, r, z, weight)
-        torque = gravity_torque(own, number(self.parameters["payload_kg"]))[:, :JOINTS]
+        drives_at = drives(manipulator, r, z, weight)
+        torque = gravity_torque(drives_at, number(self.parameters["payload_kg"]))[:, :JOINTS]
         maps = links(manipulator, r, z, str(self.parameters["calibrated"]))
-        return Places(own, torque, maps.move * SCALES, maps.turn * SCALES)
+        return Places(drives_at, torque, maps.move * SCALES, maps.turn * SCALES)

@@ -1,4 +1,4 @@
-"""What `robot_joint` declares beside its variables: parameters of machine and drives."""
+"""Parameters of machine and drives that `robot_joint` declares."""
 
 from __future__ import annotations
 
@@ -28,6 +28,6 @@ _MACHINE = {
     },
 }
 PARAMETERS: tuple[Parameter, ...] = (
-    *(replace(one, **_MACHINE.get(one.name, {})) for one in declared.PARAMETERS),  # type: ignore[arg-type]
+    *(replace(p, **_MACHINE.get(p.name, {})) for p in declared.PARAMETERS),  # type: ignore[arg-type]
     *OF_ROBOTS,
 )

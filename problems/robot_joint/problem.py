@@ -62,9 +62,9 @@ class RobotJoint(RobotProblem):
 
     def __init__(self, settings: Settings | None = None) -> None:
         given = settings or Settings()
-        own: Definition = given.definition or default_definition(given.parameters)
-        super().__init__(given, own)
-        self._machine = RingMachine(self.settings.parameters, own.grouping)
+        definition: Definition = given.definition or default_definition(given.parameters)
+        super().__init__(given, definition)
+        self._machine = RingMachine(self.settings.parameters, definition.grouping)
 
     @property
     def machine(self) -> RingMachine:
@@ -78,9 +78,9 @@ class RobotJoint(RobotProblem):
         nested, per_drive = flags.take("nested"), flags.take("per_drive")
         if grouping is None or (reducers is not None and not isinstance(reducers, tuple)):
             return None
-        found = reducers or (documents_reducer(),) * 2
-        definition = Definition(grouping, found, nested is not False, per_drive is not False)
-        if not definition.nested and not all(one.proven for one in found):
+        pair = reducers or (documents_reducer(),) * 2
+        definition = Definition(grouping, pair, nested is not False, per_drive is not False)
+        if not definition.nested and not all(reducer.proven for reducer in pair):
             top.fault(
                 "reducers",
                 "nested = false needs reducers with tolerances of their own: "
@@ -90,12 +90,17 @@ class RobotJoint(RobotProblem):
         return RobotKind(definition)
 
     def more_tables(self) -> dict[str, Any]:
-        own = self.definition
+        definition = self.definition
         tables: dict[str, Any] = {
-            "reducers": {key: one.tables for key, one in zip(self.nests, own.reducers, strict=True)}
+            "reducers": {
+                key: reducer.tables
+                for key, reducer in zip(self.nests, definition.reducers, strict=True)
+            }
         }
-        if own.grouping != TWENTY_ONE:
-            tables["grouping"] = {name: list(each) for name, each in own.grouping.items()}
+        if definition.grouping != TWENTY_ONE:
+            tables["grouping"] = {
+                name: list(sources) for name, sources in definition.grouping.items()
+            }
         return tables
 
     def machine_of(self) -> Any:
@@ -148,7 +153,7 @@ class RobotJoint(RobotProblem):
         return {"parts": [*parts, platform], "poses": millimetres(corners)}
 
     def _shares(self, stems: tuple[str, ...], chain: int) -> list[str]:
-        """Shares of the links' variables of a chain whose elementary errors begin so."""
+        """Columns of the fractions of a chain's link variables whose elementary errors begin so."""
         return [
             share_name(name)
             for name, sources in self.definition.grouping.items()

@@ -20,9 +20,9 @@ Array = NDArray[np.float64]
 LEVELS = 4001
 """Quantiles by which a law is compared with a uniform one."""
 SAFE = 2e-3
-"""Share of a half-width, or of a range, that is given away to what lies between the points."""
+"""Fraction of a half-width, or of a range, that is given up for values between the points."""
 WITHIN = 5
-"""Points of a cell that are looked at."""
+"""Points of a cell that are evaluated."""
 
 
 def uniform_below(values: Array) -> float:
@@ -30,10 +30,10 @@ def uniform_below(values: Array) -> float:
 
     `values` (n,) are quantiles at the levels (i + 1/2)/n.
     """
-    found = np.sort(values)
-    n = len(found)
-    share = np.arange(1, n) / n  # above the first i of n quantiles
-    upper = np.cumsum((found - found.mean())[::-1])[::-1][1:] / n
+    ordered = np.sort(values)
+    n = len(ordered)
+    share = np.arange(1, n) / n  # fraction above the first i of n quantiles
+    upper = np.cumsum((ordered - ordered.mean())[::-1])[::-1][1:] / n
     return max(0.0, float(np.min(upper / (share * (1.0 - share)))) * (1.0 - SAFE))
 
 
@@ -44,7 +44,7 @@ def quantiles_of(law: Distribution) -> Array:
 
 @dataclass(frozen=True)
 class Cell:
-    """What is known of Y = b t z + q t^2 z^2 [arcmin] for half-widths t in [low, high] [um].
+    """Bounds of Y = b t z + q t^2 z^2 [arcmin] for half-widths t in [low, high] [um].
 
     `mean_below` and `mean_above` (slope, constant) bound its mean by lines in t, from below and
     from above; `spread` t is the half-width of a uniform law below it in convex order; `least` is
@@ -74,8 +74,8 @@ class Cell:
     @cached_property
     def spread(self) -> float:
         """Half-width per um of a uniform law below Y in convex order."""
-        each = [uniform_below(y) / t for y, t in zip(self._inside, self._at, strict=True)]
-        return float(min(each))
+        by_end = [uniform_below(y) / t for y, t in zip(self._inside, self._at, strict=True)]
+        return float(min(by_end))
 
     @property
     def mean_below(self) -> tuple[float, float]:
@@ -112,12 +112,12 @@ class Cell:
         if ends[0] > 0.0 or ends[1] < 0.0:
             ends = np.array([min(ends[0], 0.0), max(ends[1], 0.0)])
         vertex = np.clip(-0.5 * self.b / self.q, *ends) if self.q != 0.0 else ends[0]
-        each = [float(self.b * u + self.q * u * u) for u in (*ends, vertex, 0.0)]
-        return min(each), max(each)
+        deviations = [float(self.b * u + self.q * u * u) for u in (*ends, vertex, 0.0)]
+        return min(deviations), max(deviations)
 
     def quantile_above(self, share: float) -> float:
         """A value above the quantile of Y at `share`, for all t of the cell."""
         if share >= 1.0:
             return self._ends[1]
-        found = max(float(np.quantile(y, share)) for y in self._inside)
-        return min(self._ends[1], found + SAFE * self.range)
+        quantile = max(float(np.quantile(y, share)) for y in self._inside)
+        return min(self._ends[1], quantile + SAFE * self.range)

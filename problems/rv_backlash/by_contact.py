@@ -1,4 +1,4 @@
-"""What the exact contact says of allocations that the closed form has made."""
+"""The exact contact's verdict on allocations of the closed form."""
 
 from __future__ import annotations
 
@@ -23,9 +23,13 @@ def contact_problem(problem: RvBacklash) -> RvReducer:
     """
     from ..rv_reducer import RvReducer  # it takes the costs of this problem
 
-    known = {one.name for one in RvReducer.parameters}
+    known = {parameter.name for parameter in RvReducer.parameters}
     given = {n: v for n, v in problem.settings.parameters.items() if n in known}
-    inputs = {n: one for n, one in problem.given.variables.items() if one.distribution or one.mid}
+    inputs = {
+        n: setting
+        for n, setting in problem.given.variables.items()
+        if setting.distribution or setting.mid
+    }
     return RvReducer(
         Settings(
             parameters=given,
@@ -37,7 +41,7 @@ def contact_problem(problem: RvBacklash) -> RvReducer:
 
 
 def verdicts(problem: RvBacklash, designs: Array) -> tuple[str, ...]:
-    """What each full design (n, all variables) of the closed form does, from its verb on."""
+    """The verdict on each full design (n, all variables) of the closed form, from its verb on."""
     contact = contact_problem(problem)
     rows = np.array(
         [
@@ -52,12 +56,12 @@ def verdicts(problem: RvBacklash, designs: Array) -> tuple[str, ...]:
         dtype=float,
     ).reshape(len(designs), len(contact.names))
     coverage = 100.0 * problem.settings.propagation.coverage
-    found = [contact.evaluation(row, searching=False) for row in rows]
+    evaluations = [contact.evaluation(row, searching=False) for row in rows]
     return tuple(
         f"keeps {problem.limit:g} arcmin in "
-        f"{one.value('yield_percent'):.1f} % of the units at all {contact.count('positions')} "
-        f"positions of a turn; {coverage:.4g} % of them stay below "
-        f"{one.value('backlash_max_arcmin'):.2f} arcmin, and "
-        f"{100.0 * one.value('interference_probability'):.2g} % interfere"
-        for one in found
+        f"{evaluation.value('yield_percent'):.1f} % of the units at all "
+        f"{contact.count('positions')} positions of a turn; {coverage:.4g} % of them stay below "
+        f"{evaluation.value('backlash_max_arcmin'):.2f} arcmin, and "
+        f"{100.0 * evaluation.value('interference_probability'):.2g} % interfere"
+        for evaluation in evaluations
     )

@@ -1,4 +1,4 @@
-"""What effects do to the backlash of the units that an allocation gives."""
+"""What effects change in the backlash of an allocation's units."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from ...units import ARCMIN, UM
 @dataclass(frozen=True, slots=True)
 class Change:
     """What effects change: `cycloid` is added to phi_2 (before interference is cut off) and
-    `effective` to the backlash [rad]; its standard deviation grows by the share `growth`.
+    `effective` to the backlash [rad]; its standard deviation grows by the fraction `growth`.
     """
 
     cycloid: float = 0.0
@@ -104,13 +104,13 @@ COUNTERPARTS: Mapping[str, tuple[Callable[[Mapping[str, float], BacklashModel], 
 
 def change_of(active: Active, model: BacklashModel) -> Change:
     """What one effect changes; nothing where it has no counterpart."""
-    found = COUNTERPARTS.get(active.effect.name)
-    return found[0](active.values, model) if found else Change()
+    counterpart = COUNTERPARTS.get(active.effect.name)
+    return counterpart[0](active.values, model) if counterpart else Change()
 
 
 def changes_of(effects: Iterable[Active], model: BacklashModel) -> Change:
     """What all effects change."""
-    return sum((change_of(one, model) for one in effects), Change())
+    return sum((change_of(effect, model) for effect in effects), Change())
 
 
 def sentence(active: Active, model: BacklashModel) -> str:

@@ -1,7 +1,7 @@
 """The geometric backlash as a sum of deviations, for promises by measured parts.
 
 Every term constant + b t z + q t^2 z^2 has a mean and a variance; a sample of the process of z
-scales the variance. The share of the eccentricity that is of second order is taken to follow it
+scales the variance. The second-order fraction of the eccentricity's variance is taken to scale
 alike: it is less than a thousandth of the variance of its term in the document's case.
 """
 
@@ -37,11 +37,12 @@ def deviations_of(problem: RvBacklash, designs: Array) -> Deviations:
     total, growth = problem.total(designs), 1.0 + problem.change.growth
     terms = dict(zip((*OTHERS, *TERMS), (*total.free, *total.clipped), strict=True))
     cumulants = {name: term.cumulants()[:2] for name, term in terms.items()}
-    mean = np.sum([one[0] for one in cumulants.values()], axis=0) + problem.change.effective
-    each = {
-        name: growth * np.sqrt(np.maximum(one[1], 0.0)) / ARCMIN for name, one in cumulants.items()
+    mean = np.sum([moments[0] for moments in cumulants.values()], axis=0) + problem.change.effective
+    std_by_name = {
+        name: growth * np.sqrt(np.maximum(moments[1], 0.0)) / ARCMIN
+        for name, moments in cumulants.items()
     }
-    return Deviations(mean / ARCMIN, each, np.zeros(len(designs)), upper=problem.limit)
+    return Deviations(mean / ARCMIN, std_by_name, np.zeros(len(designs)), upper=problem.limit)
 
 
 def promised_form(problem: RvBacklash) -> Form | None:
@@ -56,25 +57,25 @@ def promised_form(problem: RvBacklash) -> Form | None:
 
 
 def doubt_of(problem: RvBacklash, variables: Sequence[str]) -> tuple[Array, Surplus | None]:
-    """By which factors (features,) standard deviations count in an assured promise, and what doubt
-    adds; None without any. `variables` are those of the features, empty where they have none.
+    """Factors (features,) of the standard deviations in an assured promise, and what uncertain
+    processes add; None without any. `variables` are those of the features, or empty.
     """
     promised = problem.promised
     assert promised is not None
-    one = Deviations(np.zeros(1), {}, np.zeros(1), upper=problem.limit)
-    norm, at = promised.norm(one), {name: k for k, name in enumerate(promised.names)}
-    doubt, (own, error, even) = norm.surplus(), np.zeros((3, len(variables)))
+    empty = Deviations(np.zeros(1), {}, np.zeros(1), upper=problem.limit)
+    norm, at = promised.norm(empty), {name: k for k, name in enumerate(promised.names)}
+    doubt, (by_part, error, even) = norm.surplus(), np.zeros((3, len(variables)))
     assert doubt.error is not None
     even += 1.0
     for place, variable in enumerate(variables):
         if (k := at.get(variable)) is not None:
-            even[place], own[place], error[place] = norm.even[k], doubt.own[k], doubt.error[k]
-    surplus = Surplus(own, np.zeros_like(own), error=error) if np.any(own) else None
-    return promised.quantile(one) * np.sqrt(even), surplus
+            even[place], by_part[place], error[place] = norm.even[k], doubt.own[k], doubt.error[k]
+    surplus = Surplus(by_part, np.zeros_like(by_part), error=error) if np.any(by_part) else None
+    return promised.quantile(empty) * np.sqrt(even), surplus
 
 
 def statement_of(problem: RvBacklash) -> str:
-    """What is proven of an assured promise, in words."""
+    """The proven statement of an assured promise, in words."""
     promise = problem.settings.promise
     assert promise is not None
     return (

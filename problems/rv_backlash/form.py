@@ -98,17 +98,17 @@ def tolerance_feature(problem: RvBacklash, name: str, term: Term, k: float) -> F
     if term.quadratic is not None:
         edges = np.linspace(low, high, CELLS + 1) if low < high else np.array([low, high])
         cells = zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True)
-        return Feature(name, tuple(cell_way(term, curve, one, k) for one in cells))
+        return Feature(name, tuple(cell_way(term, curve, cell, k) for cell in cells))
     rows = _rows(linear * m1, abs(linear) * float(np.sqrt(m2 - m1**2)), k)
     return Feature(name, (Way(curve, low, high, *rows),))
 
 
 def _machines(problem: RvBacklash, name: str, term: Term, k: float) -> Feature:
     """A tolerance that machines make, by the spread of its good parts."""
-    one, moves = problem.made[name], problem.model.moves(name.removesuffix("_um"))
+    tolerance, moves = problem.made[name], problem.model.moves(name.removesuffix("_um"))
     cells = (CELLS_OF_MEANS if moves else 1, 1) if term.quadratic is None else (CELLS, CELLS)
-    pieces = pieces_of(one, ends(problem, name), *cells)
-    return Feature(name, tuple(_made(term, piece, moves, k) for piece in pieces), one.choice)
+    pieces = pieces_of(tolerance, ends(problem, name), *cells)
+    return Feature(name, tuple(_made(term, piece, moves, k) for piece in pieces), tolerance.choice)
 
 
 def _made(term: Term, piece: Piece, moves: bool, k: float) -> Way:

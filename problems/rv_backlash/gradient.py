@@ -31,13 +31,13 @@ def gradients(problem: RvBacklash, designs: Array) -> dict[str, Array]:
     phi_1, phi_3 = total.free
     spread = problem.effective(designs)
     slopes = {name: _by_tolerance(t, problem.column(spread, name)) for name, t in terms.items()}
-    for one in problem.made.values():
-        t, chosen = problem.column(designs, one.name), problem.chosen(designs, one)
-        rise, shift = one.slopes(t, chosen)
-        (by_mean, by_variance), x = slopes[one.name], problem.column(spread, one.name)
-        shift = shift * problem.model.moves(one.name.removesuffix("_um"))
-        of_mean, of_variance = _by_middle(terms[one.name], x)
-        slopes[one.name] = (
+    for tolerance in problem.made.values():
+        t, chosen = problem.column(designs, tolerance.name), problem.chosen(designs, tolerance)
+        rise, shift = tolerance.slopes(t, chosen)
+        (by_mean, by_variance), x = slopes[tolerance.name], problem.column(spread, tolerance.name)
+        shift = shift * problem.model.moves(tolerance.name.removesuffix("_um"))
+        of_mean, of_variance = _by_middle(terms[tolerance.name], x)
+        slopes[tolerance.name] = (
             by_mean * rise + of_mean * shift,
             by_variance * rise + of_variance * shift,
         )

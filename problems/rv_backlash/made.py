@@ -14,7 +14,7 @@ from ...models.costs import CostCurve
 from ...models.machines import convex_cost
 from ...models.propagation.sums import ClippedSum
 from ...models.rv_reducer.cycloid import LINEAR_ERRORS
-from ..machined import Made, curve_of
+from ..made import Made, curve_of
 
 if TYPE_CHECKING:
     from .problem import RvBacklash
@@ -28,11 +28,11 @@ CELLS = 6
 TRIED = 33
 """Points of a piece at which lines are tried."""
 ROUNDING = 1e-12
-"""Share of its values by which a line keeps below."""
+"""Fraction of its values by which a line keeps below."""
 
 
 def moved(problem: RvBacklash, designs: Array, total: ClippedSum) -> ClippedSum:
-    """The sum with the means of what machines make; spreads are in the place of limits already.
+    """The sum with the means of machined parts; spreads already replace the limits.
 
     A term b x z + q (x z)^2 of the spread x becomes, about a mean m, b m + q m^2 and
     (b + 2 q m) x z + q (x z)^2.
@@ -79,24 +79,24 @@ class Piece:
 
 
 def pieces_of(
-    one: Made, ends: tuple[float, float], moving: int = CELLS, still: int = 1
+    tolerance: Made, ends: tuple[float, float], moving: int = CELLS, still: int = 1
 ) -> Iterator[Piece]:
     """The ways of a tolerance within `ends` of its limit.
 
     Those that are inspected are cut, into `moving` pieces where their mean moves, else `still`.
     """
-    for number, way in enumerate(one.ways):
+    for number, way in enumerate(tolerance.ways):
         low, high = max(way.low, ends[0]), min(way.high, ends[1])
         if low > high:
             continue
         choice = np.full(2, number)
-        spread, mean = one.spread_and_mean(np.array([low, high]), choice)
+        spread, mean = tolerance.spread_and_mean(np.array([low, high]), choice)
         if way.low == way.high:
             x = float(spread[0])
             yield Piece(way.curve, x, x, float(number), spread[:1], mean[:1])
             continue
-        plain = one.by_spread(way)
-        curve, _ = convex_cost(curve_of(one, way, low, high), plain.tried)
+        plain = tolerance.by_spread(way)
+        curve, _ = convex_cost(curve_of(tolerance, way, low, high), plain.tried)
         cells = moving if way.machine.mean else still
         for first, last in pairwise(np.linspace(spread[0], spread[1], cells + 1).tolist()):
             x_of = np.linspace(first, last, TRIED)

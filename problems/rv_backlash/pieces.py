@@ -24,10 +24,10 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 CELLS, COARSE = 48, 4
-"""Pieces of the range of the eccentricity, in geometric steps; those of designs for which
-y - Y >= 0 fails, which cost more than is of interest."""
+"""Pieces of the range of the eccentricity, in geometric steps; and pieces for designs at which
+y - Y >= 0 fails, which are too expensive to be of interest."""
 ROUNDING = 1e-6
-"""Share of a range that its mean by quantiles may be wrong by."""
+"""Error of a mean by quantiles, as a fraction of the range."""
 
 
 @dataclass(frozen=True)
@@ -55,11 +55,11 @@ class Member:
     choice: float = 0.0
 
     def above(self, share: float) -> float:
-        """What a share of the units has at least."""
+        """A value that at least a fraction `share` of the units exceeds."""
         if self.units is None:
             return self.least
-        found = float(np.quantile(self.units, 1.0 - share)) - SAFE * float(np.ptp(self.units))
-        return max(self.least, found)
+        quantile = float(np.quantile(self.units, 1.0 - share)) - SAFE * float(np.ptp(self.units))
+        return max(self.least, quantile)
 
 
 @dataclass(frozen=True)
@@ -109,10 +109,10 @@ def sum_of(problem: RvBacklash, cut: float) -> Sum | str:
         parts.append(part)
     bearing = problem.total(np.ones((1, len(problem.names)))).free[1]
     more = [_straight(problem, "crank_bearing_um", bearing, clipped=False), _grades(problem, cut)]
-    for one in more:
-        if isinstance(one, str):
-            return one
-        parts.append(one)
+    for free_part in more:
+        if isinstance(free_part, str):
+            return free_part
+        parts.append(free_part)
     return Sum(tuple(parts), shift, cycloid, problem.change.effective / ARCMIN)
 
 
@@ -138,9 +138,9 @@ def _straight(problem: RvBacklash, name: str, term: Term, clipped: bool) -> Part
 
 def _machines(problem: RvBacklash, name: str, linear: float, law: Even) -> Part:
     """A tolerance that machines make, by the spread of its good parts."""
-    one, moves = problem.made[name], problem.model.moves(name.removesuffix("_um"))
+    tolerance, moves = problem.made[name], problem.model.moves(name.removesuffix("_um"))
     members = []
-    for piece in pieces_of(one, ends(problem, name), CELLS_OF_MEANS if moves else 1):
+    for piece in pieces_of(tolerance, ends(problem, name), CELLS_OF_MEANS if moves else 1):
         values = linear * moves * piece.means
         (slope, mean), (top_slope, top) = piece.line(values, 1.0), piece.line(values, -1.0)
         members.append(
@@ -157,7 +157,7 @@ def _machines(problem: RvBacklash, name: str, linear: float, law: Even) -> Part:
                 choice=piece.choice,
             )
         )
-    return Part(name, tuple(members), clipped=True, choice=one.choice)
+    return Part(name, tuple(members), clipped=True, choice=tolerance.choice)
 
 
 def _bent(problem: RvBacklash, name: str, term: Term, cells: int = CELLS) -> Part:
@@ -207,14 +207,14 @@ def coarse(problem: RvBacklash, total: Sum, grades: bool = False) -> Sum:
 
 def _best_of(members: tuple[Member, ...]) -> Member:
     """A way that costs no more than any, and deviates no more; its range is the widest."""
-    least = min(float(one.curve.cost(np.array([1.0]))[0]) for one in members)
+    least = min(float(member.curve.cost(np.array([1.0]))[0]) for member in members)
     return replace(
         members[0],
         curve=Reciprocal(least, 0.0),
-        spread=min(one.spread for one in members),
-        mean=min(one.mean for one in members),
-        least=min(one.least for one in members),
-        range=max(one.range for one in members),
+        spread=min(member.spread for member in members),
+        mean=min(member.mean for member in members),
+        least=min(member.least for member in members),
+        range=max(member.range for member in members),
         units=None,
     )
 
@@ -222,8 +222,8 @@ def _best_of(members: tuple[Member, ...]) -> Member:
 def _grades(problem: RvBacklash, cut: float) -> Part:
     """The involute grade: every grade of the range is a way of its own.
 
-    A skewed clearance G enters as min(G, g), which a share `cut` of the units exceeds: it is less
-    than G, and y - g cannot be below the rest of W for designs that keep a limit (`OUTSIDE`).
+    A skewed clearance G enters as min(G, g), where a fraction `cut` of the units exceeds g: it is
+    less than G, and y - g cannot be below the rest of W for designs that keep a limit (`OUTSIDE`).
     """
     name = "involute_grade"
     low, high = ends(problem, name)

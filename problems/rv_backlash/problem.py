@@ -48,7 +48,7 @@ Array = NDArray[np.float64]
 SEARCH_POINTS = 512
 """Lattice of the search; its quantiles are within about 0.001 arcmin of the reported ones."""
 TIGHTER = 1.0, 0.7, 0.5
-"""Shares of document B's bands that a search of a promise begins from."""
+"""Fractions of document B's bands at which a search for a promise begins."""
 STAGGER_OF_DOCUMENT = 0.2
 """Turn of each disc [arcmin] in document B's structural adjustment: twice its delta' of 0.1'."""
 STAGGERED = "document B, staggered 0.2 arcmin (delta' = 0.1)"
@@ -136,10 +136,10 @@ class RvBacklash(Promising, Machined):
         coverage = self.settings.propagation.coverage
         spread = self.change.propagate(method, total, coverage, self.limit * ARCMIN)
         means = zip(("phi_1", "phi_2", "phi_3"), stage_means(total), strict=True)
-        found = {f"{name}_arcmin": value / ARCMIN for name, value in means}
+        outputs = {f"{name}_arcmin": value / ARCMIN for name, value in means}
         geometric = spread.geometric_mean + deviations(self) * spread.geometric_std
-        found["backlash_geometric_arcmin"] = geometric / ARCMIN
-        return {"cost": self.cost_of(designs)} | found | _spread(spread) | self.profile(designs)
+        outputs["backlash_geometric_arcmin"] = geometric / ARCMIN
+        return {"cost": self.cost_of(designs)} | outputs | _spread(spread) | self.profile(designs)
 
     def profile(self, designs: Array) -> dict[str, Array]:
         """Outputs of the tooth modification, shape (n,), of full designs."""
@@ -161,15 +161,15 @@ class RvBacklash(Promising, Machined):
         """
         if self.change.growth != 0.0:
             return None
-        own = self._quantile_form
-        return own if isinstance(own, Form) else promised_form(self)
+        quantile = self._quantile_form
+        return quantile if isinstance(quantile, Form) else promised_form(self)
 
     def unproven(self) -> str:
         return self._quantile_form if isinstance(self._quantile_form, str) else ""
 
     @cached_property
     def shift(self) -> Shift | None:
-        """What modification and stagger may do to phi_2, None where they have no room."""
+        """Range in which modification and stagger move phi_2, None where they have no room."""
         return shift_of(self)
 
     @cached_property
@@ -181,15 +181,15 @@ class RvBacklash(Promising, Machined):
         form = self._quantile_form
         if isinstance(form, str) or set(self.objectives) != {"cost", "backlash_arcmin"}:
             return super().box()
-        found = ends_of_front(form, form.outputs.index("backlash_arcmin"), form.own_limits)
-        if found is None:
+        ends = ends_of_front(form, form.outputs.index("backlash_arcmin"), form.own_limits)
+        if ends is None:
             return super().box()
         order = [("cost", "backlash_arcmin").index(name) for name in self.objectives]
-        return found[0][order], np.maximum(found[1][order], found[0][order] + 1e-12)
+        return ends[0][order], np.maximum(ends[1][order], ends[0][order] + 1e-12)
 
-    def form_values(self, form: Form, designs: Array, found: Mapping[str, Array]) -> Array:
-        values = super().form_values(form, designs, found)
-        missing = shortfalls(self, designs, found)
+    def form_values(self, form: Form, designs: Array, outputs: Mapping[str, Array]) -> Array:
+        values = super().form_values(form, designs, outputs)
+        missing = shortfalls(self, designs, outputs)
         if self.promised is not None and self.promised.promise.statement == ASSURED:
             missing[PROMISED] = self.promised.lacking(self.deviations(designs))
         for row, name in enumerate(form.outputs):
@@ -198,19 +198,21 @@ class RvBacklash(Promising, Machined):
         return values
 
     def form_columns(self, columns: Mapping[str, Array]) -> dict[str, Array]:
-        """Modification and stagger of the shift that a form has found, limits of inspection."""
-        found, shift = dict(columns), self.shift
-        for one in self.made.values():
-            if one.name in found:
-                chosen = np.rint(found.get(one.choice, 0.0 * found[one.name])).astype(np.int64)
-                found[one.name] = one.limits(found[one.name], chosen)
-        if SHIFT not in found or shift is None:
-            return found
-        s = np.asarray(found[SHIFT]) + shift.low - 1.0
-        return {**found, **columns_of(self, shift, s)}
+        """Modification and stagger at the shift of a form's optimum, and limits of inspection."""
+        values, shift = dict(columns), self.shift
+        for tolerance in self.made.values():
+            if tolerance.name in values:
+                chosen = np.rint(values.get(tolerance.choice, 0.0 * values[tolerance.name])).astype(
+                    np.int64
+                )
+                values[tolerance.name] = tolerance.limits(values[tolerance.name], chosen)
+        if SHIFT not in values or shift is None:
+            return values
+        s = np.asarray(values[SHIFT]) + shift.low - 1.0
+        return {**values, **columns_of(self, shift, s)}
 
     def counterparts(self) -> tuple[str, ...]:
-        return tuple(sentence(one, self.model) for one in self.settings.effects)
+        return tuple(sentence(effect, self.model) for effect in self.settings.effects)
 
     def gradient(self, designs: Array) -> dict[str, Array]:
         return gradients(self, designs) | self.promised_slopes(designs)
@@ -313,8 +315,8 @@ class RvBacklash(Promising, Machined):
         for name, ends in (("dr_rp_mm", (0, 0, 1, 1)), ("dr_p_mm", (0, 1, 0, 1))):
             bounds = np.array(super().interval(name))
             pairs[:, self.names.index(name)] = bounds[list(ends)]
-        found = self.profile(pairs)[output]
-        return float(found.min()), float(found.max())
+        outputs = self.profile(pairs)[output]
+        return float(outputs.min()), float(outputs.max())
 
     def _corners(self) -> Array:
         """Tightest and loosest tolerances with the zero-backlash pair, without and with stagger."""
@@ -371,11 +373,11 @@ def _spread(spread: Propagated) -> dict[str, Array]:
         "yield_percent": (spread.conforming, 0.01),
         "interference_probability": (spread.negative, 1.0),
     }
-    found = {
+    outputs = {
         "backlash_geometric_mean_arcmin": spread.geometric_mean / ARCMIN,
         "backlash_geometric_std_arcmin": spread.geometric_std / ARCMIN,
     }
-    found |= {name: estimate.value / unit for name, (estimate, unit) in estimates.items()}
-    return found | {
+    outputs |= {name: estimate.value / unit for name, (estimate, unit) in estimates.items()}
+    return outputs | {
         f"{name}_error": estimate.error / unit for name, (estimate, unit) in estimates.items()
     }

@@ -1,7 +1,7 @@
-"""The promise of the geometric backlash as a row beside those of quantiles.
+"""The promise of the geometric backlash as a row of the form, in addition to the quantiles.
 
-Of every way a lower bound of the mean (linear in t) and of the standard deviation (proportional to
-t) is taken, as in `form`; the row holds for every design, whatever the other rows leave out.
+Every way enters by a lower bound of its mean (linear in t) and of its standard deviation
+(proportional to t), as in `form`; the row holds for every design, whatever others leave out.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class PromisedRow:
 
     @property
     def share(self) -> float:
-        """The promised share of the units."""
+        """The promised fraction of the units."""
         assert self.problem.promise is not None
         return self.problem.promise.share
 
@@ -67,8 +67,8 @@ class PromisedRow:
         """The way of the moments' form that a member is; all grades where it stands for all."""
         if not part.variable:
             every = self._grades
-            own = tuple(way for way in every if way.choice == member.choice)
-            return own if len(part.members) == len(every) else every
+            same_grade = tuple(way for way in every if way.choice == member.choice)
+            return same_grade if len(part.members) == len(every) else every
         term = self._terms.get(part.variable)
         if term is None:
             return bearing_feature(self.problem, 1.0).ways

@@ -37,18 +37,18 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 BELOW, ABOVE = (1.0, 0.5, 0.25), (1.0, 0.5, 0.1, 0.02)
-"""Shares of units for which parts that are bent are bounded by their quantile: in phi_2 from above,
+"""Fractions of units at whose quantile parts that are bent are bounded: in phi_2 from above,
 in the backlash from below."""
 KEPT = ("dr_rp_mm", "dr_p_mm", "stagger_arcmin", "radial_gap_mm", "modification_backlash_arcmin")
 """Limits that the range of the shift keeps."""
 OUTSIDE = 0.135
-"""Share of S above the range of the eccentricity's term for designs of interest: with a skewed
-clearance that a share c of the units exceeds, P(S + W > y) >= c P(S > y - g - least Y), so that
+"""Fraction of S above the range of the eccentricity's term for designs of interest: with a skewed
+clearance that a fraction c of the units exceeds, P(S + W > y) >= c P(S > y - g - least Y), so that
 y - g < most Y needs P(S > range of Y) <= P(S + W > y)/c; c is chosen so that this is `OUTSIDE`."""
 SHIFTS = 5
 """Shifts at which the other limits of a modification are tried."""
 NONE = Reciprocal(0.0, 0.0)
-"""Cost of what has none."""
+"""Cost curve of a feature that costs nothing."""
 
 
 def quantile_form(problem: RvBacklash) -> Form | str:
@@ -93,38 +93,38 @@ class Row:
 
 
 def _rows(problem: RvBacklash) -> list[Row]:
-    """What objectives and limits ask for, as quantiles."""
+    """The quantiles that objectives and limits ask for."""
     coverage = problem.settings.propagation.coverage
     limits = {limit.name: limit for limit in problem.limits}
-    found: list[Row] = []
+    rows: list[Row] = []
     if "backlash_arcmin" in {*problem.objectives, *limits} and coverage >= 0.5:
-        found.append(Row("backlash_arcmin", coverage, clipped=False))
+        rows.append(Row("backlash_arcmin", coverage, clipped=False))
     if "yield_percent" in limits and 50.0 <= limits["yield_percent"].low < 100.0:
         share = 0.01 * limits["yield_percent"].low
-        found.append(Row("yield_percent", share, False, problem.limit))
+        rows.append(Row("yield_percent", share, False, problem.limit))
     interfering = (
         limits["interference_probability"].high if ("interference_probability" in limits) else 1.0
     )
     if 0.0 < interfering <= 0.5:
         share = 1.0 - interfering
-        found.append(Row("interference_probability", share, True, 0.0))
-    return found
+        rows.append(Row("interference_probability", share, True, 0.0))
+    return rows
 
 
 def _branches(main: list[Row], total: Sum) -> list[list[Row]]:
     """The rows of designs for which y - Y >= 0 fails, in one row after the other."""
-    found = []
-    safe = [one for row in main for one in _safe(row)]
+    branches = []
+    safe = [kept for row in main for kept in _safe(row)]
     for row in main:
         if row.kind != "promise" and any(
             part.bent and (part.clipped or not row.clipped) for part in total.parts
         ):
             kind = "edge" if row.clipped else "range"
-            own = replace(row, kind=kind, output=f"{row.output} ({kind})", most=0.0)
+            branch = replace(row, kind=kind, output=f"{row.output} ({kind})", most=0.0)
             if kind == "range" and any(part.bent and part.choice for part in total.parts):
-                own = replace(own, probability=1.0 - OUTSIDE)
-            found.append([*safe, own])
-    return found
+                branch = replace(branch, probability=1.0 - OUTSIDE)
+            branches.append([*safe, branch])
+    return branches
 
 
 def _safe(row: Row) -> list[Row]:
@@ -172,7 +172,7 @@ def _form(
         relaxed=relaxed,
         quantiles=tuple(_quantile(row, total) for row in rows),
         most=tuple(row.most for row in rows),
-        surpluses=doubts if any(one is not None for one in doubts) else (),
+        surpluses=doubts if any(doubt is not None for doubt in doubts) else (),
     )
 
 
@@ -206,8 +206,8 @@ def _spreads(part: Part, row: Row) -> bool:
 def _feature(part: Part, rows: list[Row], promised: PromisedRow | None, factor: float) -> Feature:
     ways = []
     for member in part.members:
-        each = [_coefficients(part, member, row, promised, factor) for row in rows]
-        linear, offset, spread = zip(*each, strict=True)
+        coefficients = [_coefficients(part, member, row, promised, factor) for row in rows]
+        linear, offset, spread = zip(*coefficients, strict=True)
         ways.append(
             Way(
                 member.curve,
@@ -234,7 +234,7 @@ def _coefficients(
 
 
 def _means(part: Part, member: Member, row: Row) -> tuple[float, float]:
-    """Slope and constant of what a way adds to a row beside its spread."""
+    """Slope and constant of what a way adds to a row in addition to its spread."""
     if not _inside(part, row):
         return 0.0, 0.0
     match row.kind:
@@ -272,7 +272,9 @@ def _shift_feature(shift: Shift, rows: list[Row]) -> Feature:
     return Feature(SHIFT, (way,))
 
 
-def shortfalls(problem: RvBacklash, designs: Array, found: Mapping[str, Array]) -> dict[str, Array]:
+def shortfalls(
+    problem: RvBacklash, designs: Array, outputs: Mapping[str, Array]
+) -> dict[str, Array]:
     """By how much (n,) [arcmin] phi_2, or the limit of the yield, falls short of what is asked.
 
     A step of Newton's method by the density of a normal law.
@@ -281,11 +283,11 @@ def shortfalls(problem: RvBacklash, designs: Array, found: Mapping[str, Array]) 
     limits, missing = {limit.name: limit for limit in problem.limits}, {}
     if "interference_probability" in limits:
         mean, variance = total_cumulants(total.clipped)[:2]
-        excess = found["interference_probability"] - limits["interference_probability"].high
+        excess = outputs["interference_probability"] - limits["interference_probability"].high
         missing["interference_probability"] = _step(excess, mean, variance)
     if "yield_percent" in limits:
         mean, variance = total_cumulants(total.clipped + total.free)[:2]
-        lacking = 0.01 * (limits["yield_percent"].low - found["yield_percent"])
+        lacking = 0.01 * (limits["yield_percent"].low - outputs["yield_percent"])
         missing["yield_percent"] = _step(lacking, problem.limit * ARCMIN - mean, variance)
     return missing
 

@@ -17,7 +17,7 @@ OPENING = "dr_rp_mm", "dr_p_mm", "stagger_arcmin"
 
 def refused(problem: RvBacklash) -> list[Fault]:
     """A promise without a limit on interference, where modification or stagger are searched."""
-    opened = [one.name for one in problem.free if one.name in OPENING]
+    opened = [variable.name for variable in problem.free if variable.name in OPENING]
     held = INTERFERENCE in problem.settings.limits
     if problem.promise is None or held or not opened:
         return []

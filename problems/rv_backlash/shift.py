@@ -1,4 +1,4 @@
-"""What modification and stagger do to phi_2 together: one shift s, and designs that have it."""
+"""The joint effect of modification and stagger on phi_2: one shift s, and designs that have it."""
 
 from __future__ import annotations
 
@@ -57,13 +57,13 @@ def play_slopes(problem: RvBacklash) -> Array:
 
 def shift_of(problem: RvBacklash) -> Shift | None:
     """The range of s in ranges and limits, None where these leave no room."""
-    own = play_slopes(problem)
-    pairs = [extreme_pair(problem, side * own) for side in (1.0, -1.0)]
+    slopes = play_slopes(problem)
+    pairs = [extreme_pair(problem, side * slopes) for side in (1.0, -1.0)]
     if pairs[0] is None or pairs[1] is None:
         return None
-    found = np.array(pairs)
+    extremes = np.array(pairs)
     gain = problem.model.output_factor * problem.model.stagger_gain
-    return Shift(found, found @ own, np.array(ends(problem, "stagger_arcmin")), gain)
+    return Shift(extremes, extremes @ slopes, np.array(ends(problem, "stagger_arcmin")), gain)
 
 
 def extreme_pair(problem: RvBacklash, goal: Array) -> tuple[float, float] | None:
@@ -79,35 +79,35 @@ def extreme_pair(problem: RvBacklash, goal: Array) -> tuple[float, float] | None
             above += [-row, row]
             below += [-limits[name].low, limits[name].high]
     real = np.isfinite(below)
-    found = scipy.optimize.linprog(
+    solution = scipy.optimize.linprog(
         goal,
         A_ub=np.array(above)[real] if real.any() else None,
         b_ub=np.array(below)[real] if real.any() else None,
         bounds=[ends(problem, "dr_rp_mm"), ends(problem, "dr_p_mm")],
     )
-    return (float(found.x[0]), float(found.x[1])) if found.x is not None else None
+    return (float(solution.x[0]), float(solution.x[1])) if solution.x is not None else None
 
 
 def columns_of(problem: RvBacklash, shift: Shift, s: Array) -> dict[str, Array]:
     """Modification and stagger (n,) of shifts (n,): no more stagger than they need.
 
-    Of the modifications of one play that of most room in its limits is taken.
+    Among the modifications of one play, the one with the largest margin to its limits is taken.
     """
     low, high = shift.plays
     play = np.clip(s + shift.gain * shift.stagger[0], low, high)
     stagger = np.clip((play - s) / shift.gain, *shift.stagger)
-    pairs = np.array([_roomiest(problem, float(one)) for one in play])
+    pairs = np.array([_roomiest(problem, float(design_play)) for design_play in play])
     return {"dr_rp_mm": pairs[:, 0], "dr_p_mm": pairs[:, 1], "stagger_arcmin": stagger}
 
 
 def _roomiest(problem: RvBacklash, play: float) -> tuple[float, float]:
     """The modification [mm] of a play [arcmin] whose least margin to its limits is largest."""
-    own = play_slopes(problem)
+    slopes = play_slopes(problem)
     first, second = ends(problem, "dr_rp_mm"), ends(problem, "dr_p_mm")
-    along = np.array([(play - own[1] * end) / own[0] for end in second])
+    along = np.array([(play - slopes[1] * end) / slopes[0] for end in second])
     low, high = max(first[0], along.min()), min(first[1], along.max())
     dr_rp = np.linspace(low, high, TRIED)
-    dr_p = np.clip((play - own[0] * dr_rp) / own[1], *second)
+    dr_p = np.clip((play - slopes[0] * dr_rp) / slopes[1], *second)
     designs = np.repeat(problem.complete(np.atleast_2d(problem.xl)), TRIED, axis=0)
     for name, column in (("dr_rp_mm", dr_rp), ("dr_p_mm", dr_p), ("stagger_arcmin", 0.0)):
         designs[:, problem.names.index(name)] = column

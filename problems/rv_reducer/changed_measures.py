@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 
 
 class ChangedMeasures(Measures):
-    """Statistics by name as those of `plain`, with what effects change beside the contact."""
+    """Statistics by name as those of `plain`, with what effects change outside the contact."""
 
     def __init__(self, plain: Measures, change: Change) -> None:
         super().__init__(plain.turn, plain.involute, plain.conditions)
@@ -32,24 +32,24 @@ class ChangedMeasures(Measures):
             return self._within()
         if kind == "rms":
             return self._rms()
-        own, growth = self.plain[name], self.change.growth
+        plain, growth = self.plain[name], self.change.growth
         if kind == "deviation":
-            return replace(own, statistic=_combined((own.statistic, 1.0 + growth)))
+            return replace(plain, statistic=_combined((plain.statistic, 1.0 + growth)))
         middle = self.plain[f"mean {what}"]
-        parts = (own.statistic, 1.0 + growth), (middle.statistic, -growth)
-        return replace(own, statistic=_combined(*parts, shift=self.change.effective))
+        parts = (plain.statistic, 1.0 + growth), (middle.statistic, -growth)
+        return replace(plain, statistic=_combined(*parts, shift=self.change.effective))
 
     def _within(self) -> Measure:
-        """The share of units that keep the limit: those whose contact keeps another limit."""
+        """The fraction of units that keep the limit: those whose contact keeps another limit."""
         middle, involute = self.plain["mean max"], self.involute
         factor, mean = 1.0 + self.change.growth, middle.statistic.value
         limit = self.conditions.limit
         kept = mean + (limit - self.change.effective - mean) / factor
-        found = share_within(self.largest, involute, kept)
-        density = -float(found.weight.sum())
+        share = share_within(self.largest, involute, kept)
+        density = -float(share.weight.sum())
         by_mean = density * self.change.growth / factor
         moved = replace(middle.statistic, value=0.0, error=0.0)
-        return replace(middle, statistic=_combined((found, 1.0), (moved, by_mean)))
+        return replace(middle, statistic=_combined((share, 1.0), (moved, by_mean)))
 
     def _rms(self) -> Measure:
         """sqrt((1 + g)^2 (r^2 - m^2) + (m + s)^2) of the root mean square r and the mean m."""
@@ -70,8 +70,8 @@ class ChangedMeasures(Measures):
 def _combined(*parts: tuple[Statistic, float], shift: float = 0.0) -> Statistic:
     """The sum of statistics of the same units times factors; its error is at most that stated."""
     return Statistic(
-        sum(factor * one.value for one, factor in parts) + shift,
-        np.sum([factor * one.weight for one, factor in parts], axis=0),
-        sum(factor * one.by_involute for one, factor in parts),
-        sum(abs(factor) * one.error for one, factor in parts),
+        sum(factor * statistic.value for statistic, factor in parts) + shift,
+        np.sum([factor * statistic.weight for statistic, factor in parts], axis=0),
+        sum(factor * statistic.by_involute for statistic, factor in parts),
+        sum(abs(factor) * statistic.error for statistic, factor in parts),
     )

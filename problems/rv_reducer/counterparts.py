@@ -15,9 +15,9 @@ from ...units import UM
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """What effects change: `circle` [um] is the growth of the pin circle beside the discs and
+    """What effects change: `circle` [um] is the growth of the pin circle relative to the discs and
     `bearing` [um] a clearance of every crank bearing, both inside the contact; `effective` [arcmin]
-    is added to the backlash of every unit, which scatters by the share `growth` more.
+    is added to the backlash of every unit, which scatters by the fraction `growth` more.
     """
 
     circle: float = 0.0
@@ -40,7 +40,7 @@ class Change:
 
     @property
     def outside(self) -> bool:
-        """Whether anything is changed beside the contact."""
+        """Whether anything is changed outside the contact."""
         return self.effective != 0.0 or self.growth != 0.0
 
 
@@ -83,13 +83,13 @@ COUNTERPARTS: Mapping[str, tuple[Callable[[Mapping[str, float], ContactGeometry]
 
 def change_of(active: Active, geometry: ContactGeometry) -> Change:
     """What one effect changes; nothing where it has no counterpart."""
-    found = COUNTERPARTS.get(active.effect.name)
-    return found[0](active.values, geometry) if found else Change()
+    counterpart = COUNTERPARTS.get(active.effect.name)
+    return counterpart[0](active.values, geometry) if counterpart else Change()
 
 
 def changes_of(effects: Iterable[Active], geometry: ContactGeometry) -> Change:
     """What all effects change."""
-    return sum((change_of(one, geometry) for one in effects), Change())
+    return sum((change_of(effect, geometry) for effect in effects), Change())
 
 
 def sentence(active: Active, geometry: ContactGeometry) -> str:

@@ -65,7 +65,7 @@ LOADED = {
 
 
 def part_of(name: str) -> tuple[str, str]:
-    """An output under load and what of it is meant: quantile, mean or std."""
+    """An output under load, and which statistic of it is meant: quantile, mean or std."""
     for part in ("mean", "std"):
         if name.endswith(f"_{part}") and name.removesuffix(f"_{part}") in LOADED:
             return name.removesuffix(f"_{part}"), part
@@ -79,7 +79,7 @@ def known(name: str) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class Populations:
-    """What a design is tried on: rigid units, units under load, and for transmission error.
+    """The populations of a design: rigid units, units under load, and units for transmission error.
 
     Each is given as its numbers of positions and units, and drawn when it is first asked for.
     """
@@ -99,14 +99,14 @@ class Populations:
 
     @cached_property
     def turning(self) -> Population:
-        """Units of which the transmission error is computed."""
+        """Units whose transmission error is computed."""
         return self.draw(*self.sizes[2])
 
 
 class Evaluation:
     """One design on populations; each statistic is computed when it is first asked for.
 
-    `means` [um] are by how much the means of errors are off their mid-limits, by name.
+    `means` [um] are the offsets of the means of errors from their mid-limits, by name.
     """
 
     def __init__(
@@ -143,12 +143,12 @@ class Evaluation:
     def gradient(self, name: str) -> dict[str, float]:
         """Derivatives of a sampled output by variable, in the units of both."""
         statistic, scale = self._statistic(name), SCALE.get(name, 1.0)
-        found = self._slopes(name)
-        found["involute_grade"] = scale * BY_GRADE * statistic.by_involute
+        slopes = self._slopes(name)
+        slopes["involute_grade"] = scale * BY_GRADE * statistic.by_involute
         circle = self.design.width("pin_circle_radius")
         if circle > 0.0:
-            found["pin_circle_radius_um"] += scale * statistic.by_zone / circle
-        return found
+            slopes["pin_circle_radius_um"] += scale * statistic.by_zone / circle
+        return slopes
 
     def by_mean(self, name: str) -> dict[str, float]:
         """Derivatives of a sampled output by the means of errors, by variable.
@@ -159,7 +159,7 @@ class Evaluation:
         if not any(self.means.values()):
             return {}
         slopes, moving = self.slopes_of_means(name), self.means.keys() - {"pin_position"}
-        return {f"{one}_um": slopes[f"{one}_um"] for one in moving}
+        return {f"{error}_um": slopes[f"{error}_um"] for error in moving}
 
     def slopes_of_means(self, name: str) -> dict[str, float]:
         """The same by the mean of every error, by variable."""
@@ -174,8 +174,8 @@ class Evaluation:
             measure, drawn = self.measures[MEASURES[name]], self.drawn.rigid
             slopes = measure.slopes(self.turn, drawn.alike() if alike else drawn.slopes)
         return {
-            VARIABLE.get(one, f"{one}_um"): float(slope)
-            for one, slope in zip(NAMES, scale * slopes, strict=True)
+            VARIABLE.get(error, f"{error}_um"): float(slope)
+            for error, slope in zip(NAMES, scale * slopes, strict=True)
         }
 
     # ---------------------------------------------------------------- statistics
@@ -215,14 +215,14 @@ class Evaluation:
             table = Table.of(drawn.lattice, self.design.dr_rp, self.design.dr_p)
             units = Scaled.of(drawn.lattice.geometry, drawn.sample, self.design)
             outputs = [n for n in LOADED.values() if (n == "transmission_error") == turning]
-            found = elastic(drawn.lattice, table, units, self.model.loading, drawn.engine, outputs)
-            self._elastic[turning] = found
+            loaded = elastic(drawn.lattice, table, units, self.model.loading, drawn.engine, outputs)
+            self._elastic[turning] = loaded
         return self._elastic[turning]
 
     def _pulled_back(self, name: str, statistic: Statistic, alike: bool) -> Array:
         output = "preload_torque_Nm" if name == "interference_probability" else part_of(name)[0]
-        found = self._units_under_load(output)
+        loaded = self._units_under_load(output)
         turning = output == "transmission_error_arcsec"
         drawn = self.drawn.turning if turning else self.drawn.loaded
         errors = drawn.alike() if alike else drawn.slopes
-        return found.pull_back(errors, {LOADED[output]: statistic.weight})
+        return loaded.pull_back(errors, {LOADED[output]: statistic.weight})

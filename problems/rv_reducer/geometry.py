@@ -1,4 +1,4 @@
-"""What is wrong, or odd, about the geometry that a configuration gives."""
+"""Faults and warnings of the geometry that a configuration states."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from ..drawing import Interval
 from ..settings import Bound, Settings
 
 GEARS = range(8, 41)
-"""Teeth of sun gears that a ratio of gears is looked for with."""
+"""Numbers of teeth of the sun gear with which a ratio of gears is sought."""
 ROUNDING = 0.005
 """Part of a tooth by which a rounded reduction ratio may miss whole teeth of the planet."""
 OUT_OF_LINE = 0.02
-"""Share by which the crank circle may differ from the centre distance of the gears."""
+"""Fraction by which the crank circle may differ from the centre distance of the gears."""
 LEAST_GAP_MM = 0.007
 """Radial gap [mm] below which pins that the population leaves out may close the backlash."""
 LATTICES = ("positions", "search_positions", "te_positions")
@@ -65,7 +65,7 @@ def _cranks(geometry: ContactGeometry) -> Iterator[Fault]:
 
 
 def _unused(geometry: ContactGeometry, given: Settings) -> Iterator[Fault]:
-    """What is asked of an involute stage that is not there."""
+    """Faults of settings for an involute stage that does not exist."""
     grade = given.variables.get("involute_grade")
     text = "there is no involute stage (parameters.involute_stage = false): leave it out"
     if not geometry.involute_stage and grade is not None and grade.value is None:
@@ -80,7 +80,7 @@ def _unused(geometry: ContactGeometry, given: Settings) -> Iterator[Fault]:
 def warnings(
     geometry: ContactGeometry, parameters: Mapping[str, Value], radial_gap: Bound
 ) -> Iterator[str]:
-    """What is computed but better known."""
+    """Warnings about geometries that are computed but questionable."""
     yield from _gears(geometry)
     for name in LATTICES:
         yield from _lattice(geometry, name, int(number(parameters[name])))

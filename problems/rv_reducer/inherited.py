@@ -84,17 +84,17 @@ def _named(
 ) -> Iterator[str]:
     """The names that are not given, all of a group by its name alone."""
     every = [name for name in names if stage or name not in OF_THE_STAGE]
-    left = [name for name in every if name not in given]
-    if group and left == every and left:
-        yield f"all {len(left)} {group}"
-    elif left:
-        yield f"{group}: {', '.join(left)}" if group else ", ".join(left)
+    unstated = [name for name in every if name not in given]
+    if group and unstated == every and unstated:
+        yield f"all {len(unstated)} {group}"
+    elif unstated:
+        yield f"{group}: {', '.join(unstated)}" if group else ", ".join(unstated)
 
 
 def _set(given: Settings) -> dict[str, object]:
     """Variables whose range or value is given."""
     return {
-        name: one
-        for name, one in given.variables.items()
-        if one.value is not None or one.low is not None or one.high is not None
+        name: setting
+        for name, setting in given.variables.items()
+        if setting.value is not None or setting.low is not None or setting.high is not None
     }

@@ -34,7 +34,11 @@ def _unit(name: str) -> str:
 
 RIGID: tuple[Output, ...] = (
     Output("cost", "", "relative manufacturing cost, sum of the cost curves", low=0.0),
-    *(one for name, meaning in MEASURED.items() for one in _spread(name, _unit(name), meaning)),
+    *(
+        output
+        for name, meaning in MEASURED.items()
+        for output in _spread(name, _unit(name), meaning)
+    ),
     Output(
         "backlash_rms_arcmin",
         "arcmin",
@@ -86,7 +90,11 @@ RIGID: tuple[Output, ...] = (
     ),
 )
 UNDER_LOAD: tuple[Output, ...] = (
-    *(one for name, meaning in ELASTIC.items() for one in _spread(name, _unit(name), meaning)),
+    *(
+        output
+        for name, meaning in ELASTIC.items()
+        for output in _spread(name, _unit(name), meaning)
+    ),
     Output(
         "preload_torque_Nm_max",
         "Nm",
@@ -110,7 +118,7 @@ def _error(name: str) -> Output:
     return Output(f"{name}_error", _unit_of(name), "standard error of the sample", error_of=name)
 
 
-SAMPLED_UNDER_LOAD = tuple(one.name for one in UNDER_LOAD)
+SAMPLED_UNDER_LOAD = tuple(output.name for output in UNDER_LOAD)
 
 
 def _unit_of(name: str) -> str:

@@ -1,4 +1,4 @@
-"""Allocation of an RV reducer judged by its exact contact, unit by unit."""
+"""Allocation of an RV reducer evaluated by its exact contact, unit by unit."""
 
 from __future__ import annotations
 
@@ -15,7 +15,6 @@ from ...declarations import Value, Variable, number
 from ...errors import Fault
 from ...models.inputs import Uniform
 from ...models.rv_reducer import modification
-from ...models.rv_reducer.geometry import RvGeometry
 from ...models.rv_reducer.population.lattice import nearest_prime
 from ...models.rv_reducer.population.unit_basis import stem
 from ...records import UnitsShown
@@ -44,6 +43,7 @@ from .references import REFERENCES
 from .refused import HOLD_INTERFERENCE, priceless, unlimited
 from .shown import units_shown
 from .sizes import size_faults
+from .starts import nominal_of, starts_of
 from .units import UnitModel
 from .validity import validity
 from .variants import variants
@@ -100,12 +100,12 @@ class RvReducer(PromisingUnits, Machined):
         self.model = units.changed(changes_of(given.effects, units.geometry))
 
     def _completed(self, given: Settings) -> Settings:
-        found = super()._completed(given)
-        if found.parameters["involute_stage"]:
-            return found
-        ratio = {"reduction_ratio": number(found.parameters["cycloid_teeth"])}
-        costs = {name: curve for name, curve in found.costs.items() if name != "involute_grade"}
-        return replace(found, parameters={**found.parameters, **ratio}, costs=costs)
+        settings = super()._completed(given)
+        if settings.parameters["involute_stage"]:
+            return settings
+        ratio = {"reduction_ratio": number(settings.parameters["cycloid_teeth"])}
+        costs = {name: curve for name, curve in settings.costs.items() if name != "involute_grade"}
+        return replace(settings, parameters={**settings.parameters, **ratio}, costs=costs)
 
     def _variable(self, variable: Variable, given: VariableSetting | None) -> VariableSetting:
         fixed = DISC_TO_DISC.get(variable.name)
@@ -172,9 +172,9 @@ class RvReducer(PromisingUnits, Machined):
         return Evaluation(self.model, drawn, *self.as_built(design))
 
     def as_built(self, design: Array) -> tuple[dict[str, float], dict[str, float]]:
-        """Variables by name as good parts scatter, and by how much their means are off [um]."""
-        own = self.effective(design[None, :])[0]
-        row = {v.name: float(own[at]) for at, v in enumerate(type(self).variables)}
+        """Variables by name with the scatter of good parts, and the offsets of their means [um]."""
+        effective = self.effective(design[None, :])[0]
+        row = {v.name: float(effective[at]) for at, v in enumerate(type(self).variables)}
         means = {
             stem(name): float(mean[0]) for name, (_, mean) in self.as_made(design[None, :]).items()
         }
@@ -193,8 +193,8 @@ class RvReducer(PromisingUnits, Machined):
         return columns | self._statistics(designs, searching, SAMPLED_OUTPUTS, errors=True)
 
     def needed(self, designs: Array) -> dict[str, Array]:
-        found = self._statistics(designs, searching=False, names=self._asked)
-        return found | self.promised_needs(designs)
+        outputs = self._statistics(designs, searching=False, names=self._asked)
+        return outputs | self.promised_needs(designs)
 
     def _statistics(
         self, designs: Array, searching: bool, names: frozenset[str], errors: bool = False
@@ -203,12 +203,12 @@ class RvReducer(PromisingUnits, Machined):
         more = [f"{name}_error" for name in names] if errors else []
         columns = {name: np.empty(len(designs)) for name in ("phi_1_arcmin", *names, *more)}
         for at, design in enumerate(designs):
-            found = self.evaluation(design, searching)
-            columns["phi_1_arcmin"][at] = found.involute.mean
+            evaluation = self.evaluation(design, searching)
+            columns["phi_1_arcmin"][at] = evaluation.involute.mean
             for name in names:
-                columns[name][at] = found.value(name)
+                columns[name][at] = evaluation.value(name)
                 if errors:
-                    columns[f"{name}_error"][at] = found.error(name)
+                    columns[f"{name}_error"][at] = evaluation.error(name)
         return columns | {"cost": self.cost_of(designs)} | self.profile(designs)
 
     @cached_property
@@ -229,33 +229,35 @@ class RvReducer(PromisingUnits, Machined):
 
     def gradient(self, designs: Array) -> dict[str, Array]:
         names = self._asked
-        found = {name: np.zeros_like(designs) for name in names}
-        by_mean = {name: {one: np.zeros(len(designs)) for one in self.made} for name in names}
+        gradients = {name: np.zeros_like(designs) for name in names}
+        by_mean = {
+            name: {tolerance: np.zeros(len(designs)) for tolerance in self.made} for name in names
+        }
         for at, design in enumerate(designs):
             evaluation = self.evaluation(design, searching=True)
             for name in names:
                 slopes = evaluation.gradient(name)
-                found[name][at] = [slopes.get(v.name, 0.0) for v in self.variables]
-                for one, slope in evaluation.by_mean(name).items():
-                    by_mean[name][one][at] = slope
-        add_gradient(self, designs, found, by_mean)
-        return self.by_limits(designs, found, by_mean) | self._plain_slopes(designs)
+                gradients[name][at] = [slopes.get(v.name, 0.0) for v in self.variables]
+                for tolerance, slope in evaluation.by_mean(name).items():
+                    by_mean[name][tolerance][at] = slope
+        add_gradient(self, designs, gradients, by_mean)
+        return self.by_limits(designs, gradients, by_mean) | self._plain_slopes(designs)
 
     def _plain_slopes(self, designs: Array) -> dict[str, Array]:
         """Derivatives of cost and profile."""
         names = ("radial_gap_mm", "modification_backlash_arcmin")
-        found = {name: np.zeros_like(designs) for name in names}
+        slopes = {name: np.zeros_like(designs) for name in names}
         nominal = self.model.geometry.nominal
         unit = 2.0 / nominal.lever / ARCMIN * MM
         by = (("dr_rp_mm", 1.0, unit), ("dr_p_mm", -1.0, -unit * nominal.flank))
         for name, gap, backlash in by:
             column = self.names.index(name)
-            found["radial_gap_mm"][:, column] = gap
-            found["modification_backlash_arcmin"][:, column] = backlash
-        return found | {"cost": self.cost_slopes(designs)}
+            slopes["radial_gap_mm"][:, column] = gap
+            slopes["modification_backlash_arcmin"][:, column] = backlash
+        return slopes | {"cost": self.cost_slopes(designs)}
 
     def counterparts(self) -> tuple[str, ...]:
-        return tuple(sentence(one, self.model.geometry) for one in self.settings.effects)
+        return tuple(sentence(effect, self.model.geometry) for effect in self.settings.effects)
 
     # ---------------------------------------------------------------- what is known
 
@@ -263,16 +265,11 @@ class RvReducer(PromisingUnits, Machined):
         """The documents' allocations, which are those of the RV-40E-121 alone, without machines."""
         if self.made or changed(self.settings.parameters):
             return {}
+        nominal = nominal_of(self)
         return {
-            label: np.array([{**self._nominal, **design}[name] for name in self.names])
+            label: np.array([{**nominal, **design}[name] for name in self.names])
             for label, design in REFERENCES.items()
         }
-
-    @cached_property
-    def _nominal(self) -> dict[str, float]:
-        """The document's value of every variable; fixed errors between discs as they are here."""
-        found = {v.name: float(v.document or 0.0) for v in self.variables}
-        return found | {name: self.fixed[name] for name in DISC_TO_DISC if name in self.fixed}
 
     def starts(self) -> Array:
         """The tightest zones, and the document's, tighter and wider, each opened until the limit on
@@ -282,39 +279,7 @@ class RvReducer(PromisingUnits, Machined):
 
     @cached_property
     def _starts(self) -> Array:
-        rows = []
-        for factor in (0.0, 0.7, 1.0, 1.4):
-            row = np.array([self._nominal[name] for name in self.names])
-            row[self.names.index("dr_p_mm")] *= self._deeper
-            zones = [self.names.index(v.name) for v in self.variables if v.name.endswith("_um")]
-            row[zones] *= factor
-            rows.append(self._opened(self._inside(row)))
-        return np.array(rows)
-
-    @cached_property
-    def _deeper(self) -> float:
-        """Ratio of shift modifications that leave the same radial gap, to the RV-40E's."""
-        return (1.0 - RvGeometry().flank) / (1.0 - self.model.geometry.nominal.flank)
-
-    def _inside(self, row: Array) -> Array:
-        """A full design within the search ranges, at the fixed values."""
-        free = [self.names.index(v.name) for v in self.free]
-        return np.asarray(self.complete(np.clip(row[free], self.xl, self.xu)[None, :])[0])
-
-    def _opened(self, row: Array) -> Array:
-        """The design with the equidistance modification at which interference is in its middle.
-
-        The middle is half of the limit on its probability, 2 % where there is none.
-        """
-        at = self.names.index("dr_rp_mm")
-        bound = self.settings.limits.get("interference_probability", Bound())
-        wanted = 0.5 * bound.high if bound.high < 1.0 else 0.02
-        low, high = super().interval("dr_rp_mm")
-        for _ in range(12 if low < high else 0):
-            row[at] = 0.5 * (low + high)
-            interferes = self.evaluation(row, searching=True).value("interference_probability")
-            low, high = (row[at], high) if interferes > wanted else (low, row[at])
-        return row
+        return starts_of(self)
 
     def least_cost(self) -> tuple[str, RvReducer]:
         """Least cost at the backlash limit, the documents' single objective."""
@@ -361,10 +326,10 @@ class RvReducer(PromisingUnits, Machined):
 
     def faults(self) -> list[Fault]:
         ends = {name: super(RvReducer, self).interval(name) for name in ("dr_rp_mm", "dr_p_mm")}
-        found = geometry.faults(self.model.geometry, self.given, ends)
+        geometry_faults = geometry.faults(self.model.geometry, self.given, ends)
         return [
-            *found,
-            *priceless({one.name for one in self.free}, self.settings.costs),
+            *geometry_faults,
+            *priceless({variable.name for variable in self.free}, self.settings.costs),
             *(size_faults(self.count, KEPT) or super().faults()),
         ]
 
@@ -388,7 +353,7 @@ class RvReducer(PromisingUnits, Machined):
         return f"{kind}, {teeth}: allocation on the exact contact"
 
     def validity(self) -> tuple[str, ...]:
-        given = [one.distribution for one in self.settings.variables.values()]
+        given = [setting.distribution for setting in self.settings.variables.values()]
         return validity(
             self.settings.parameters, all(d is None or isinstance(d, Uniform) for d in given)
         )
@@ -397,8 +362,8 @@ class RvReducer(PromisingUnits, Machined):
         return "backlash_max_arcmin", number(self.settings.parameters["backlash_limit_arcmin"])
 
     def shown_units(self, design: Array) -> UnitsShown | None:
-        found = self.evaluation(design, searching=False)
-        return units_shown(found, self.settings.parameters)
+        evaluation = self.evaluation(design, searching=False)
+        return units_shown(evaluation, self.settings.parameters)
 
     def variants(self) -> tuple[Variant, ...]:
         return variants(self)

@@ -1,4 +1,4 @@
-"""The promise of `rv_reducer`: its units at any state of the processes that samples tell of."""
+"""The promise of `rv_reducer`: its units at any state of the sampled processes."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..judged import Judged, Shortfall
-from ..machined import Made
+from ..made import Made
 from ..promise import ASSURED, PLUG_IN, PROMISED, YIELD
 from . import promised
 from .evaluation import Evaluation, Populations
@@ -30,7 +30,7 @@ class PromisingUnits(Judged):
 
     @abstractmethod
     def as_built(self, design: Array) -> tuple[dict[str, float], dict[str, float]]:
-        """Variables by name as good parts scatter, and by how much their means are off [um]."""
+        """Variables by name with the scatter of good parts, and the offsets of their means [um]."""
 
     @abstractmethod
     def populations(self, searching: bool) -> Populations:
@@ -51,7 +51,7 @@ class PromisingUnits(Judged):
 
     @cached_property
     def promised_model(self) -> UnitModel:
-        """The model whose coverage is the promised share."""
+        """The model whose coverage is the promised fraction."""
         assert self.settings.promise is not None
         coverage = self.settings.promise.share
         return replace(self.model, conditions=replace(self.model.conditions, coverage=coverage))
@@ -63,8 +63,8 @@ class PromisingUnits(Judged):
     @cached_property
     def _mixed(self) -> dict[bool, Populations]:
         return {
-            one: promised.mixed(self, self.populations(one), stream)
-            for stream, one in enumerate((True, False), 1)
+            searching: promised.mixed(self, self.populations(searching), stream)
+            for stream, searching in enumerate((True, False), 1)
         }
 
     def shortfall(
@@ -73,12 +73,12 @@ class PromisingUnits(Judged):
         return promised.shortfall(self, design, scales, shifts, searching)
 
     def steepness(self, design: Array, searching: bool) -> tuple[Array, Array]:
-        found = self.evaluation(design, searching)
-        return promised.slopes_at(self, design, found, promised.WORST)
+        evaluation = self.evaluation(design, searching)
+        return promised.slopes_at(self, design, evaluation, promised.WORST)
 
     def yield_at(self, design: Array, scale: Array, shift: Array, searching: bool) -> float:
-        found = promised.evaluation_at(self, design, scale, shift, searching)
-        return found.value(YIELD)
+        evaluation = promised.evaluation_at(self, design, scale, shift, searching)
+        return evaluation.value(YIELD)
 
     def expected(self, design: Array, searching: bool) -> Evaluation:
         """Units of a full design (all,), each by processes of its own from the posterior."""
@@ -86,8 +86,8 @@ class PromisingUnits(Judged):
 
     def expected_yields(self, designs: Array, searching: bool) -> Array:
         if searching:
-            return np.array([self.promised_units(one)[1].value(YIELD) for one in designs])
-        return np.array([self.expected(one, False).value(YIELD) for one in designs])
+            return np.array([self.promised_units(design)[1].value(YIELD) for design in designs])
+        return np.array([self.expected(design, False).value(YIELD) for design in designs])
 
     def unfavourable_yield(self, design: Array) -> float:
         return self.promised_units(design)[1].value(YIELD)

@@ -1,4 +1,4 @@
-"""Allocations that stand beside a front of `rv_reducer`, all of them tested by contact."""
+"""Reference allocations for a front of `rv_reducer`, all of them tested by contact."""
 
 from __future__ import annotations
 

@@ -30,55 +30,55 @@ INTERFERENCE = {
 """What counts as interference, by the parameter of that name."""
 
 
-def units_shown(found: Evaluation, parameters: Mapping[str, Value]) -> UnitsShown:
+def units_shown(evaluation: Evaluation, parameters: Mapping[str, Value]) -> UnitsShown:
     """The tables of an evaluated design, and what they mean in words."""
-    turn = _turn(found)
-    return UnitsShown(_words(found, parameters, turn), turn, _population(found))
+    turn = _turn(evaluation)
+    return UnitsShown(_words(evaluation, parameters, turn), turn, _population(evaluation))
 
 
-def _largest(found: Evaluation) -> Array:
+def _largest(evaluation: Evaluation) -> Array:
     """Largest backlash of the cycloid stage over the turn (units,) [arcmin]."""
-    return np.asarray(np.maximum(found.turn.play.max(axis=0).astype(float), 0.0))
+    return np.asarray(np.maximum(evaluation.turn.play.max(axis=0).astype(float), 0.0))
 
 
-def _turn(found: Evaluation) -> pd.DataFrame:
+def _turn(evaluation: Evaluation) -> pd.DataFrame:
     """The unit whose largest backlash is the median, at the mean of phi_1.
 
     `measured` marks the positions of the population; between them the turn is drawn finely.
     """
-    largest = _largest(found)
+    largest = _largest(evaluation)
     unit = int(np.argsort(largest, kind="stable")[len(largest) // 2])
-    rough = found.turn.play[:, unit].astype(float)
-    fine = _one(found, unit).turn(found.design).play[:, 0].astype(float)
+    rough = evaluation.turn.play[:, unit].astype(float)
+    fine = _population_of_one(evaluation, unit).turn(evaluation.design).play[:, 0].astype(float)
     count = (len(rough), len(fine))
     play = np.concatenate([rough, fine])
     frame = pd.DataFrame(
         {
             "turn_deg": np.concatenate([360.0 * (np.arange(n) + 0.5) / n for n in count]),
             "cycloid_arcmin": play,
-            "backlash_arcmin": found.involute.mean + np.maximum(play, 0.0),
+            "backlash_arcmin": evaluation.involute.mean + np.maximum(play, 0.0),
             "measured": np.arange(sum(count)) < count[0],
         }
     )
     return frame.sort_values(["turn_deg", "measured"], kind="stable", ignore_index=True)
 
 
-def _one(found: Evaluation, unit: int) -> Population:
+def _population_of_one(evaluation: Evaluation, unit: int) -> Population:
     """A population of one unit at `FINE` positions."""
-    geometry = found.model.geometry
-    sample = found.drawn.rigid.sample.part(slice(unit, unit + 1))
+    geometry = evaluation.model.geometry
+    sample = evaluation.drawn.rigid.sample.part(slice(unit, unit + 1))
     lattice = Lattice.of(geometry, turn_lattice(FINE, geometry.nominal.cycloid_teeth))
-    return Population(lattice, sample, Slopes.of(geometry, sample), found.drawn.rigid.engine)
+    return Population(lattice, sample, Slopes.of(geometry, sample), evaluation.drawn.rigid.engine)
 
 
-def _population(found: Evaluation) -> pd.DataFrame:
-    """Share of units up to each value of their largest backlash, phi_1 integrated."""
-    largest = _largest(found)
-    low, high = found.involute.ends()
+def _population(evaluation: Evaluation) -> pd.DataFrame:
+    """Fraction of units up to each value of their largest backlash, phi_1 integrated."""
+    largest = _largest(evaluation)
+    low, high = evaluation.involute.ends()
     at = np.linspace(low + largest.min(), high + largest.max(), BINS + 1)
-    within = 100.0 * np.array([float(np.mean(found.involute.cdf(v - largest))) for v in at])
-    change, mean = found.model.change, float(largest.mean()) + found.involute.mean
-    moved = mean + change.effective + (1.0 + change.growth) * (at - mean)  # beside the contact
+    within = 100.0 * np.array([float(np.mean(evaluation.involute.cdf(v - largest))) for v in at])
+    change, mean = evaluation.model.change, float(largest.mean()) + evaluation.involute.mean
+    moved = mean + change.effective + (1.0 + change.growth) * (at - mean)  # outside the contact
     return pd.DataFrame(
         {
             "backlash_max_arcmin": moved,
@@ -89,24 +89,24 @@ def _population(found: Evaluation) -> pd.DataFrame:
 
 
 def _words(
-    found: Evaluation, parameters: Mapping[str, Value], turn: pd.DataFrame
+    evaluation: Evaluation, parameters: Mapping[str, Value], turn: pd.DataFrame
 ) -> tuple[str, ...]:
-    conditions, drawn = found.model.conditions, found.drawn.rigid
+    conditions, drawn = evaluation.model.conditions, evaluation.drawn.rigid
     positions, percent = drawn.lattice.shape[0], 100.0 * conditions.coverage
     measured = turn.loc[turn["measured"], "backlash_arcmin"].max()
     kind = INTERFERENCE[conditions.interference].format(
         overlap=conditions.overlap, preload=number(parameters["preload_percent_of_rated"])
     )
     stage = (
-        f"The involute stage adds the backlash phi_1 of the unit, {found.involute.mean:.3g} arcmin "
-        "in the mean; it is the same at all positions, and its distribution over units is "
-        "integrated exactly, not drawn."
+        "The involute stage adds the backlash phi_1 of the unit, "
+        f"{evaluation.involute.mean:.3g} arcmin in the mean; it is the same at all positions, and "
+        "its distribution over units is integrated exactly, not drawn."
         if parameters["involute_stage"]
         else "There is no involute stage."
     )
-    beside = (
+    outside = (
         "What effects add beside the contact is in the population and not in the one unit."
-        if found.model.change.outside
+        if evaluation.model.change.outside
         else ""
     )
     words = (
@@ -124,4 +124,4 @@ def _words(
         f"Interference: {kind} (interference_probability). Where flanks interfere at zero torque "
         "the backlash of the cycloid stage counts as zero: the flat parts of the first figure.",
     )
-    return tuple(one for one in (*words, beside) if one)
+    return tuple(sentence for sentence in (*words, outside) if sentence)

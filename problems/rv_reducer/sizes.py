@@ -21,8 +21,8 @@ def size_faults(count: Callable[[str], int], kept: int) -> list[Fault]:
         "report_units": positions,
         "elastic_units": count("te_positions"),
     }
-    found = {
+    messages = {
         name: too_many(count(name), READINGS, number, "units x positions")
         for name, number in per.items()
     }
-    return [Fault(f"parameters.{name}", text) for name, text in found.items() if text]
+    return [Fault(f"parameters.{name}", text) for name, text in messages.items() if text]

@@ -21,7 +21,7 @@ from .counterparts import Change
 
 @dataclass(frozen=True, slots=True, eq=False)
 class UnitModel(UnitBasis):
-    """What every unit has in common, how units are drawn, and what is asked of them."""
+    """The properties common to all units, how units are drawn, and the conditions on them."""
 
     conditions: Conditions
     loading: Loading
@@ -37,9 +37,15 @@ class UnitModel(UnitBasis):
     ) -> UnitModel:
         """The model of completed settings."""
         inputs: dict[str, Distribution] = {
-            stem(name): one.distribution for name, one in variables.items() if one.distribution
+            stem(name): setting.distribution
+            for name, setting in variables.items()
+            if setting.distribution
         }
-        mids = {stem(name): one.centre for name, one in variables.items() if one.centre is not None}
+        mids = {
+            stem(name): setting.centre
+            for name, setting in variables.items()
+            if setting.centre is not None
+        }
         conditions = Conditions(
             coverage,
             number(parameters["backlash_limit_arcmin"]),
@@ -75,9 +81,9 @@ class UnitModel(UnitBasis):
         return replace(self, mid=mid, change=change)
 
     def measures(self, turn: Turn) -> Measures:
-        """Statistics of the units of a turn, with what effects change beside their contact."""
-        found = Measures(turn, self.involute(turn.design.involute_grade), self.conditions)
-        return ChangedMeasures(found, self.change) if self.change.outside else found
+        """Statistics of the units of a turn, with what effects change outside their contact."""
+        statistics = Measures(turn, self.involute(turn.design.involute_grade), self.conditions)
+        return ChangedMeasures(statistics, self.change) if self.change.outside else statistics
 
     def population(self, positions: int, units: int, seed: int, stream: int) -> Population:
         """A population drawn from `seed`; each `stream` is independent of the others."""

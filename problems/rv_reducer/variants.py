@@ -41,22 +41,22 @@ def _with(problem: RvReducer, **parameters: Value) -> RvReducer:
 
 
 def _shares(problem: RvReducer) -> Iterator[Variant]:
-    own = problem.settings.parameters
+    parameters = problem.settings.parameters
     for name, (words, values) in SHARES.items():
         for value in values:
-            if name in own and own[name] != value:
+            if name in parameters and parameters[name] != value:
                 yield Variant(words, f"{value:g}", _with(problem, **{name: value}))
 
 
 def _interference(problem: RvReducer) -> Iterator[Variant]:
     """Other definitions, with the same limit on their probability."""
-    own = problem.settings.parameters
+    parameters = problem.settings.parameters
     bound = problem.settings.limits.get("interference_probability", Bound())
     if not bound.high < 1.0:
         return
     for kind in COUNTED:
-        if kind != own["interference"]:
-            more = f", beyond {own['overlap_arcmin']:g} arcmin" if kind == "overlap" else ""
+        if kind != parameters["interference"]:
+            more = f", beyond {parameters['overlap_arcmin']:g} arcmin" if kind == "overlap" else ""
             words = f"{kind.replace('_', ' ')}{more}, in at most {100.0 * bound.high:g} %"
             yield Variant("what counts as interference", words, _with(problem, interference=kind))
 

@@ -1,16 +1,17 @@
-"""What effects do to the transmission error of adjusted units.
+"""What effects change in the transmission error of adjusted units.
 
 Effects of the assembly act in it, but for the dead band of `adjustment_backlash`, which is not
-linear. Others are read over one turn of the output at the problem's torque and speed, as they act
-on the reading of the model `rv_transmission`: what varies over the turn is there in every unit.
+linear. Others are evaluated over one turn of the output at the problem's torque and speed, as they
+act on the model `rv_transmission`: what varies over the turn is present in every unit.
 
 - Order 40 meets that of the angles, c . x, and adds as a vector: |c . x + m|.
-- Other orders together add half of their peak to peak. That is an upper bound. Of a single wave it
-  is close: a crest of order 39 falls so close to one of order 40 that at most 0.3 % of the wave is
-  not seen, of order 78 1.2 %. Multiples of 40 are locked to it and may even make it smaller, by as
-  much as they have; and where several orders are added, their crests need not meet in one place.
+- Other orders together add half of their peak to peak. That is an upper bound. It is close
+  for a single wave: a crest of order 39 falls so close to one of order 40 that at most 0.3 % of the
+  wave is missed, 1.2 % for order 78. Multiples of 40 are locked to it and may even
+  make it smaller, by as much as they have; and where several orders are added, their crests need
+  not meet in one place.
 
-What is the same over the turn changes nothing, nor does what the instrument adds.
+Contributions that are constant over the turn change nothing, nor does the instrument.
 """
 
 from __future__ import annotations
@@ -42,12 +43,12 @@ ACTING = {
     "chain_coupling": "chain 1 moves by {:.4g} of what putting in chain 2 moves that",
     "springback": "{:.4g} of the total adjustment returns at the end",
 }
-"""Linear departures of the assembly, and what is said of them."""
+"""Linear departures of the assembly, and their descriptions."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Waves:
-    """What every unit's transmission error has besides, over the turn of the output.
+    """Waves that are added to every unit's transmission error over the turn of the output.
 
     Its order 40 is Re[`wave` exp(40 j theta)], `rest` half the peak to peak of all else [rad].
     """
@@ -56,20 +57,22 @@ class Waves:
     rest: float
 
 
-def departures_with(own: Departures, effects: Iterable[Active]) -> Departures:
+def departures_with(departures: Departures, effects: Iterable[Active]) -> Departures:
     """The departures of the assembly with those of the effects."""
-    values = [one.values for one in effects]
-    gain, coupling, springback = (sum(each.get(name, 0.0) for each in values) for name in ACTING)
+    values = [effect.values for effect in effects]
+    gain, coupling, springback = (
+        sum(by_name.get(name, 0.0) for by_name in values) for name in ACTING
+    )
     return Departures(
-        gain_error=own.gain_error + gain,
-        coupling=own.coupling + coupling,
-        springback=own.springback + springback,
+        gain_error=departures.gain_error + gain,
+        coupling=departures.coupling + coupling,
+        springback=departures.springback + springback,
     )
 
 
 def waves_of(effects: Iterable[Active], torque: float, speed: float) -> Waves:
     """What effects add, at a torque [N m] that resists the motion and an output speed [rpm]."""
-    over = sum((_over_turn(one, torque, speed) for one in effects), np.zeros(SAMPLES))
+    over = sum((_over_turn(effect, torque, speed) for effect in effects), np.zeros(SAMPLES))
     lines = np.fft.rfft(over)
     wave = complex(2.0 * lines[ORDER] / SAMPLES)
     lines[ORDER] = 0.0
@@ -87,7 +90,7 @@ def _over_turn(active: Active, torque: float, speed: float) -> Array:
         "output_speed_rpm": np.full(SAMPLES, speed),
         "direction": np.ones(SAMPLES),
     }
-    columns = tuple(one for one in RvTransmission.columns if one.name in table)
+    columns = tuple(column for column in RvTransmission.columns if column.name in table)
     target = target_from("rv_transmission", RvTransmission.outputs, columns)
     target = replace(target, gear=RvTransmission.gear)
     if not _adds_waves(active, target, columns):
@@ -97,35 +100,35 @@ def _over_turn(active: Active, torque: float, speed: float) -> Array:
 
 
 def _adds_waves(active: Active, target: Target, columns: tuple[Column, ...]) -> bool:
-    """Whether it adds to the reading of a unit here, and its values are those of this reading."""
+    """Whether the effect adds to the output of a unit here, and its parameters are those of it."""
     effect, angled = active.effect, Role.ANGLE in active.effect.needs
     if effect.family == "instrument" or not angled or not effect.applies(target):
         return False
-    names = {one.name for one in effect.parameters(target)}
+    names = {parameter.name for parameter in effect.parameters(target)}
     return set(active.values) <= names
 
 
 def sentence(active: Active, torque: float, speed: float) -> str:
     """What one effect does here, empty where it does nothing."""
-    own = [(name, active.values.get(name, 0.0)) for name in ACTING]
-    found = [
+    departures = [(name, active.values.get(name, 0.0)) for name in ACTING]
+    sentences = [
         ACTING[name].format(1.0 + size if name == "adjustment_gain_error" else size)
-        for name, size in own
+        for name, size in departures
         if size != 0.0
     ]
     waves = waves_of([active], torque, speed)
     size, rest = abs(waves.wave) / ARCSEC, waves.rest / ARCSEC
     if size > 0.0:
-        found.append(
+        sentences.append(
             f"every unit has {size:.4g} arcsec of order 40, which adds to that of the "
             "angles as a vector"
         )
     if rest > 0.0:
-        found.append(
+        sentences.append(
             f"every unit has {rest:.4g} arcsec (half peak to peak) of other orders, which "
             "adds in full: an upper bound"
         )
-    if not found:
+    if not sentences:
         return ""
     at = f", at {torque:g} Nm and {speed:g} rpm" if max(size, rest) > 0.0 else ""
-    return "; ".join(found) + at
+    return "; ".join(sentences) + at

@@ -229,7 +229,9 @@ COSTS: Mapping[str, CostCurve] = {name: Reciprocal(0.0, REFERENCE_MRAD) for name
 
 def transmission(parameters: Mapping[str, Value]) -> Transmission:
     """The full model (SI) of parameters by declared name; left-out ones keep their defaults."""
-    p: dict[str, Any] = {one.name: one.default for one in PARAMETERS} | dict(parameters)
+    p: dict[str, Any] = {parameter.name: parameter.default for parameter in PARAMETERS} | dict(
+        parameters
+    )
     contact = LoadedContact(
         normal_stiffness=p["normal_stiffness_N_per_um"] / UM,
         series_stiffness=p["series_stiffness_Nm_per_arcmin"] / ARCMIN,

@@ -37,8 +37,8 @@ def least_ratio(coverage: float) -> float:
     flat = np.linspace(0.0, 1.0, SHAPES)
     covariance = np.zeros((SHAPES, 2, 2))
     covariance[:, 0, 0], covariance[:, 1, 1] = 1.0, flat
-    found = radius_quantile(covariance, coverage) ** 2 / (1.0 + flat)
-    return float(found.min() * (1.0 - SAFETY))
+    ratios = radius_quantile(covariance, coverage) ** 2 / (1.0 + flat)
+    return float(ratios.min() * (1.0 - SAFETY))
 
 
 def form_of(problem: RvTransmissionError) -> Form | None:

@@ -26,8 +26,8 @@ def sensitivities(composite: str = "sum", chain: DatumFlowChain | None = None) -
     `sum`: the composite is the sum of the four final angles; `rss`: their root sum of squares.
     """
     flow = (chain or DatumFlowChain()).error_matrix()
-    each = flow.sum(axis=0) if composite == "sum" else np.linalg.norm(flow, axis=0)
-    return np.repeat(each, len(AXES))
+    composite_error = flow.sum(axis=0) if composite == "sum" else np.linalg.norm(flow, axis=0)
+    return np.repeat(composite_error, len(AXES))
 
 
 def implied_costs(tolerances: Array, influence: Array, exponent: float = 1.0) -> Array:
@@ -35,8 +35,8 @@ def implied_costs(tolerances: Array, influence: Array, exponent: float = 1.0) ->
 
     `influence` is J (n,), `exponent` b > 0.
     """
-    found = influence**2 * tolerances ** (exponent + 2.0) / exponent
-    return np.asarray(found / found.mean())
+    costs = influence**2 * tolerances ** (exponent + 2.0) / exponent
+    return np.asarray(costs / costs.mean())
 
 
 def optimal_allocation(
@@ -73,9 +73,10 @@ def crankshafts_against_gears() -> Claim:
         free = optimal_allocation(np.ones(printed.size), sensitivities(composite), 1.0)
         expected[composite] = float(free[0] / free[len(AXES)])
     tightest = PARTS[int(np.argmin(printed.mean(axis=1)))]
-    holds = all(max(each) < 1.0 for each in ratios.values())
+    holds = all(max(by_axis) < 1.0 for by_axis in ratios.values())
     shown = "; ".join(
-        f"{name}: {', '.join(f'{one:.2f}' for one in each)}" for name, each in ratios.items()
+        f"{name}: {', '.join(f'{ratio:.2f}' for ratio in by_axis)}"
+        for name, by_axis in ratios.items()
     )
     return Claim(
         ratios,

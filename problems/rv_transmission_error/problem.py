@@ -70,10 +70,10 @@ class RvTransmissionError(ToleranceProblem):
 
     def _variable(self, variable: Variable, given: VariableSetting | None) -> VariableSetting:
         """Errors of parts are normal unless the configuration says otherwise."""
-        found = super()._variable(variable, given)
-        if variable.kind is Kind.HALF_WIDTH and found.distribution is None:
-            return replace(found, distribution=Normal())
-        return found
+        setting = super()._variable(variable, given)
+        if variable.kind is Kind.HALF_WIDTH and setting.distribution is None:
+            return replace(setting, distribution=Normal())
+        return setting
 
     @cached_property
     def process(self) -> Process:
@@ -88,10 +88,10 @@ class RvTransmissionError(ToleranceProblem):
     @cached_property
     def full(self) -> Transmission:
         """The full model, with the waves that effects add to every unit."""
-        own = declared.transmission(self.settings.parameters)
+        transmission = declared.transmission(self.settings.parameters)
         waves = waves_of(self.settings.effects, *self._operating)
-        mapping = replace(own.mapping, floor=own.mapping.floor + waves.rest)
-        return replace(own, mapping=mapping, wave=waves.wave)
+        mapping = replace(transmission.mapping, floor=transmission.mapping.floor + waves.rest)
+        return replace(transmission, mapping=mapping, wave=waves.wave)
 
     @property
     def _operating(self) -> tuple[float, float]:
@@ -135,28 +135,28 @@ class RvTransmissionError(ToleranceProblem):
         return gains(self.process, terminal_weight(self.process, precision, reading))
 
     def _outputs(self, designs: Array, searching: bool) -> dict[str, Array]:
-        left = self.residual(designs)
-        covariance = left.covariance
+        residual = self.residual(designs)
+        covariance = residual.covariance
         te, force = self._te(covariance, searching), self._force(covariance, searching)
         std = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2)) / MRAD
         names = [f"kc_{at}_{axis}_std_mrad" for at in range(1, 5) for axis in declared.AXES]
         return {
             "cost": self.cost_of(designs),
-            EFFORT: left.effort / MRAD**2,
+            EFFORT: residual.effort / MRAD**2,
             TE: te / ARCSEC,
             FORCE: force,
             "te_error_percent": np.zeros(len(designs)),
             "force_error_percent": np.zeros(len(designs)),
         } | dict(zip(names, std.T, strict=True))
 
-    def _verified(self, designs: Array, found: Mapping[str, Array]) -> dict[str, Array]:
-        te, force = found[TE] * ARCSEC, found[FORCE]
+    def _verified(self, designs: Array, outputs: Mapping[str, Array]) -> dict[str, Array]:
+        te, force = outputs[TE] * ARCSEC, outputs[FORCE]
         spread = self.residual(designs).spread
         errors = errors_percent(self.full, self.influence, spread, te, force)
         return dict(zip(("te_error_percent", "force_error_percent"), errors, strict=True))
 
     def _te(self, covariance: Array, searching: bool) -> Array:
-        """Quantile (n,) [rad] of the TE amplitude; of a sample where all units share a wave."""
+        """Quantile (n,) [rad] of the TE amplitude; from a sample where all units share a wave."""
         plane, coverage = self.influence.order_40, self.settings.propagation.coverage
         within = plane @ covariance @ plane.T
         if not self.influence.wave.any():
@@ -186,14 +186,14 @@ class RvTransmissionError(ToleranceProblem):
     def interval(self, output: str) -> Interval:
         """Proven bounds: costs fall with every tolerance, and no unit is below the error-free one.
 
-        The latter holds of the influence coefficients; a wave of order 40 that all units share may
+        The latter holds for the influence coefficients; a wave of order 40 that all units share may
         be cancelled in some, the other orders are there in all.
         """
         if output == "cost":
             return self.cost_interval
         if output == TE:
             return self.influence.base_amplitude / ARCSEC, np.inf
-        if output in {one.name for one in self.outputs if not one.error_of}:
+        if output in {output.name for output in self.outputs if not output.error_of}:
             return 0.0, np.inf
         return super().interval(output)
 
@@ -228,7 +228,7 @@ class RvTransmissionError(ToleranceProblem):
         return label, RvTransmissionError(given)
 
     def counterparts(self) -> tuple[str, ...]:
-        return tuple(sentence(one, *self._operating) for one in self.settings.effects)
+        return tuple(sentence(effect, *self._operating) for effect in self.settings.effects)
 
     # ---------------------------------------------------------------- faults and warnings
 
@@ -237,12 +237,12 @@ class RvTransmissionError(ToleranceProblem):
         return form_of(self)
 
     def faults(self) -> list[Fault]:
-        found = self._process_faults()
+        process_faults = self._process_faults()
         for variable in self.variables:
             if variable.kind is Kind.HALF_WIDTH and abs(self._moments(variable)[0]) > 1e-12:
                 text = "must be centred (mean 0): errors of angles have no preferred sign here"
-                found.append(Fault(f"variables.{variable.name}.distribution", text))
-        return found or super().faults()
+                process_faults.append(Fault(f"variables.{variable.name}.distribution", text))
+        return process_faults or super().faults()
 
     def _process_faults(self) -> list[Fault]:
         try:
@@ -252,21 +252,21 @@ class RvTransmissionError(ToleranceProblem):
         return []
 
     def warnings(self) -> tuple[str, ...]:
-        found = []
+        messages = []
         if EFFORT not in (*self.objectives, *self.settings.limits) and any(
             v.name == declared.PRECISION for v in self.free
         ):
-            found.append(
+            messages.append(
                 "adjustment_effort is neither minimised nor limited: accuracy can always be bought "
                 "with adjustment; add it, or fix precision_weight"
             )
         if FORCE not in (*self.objectives, *self.settings.limits):
-            found.append(
+            messages.append(
                 "peak_mesh_force_N is neither minimised nor limited: the gears' angles about z "
                 "load one disc more than the other, but cause no transmission error, and open as "
                 "far as they may"
             )
         most = declared.transmission({}).contact.momentary_torque
         if (torque := number(self.settings.parameters["torque_Nm"])) > most:
-            found.append(f"torque {torque:g} Nm is beyond the momentary torque {most:g} Nm")
-        return tuple(found)
+            messages.append(f"torque {torque:g} Nm is beyond the momentary torque {most:g} Nm")
+        return tuple(messages)

@@ -37,7 +37,7 @@ class LinkError:
 
     @classmethod
     def usual(cls, kind: str) -> LinkError:
-        """The range and cost of an error of a `kind` that nothing is written of."""
+        """The default range and cost of an error of a `kind`."""
         reference = REFERENCE[declared.ERRORS[kind][0]]
         low, high = (factor * reference for factor in RANGE)
         return cls(low, high, reference, Reciprocal(0.0, reference))
@@ -46,7 +46,7 @@ class LinkError:
 @dataclass(frozen=True)
 class Gearing:
     """The reducer of a joint. `stiffness` [N m/arcmin] and `friction` [N m] are None, and `flank`
-    empty, where the parameters say; `te_factor` is None where it is `backlash_factor`.
+    empty, where the parameters say; `te_factor` is None where it equals `backlash_factor`.
     """
 
     reducer: Nested
@@ -61,8 +61,8 @@ class Gearing:
 
 @dataclass(frozen=True)
 class Joint:
-    """A joint beside its row of the table: mass [kg] and its centre [m] in the frame after it, the
-    range of its reading [rad], its reducer (None: a direct drive), and its errors by kind.
+    """A joint apart from its row of the table: mass [kg] and its centre [m] in the frame after it,
+    the range of its angle [rad], its reducer (None: a direct drive), and its errors by kind.
     """
 
     mass: float | None = None
@@ -77,7 +77,7 @@ class Joint:
         """Its errors by kind: all five but those that are None."""
         given = dict(self.errors)
         every = {kind: given.get(kind, LinkError.usual(kind)) for kind in declared.ERRORS}
-        return {kind: one for kind, one in every.items() if one is not None}
+        return {kind: error for kind, error in every.items() if error is not None}
 
 
 @dataclass(frozen=True)
@@ -95,19 +95,21 @@ class Definition(definition.Definition):
     @cached_property
     def gearings(self) -> dict[int, Gearing]:
         """Joints with a reducer, from 0."""
-        return {at: one.gearing for at, one in enumerate(self.joints) if one.gearing is not None}
+        return {
+            at: joint.gearing for at, joint in enumerate(self.joints) if joint.gearing is not None
+        }
 
     @property
     def drives(self) -> tuple[Drive, ...]:
-        return tuple(_drive(str(at + 1), one) for at, one in self.gearings.items())
+        return tuple(_drive(str(at + 1), gearing) for at, gearing in self.gearings.items())
 
     @cached_property
     def errors(self) -> Mapping[str, LinkError]:
         """The errors of all joints by variable, joint after joint."""
         return {
-            declared.error(kind, at): one
+            declared.error(kind, at): error
             for at, joint in enumerate(self.joints, 1)
-            for kind, one in joint.links.items()
+            for kind, error in joint.links.items()
         }
 
     @property
@@ -122,29 +124,29 @@ class Definition(definition.Definition):
                 name,
                 kinds[name][1],
                 Kind.STANDARD_DEVIATION,
-                one.low,
-                one.high,
+                error.low,
+                error.high,
                 f"standard deviation of the {kinds[name][2]} {kinds[name][0]}",
                 valid_low=1e-9,
             )
-            for name, one in self.errors.items()
+            for name, error in self.errors.items()
         )
 
     @property
     def link_costs(self) -> Mapping[str, CostCurve]:
-        return {name: one.curve for name, one in self.errors.items()}
+        return {name: error.curve for name, error in self.errors.items()}
 
     @property
     def link_references(self) -> Mapping[str, float]:
-        return {name: one.reference for name, one in self.errors.items()}
+        return {name: error.reference for name, error in self.errors.items()}
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
         """Those of the chain, the table as their defaults, and those of every machine."""
         count = len(self.joints)
-        own = [p for p in declared.PARAMETERS if declared.joint_of(p.name) <= count]
-        table = {**completed(own, {}), **self.table, "joints": count}
-        chain = [replace(p, default=table[p.name], source="") for p in own]
+        chain_parameters = [p for p in declared.PARAMETERS if declared.joint_of(p.name) <= count]
+        table = {**completed(chain_parameters, {}), **self.table, "joints": count}
+        chain = [replace(p, default=table[p.name], source="") for p in chain_parameters]
         chain = [replace(p, low=count, high=count) if p.name == "joints" else p for p in chain]
         return (
             *chain,
@@ -153,21 +155,25 @@ class Definition(definition.Definition):
 
     @property
     def near(self) -> Array:
-        """Readings (k,) [rad] that tell the posture from others."""
+        """Joint angles (k,) [rad] near which the posture is chosen."""
         return np.array(self.cell.near or (0.0,) * len(self.joints))
 
     @property
     def ends(self) -> tuple[Array, Array]:
-        """Ranges (k,) of the joints' readings [rad]."""
-        return np.array([one.low for one in self.joints]), np.array([o.high for o in self.joints])
+        """Ranges (k,) of the joints' angles [rad]."""
+        return np.array([joint.low for joint in self.joints]), np.array(
+            [joint.high for joint in self.joints]
+        )
 
     def of_joints(self, name: str, parameters: Mapping[str, Value], parameter: str) -> Array:
         """A number (geared,) of the reducers, the parameter's where a joint has none."""
         usual = number(parameters[parameter])
-        given = [getattr(one, name) for one in self.gearings.values()]
-        return np.array([usual if one is None else one for one in given])
+        given = [getattr(gearing, name) for gearing in self.gearings.values()]
+        return np.array([usual if value is None else value for value in given])
 
 
-def _drive(key: str, one: Gearing) -> Drive:
-    te = one.backlash_factor if one.te_factor is None else one.te_factor
-    return Drive(key, one.reducer, one.cost_factor, one.backlash_factor, te, one.group)
+def _drive(key: str, gearing: Gearing) -> Drive:
+    te = gearing.backlash_factor if gearing.te_factor is None else gearing.te_factor
+    return Drive(
+        key, gearing.reducer, gearing.cost_factor, gearing.backlash_factor, te, gearing.group
+    )

@@ -53,11 +53,11 @@ class ArmMachine(Machine):
     @property
     def flanks(self) -> tuple[str, ...]:
         usual = str(self.parameters["flanks"])
-        return tuple(one.flank or usual for one in self.definition.gearings.values())
+        return tuple(gearing.flank or usual for gearing in self.definition.gearings.values())
 
     @cached_property
     def chain(self) -> Chain:
-        """The nominal chain, what a recalibration found included."""
+        """The nominal chain, with the results of a recalibration."""
         return declared.chain_of(self.parameters)
 
     @cached_property
@@ -101,22 +101,22 @@ class ArmMachine(Machine):
         if self.calibrated:
             by_move, by_turn = _corrected(move, turn, by_move, by_turn)
         weight = np.full(len(move), 1.0 / len(move))
-        mass = np.array([one.mass or 0.0 for one in joints])
-        centre = np.array([one.centre for one in joints])
+        mass = np.array([joint.mass or 0.0 for joint in joints])
+        centre = np.array([joint.centre for joint in joints])
         payload = number(self.parameters["payload_kg"])
         torque = gravity_torques(now, mass, centre, payload)[:, order[: self.geared]]
-        own = np.swapaxes(now.turn[:, -1], 1, 2)  # rotations about the axes of the tool
-        maps = (move[:, :, order], (own @ turn)[:, :, order], by_move, own @ by_turn)
+        to_tool = np.swapaxes(now.turn[:, -1], 1, 2)  # rotations about the axes of the tool
+        maps = (move[:, :, order], (to_tool @ turn)[:, :, order], by_move, to_tool @ by_turn)
         # in one order in memory, so that a copy in another process rounds alike
-        by_joint, turned, moved, rotated = (np.ascontiguousarray(one) for one in maps)
+        by_joint, turned, moved, rotated = (np.ascontiguousarray(array) for array in maps)
         return Places(
             Drives(weight, by_joint, turned), np.ascontiguousarray(torque), moved, rotated
         )
 
 
 def _corrected(move: Array, turn: Array, by_move: Array, by_turn: Array) -> tuple[Array, Array]:
-    """What errors (n, 3, sources) leave when commands keep the position exact; the orientation as
-    well where there are joints enough.
+    """The residual errors (n, 3, sources) when commands keep the position exact; the orientation
+    as well where there are enough joints.
     """
     if move.shape[2] >= WHOLE:
         return np.zeros_like(by_move), np.zeros_like(by_turn)

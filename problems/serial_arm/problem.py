@@ -23,7 +23,7 @@ from .shipped import shipped_arm
 from .writing import definition_tables
 
 NAMED = 5
-"""Poses that are named; of more the number."""
+"""Most poses that are named; the others are counted."""
 
 
 class ArmKind:
@@ -59,10 +59,10 @@ class SerialArmAllocation(RobotProblem):
 
     def __init__(self, settings: Settings | None = None) -> None:
         given = settings or Settings()
-        own: Definition = given.definition or default_definition(given.parameters)
-        self.parameters = own.parameters
-        super().__init__(given, own)
-        self._machine = ArmMachine(self.settings.parameters, own)
+        definition: Definition = given.definition or default_definition(given.parameters)
+        self.parameters = definition.parameters
+        super().__init__(given, definition)
+        self._machine = ArmMachine(self.settings.parameters, definition)
 
     @property
     def machine(self) -> ArmMachine:
@@ -70,8 +70,8 @@ class SerialArmAllocation(RobotProblem):
 
     @classmethod
     def configured(cls, top: Section) -> Any:
-        found = read_definition(top)
-        return None if found is None else ArmKind(found)
+        definition = read_definition(top)
+        return None if definition is None else ArmKind(definition)
 
     def more_tables(self) -> dict[str, Any]:
         return definition_tables(self.definition, self.settings.parameters)
@@ -117,34 +117,34 @@ class SerialArmAllocation(RobotProblem):
     def _out_of_reach(self) -> list[Fault]:
         reached, machine = self.machine.reached, self.machine
         why = blocking(machine.chain, reached, *self.definition.ends)
-        found = [
+        messages = [
             (at, f"is out of reach by {1e3 * reached.missing[at]:.3g} mm: {text}")
             for at, text in enumerate(why)
             if text
         ]
-        return self._at_poses(found, "move or shrink the cell, or widen range_deg")
+        return self._at_poses(messages, "move or shrink the cell, or widen range_deg")
 
     def _singular(self) -> list[Fault]:
         alike = singular(self.machine.chain, self.machine.frames)
-        found = [
+        messages = [
             (at, f"is singular: joints {text} move the tool alike")
             for at, text in enumerate(alike)
             if text
         ]
-        return self._at_poses(found, "move the cell, or give another posture (near_deg)")
+        return self._at_poses(messages, "move the cell, or give another posture (near_deg)")
 
-    def _at_poses(self, found: list[tuple[int, str]], remedy: str) -> list[Fault]:
+    def _at_poses(self, messages: list[tuple[int, str]], remedy: str) -> list[Fault]:
         cell = self.definition.cell
         tool = self.machine.frames.tool
         faults = []
-        for at, text in found[:NAMED]:
+        for at, text in messages[:NAMED]:
             key = "joints_deg" if cell.in_joints else "poses"
             place = f"cell.{key}[{at}]" if cell.listed else "cell"
             at_mm = np.round(1e3 * self._commanded(at, tool), 6) + 0.0  # no -0
-            where = ", ".join(f"{one:.4g}" for one in at_mm)
+            where = ", ".join(f"{coordinate:.4g}" for coordinate in at_mm)
             faults.append(Fault(place, f"pose {at + 1} ({where} mm) {text}; {remedy}"))
-        if len(found) > NAMED:
-            more = len(found) - NAMED
+        if len(messages) > NAMED:
+            more = len(messages) - NAMED
             faults.append(Fault("cell", f"{more} more poses of {len(tool)} are like these"))
         return faults
 
@@ -153,10 +153,10 @@ class SerialArmAllocation(RobotProblem):
         return np.asarray(tool[at] if cell.in_joints else cell.poses()[0][at])
 
     def _without_masses(self) -> list[Fault]:
-        """Gravity cannot say which flank it holds of an arm without masses."""
+        """Gravity determines no flank of an arm without masses."""
         if "gravity" not in self.machine.flanks:
             return []
-        lacking = [at for at, one in enumerate(self.definition.joints) if one.mass is None]
+        lacking = [at for at, joint in enumerate(self.definition.joints) if joint.mass is None]
         return [
             Fault(
                 f"joint[{at}].mass_kg",
@@ -167,16 +167,22 @@ class SerialArmAllocation(RobotProblem):
         ]
 
     def assumptions(self) -> tuple[Assumption, ...]:
-        own, cell = self.definition, self.definition.cell
-        found = [Assumption("joint", own.shipped, "", "no table is given")] if own.shipped else []
+        definition, cell = self.definition, self.definition.cell
+        assumed = (
+            [Assumption("joint", definition.shipped, "", "no table is given")]
+            if definition.shipped
+            else []
+        )
         if not cell.listed:
             shown = f"{cell.kind} of {1e3 * cell.side:g} mm"
-            found.append(Assumption("cell", shown, "", "poses that the means are over"))
-        for key, one in zip((d.key for d in own.drives), own.gearings.values(), strict=True):
+            assumed.append(Assumption("cell", shown, "", "poses that the means are over"))
+        for key, gearing in zip(
+            (d.key for d in definition.drives), definition.gearings.values(), strict=True
+        ):
             for name in ("cost_factor", "backlash_factor"):
-                if (value := getattr(one, name)) != 1.0:
+                if (value := getattr(gearing, name)) != 1.0:
                     reason = f"of the reducer of joint {key}, against the one it is priced by"
-                    found.append(
+                    assumed.append(
                         Assumption(
                             f"joint[{int(key) - 1}].reducer.{name}",
                             value,
@@ -185,7 +191,7 @@ class SerialArmAllocation(RobotProblem):
                             "configuration",
                         )
                     )
-        return (*super().assumptions(), *found)
+        return (*super().assumptions(), *assumed)
 
 
 def default_definition(parameters: Mapping[str, Value]) -> Definition:

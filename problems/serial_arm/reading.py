@@ -36,8 +36,8 @@ def read_definition(top: Section) -> Definition | None:
     count = len(rows) or len(usual.joints)
     cell = _cell(top, count, table, None if rows else usual.cell)
     if not nested:
-        for at, one in enumerate(joints):
-            if one.gearing is not None and not one.gearing.reducer.proven:
+        for at, joint in enumerate(joints):
+            if joint.gearing is not None and not joint.gearing.reducer.proven:
                 top.item("joint", at).fault(
                     "reducer",
                     "nested = false needs a reducer with "
@@ -46,13 +46,13 @@ def read_definition(top: Section) -> Definition | None:
     if faults.new or cell is None:
         return None
     if not rows:
-        own = {**usual.table, **table}
-        return Definition(own, usual.joints, cell, nested, per_drive, usual.shipped)
+        whole_table = {**usual.table, **table}
+        return Definition(whole_table, usual.joints, cell, nested, per_drive, usual.shipped)
     return Definition(table, joints, cell, nested, per_drive)
 
 
 class _Faults:
-    """Whether anything has been found wrong since this was made."""
+    """Whether faults have been added since this was made."""
 
     def __init__(self, top: Section) -> None:
         self._faults = top.faults
@@ -64,7 +64,7 @@ class _Faults:
 
 
 def _joint(section: Section) -> Joint:
-    """What a row says beside its columns of the table."""
+    """The keys of a row other than its columns of the table."""
     mass = section.quantity("mass_kg", "kg", NOT_NEGATIVE)
     centre = _triple(section, "centre_of_mass_mm", MM)
     heavy = "mass_kg" in section or "mass" in section
@@ -96,15 +96,15 @@ def _error(section: Section, kind: str) -> LinkError | None:
     name = f"{kind}_{ERRORS[kind][0]}"
     if section.take(name) == "none":
         return None
-    own, usual = section.section(name), LinkError.usual(kind)
-    low = own.number("low", ERRORS[kind][0], POSITIVE)
-    high = own.number("high", ERRORS[kind][0], POSITIVE)
-    curve = read_curve(own.section("cost"), usual.curve) if "cost" in own else usual.curve
-    own.finish()
-    found = LinkError(low or usual.low, high or usual.high, usual.reference, curve or usual.curve)
-    if not found.low < found.high:
-        own.fault("low", f"must be below high ({found.high:g}), got {found.low:g}")
-    return found
+    table, usual = section.section(name), LinkError.usual(kind)
+    low = table.number("low", ERRORS[kind][0], POSITIVE)
+    high = table.number("high", ERRORS[kind][0], POSITIVE)
+    curve = read_curve(table.section("cost"), usual.curve) if "cost" in table else usual.curve
+    table.finish()
+    error = LinkError(low or usual.low, high or usual.high, usual.reference, curve or usual.curve)
+    if not error.low < error.high:
+        table.fault("low", f"must be below high ({error.high:g}), got {error.low:g}")
+    return error
 
 
 def _gearing(section: Section) -> Gearing | None:
@@ -113,17 +113,17 @@ def _gearing(section: Section) -> Gearing | None:
         return Gearing(documents_reducer())
     if section.take("reducer") == "none":
         return None
-    own = section.section("reducer")
-    reducer = own.take("run") or documents_reducer()
+    table = section.section("reducer")
+    reducer = table.take("run") or documents_reducer()
     keys = ("cost_factor", "backlash_factor", "te_factor")
-    factors = [own.number(key, "", POSITIVE) for key in keys]
-    stiffness = own.number("stiffness_Nm_per_arcmin", "Nm/arcmin", POSITIVE)
-    friction = own.number("friction_torque_Nm", "Nm", NOT_NEGATIVE)
-    flank, group = own.text("flank", FLANKS) or "", own.text("group") or ""
-    own.finish()
-    if not isinstance(reducer, Nested):  # its faults were found where it was opened
+    factors = [table.number(key, "", POSITIVE) for key in keys]
+    stiffness = table.number("stiffness_Nm_per_arcmin", "Nm/arcmin", POSITIVE)
+    friction = table.number("friction_torque_Nm", "Nm", NOT_NEGATIVE)
+    flank, group = table.text("flank", FLANKS) or "", table.text("group") or ""
+    table.finish()
+    if not isinstance(reducer, Nested):  # its faults are reported where it is opened
         reducer = documents_reducer()
-    cost, backlash = (1.0 if one is None else one for one in factors[:2])
+    cost, backlash = (1.0 if factor is None else factor for factor in factors[:2])
     return Gearing(reducer, cost, backlash, factors[2], stiffness, friction, flank, group)
 
 
@@ -144,12 +144,12 @@ def _cell(top: Section, joints: int, table: dict[str, Value], usual: Cell | None
         section.fault("near_deg", f"must have an angle per joint ({joints}), got {len(near)}")
     more: dict[str, Any] = {
         "turn": _triple(section, "turn_deg", DEG) or known.turn,
-        "near": tuple(one * DEG for one in near or ()),
+        "near": tuple(angle * DEG for angle in near or ()),
         "of_tool": section.text("at", ("flange", "tool")) == "tool",
     }
-    found = _listed(section, joints, more) if _is_listed(section) else _cube(section, known, more)
+    cell = _listed(section, joints, more) if _is_listed(section) else _cube(section, known, more)
     section.finish()
-    return found
+    return cell
 
 
 def _is_listed(section: Section) -> bool:
@@ -158,7 +158,7 @@ def _is_listed(section: Section) -> bool:
 
 def _cube(section: Section, known: Cell, more: dict[str, Any]) -> Cell:
     kind = section.text("poses") or known.kind
-    if kind not in KINDS and "." not in kind:  # what is wrong with a file has been said
+    if kind not in KINDS and "." not in kind:  # faults of a file are reported already
         known_kinds = ", ".join(KINDS)
         section.fault("poses", f'must be one of {known_kinds}, a table or a list, got "{kind}"')
     centre = _triple(section, "centre_mm", MM) or known.centre
@@ -175,10 +175,10 @@ def _listed(section: Section, joints: int, more: dict[str, Any]) -> Cell:
     """Poses one by one: positions [mm] with or without rotation vectors [deg], or angles [deg]."""
     in_joints = "joints_deg" in section
     key = "joints_deg" if in_joints else "poses"
-    for other in ("centre_mm", "side_mm", "per_edge", *(("poses",) if in_joints else ())):
-        if other in section:
-            section.take(other)
-            section.fault(other, f"does not go with a list of poses ({key})")
+    for stray in ("centre_mm", "side_mm", "per_edge", *(("poses",) if in_joints else ())):
+        if stray in section:
+            section.take(stray)
+            section.fault(stray, f"does not go with a list of poses ({key})")
     rows = section.take(key)
     widths = (joints,) if in_joints else (3, 6)
     if not isinstance(rows, list) or not rows:
@@ -194,11 +194,11 @@ def _listed(section: Section, joints: int, more: dict[str, Any]) -> Cell:
 
 def _row(section: Section, key: str, row: Any, widths: tuple[int, ...]) -> list[float]:
     if not isinstance(row, list) or len(row) not in widths:
-        wanted = " or ".join(str(one) for one in widths)
+        wanted = " or ".join(str(width) for width in widths)
         section.fault(key, f"must be a list of {wanted} numbers, got {row}")
         return []
-    found = [section.as_number(key, one, "") for one in row]
-    return [one for one in found if one is not None] if None not in found else []
+    numbers = [section.as_number(key, value, "") for value in row]
+    return [value for value in numbers if value is not None] if None not in numbers else []
 
 
 def _triple(section: Section, key: str, unit: float) -> tuple[float, float, float] | None:
@@ -206,8 +206,8 @@ def _triple(section: Section, key: str, unit: float) -> tuple[float, float, floa
     given = section.numbers(key)
     if given is None:
         return None
-    if len(given) != 3 or max(abs(one) for one in given) == inf:
+    if len(given) != 3 or max(abs(value) for value in given) == inf:
         section.fault(key, f"must be [x, y, z], got {list(given)}")
         return None
-    x, y, z = (one * unit for one in given)
+    x, y, z = (value * unit for value in given)
     return x, y, z

@@ -1,4 +1,4 @@
-"""The tables that mean an arm, as `reading` takes them."""
+"""The tables of an arm, as `reading` reads them."""
 
 from __future__ import annotations
 
@@ -15,53 +15,55 @@ from ...units import MM
 from .definition import Definition, Gearing, Joint, LinkError
 
 
-def definition_tables(own: Definition, parameters: Mapping[str, Value]) -> dict[str, Any]:
+def definition_tables(definition: Definition, parameters: Mapping[str, Value]) -> dict[str, Any]:
     """`[[joint]]`, `[base]`, `[tool]`, `[cell]`, and the other parameters."""
-    rows = [_joint(parameters, at, one) for at, one in enumerate(own.joints, 1)]
+    rows = [_joint(parameters, at, joint) for at, joint in enumerate(definition.joints, 1)]
     frames = {
         stem: _frame(stem, axes, parameters)
         for stem, axes in (("base", declared.BASE), ("tool", declared.TOOL))
     }
-    left = {
+    remaining = {
         name: value
         for name, value in parameters.items()
         if not name.startswith("nominal_") and name != "joints"
     }
-    return {"parameters": left, "joint": rows, **frames, "cell": _cell(own.cell)}
+    return {"parameters": remaining, "joint": rows, **frames, "cell": _cell(definition.cell)}
 
 
 def _joint(parameters: Mapping[str, Value], at: int, joint: Joint) -> dict[str, Any]:
-    found: dict[str, Any] = {
+    table: dict[str, Any] = {
         f"{column}_{unit}": parameters[declared.nominal(column, at)]
         for column, (unit, _) in declared.TABLE.items()
     }
     if joint.mass is not None:
-        found |= {"mass_kg": joint.mass, "centre_of_mass_mm": _scaled(joint.centre, MM)}
-    found["range_deg"] = _scaled((joint.low, joint.high), declared.DEG)
-    found["reducer"] = "none" if joint.gearing is None else _gearing(joint.gearing)
-    return found | {f"{kind}_{declared.ERRORS[kind][0]}": _error(one) for kind, one in joint.errors}
-
-
-def _gearing(one: Gearing) -> dict[str, Any]:
-    numbers = {
-        "te_factor": one.te_factor,
-        "stiffness_Nm_per_arcmin": one.stiffness,
-        "friction_torque_Nm": one.friction,
+        table |= {"mass_kg": joint.mass, "centre_of_mass_mm": _scaled(joint.centre, MM)}
+    table["range_deg"] = _scaled((joint.low, joint.high), declared.DEG)
+    table["reducer"] = "none" if joint.gearing is None else _gearing(joint.gearing)
+    return table | {
+        f"{kind}_{declared.ERRORS[kind][0]}": _error(error) for kind, error in joint.errors
     }
-    words = {"flank": one.flank, "group": one.group}
+
+
+def _gearing(gearing: Gearing) -> dict[str, Any]:
+    numbers = {
+        "te_factor": gearing.te_factor,
+        "stiffness_Nm_per_arcmin": gearing.stiffness,
+        "friction_torque_Nm": gearing.friction,
+    }
+    words = {"flank": gearing.flank, "group": gearing.group}
     return {
-        "run": dict(one.reducer.tables),
-        "cost_factor": one.cost_factor,
-        "backlash_factor": one.backlash_factor,
+        "run": dict(gearing.reducer.tables),
+        "cost_factor": gearing.cost_factor,
+        "backlash_factor": gearing.backlash_factor,
         **{key: value for key, value in numbers.items() if value is not None},
         **{key: value for key, value in words.items() if value},
     }
 
 
-def _error(one: LinkError | None) -> dict[str, Any] | str:
-    if one is None:
+def _error(error: LinkError | None) -> dict[str, Any] | str:
+    if error is None:
         return "none"
-    return {"low": one.low, "high": one.high, "cost": curve_table(one.curve)}
+    return {"low": error.low, "high": error.high, "cost": curve_table(error.curve)}
 
 
 def _frame(stem: str, axes: tuple[str, ...], parameters: Mapping[str, Value]) -> dict[str, Any]:
@@ -73,21 +75,21 @@ def _frame(stem: str, axes: tuple[str, ...], parameters: Mapping[str, Value]) ->
 
 
 def _cell(cell: Cell) -> dict[str, Any]:
-    found: dict[str, Any] = {
+    table: dict[str, Any] = {
         "at": "tool" if cell.of_tool else "flange",
         "turn_deg": _scaled(cell.turn, declared.DEG),
     }
     if cell.near:
-        found["near_deg"] = _scaled(cell.near, declared.DEG)
+        table["near_deg"] = _scaled(cell.near, declared.DEG)
     if not cell.listed:
-        return found | {
+        return table | {
             "centre_mm": _scaled(cell.centre, MM),
             "side_mm": cell.side / MM,
             "poses": cell.kind,
             "per_edge": cell.per_edge,
         }
     key = "joints_deg" if cell.in_joints else "poses"
-    return found | {key: [_row(row, cell.in_joints) for row in cell.listed]}
+    return table | {key: [_row(row, cell.in_joints) for row in cell.listed]}
 
 
 def _row(row: tuple[float, ...], in_joints: bool) -> list[float]:
@@ -98,4 +100,4 @@ def _row(row: tuple[float, ...], in_joints: bool) -> list[float]:
 
 def _scaled(values: tuple[float, ...], unit: float) -> list[float]:
     """Numbers in a unit, without the last digits of the division, so that they read back alike."""
-    return [float(f"{one:.15g}") for one in (np.array(values) / unit).tolist()]
+    return [float(f"{value:.15g}") for value in (np.array(values) / unit).tolist()]

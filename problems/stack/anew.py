@@ -46,7 +46,9 @@ def with_knowledge(stack: Stack, known: Mapping[str, Knowledge]) -> Stack:
     parts = tuple(
         _part(part, known[part.name]) if part.name in known else part for part in definition.parts
     )
-    mechanisms = tuple(_mechanism(one, definition.parts, parts) for one in definition.mechanisms)
+    mechanisms = tuple(
+        _mechanism(mechanism, definition.parts, parts) for mechanism in definition.mechanisms
+    )
     anew = replace(definition, parts=parts, mechanisms=mechanisms)
     return type(stack)(replace(stack.given, definition=anew))
 
@@ -58,16 +60,21 @@ def _part(part: Part, known: Knowledge) -> Part:
     return replace(part, sample=sample, distribution=sample.distribution)
 
 
-def _mechanism(one: Mechanism, before: tuple[Part, ...], parts: tuple[Part, ...]) -> Mechanism:
+def _mechanism(
+    mechanism: Mechanism, before: tuple[Part, ...], parts: tuple[Part, ...]
+) -> Mechanism:
     """A mechanism of other processes: what a mean moves is taken to be linear."""
     moved = [new.mean - old.mean for old, new in zip(before, parts, strict=True)]
-    shift = sum(slope * moved[at] for slope, at in zip(one.sensitivities, one.owner, strict=True))
-    mids = one.mids
-    if mids is not None and one.scale is not None:
-        mids = mids + one.scale * [moved[at] for at in one.owner]
+    shift = sum(
+        slope * moved[at]
+        for slope, at in zip(mechanism.sensitivities, mechanism.owner, strict=True)
+    )
+    mids = mechanism.mids
+    if mids is not None and mechanism.scale is not None:
+        mids = mids + mechanism.scale * [moved[at] for at in mechanism.owner]
     return replace(
-        one,
+        mechanism,
         inputs=tuple(part.distribution for part in parts),
-        centre=one.centre + float(shift),
+        centre=mechanism.centre + float(shift),
         mids=mids,
     )

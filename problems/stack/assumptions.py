@@ -15,32 +15,32 @@ UNMEASURED = (
 
 def assumptions_of(definition: Definition) -> tuple[Assumption, ...]:
     """Distributions and units that no table names, unverified grades, a summed nominal."""
-    found = []
+    assumptions = []
     for part in definition.parts:
         values = {"distribution": type(part.distribution).__name__, "unit": part.unit}
         if part.sample is not None:
             known = part.sample.statement(part.unit)
-            found.append(
+            assumptions.append(
                 Assumption(f"part.{part.name}.measured", known, "", told(definition.promise))
             )
         elif not part.sampled and told(definition.promise) == SAMPLED:
-            found.append(
+            assumptions.append(
                 Assumption(
                     f"part.{part.name}.process", type(part.distribution).__name__, "", UNMEASURED
                 )
             )
         for machine, sample in samples_of(part.machines):
             place = f"part.{part.name}.machine.{machine}.measured"
-            found.append(
+            assumptions.append(
                 Assumption(place, sample.statement(part.unit), "", told(definition.promise))
             )
         for key, why in part.assumed.items():
             value = values.get(key) or str(part.stated.get(key, ""))
-            found.append(Assumption(f"part.{part.name}.{key}", value, "", why))
+            assumptions.append(Assumption(f"part.{part.name}.{key}", value, "", why))
     for requirement, mechanism in zip(definition.requirements, definition.mechanisms, strict=True):
         if not requirement.formula and requirement.nominal is None and mechanism.bounded:
             place = f"{requirement.place}.nominal"
             text = f"sum of sensitivity times nominal; {place} is not given"
             nominal = nominal_sum(requirement, definition.parts)
-            found.append(Assumption(place, nominal, requirement.unit, text))
-    return tuple(found)
+            assumptions.append(Assumption(place, nominal, requirement.unit, text))
+    return tuple(assumptions)

@@ -25,13 +25,15 @@ def mechanisms_of(
 ) -> tuple[Mechanism, ...]:
     """The mechanism of each requirement; fewer, and every fault, where the parts make none."""
     correlation = _matrix(parts, correlations, faults)
-    each = [_mechanism(one, parts, correlation, faults) for one in requirements]
-    found = tuple(one for one in each if one is not None)
-    if requirements[0].key and len(found) == len(requirements):
-        used = np.any([one.sensitivities != 0.0 for one in found], axis=0)
-        owners = found[0].owners
+    candidates = [
+        _mechanism(requirement, parts, correlation, faults) for requirement in requirements
+    ]
+    mechanisms = tuple(mechanism for mechanism in candidates if mechanism is not None)
+    if requirements[0].key and len(mechanisms) == len(requirements):
+        used = np.any([mechanism.sensitivities != 0.0 for mechanism in mechanisms], axis=0)
+        owners = mechanisms[0].owners
         faults += needless(parts, [bool(np.any(used[owners == at])) for at in range(len(parts))])
-    return found
+    return mechanisms
 
 
 def _mechanism(
@@ -63,11 +65,11 @@ def _matrix(
     if not correlations:
         return None
     at = {piece: i for i, piece in enumerate(p for part in parts for p in part.pieces)}
-    found = np.eye(len(at))
-    for one in correlations:
-        i, j = (at[piece] for piece in one.pieces)
-        found[i, j] = found[j, i] = one.coefficient
-    least = float(np.linalg.eigvalsh(found)[0])
+    matrix = np.eye(len(at))
+    for correlation in correlations:
+        i, j = (at[piece] for piece in correlation.pieces)
+        matrix[i, j] = matrix[j, i] = correlation.coefficient
+    least = float(np.linalg.eigvalsh(matrix)[0])
     if least < -1e-10:
         faults.append(
             Fault(
@@ -78,19 +80,19 @@ def _matrix(
             )
         )
         return None
-    return found
+    return matrix
 
 
 def _with_sensitivities(
     bare: Mechanism, requirement: Requirement, parts: Sequence[Part], faults: list[Fault]
 ) -> Mechanism | None:
     """The mechanism whose parts state their sensitivities."""
-    each = np.array([part.sensitivities.get(requirement.key, 0.0) for part in parts])
+    slopes = np.array([part.sensitivities.get(requirement.key, 0.0) for part in parts])
     nominal = requirement.nominal
     if nominal is None:
         missing = [
             part.name
-            for part, slope in zip(parts, each, strict=True)
+            for part, slope in zip(parts, slopes, strict=True)
             if part.nominal is None and slope != 0.0
         ]
         if missing and bare.bounded:
@@ -98,12 +100,12 @@ def _with_sensitivities(
             faults.append(Fault(f"{requirement.place}.nominal", f"{text}{', '.join(missing)})"))
             return None
         nominal = nominal_sum(requirement, parts)
-    moved = float(sum(s * part.mean * part.count for s, part in zip(each, parts, strict=True)))
-    return replace(bare, sensitivities=each[bare.owners], centre=nominal + moved)
+    moved = float(sum(s * part.mean * part.count for s, part in zip(slopes, parts, strict=True)))
+    return replace(bare, sensitivities=slopes[bare.owners], centre=nominal + moved)
 
 
 def nominal_sum(requirement: Requirement, parts: Sequence[Part]) -> float:
     """The requirement of a loop of dimensions: sum of sensitivity times nominal."""
     slopes = [part.sensitivities.get(requirement.key, 0.0) for part in parts]
-    each = zip(slopes, parts, strict=True)
-    return float(sum(slope * (p.nominal or 0.0) * p.count for slope, p in each))
+    pairs = zip(slopes, parts, strict=True)
+    return float(sum(slope * (p.nominal or 0.0) * p.count for slope, p in pairs))

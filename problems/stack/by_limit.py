@@ -24,7 +24,7 @@ def by_limit(stack: Stack, designs: Array, slopes: dict[str, Array]) -> dict[str
     by_machine = [at for at, part in enumerate(parts) if part.by_machine]
     if not by_machine:
         return slopes
-    found = {name: slope.copy() for name, slope in slopes.items()}
+    derivatives = {name: slope.copy() for name, slope in slopes.items()}
     for at in by_machine:
         column = stack.names.index(f"{parts[at].name}_t")
         step = STEP * designs[:, column]
@@ -33,23 +33,23 @@ def by_limit(stack: Stack, designs: Array, slopes: dict[str, Array]) -> dict[str
             moved = designs.copy()
             moved[:, column] += side * step
             ends.append(_linear_outputs(stack, moved))
-        for name in found:
-            found[name][:, at] = (ends[0][name] - ends[1][name]) / (2.0 * step)
-    return found
+        for name in derivatives:
+            derivatives[name][:, at] = (ends[0][name] - ends[1][name]) / (2.0 * step)
+    return derivatives
 
 
 def _linear_outputs(stack: Stack, designs: Array) -> dict[str, Array]:
     """The outputs (n,) that have derivatives, yields and half-widths by their laws."""
     t, coverage = stack.made(designs), stack.settings.propagation.coverage
-    found: dict[str, Array] = {}
-    for one in stack.measured:
-        found |= one.variations(t) | one.margin(t)
-        if isinstance(one.law, Law):
-            found[one.name("yield_percent")] = one.law.yield_percent(t)[0]
-            if one.requirement.method == "monte_carlo":
-                found[one.name("variation")] = one.law.half_width(t, coverage)
+    outputs: dict[str, Array] = {}
+    for measured in stack.measured:
+        outputs |= measured.variations(t) | measured.margin(t)
+        if isinstance(measured.law, Law):
+            outputs[measured.name("yield_percent")] = measured.law.yield_percent(t)[0]
+            if measured.requirement.method == "monte_carlo":
+                outputs[measured.name("variation")] = measured.law.half_width(t, coverage)
         else:
-            found[one.name("yield_percent")] = one.linear_yield(t)
+            outputs[measured.name("yield_percent")] = measured.linear_yield(t)
     if stack.promises is not None:
-        found |= stack.promises.outputs(t, True, stack.wanted)
-    return found | joint_variations(stack.measured, found)
+        outputs |= stack.promises.outputs(t, True, stack.wanted)
+    return outputs | joint_variations(stack.measured, outputs)

@@ -16,16 +16,19 @@ from .measured import Measured
 
 Array = NDArray[np.float64]
 POINTS = 6
-"""Tolerances of a range that stand for it in the choices that are judged."""
+"""Tolerances that represent a range in the choices that are tested."""
 NEVER = 1.0 - 1e-12
-"""Level of the norm where none is sure: hardly an allocation keeps it."""
+"""Level of the norm where no level is sure: hardly any allocation keeps it."""
 
 
-def level_of(measured: Sequence[Measured], promise: Promise, seed: int) -> Level | None:
+def level_of(requirements: Sequence[Measured], promise: Promise, seed: int) -> Level | None:
     """The level of the norm; None where no sampled process is chosen among others, or no assurance
     is asked for. A stated level is taken as it is.
     """
-    parts, bounded = measured[0].parts, [one for one in measured if one.mechanism.bounded]
+    parts, bounded = (
+        requirements[0].parts,
+        [measured for measured in requirements if measured.mechanism.bounded],
+    )
     if promise.statement != ASSURED or not bounded or not chosen_by_sample(parts):
         return None
     if promise.level_percent is not None:
@@ -41,13 +44,13 @@ def level_of(measured: Sequence[Measured], promise: Promise, seed: int) -> Level
                 df.append(np.inf if known is None else known.df)
                 n.append(np.inf if known is None else known.n)
     ways = [_ways(part, at, bounded, owners) for at, part in enumerate(parts)]
-    found = calibrated(
+    level = calibrated(
         ways,
         Processes(np.array(df), np.array(n)),
         _aim(bounded, promise),
         np.random.default_rng([seed, len(parts)]),
     )
-    return found if found.sure else Level(NEVER, found.kept, found.without, sure=False)
+    return level if level.sure else Level(NEVER, level.kept, level.without, sure=False)
 
 
 def chosen_by_sample(parts: Sequence[Part]) -> bool:
@@ -62,9 +65,9 @@ def _owner(part: Part, at: int, number: int) -> tuple[int, str]:
 
 
 def _aim(bounded: Sequence[Measured], promise: Promise) -> Aim:
-    """What is promised of every requirement with limits."""
-    ends = np.array([[one.mechanism.lower, one.mechanism.upper] for one in bounded])
-    ends -= np.array([[one.mechanism.centre] for one in bounded])
+    """The promise of every requirement with limits."""
+    ends = np.array([[measured.mechanism.lower, measured.mechanism.upper] for measured in bounded])
+    ends -= np.array([[measured.mechanism.centre] for measured in bounded])
     both = np.all(np.isfinite(ends), axis=1)
     quantile = ndtri(np.where(both, 0.5 * (1.0 + promise.share), promise.share))
     return Aim(promise.share, promise.confidence, ends, quantile)
@@ -85,16 +88,19 @@ def _ways(
         spread.append(made[0])
         mean.append(made[1])
     spreads, means = np.concatenate(spread), np.concatenate(mean)
-    each = np.array([one.linear.covariance[at, at] for one in bounded])
+    variance = np.array([measured.linear.covariance[at, at] for measured in bounded])
     squares = np.array(
-        [np.sum(one.mechanism.sensitivities[one.mechanism.owners == at] ** 2) for one in bounded]
+        [
+            np.sum(measured.mechanism.sensitivities[measured.mechanism.owners == at] ** 2)
+            for measured in bounded
+        ]
     )
-    slope = np.array([one.linear.slope[at] for one in bounded])
-    moving = np.array([one.linear.mean[at] for one in bounded])
+    slope = np.array([measured.linear.slope[at] for measured in bounded])
+    moving = np.array([measured.linear.mean[at] for measured in bounded])
     return Ways(
         cost=np.concatenate(cost),
         process=np.array(owner, dtype=np.int64),
-        std=np.sqrt(each)[:, None] * spreads,
+        std=np.sqrt(variance)[:, None] * spreads,
         mean=slope[:, None] * means + moving[:, None] * spreads,
         pieces=np.divide(slope**2, squares, out=np.zeros_like(slope), where=squares > 0.0),
     )

@@ -1,4 +1,4 @@
-"""The convex form of a stack: what is proven about its cost."""
+"""The convex form of a stack, with which bounds of its cost are proven."""
 
 from __future__ import annotations
 
@@ -34,20 +34,20 @@ def form_of(stack: Stack, gaussian: bool = False) -> Form | None:
     rows = rows_of(stack, gaussian)
     if not rows or not possible(stack) or _entangled(stack):
         return None
-    linear = np.array([one.linear for one in rows])
+    linear = np.array([row.linear for row in rows])
     parts, t = stack.definition.parts, np.array([part.low for part in stack.definition.parts])
     settled, correlation = _settled(stack), _correlation(stack)
     kept = [at for at in range(len(parts)) if not settled[at]]
     within = correlation[np.ix_(kept, kept)]
     left_out = _left_out(stack, {row.output for row in rows})
     independent = np.array_equal(within, np.eye(len(kept)))
-    quantiles = tuple(quantile_of(one, kept, settled, t) for one in rows)
+    quantiles = tuple(quantile_of(row, kept, settled, t) for row in rows)
     rooted = [
-        0.0 if one.probability else _square(one.spread, t, correlation, settled) for one in rows
+        0.0 if row.probability else _square(row.spread, t, correlation, settled) for row in rows
     ]
-    surpluses = tuple(surplus_of(one, kept, settled, t) for one in rows)
-    names = [one.output for one in rows if one.most < np.inf and not one.promised]
-    limited = any(one.most < np.inf for one in rows)
+    surpluses = tuple(surplus_of(row, kept, settled, t) for row in rows)
+    names = [row.output for row in rows if row.most < np.inf and not row.promised]
+    limited = any(row.most < np.inf for row in rows)
     features = [_feature(parts[at], rows, at, range_of(stack, parts[at])) for at in kept]
     return Form(
         outputs=tuple(row.output for row in rows),
@@ -64,24 +64,24 @@ def form_of(stack: Stack, gaussian: bool = False) -> Form | None:
         ),
         relaxed=left_out,
         tested=tuple(limit.name for limit in stack.limits if limit.name in _domains(stack)),
-        quantiles=quantiles if any(one is not None for one in quantiles) else (),
-        most=tuple(one.most for one in rows) if limited else (),
-        surpluses=surpluses if any(one is not None for one in surpluses) else (),
+        quantiles=quantiles if any(quantile is not None for quantile in quantiles) else (),
+        most=tuple(row.most for row in rows) if limited else (),
+        surpluses=surpluses if any(surplus is not None for surplus in surpluses) else (),
     )
 
 
 def limits_by_spread(stack: Stack, columns: Mapping[str, Array]) -> dict[str, Array]:
-    """Columns (n,) of a form with limits of inspection in the place of the spread of good parts."""
-    found = dict(columns)
+    """Columns (n,) of a form with limits of inspection in place of the spread of good parts."""
+    with_limits = dict(columns)
     if limits_alone(rows_of(stack, gaussian=True)):
-        return found
+        return with_limits
     for part in stack.definition.parts:
-        if part.by_machine and (name := f"{part.name}_t") in found:
-            chosen = np.zeros(len(found[name]), dtype=np.int64)
-            if (choice := f"{part.name}_process") in found:
-                chosen = np.rint(found[choice]).astype(np.int64)
-            found[name] = limits_of(part, found[name], chosen)
-    return found
+        if part.by_machine and (name := f"{part.name}_t") in with_limits:
+            chosen = np.zeros(len(with_limits[name]), dtype=np.int64)
+            if (choice := f"{part.name}_process") in with_limits:
+                chosen = np.rint(with_limits[choice]).astype(np.int64)
+            with_limits[name] = limits_of(part, with_limits[name], chosen)
+    return with_limits
 
 
 def _entangled(stack: Stack) -> bool:
@@ -92,15 +92,15 @@ def _entangled(stack: Stack) -> bool:
     definition = stack.definition
     if not definition.requirement.key:
         return False
-    named = {piece for one in definition.correlations for piece in one.pieces}
+    named = {piece for correlation in definition.correlations for piece in correlation.pieces}
     return any(part.count > 1 and named & set(part.pieces) for part in definition.parts)
 
 
 def possible(stack: Stack) -> bool:
-    """Whether limits leave every part a process."""
+    """Whether every part has a process within the limits."""
     ends = [(part, *range_of(stack, part)) for part in stack.definition.parts]
     return all(
-        any(max(one.low, low) <= min(one.high, high) for one in part.processes)
+        any(max(process.low, low) <= min(process.high, high) for process in part.processes)
         for part, low, high in ends
     )
 
@@ -109,13 +109,13 @@ def _correlation(stack: Stack) -> Array:
     """Correlation (parts, parts) of the contributions of the parts."""
     covariance, mechanism = stack.linear.covariance, stack.definition.mechanism
     if stack.definition.requirement.key:
-        found = np.eye(len(covariance))
+        coefficients = np.eye(len(covariance))
         if mechanism.correlation is not None:
             owners = mechanism.owners
             for i, j in zip(*np.nonzero(np.triu(mechanism.correlation, 1)), strict=True):
                 pair = owners[i], owners[j]
-                found[pair] = found[pair[::-1]] = mechanism.correlation[i, j]
-        return found
+                coefficients[pair] = coefficients[pair[::-1]] = mechanism.correlation[i, j]
+        return coefficients
     diagonal = np.sqrt(np.diag(covariance))
     safe = np.where(diagonal > 0.0, diagonal, 1.0)  # 0: pieces that compensate each other wholly
     correlation = covariance / np.outer(safe, safe)
@@ -137,10 +137,10 @@ def _square(spread: Array, t: Array, correlation: Array, settled: NDArray[np.boo
 
 
 def range_of(stack: Stack, part: Part) -> tuple[float, float]:
-    """What limits leave of the tolerance of a part."""
-    own = [limit for limit in stack.limits if limit.name == f"{part.name}_t"]
-    low = max((limit.low for limit in own), default=-np.inf)
-    return low, min((limit.high for limit in own), default=np.inf)
+    """The range of a part's tolerance within the limits on it."""
+    limits = [limit for limit in stack.limits if limit.name == f"{part.name}_t"]
+    low = max((limit.low for limit in limits), default=-np.inf)
+    return low, min((limit.high for limit in limits), default=np.inf)
 
 
 def _feature(
@@ -151,8 +151,8 @@ def _feature(
     whole = True
     for number, process in enumerate(part.processes):
         if process.machine is not None:
-            own, exact = machine_ways(part, number, rows, at, ends)
-            ways, whole = ways + own, whole and exact
+            ways_by_machine, exact = machine_ways(part, number, rows, at, ends)
+            ways, whole = ways + ways_by_machine, whole and exact
             continue
         low, high = max(process.low, ends[0]), min(process.high, ends[1])
         if low <= high:
@@ -170,7 +170,7 @@ def _fixed_cost(part: Part) -> float:
 
 
 def _statement(stack: Stack, rows: list[Row], left_out: tuple[str, ...]) -> str:
-    """What is proven, and of what."""
+    """The proven statement: which model, and which variations."""
     words = {
         "worst_case": "its worst case",
         "rss": "its root sum square",
@@ -178,20 +178,20 @@ def _statement(stack: Stack, rows: list[Row], left_out: tuple[str, ...]) -> str:
         "monte_carlo": "half the width that holds the coverage",
     }
     more = f"; limits left out: {', '.join(left_out)}" if left_out else ""
-    own = [row.output for row in rows if row.most < np.inf and not row.promised]
-    for name in dict.fromkeys(name for name in own if own.count(name) > 1):
+    outputs = [row.output for row in rows if row.most < np.inf and not row.promised]
+    for name in dict.fromkeys(name for name in outputs if outputs.count(name) > 1):
         more += f"; each limit of {name} kept at the whole yield, a bound of both"
-    for one in stack.measured:
-        if one.name(YIELD) in left_out and isinstance(one.law, str):
-            more += f" ({one.law})"
+    for measured in stack.measured:
+        if measured.name(YIELD) in left_out and isinstance(measured.law, str):
+            more += f" ({measured.law})"
     if stack.promises is not None and any(row.promised for row in rows):
         more += f"; promised: {stack.promises.promise.words()}, by normal processes as measured"
     if any(part.by_machine for part in stack.definition.parts):
         more += "; good parts of an inspected machine are normal with their own mean and scatter"
     if not stack.definition.requirement.key:
         return f"least cost of the linearised stack, variation = {words[rows[0].method]}{more}"
-    told = ", ".join(f"{row.output} by {row.method}" for row in rows)
-    return f"least cost of the linearised stack ({told}){more}"
+    methods = ", ".join(f"{row.output} by {row.method}" for row in rows)
+    return f"least cost of the linearised stack ({methods}){more}"
 
 
 def _left_out(stack: Stack, rows: set[str]) -> tuple[str, ...]:
@@ -202,15 +202,15 @@ def _left_out(stack: Stack, rows: set[str]) -> tuple[str, ...]:
         limit.name
         for limit in stack.limits
         if limit.name not in tolerances | tested
-        and (limit.name not in {*rows, "cost"} or _left(limit))
+        and (limit.name not in {*rows, "cost"} or _drops_a_side(limit))
     )
 
 
-def _left(limit: Limit) -> bool:
+def _drops_a_side(limit: Limit) -> bool:
     """Whether the form leaves out one side of a limit on an output that it has."""
     return bool(np.isfinite(limit.high if limit.name.endswith(YIELD) else limit.low))
 
 
 def _domains(stack: Stack) -> set[str]:
     """Names of the domain margins."""
-    return {one.name("domain_margin") for one in stack.measured if one.partial}
+    return {measured.name("domain_margin") for measured in stack.measured if measured.partial}

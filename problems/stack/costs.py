@@ -1,4 +1,4 @@
-"""What the parts of a stack cost."""
+"""Costs of the parts of a stack."""
 
 from __future__ import annotations
 
@@ -25,28 +25,28 @@ class PartCosts:
         if self._joint is not None and not slope:
             with np.errstate(divide="ignore"):
                 return self._joint.cost(t) * self._counts
-        found = np.zeros_like(t)
+        costs = np.zeros_like(t)
         for at, part in enumerate(self.parts):
             for number, process in enumerate(part.processes):
                 rows = chosen[:, at] == number
                 if process.curve is not None and np.any(rows):
                     curve = process.curve.slope if slope else process.curve.cost
                     with np.errstate(divide="ignore", invalid="ignore"):
-                        found[rows, at] = part.count * curve(t[rows, at])
-        return found
+                        costs[rows, at] = part.count * curve(t[rows, at])
+        return costs
 
     @cached_property
     def interval(self) -> tuple[float, float]:
-        """Least and largest cost: every part in its cheapest and its dearest process."""
+        """Least and largest cost: every part in its cheapest and its most expensive process."""
         ends = np.zeros(2)
         for part in self.parts:
-            each = [
+            costs = [
                 process.curve.cost(np.array([process.high, process.low]))
                 for process in part.processes
                 if process.curve is not None
             ]
-            if each:
-                ends += part.count * np.array([np.min(each), np.max(each)])
+            if costs:
+                ends += part.count * np.array([np.min(costs), np.max(costs)])
         return float(ends[0]), float(ends[1])
 
     @cached_property

@@ -1,4 +1,4 @@
-"""What a stack is written as: its requirements and its parts, as plain frozen records."""
+"""The definition of a stack: its requirements and its parts, as plain frozen records."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ METHODS = ("worst_case", "rss", "shifted_rss", "monte_carlo")
 
 @dataclass(frozen=True, slots=True)
 class Requirement:
-    """What the parts add up to; the formula is empty where the parts state sensitivities.
+    """A functional requirement; the formula is empty where the parts state sensitivities.
 
     `stated_nominal` is the nominal as it was written: its digits say how exact it is. `key` is the
-    name by which outputs and sensitivities tell it from others, empty for that of `[requirement]`;
+    name that identifies it in outputs and sensitivities, empty for that of `[requirement]`;
     `place` where it stands in the configuration. `description` and `drawing` are for readers.
     """
 
@@ -75,7 +75,7 @@ class Part:
     by the key of the requirement, those of formulas left out. `drawing` and `characteristic` are
     the numbers of its drawing and of the characteristic on it, `geometry` is the geometrical
     characteristic (ISO 1101) that its zone is of; empty where none is stated. `machines` are those
-    that some of its processes use, `sample` is what measured parts tell of the only one it has.
+    that some of its processes use, `sample` is what measured parts say about its only one.
     """
 
     name: str
@@ -98,22 +98,22 @@ class Part:
 
     @property
     def mean(self) -> float:
-        """What the mean deviates from the nominal where the distribution has no shift."""
+        """Deviation of the mean from the nominal where the distribution has no shift."""
         return self.mid + (0.0 if self.sample is None else self.sample.offset)
 
     def known(self, number: int) -> Knowledge | None:
-        """What a sample tells of one of its processes, None where it counts as known."""
+        """Knowledge of one of its processes from a sample, None where it counts as known."""
         machine = self.processes[number].machine
         samples = (
             [self.sample]
             if machine is None
             else [offer.sample for offer in self.machines if offer.machine.name == machine.name]
         )
-        return next((one.knowledge for one in samples if one is not None), None)
+        return next((sample.knowledge for sample in samples if sample is not None), None)
 
     @property
     def sampled(self) -> bool:
-        """Whether a sample tells of some of its processes."""
+        """Whether some of its processes are known from samples."""
         return any(self.known(number) is not None for number in range(len(self.processes)))
 
     @property

@@ -1,4 +1,4 @@
-"""What a drawing says of a part beside its limits: class, symbol, numbers."""
+"""What a drawing states of a part in addition to its limits: class, symbol, numbers."""
 
 from __future__ import annotations
 
@@ -10,22 +10,22 @@ def drawn(part: Part) -> dict[str, str]:
     """Tolerance class or grade as stated, symbol of the geometrical characteristic (ISO 1101) with
     its name, numbers of drawing and characteristic; what is not stated is left out.
     """
-    found = {"class": _class(part), "drawing": part.drawing, "characteristic": part.characteristic}
+    labels = {"class": _class(part), "drawing": part.drawing, "characteristic": part.characteristic}
     if part.geometry:
-        found["symbol"] = f"{SYMBOLS[part.geometry]} {part.geometry.replace('_', ' ')}"
+        labels["symbol"] = f"{SYMBOLS[part.geometry]} {part.geometry.replace('_', ' ')}"
     capability = part.stated.get("cpk") or getattr(part.distribution, "cp", None)
     if isinstance(capability, int | float):
-        found["cpk"] = f"{capability:g}"
-    return {key: value for key, value in found.items() if value}
+        labels["cpk"] = f"{capability:g}"
+    return {key: value for key, value in labels.items() if value}
 
 
 def labels_of(requirement: Requirement) -> dict[str, object]:
-    """What readers know a requirement by: name, limits and their unit, description, drawing."""
-    found = {
+    """Labels of a requirement for readers: name, limits and their unit, description, drawing."""
+    labels = {
         key: getattr(requirement, key)
         for key in ("name", "lower", "upper", "unit", "description", "drawing")
     }
-    return {key: value for key, value in found.items() if value not in (None, "")}
+    return {key: value for key, value in labels.items() if value not in (None, "")}
 
 
 def _class(part: Part) -> str:

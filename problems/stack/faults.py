@@ -1,4 +1,4 @@
-"""What is wrong with a stack as a whole: samples, units of objectives, limits that contradict."""
+"""Faults of a stack as a whole: samples, units of objectives, contradictory limits."""
 
 from __future__ import annotations
 
@@ -25,17 +25,15 @@ if TYPE_CHECKING:
 HALF = 50.0
 """Percent that no yield reaches where the mean is outside of the limits."""
 DEVIATIONS = Need("deviation", bytes=16.0)
-"""Of every piece of every unit of the sample: a point, and the deviation."""
+"""Memory of every piece of every unit of the sample: a point, and the deviation."""
 
 
 def faults_of(stack: Stack, inherited: Callable[[], list[Fault]]) -> list[Fault]:
-    """Everything that is wrong; those that any problem may have are not looked for in a sample that
-    is too large.
-    """
-    found = promise_faults(stack.definition, stack.given.limits)
-    found += size_faults(stack) or inherited()
-    found += [*yield_faults(stack), *range_faults(stack)]
-    return found or domain_faults(stack)
+    """Every fault; where the sample is too large, faults of any problem are not sought."""
+    faults = promise_faults(stack.definition, stack.given.limits)
+    faults += size_faults(stack) or inherited()
+    faults += [*yield_faults(stack), *range_faults(stack)]
+    return faults or domain_faults(stack)
 
 
 def unit_faults(
@@ -44,7 +42,7 @@ def unit_faults(
     """Objectives and limits over requirements whose units differ."""
     if not requirements[0].key or common_unit(requirements) is not None:
         return []
-    units = ", ".join(f'{one.key} in "{one.unit}"' for one in requirements)
+    units = ", ".join(f'{requirement.key} in "{requirement.unit}"' for requirement in requirements)
     places = [("objectives.minimise", name) for name in objectives if name in VARIATIONS]
     places += [(f"limits.{name}", name) for name in limits if name in VARIATIONS]
     return [
@@ -66,37 +64,37 @@ def size_faults(stack: Stack) -> list[Fault]:
 
 def yield_faults(stack: Stack) -> list[Fault]:
     """Yields that are asked for of requirements without limits."""
-    found = []
-    for one in stack.measured:
-        if one.name("yield_percent") in stack.wanted and not one.mechanism.bounded:
-            place = one.requirement.place
+    faults = []
+    for measured in stack.measured:
+        if measured.name("yield_percent") in stack.wanted and not measured.mechanism.bounded:
+            place = measured.requirement.place
             text = f"needs {place}.lower, {place}.upper or both: without them there is none"
-            found.append(Fault(f"limits.{one.name('yield_percent')}", text))
+            faults.append(Fault(f"limits.{measured.name('yield_percent')}", text))
     several = bool(stack.definition.requirement.key)
     if (
         several
         and "yield_percent" in stack.wanted
-        and not any(one.mechanism.bounded for one in stack.measured)
+        and not any(measured.mechanism.bounded for measured in stack.measured)
     ):
         text = "needs lower or upper of a [[requirement]]: without them there is none"
-        found.append(Fault("limits.yield_percent", text))
-    return found
+        faults.append(Fault("limits.yield_percent", text))
+    return faults
 
 
 def with_nominal(stack: Stack, unreachable: Sequence[Fault]) -> list[Fault]:
-    """Limits that no design reaches; of those that the nominal values break already, these."""
+    """Limits that no design reaches; where the nominal values break a limit already, that fault."""
     asked = {limit.name: limit.low for limit in stack.limits}
-    covered, found = set(), []
-    for one in stack.measured:
-        for name in (one.name(YIELD), one.name(PROMISED)):
-            if asked.get(name, 0.0) > HALF and one.off_limits:
+    covered, faults = set(), []
+    for measured in stack.measured:
+        for name in (measured.name(YIELD), measured.name(PROMISED)):
+            if asked.get(name, 0.0) > HALF and measured.off_limits:
                 covered.add(f"limits.{name}")
-                found.append(Fault(one.requirement.place, _off_limits(one, asked[name])))
-    return [*found, *(one for one in unreachable if one.place not in covered)]
+                faults.append(Fault(measured.requirement.place, _off_limits(measured, asked[name])))
+    return [*faults, *(fault for fault in unreachable if fault.place not in covered)]
 
 
-def _off_limits(one: Measured, share: float) -> str:
-    mechanism, unit = one.mechanism, one.requirement.unit
+def _off_limits(measured: Measured, share: float) -> str:
+    mechanism, unit = measured.mechanism, measured.requirement.unit
     above = mechanism.centre > mechanism.upper
     limit = f"above upper = {mechanism.upper:g}" if above else f"below lower = {mechanism.lower:g}"
     return (
@@ -108,20 +106,20 @@ def _off_limits(one: Measured, share: float) -> str:
 
 def domain_faults(stack: Stack) -> list[Fault]:
     """Half-widths of requirements that have no value for some units of every design."""
-    found = []
-    for one in stack.measured:
-        if one.requirement.method != "monte_carlo":
+    faults = []
+    for measured in stack.measured:
+        if measured.requirement.method != "monte_carlo":
             continue
         ends = stack.made(stack.corner(tight=True)[None, :])
         coverage = stack.settings.propagation.coverage
-        width = half_width(one.mechanism, ends, stack.yields.searching, coverage)
+        width = half_width(measured.mechanism, ends, stack.yields.searching, coverage)
         if not np.isfinite(width[0]):
             text = (
                 "the formula has no value for some units of the sample even at the tightest "
                 "tolerances; tighten the ranges"
             )
-            found.append(Fault(f"{one.requirement.place}.formula", text))
-    return found
+            faults.append(Fault(f"{measured.requirement.place}.formula", text))
+    return faults
 
 
 def range_faults(stack: Stack) -> list[Fault]:
@@ -133,23 +131,23 @@ def range_faults(stack: Stack) -> list[Fault]:
     moved = np.maximum(low, list(limits.values()))
     if np.all(moved == low) or not possible(stack):
         return []
-    found = []
-    for one in stack.measured:
-        own, least = one.variations(moved[None, :]), one.variations(low[None, :])
+    faults = []
+    for measured in stack.measured:
+        variations, least = measured.variations(moved[None, :]), measured.variations(low[None, :])
         for limit in stack.limits:
-            if limit.name not in own or stack.negative:
+            if limit.name not in variations or stack.negative:
                 continue
-            if not least[limit.name][0] <= limit.high < own[limit.name][0]:
+            if not least[limit.name][0] <= limit.high < variations[limit.name][0]:
                 continue
             names = [f"{name}_t" for at, name in enumerate(limits) if moved[at] > low[at]]
             text = (
                 f"at most {limit.high:.6g} {limit.unit} contradicts the least tolerance that "
                 f"limits.{', limits.'.join(names)} ask for: with it the least {limit.name} is "
-                f"{own[limit.name][0]:.6g}, without it {least[limit.name][0]:.6g}; "
+                f"{variations[limit.name][0]:.6g}, without it {least[limit.name][0]:.6g}; "
                 "raise the one or lower the other"
             )
-            found.append(Fault(f"limits.{limit.name}", text))
-    return found
+            faults.append(Fault(f"limits.{limit.name}", text))
+    return faults
 
 
 def named_outputs(top: Section) -> tuple[list[str], list[str]]:

@@ -13,7 +13,7 @@ def read_fits(top: Section, faults: list[Fault]) -> dict[str, str]:
     `parts` names the part with the hole first, `size` states the fit.
     """
     known = [name for table in top.tables("part") if isinstance(name := table.get("name"), str)]
-    found: dict[str, str] = {}
+    by_part: dict[str, str] = {}
     for at in range(len(top.tables("fit"))):
         section = top.item("fit", at, faults)
         names, text = section.names("parts"), section.text("size")
@@ -22,7 +22,7 @@ def read_fits(top: Section, faults: list[Fault]) -> dict[str, str]:
                 section.fault(key, f"is missing: write {key} = {like}")
         section.finish()
         if names is not None:
-            _check(section, names, known, found)
+            _check(section, names, known, by_part)
         if text is None:
             continue
         try:
@@ -30,12 +30,12 @@ def read_fits(top: Section, faults: list[Fault]) -> dict[str, str]:
         except ValueError as error:
             section.fault("size", str(error))
             continue
-        for name, one in zip(names or (), classes, strict=False):
-            found[name] = f"{one.size:g} {one}" if one.size is not None else str(one)
-    return found
+        for name, fit in zip(names or (), classes, strict=False):
+            by_part[name] = f"{fit.size:g} {fit}" if fit.size is not None else str(fit)
+    return by_part
 
 
-def _check(section: Section, names: list[str], known: list[str], found: dict[str, str]) -> None:
+def _check(section: Section, names: list[str], known: list[str], by_part: dict[str, str]) -> None:
     if len(names) != 2 or names[0] == names[1]:
         section.fault(
             "parts", f"must name two different parts, the hole first, got {', '.join(names)}"
@@ -43,5 +43,5 @@ def _check(section: Section, names: list[str], known: list[str], found: dict[str
     for name in names:
         if name not in known:
             section.fault("parts", f'"{name}" is not a part{nearest(name, known)}')
-        elif name in found:
+        elif name in by_part:
             section.fault("parts", f"{name} is in another [[fit]] already")

@@ -1,4 +1,4 @@
-"""The mechanism of a formula, and what can be wrong with it."""
+"""The mechanism of a formula, and its faults."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from .definition import Part, Requirement
 
 Array = NDArray[np.float64]
 NEGLIGIBLE = 1e-12
-"""A part that adds less than this share of the worst case does not matter."""
+"""A part that adds less than this fraction of the worst case does not matter."""
 
 
 def with_formula(
@@ -40,22 +40,26 @@ def with_formula(
     ]
     if len(faults) > before:
         return None
-    gain, scale = _units(requirement, [part for part, one in zip(parts, used, strict=True) if one])
+    gain, scale = _units(
+        requirement, [part for part, is_used in zip(parts, used, strict=True) if is_used]
+    )
     scales = np.ones(len(parts))
     scales[used] = scale
     nominals = scales * np.array([part.nominal or 0.0 for part in parts])
     mids = nominals + scales * np.array([part.mean for part in parts])
-    found = replace(
+    mechanism = replace(
         bare, formula=formula, mids=mids[bare.owners], scale=scales[bare.owners], gain=gain
     )
-    if why := _undefined(found, nominals[bare.owners], parts):
+    if why := _undefined(mechanism, nominals[bare.owners], parts):
         faults.append(Fault(place, why))
         return None
-    found = _linearised(found)
-    faults += _slope_faults(found, parts, requirement)
-    faults += _nominal_faults(requirement, gain * _at(formula, found, nominals[bare.owners]))
+    mechanism = _linearised(mechanism)
+    faults += _slope_faults(mechanism, parts, requirement)
+    faults += _nominal_faults(requirement, gain * _at(formula, mechanism, nominals[bare.owners]))
     loosest = np.array([[part.high for part in parts]])
-    return replace(found, undefined=_outside(found, loosest[0], least_margin(found, loosest)[0]))
+    return replace(
+        mechanism, undefined=_outside(mechanism, loosest[0], least_margin(mechanism, loosest)[0])
+    )
 
 
 def _at(formula: Formula, mechanism: Mechanism, x: Array) -> float:
@@ -68,32 +72,32 @@ def _linearised(mechanism: Mechanism) -> Mechanism:
     formula, mids, scale = mechanism.formula, mechanism.mids, mechanism.scale
     assert formula is not None and mids is not None and scale is not None
     slopes = formula.gradient(dict(zip(mechanism.names, mids, strict=True)))
-    each = np.array([float(slopes.get(name, 0.0)) for name in mechanism.names])
+    by_piece = np.array([float(slopes.get(name, 0.0)) for name in mechanism.names])
     centre = mechanism.gain * _at(formula, mechanism, mids)
-    return replace(mechanism, sensitivities=mechanism.gain * each * scale, centre=centre)
+    return replace(mechanism, sensitivities=mechanism.gain * by_piece * scale, centre=centre)
 
 
 def _name_faults(formula: Formula, parts: Sequence[Part], requirement: Requirement) -> list[Fault]:
     """Names that no part has, and parts that the one formula of a stack leaves out."""
     pieces = {piece: part for part in parts for piece in part.pieces}
     whole = {part.name: part for part in parts if part.count > 1}
-    found, place = [], f"{requirement.place}.formula"
+    faults, place = [], f"{requirement.place}.formula"
     for name, column in formula.names.items():
         if name in whole:
             listed = ", ".join(whole[name].pieces)
             text = f"{name} is built in {whole[name].count} times: write {listed}"
-            found.append(Fault(place, f"column {column}: {text}"))
+            faults.append(Fault(place, f"column {column}: {text}"))
         elif name not in pieces:
             close = nearest(name, [*pieces, *FUNCTIONS])
-            found.append(Fault(place, f'column {column}: "{name}" is not a part{close}'))
+            faults.append(Fault(place, f'column {column}: "{name}" is not a part{close}'))
     if requirement.key and not formula.names:
-        found.append(Fault(place, "has no parts: a requirement depends on one at least"))
+        faults.append(Fault(place, "has no parts: a requirement depends on one at least"))
     for at, part in enumerate(parts if not requirement.key else ()):
         unused = [piece for piece in part.pieces if piece not in formula.names]
         if unused and part.name not in formula.names:
             text = f"{', '.join(unused)} does not appear in the formula: the requirement does not "
-            found.append(Fault(f"part[{at}].name", f"{text}depend on it (part {part.name})"))
-    return found
+            faults.append(Fault(f"part[{at}].name", f"{text}depend on it (part {part.name})"))
+    return faults
 
 
 def _units(requirement: Requirement, parts: Sequence[Part]) -> tuple[float, Array]:
@@ -121,8 +125,8 @@ def _undefined(mechanism: Mechanism, nominals: Array, parts: Sequence[Part]) -> 
         return f"at the nominal values, {why}"
     tightest = np.array([part.low for part in parts])
     if why := formula.trouble(_within(mechanism, tightest)):
-        told = "tighten the ranges or correct the formula"
-        return f"even within the tightest tolerances, {why}; {told}"
+        remedy = "tighten the ranges or correct the formula"
+        return f"even within the tightest tolerances, {why}; {remedy}"
     return ""
 
 
@@ -151,18 +155,18 @@ def _slope_faults(
     names = mechanism.formula.names if mechanism.formula else {}
     slopes, t = mechanism.sensitivities, np.array([part.high for part in parts])[mechanism.owners]
     effect = np.where(t > 0.0, np.abs(slopes) * t, np.nan)
-    found = []
+    faults = []
     for i, (name, at) in enumerate(zip(mechanism.names, mechanism.owner, strict=True)):
         if name not in names:
             continue
         if not np.isfinite(slopes[i]):
             text = f"has no finite derivative with respect to {name} at the mid-limits: the linear "
-            found.append(Fault(place, f"{text}model does not exist"))
+            faults.append(Fault(place, f"{text}model does not exist"))
         elif effect[i] <= NEGLIGIBLE * np.nansum(effect):
             text = f"the sensitivity of the requirement to {name} is 0 at the mid-limits: no "
             text += f"tolerance of it matters (part {parts[at].name})"
-            found.append(Fault(place if requirement.key else f"part[{at}].name", text))
-    return found
+            faults.append(Fault(place if requirement.key else f"part[{at}].name", text))
+    return faults
 
 
 def _nominal_faults(requirement: Requirement, computed: float) -> list[Fault]:

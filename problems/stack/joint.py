@@ -1,4 +1,4 @@
-"""What several requirements come to together: the largest variation, the joint yield."""
+"""Several requirements together: the largest variation, the joint yield."""
 
 from __future__ import annotations
 
@@ -17,48 +17,66 @@ VARIATIONS = ("variation", "worst_case", "rss")
 
 def common_unit(requirements: Sequence[Requirement]) -> str | None:
     """The unit of all requirements, None where they differ."""
-    units = {one.unit for one in requirements}
+    units = {requirement.unit for requirement in requirements}
     return units.pop() if len(units) == 1 else None
 
 
-def joint_variations(each: Sequence[Measured], values: Mapping[str, Array]) -> dict[str, Array]:
+def joint_variations(
+    requirements: Sequence[Measured], values: Mapping[str, Array]
+) -> dict[str, Array]:
     """The largest weighted variation (n,) of several requirements of one unit, by kind."""
-    if not each[0].requirement.key or common_unit([one.requirement for one in each]) is None:
+    if (
+        not requirements[0].requirement.key
+        or common_unit([measured.requirement for measured in requirements]) is None
+    ):
         return {}
     return {
-        kind: np.max([one.requirement.weight * values[one.name(kind)] for one in each], axis=0)
+        kind: np.max(
+            [
+                measured.requirement.weight * values[measured.name(kind)]
+                for measured in requirements
+            ],
+            axis=0,
+        )
         for kind in VARIATIONS
     }
 
 
 def joint_slopes(
-    each: Sequence[Measured], values: Mapping[str, Array], slopes: Mapping[str, Array]
+    requirements: Sequence[Measured], values: Mapping[str, Array], slopes: Mapping[str, Array]
 ) -> dict[str, Array]:
     """Derivatives (n, parts) of `joint_variations`: those of the largest."""
-    found = {}
-    for kind, largest in joint_variations(each, values).items():
-        if not all(one.name(kind) in slopes for one in each):
+    largest_slopes = {}
+    for kind, largest in joint_variations(requirements, values).items():
+        if not all(measured.name(kind) in slopes for measured in requirements):
             continue
-        weighted = [one.requirement.weight * values[one.name(kind)] for one in each]
+        weighted = [
+            measured.requirement.weight * values[measured.name(kind)] for measured in requirements
+        ]
         at = np.argmax(np.array(weighted) == largest, axis=0)
-        whole = np.stack([one.requirement.weight * slopes[one.name(kind)] for one in each])
-        found[kind] = whole[at, np.arange(len(at))]
-    return found
+        whole = np.stack(
+            [measured.requirement.weight * slopes[measured.name(kind)] for measured in requirements]
+        )
+        largest_slopes[kind] = whole[at, np.arange(len(at))]
+    return largest_slopes
 
 
 def joint_intervals(
-    each: Sequence[Measured], intervals: Mapping[str, Interval]
+    requirements: Sequence[Measured], intervals: Mapping[str, Interval]
 ) -> dict[str, Interval]:
     """Proven ends of `joint_variations` from those of the requirements."""
-    found = {}
-    for kind in VARIATIONS if each[0].requirement.key else ():
-        ends = [(one.requirement.weight, intervals.get(one.name(kind))) for one in each]
+    joint = {}
+    for kind in VARIATIONS if requirements[0].requirement.key else ():
+        ends = [
+            (measured.requirement.weight, intervals.get(measured.name(kind)))
+            for measured in requirements
+        ]
         known = [
             (weight * low, weight * high)
             for weight, pair in ends
             if pair is not None
             for low, high in [pair]
         ]
-        if len(known) == len(each):
-            found[kind] = max(low for low, _ in known), max(high for _, high in known)
-    return found
+        if len(known) == len(requirements):
+            joint[kind] = max(low for low, _ in known), max(high for _, high in known)
+    return joint

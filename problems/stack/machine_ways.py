@@ -25,9 +25,9 @@ Array = NDArray[np.float64]
 CELLS = 6
 """Pieces of the range of a spread, where something is replaced by lines below it."""
 TRIED = 33
-"""Points of a piece at which a line is tried to be below."""
+"""Points of a piece at which a line is tested to lie below."""
 ROUNDING = 1e-9
-"""Share of its scale by which a line keeps below."""
+"""Fraction of its scale by which a line keeps below."""
 
 
 def machine_ways(
@@ -69,7 +69,7 @@ def _fixed(part: Part, number: int, rows: list[Row], at: int) -> Way:
     process = part.processes[number]
     assert process.machine is not None
     t = np.array([process.low])
-    spread, mean = (float(one[0]) for one in spread_and_mean(part, process, t))
+    spread, mean = (float(values[0]) for values in spread_and_mean(part, process, t))
     x = process.low if limits_alone(rows) else spread
     return Way(
         curve=process.curve or Reciprocal(0.0, 0.0),
@@ -83,7 +83,7 @@ def _fixed(part: Part, number: int, rows: list[Row], at: int) -> Way:
 
 
 def _moved(row: Row, at: int, t: Array, mean: Array) -> Array:
-    """What limits and means of a part add to a row beside its spread."""
+    """What limits and means of a part add to a row in addition to its spread."""
     return np.asarray(row.linear[at] * t + row.bias_of(at) * mean + row.shift_of(at) * np.abs(mean))
 
 

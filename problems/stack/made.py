@@ -41,8 +41,8 @@ def spread_and_mean(part: Part, process: Process, t: Array) -> tuple[Array, Arra
     """Spread, as a half-width of the part's distribution, and mean of good parts (n,)."""
     if process.machine is None:
         return t, np.zeros_like(t)
-    found = process.machine.good_parts(t)
-    return scale_of(part) * found.std, found.mean
+    good_parts = process.machine.good_parts(t)
+    return scale_of(part) * good_parts.std, good_parts.mean
 
 
 def as_made(parts: Sequence[Part], t: Array, chosen: NDArray[np.int64]) -> Tolerances:
@@ -61,7 +61,9 @@ def as_made(parts: Sequence[Part], t: Array, chosen: NDArray[np.int64]) -> Toler
 def ends_as_made(parts: Sequence[Part]) -> tuple[Tolerances, Tolerances]:
     """Least and largest limit, spread and size of the mean of each part, (1, p) each."""
     ends = [_ends(part) for part in parts]
-    low, high = (np.array([[one[side] for one in each] for each in ends]) for side in (0, 1))
+    low, high = (
+        np.array([[pair[side] for pair in part_ends] for part_ends in ends]) for side in (0, 1)
+    )
     if not any(part.by_machine for part in parts):
         return low[:, 0].reshape(1, -1), high[:, 0].reshape(1, -1)
     return (
@@ -82,7 +84,7 @@ def _ends(part: Part) -> list[tuple[float, float]]:
         limits += t.tolist()
         spreads += spread.tolist()
         means += np.abs(mean).tolist()
-    return [(min(one), max(one)) for one in (limits, spreads, means)]
+    return [(min(values), max(values)) for values in (limits, spreads, means)]
 
 
 def limits_of(part: Part, spread: Array, chosen: NDArray[np.int64]) -> Array:

@@ -78,13 +78,13 @@ class Measured:
 
     def variations(self, t: Tolerances) -> dict[str, Array]:
         """The linear variations (n,) by output, of tolerances (n, parts)."""
-        found = {"worst_case": self.linear.worst_case(t), "rss": self.linear.rss(t)}
+        by_output = {"worst_case": self.linear.worst_case(t), "rss": self.linear.rss(t)}
         method = self.requirement.method
         if method == "shifted_rss":
-            found["variation"] = self.linear.shifted_rss(t)
+            by_output["variation"] = self.linear.shifted_rss(t)
         elif method != "monte_carlo":
-            found["variation"] = found[method]
-        return {self.name(name): value for name, value in found.items()}
+            by_output["variation"] = by_output[method]
+        return {self.name(name): value for name, value in by_output.items()}
 
     def margin(self, t: Tolerances) -> dict[str, Array]:
         """The domain margin (n,), where the formula has an edge within the widest tolerances."""
@@ -101,33 +101,33 @@ class Measured:
     def slopes(self, t: Tolerances, wanted: Collection[str], coverage: float) -> dict[str, Array]:
         """Derivatives (n, parts) of the variations, and of a yield that is wanted.
 
-        That of a sampled yield, a step function, is the normal linear model's.
+        The derivative of a sampled yield, a step function, is the normal linear model's.
         """
         worst, rss = (
             np.broadcast_to(self.linear.worst, spread_of(t).shape),
             self.linear.rss_slopes(t),
         )
-        found = {"worst_case": worst, "rss": rss}
+        by_output = {"worst_case": worst, "rss": rss}
         method, law = self.requirement.method, self.law
         if method != "monte_carlo":
-            found["variation"] = {**found, "shifted_rss": rss + self.linear.shift}[method]
+            by_output["variation"] = {**by_output, "shifted_rss": rss + self.linear.shift}[method]
         elif isinstance(law, Law):
-            found["variation"] = law.half_width_slopes(t, coverage)
+            by_output["variation"] = law.half_width_slopes(t, coverage)
         if self.mechanism.bounded and self.name("yield_percent") in wanted:
-            found["yield_percent"] = self._yield_slopes(t)
+            by_output["yield_percent"] = self._yield_slopes(t)
         if self.partial and self.name("domain_margin") in wanted:
-            found["domain_margin"] = self._margin_slopes(limit_of(t))
-        return {self.name(name): value for name, value in found.items()}
+            by_output["domain_margin"] = self._margin_slopes(limit_of(t))
+        return {self.name(name): value for name, value in by_output.items()}
 
     def _margin_slopes(self, t: Array) -> Array:
         """By differences towards tighter tolerances, on the corner that is nearest to the edge."""
-        base, found = least_margin(self.mechanism, t), np.zeros_like(t)
+        base, slopes = least_margin(self.mechanism, t), np.zeros_like(t)
         for at in range(t.shape[1]):
             moved = t.copy()
             moved[:, at] *= 1.0 - STEP
             change = base - least_margin(self.mechanism, moved)
-            found[:, at] = change / np.where(t[:, at] > 0.0, STEP * t[:, at], 1.0)
-        return found
+            slopes[:, at] = change / np.where(t[:, at] > 0.0, STEP * t[:, at], 1.0)
+        return slopes
 
     def _yield_slopes(self, t: Tolerances) -> Array:
         if isinstance(self.law, Law):
@@ -151,17 +151,17 @@ class Measured:
         worst = float(self.linear.worst_case(low)[0]), float(self.linear.worst_case(high)[0])
         rss = self._rss_interval(spread_of(low)[0], spread_of(high)[0])
         shift = self._shift(low), self._shift(high)
-        found = {
+        by_output = {
             "worst_case": worst,
             "rss": rss,
             "yield_percent": (0.0, self._most_yield(low)),
             "shifted_rss": (rss[0] + shift[0], rss[1] + shift[1]),
         }
         method = self.requirement.method
-        if method in found:
-            found["variation"] = found[method]
-        del found["shifted_rss"]
-        return {self.name(name): ends for name, ends in found.items()}
+        if method in by_output:
+            by_output["variation"] = by_output[method]
+        del by_output["shifted_rss"]
+        return {self.name(name): ends for name, ends in by_output.items()}
 
     @property
     def off_limits(self) -> bool:
@@ -184,7 +184,7 @@ class Measured:
 
     def _most_yield(self, tightest: Tolerances) -> float:
         """The largest yield [percent]: that of the tightest parts, where the mean stays within the
-        limits. Every wider deviation takes from it (Birnbaum 1948, on random variables with
+        limits. Every wider deviation reduces it (Birnbaum 1948, on random variables with
         comparable peakedness, Annals of Mathematical Statistics 19(1), 76-81).
         """
         if not (self.mechanism.bounded and self._still):
@@ -192,13 +192,13 @@ class Measured:
         if self.off_limits:
             return 50.0
         assert isinstance(self.law, Law)
-        found, error = self.law.yield_percent(tightest)
-        return min(100.0, float(found[0] + error[0]))
+        percent, error = self.law.yield_percent(tightest)
+        return min(100.0, float(percent[0] + error[0]))
 
     def _shift(self, t: Tolerances) -> float:
         """Mean shifts in the worst direction of one design (1, parts)."""
-        own = spread_of(t)[0] @ self.linear.shift + np.abs(mean_of(t)[0]) @ self.linear.worst
-        return float(own)
+        shift = spread_of(t)[0] @ self.linear.shift + np.abs(mean_of(t)[0]) @ self.linear.worst
+        return float(shift)
 
     def _rss_interval(self, low: Array, high: Array) -> Interval:
         """Bounds of the root sum square; exact unless contributions compensate each other."""
@@ -215,4 +215,6 @@ class Measured:
 def measured(definition: Definition) -> tuple[Measured, ...]:
     """Every requirement of a stack."""
     pairs = zip(definition.requirements, definition.mechanisms, strict=True)
-    return tuple(Measured(one, mechanism, definition.parts) for one, mechanism in pairs)
+    return tuple(
+        Measured(requirement, mechanism, definition.parts) for requirement, mechanism in pairs
+    )

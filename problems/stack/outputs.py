@@ -22,10 +22,10 @@ _MEANING = {
 
 def variables_of(parts: Iterable[Part]) -> tuple[Variable, ...]:
     """`<part>_t`, and `<part>_process` where there is something to choose."""
-    found = []
+    variables = []
     for part in parts:
         high = part.processes[0].high if part.fixed else part.high
-        found.append(
+        variables.append(
             Variable(
                 name=f"{part.name}_t",
                 unit=part.unit,
@@ -37,7 +37,7 @@ def variables_of(parts: Iterable[Part]) -> tuple[Variable, ...]:
             )
         )
         if part.alternatives:
-            found.append(
+            variables.append(
                 Variable(
                     name=f"{part.name}_process",
                     unit="",
@@ -51,32 +51,32 @@ def variables_of(parts: Iterable[Part]) -> tuple[Variable, ...]:
                     labels=tuple(process.name for process in part.processes),
                 )
             )
-    return tuple(found)
+    return tuple(variables)
 
 
 def outputs_of(
     requirements: Sequence[Requirement],
     parts: Sequence[Part],
-    each: Sequence[Measured] = (),
+    measured: Sequence[Measured] = (),
     promise: Promise | None = None,
 ) -> tuple[Output, ...]:
     """The outputs of a stack, in the order of the tables.
 
-    Without `each` requirement as it is measured all those that there may be.
+    Without `measured`, all outputs that there may be.
     """
-    found = [Output("cost", "", "cost of all parts", low=0.0)]
+    outputs = [Output("cost", "", "cost of all parts", low=0.0)]
     if requirements[0].key:
-        found += _joint(requirements)
+        outputs += _joint(requirements)
     for at, requirement in enumerate(requirements):
-        found += _own(requirement, each[at] if each else None, parts)
-    return (*found, *promise_outputs(promise, requirements))
+        outputs += _of_requirement(requirement, measured[at] if measured else None, parts)
+    return (*outputs, *promise_outputs(promise, requirements))
 
 
 def _joint(requirements: Sequence[Requirement]) -> list[Output]:
     """Outputs over all of several requirements."""
-    unit, found = common_unit(requirements), []
+    unit, outputs = common_unit(requirements), []
     if unit is not None:
-        found = [
+        outputs = [
             Output(
                 kind,
                 unit,
@@ -85,37 +85,37 @@ def _joint(requirements: Sequence[Requirement]) -> list[Output]:
             )
             for kind in VARIATIONS
         ]
-    return found + _yields("yield_percent", "units that keep every requirement within its limits")
+    return outputs + _yields("yield_percent", "units that keep every requirement within its limits")
 
 
-def _own(
+def _of_requirement(
     requirement: Requirement, measured: Measured | None, parts: Sequence[Part]
 ) -> list[Output]:
     """Outputs of one requirement."""
     unit, name = requirement.unit, requirement.name or "the requirement"
     of_what = "worst case" if requirement.method == "worst_case" else "variance"
     meaning = f"variation of {name}: {_MEANING[requirement.method]}"
-    own = requirement.output
+    qualified = requirement.output
     shown = range(len(parts)) if measured is None else measured.shown
-    found = [
-        Output(own("variation"), unit, meaning, low=0.0),
-        Output(own("worst_case"), unit, "sum of |sensitivity| times tolerance", low=0.0),
-        Output(own("rss"), unit, "three standard deviations of the linear model", low=0.0),
-        *_yields(own("yield_percent"), f"units with {name} within its limits"),
+    outputs = [
+        Output(qualified("variation"), unit, meaning, low=0.0),
+        Output(qualified("worst_case"), unit, "sum of |sensitivity| times tolerance", low=0.0),
+        Output(qualified("rss"), unit, "three standard deviations of the linear model", low=0.0),
+        *_yields(qualified("yield_percent"), f"units with {name} within its limits"),
     ]
     if measured is None or measured.partial:
-        found.append(
+        outputs.append(
             Output(
-                own("domain_margin"),
+                qualified("domain_margin"),
                 "",
                 f"distance of {name} from the edge of its "
                 "formula's domain, in units of that at the mid-limits",
                 larger_is_better=True,
             )
         )
-    return found + [
+    return outputs + [
         Output(
-            own(f"contribution_{parts[at].name}_percent"),
+            qualified(f"contribution_{parts[at].name}_percent"),
             "percent",
             f"share of part {parts[at].name} in the {of_what}",
         )

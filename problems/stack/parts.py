@@ -26,29 +26,29 @@ MOST = 1000
 ALL = 2000
 """Pieces of all parts: a sample of 8192 units then takes some seconds."""
 SOBOL = 21_201
-"""Pieces of all parts, however many are asked for: dimensions of a Sobol sequence (Joe, Kuo)."""
+"""Most pieces of all parts, even with --force: dimensions of a Sobol sequence (Joe, Kuo)."""
 
 
 def read_parts(
     top: Section, requirements: Sequence[Requirement], faults: list[Fault]
 ) -> list[Part | None]:
     """The parts, None for each that is faulty."""
-    found = []
+    parts = []
     length_unit, fits = _length(requirements), read_fits(top, faults)
     for at in range(len(top.tables("part"))):
-        own: list[Fault] = []
-        section = top.item("part", at, own)
+        part_faults: list[Fault] = []
+        section = top.item("part", at, part_faults)
         name = section.take("name")
         fit = fits.get(name, "") if isinstance(name, str) else ""
-        found.append(_read(section, length_unit, requirements, fit))
+        parts.append(_read(section, length_unit, requirements, fit))
         section.finish()
         faults += [
             Fault(f.place, f"{f.message} (part {name})" if isinstance(name, str) else f.message)
-            for f in own
+            for f in part_faults
         ]
-    known = [part for part in found if part is not None]
+    known = [part for part in parts if part is not None]
     faults += [*_duplicates(known), *_too_many(known)]
-    return found
+    return parts
 
 
 def _too_many(parts: Sequence[Part]) -> list[Fault]:
@@ -62,7 +62,7 @@ def _too_many(parts: Sequence[Part]) -> list[Fault]:
 
 def _length(requirements: Sequence[Requirement]) -> str:
     """The unit of parts that state none: that of the requirements, where all are in one length."""
-    units = {one.unit for one in requirements}
+    units = {requirement.unit for requirement in requirements}
     return units.pop() if len(units) == 1 and family(min(units))[0] == "meter" else ""
 
 
@@ -82,8 +82,10 @@ def _read(
     zone = read_tolerance(section, unit, nominal, fit)
     if name is None or zone is None or distribution is None:
         return None
-    if distribution.one_sided and (other := [key for key in ("limits", "fit") if key in section]):
-        text = f"a radius lies between 0 and its tolerance: leave out {', '.join(other)}"
+    if distribution.one_sided and (
+        conflicting := [key for key in ("limits", "fit") if key in section]
+    ):
+        text = f"a radius lies between 0 and its tolerance: leave out {', '.join(conflicting)}"
         section.fault("distribution", text)
         return None
     if zone.machines and not (isinstance(distribution, Normal) and distribution.shift == 0.0):
@@ -110,7 +112,7 @@ def _read(
 def _sample(
     section: Section, unit: str, nominal: float | None, zone: Tolerance
 ) -> PartSample | None:
-    """What measured parts tell of the process, None and faults where they cannot."""
+    """The sample of measured parts, None and faults where it does not apply."""
     stated = [key for key in ("distribution", "cp", "cpk", "shift") if key in section]
     for key in stated:
         section.fault(key, "is stated beside [part.measured], which tells it: keep one")
@@ -123,8 +125,8 @@ def _sample(
         return None
     (process,) = zone.processes
     nominal = zone.nominal if nominal is None else nominal
-    found = read_sample(section, unit, nominal, zone.mid, process.high if zone.fixed else None)
-    return None if stated else found
+    sample = read_sample(section, unit, nominal, zone.mid, process.high if zone.fixed else None)
+    return None if stated else sample
 
 
 def _part(
@@ -205,15 +207,15 @@ def _unit(section: Section, length_unit: str) -> tuple[str | None, dict[str, str
 
 
 def _duplicates(parts: Sequence[Part]) -> list[Fault]:
-    """A fault for every name that a formula could not tell apart."""
+    """A fault for every name that is ambiguous in a formula."""
     owners: dict[str, str] = {}
-    found = []
+    faults = []
     for part in parts:
         for piece in dict.fromkeys((part.name, *part.pieces)):
             if piece in owners:
                 text = (
                     f'"{piece}" is already a name of part {owners[piece]}; rename part {part.name}'
                 )
-                found.append(Fault("part", text))
+                faults.append(Fault("part", text))
             owners[piece] = part.name
-    return found
+    return faults

@@ -1,6 +1,6 @@
 """Yields over the posterior of the processes: how surely a promise is kept, and what to expect.
 
-Of every draw the requirement is normal: its variance is the sum of the drawn ones, its mean is off
+The requirement is normal in every draw: its variance is the sum of the drawn ones, its mean is off
 by the drawn errors of the means, both in proportion to the tolerances. Where a part is made by one
 of several processes, those that a design chooses count.
 """
@@ -35,23 +35,24 @@ class Posterior:
         """Draws of the processes that make the parts."""
         none = np.ones(self.draws), np.zeros(self.draws)
         pairs = [
-            self._each.get((at, self._source(at, number)), none) for at, number in enumerate(chosen)
+            self._drawn_processes.get((at, self._source(at, number)), none)
+            for at, number in enumerate(chosen)
         ]
         variance, error = zip(*pairs, strict=True)
         return Draws(np.stack(variance, axis=1), np.stack(error, axis=1))
 
     @cached_property
-    def _each(self) -> dict[tuple[int, str], tuple[Array, Array]]:
-        """What is drawn of each sampled process, by part and machine."""
-        found = {}
+    def _drawn_processes(self) -> dict[tuple[int, str], tuple[Array, Array]]:
+        """Draws of variance and error of each sampled process, by part and machine."""
+        draws = {}
         for at, part in enumerate(self.parts):
             for number in range(len(part.processes)):
                 key, known = (at, self._source(at, number)), part.known(number)
-                if known is not None and key not in found:
+                if known is not None and key not in draws:
                     machine = [] if part.sample is not None else [number + 1]
-                    own = Draws.of([known], [(self.seed, at, *machine)], self.draws)
-                    found[key] = own.variance[:, 0], own.error[:, 0]
-        return found
+                    drawn = Draws.of([known], [(self.seed, at, *machine)], self.draws)
+                    draws[key] = drawn.variance[:, 0], drawn.error[:, 0]
+        return draws
 
     def _source(self, at: int, number: int) -> str:
         """The machine of a process: it scatters alike with and without inspection."""
@@ -65,37 +66,39 @@ class Posterior:
             return [((0,) * len(self.parts), np.arange(len(t)))]
         ways, owner = np.unique(made, axis=0, return_inverse=True)
         return [
-            (tuple(one), np.flatnonzero(owner.ravel() == at))
-            for at, one in enumerate(ways.tolist())
+            (tuple(choice), np.flatnonzero(owner.ravel() == at))
+            for at, choice in enumerate(ways.tolist())
         ]
 
     def assurance(self, of: Sequence[Measured], t: Tolerances, share: float) -> tuple[Array, Array]:
-        """Probability [percent] (n,) that a share of the units keeps every requirement, its error.
+        """Probability [percent] (n,) that a fraction of units keeps every requirement, its error.
 
-        Every requirement is asked for the share on its own.
+        The fraction is required of every requirement separately.
         """
         kept = np.empty(len(t))
         for chosen, rows in self._portions(t):
-            every = np.all([self._yields(one, t[rows], chosen) >= share for one in of], axis=0)
+            every = np.all(
+                [self._yields(measured, t[rows], chosen) >= share for measured in of], axis=0
+            )
             kept[rows] = every.mean(axis=1)
         return assured_percent(kept, self.draws)
 
-    def expected(self, one: Measured, t: Tolerances) -> Array:
+    def expected(self, measured: Measured, t: Tolerances) -> Array:
         """Expected yield [percent] (n,) of a requirement."""
-        found = np.empty(len(t))
+        percent = np.empty(len(t))
         for chosen, rows in self._portions(t):
-            found[rows] = 100.0 * self._yields(one, t[rows], chosen).mean(axis=1)
-        return found
+            percent[rows] = 100.0 * self._yields(measured, t[rows], chosen).mean(axis=1)
+        return percent
 
-    def expected_slopes(self, one: Measured, t: Tolerances) -> Array:
+    def expected_slopes(self, measured: Measured, t: Tolerances) -> Array:
         """Derivatives (n, parts) of the expected yield by the spread of the parts."""
-        found = np.empty_like(spread_of(t))
+        slopes = np.empty_like(spread_of(t))
         for chosen, rows in self._portions(t):
-            found[rows] = self._slopes(one, t[rows], chosen)
-        return found
+            slopes[rows] = self._slopes(measured, t[rows], chosen)
+        return slopes
 
     def _portions(self, t: Tolerances) -> list[tuple[tuple[int, ...], NDArray[np.int64]]]:
-        """Rows of designs that are looked at together, with the processes that they choose."""
+        """Rows of designs that are evaluated together, with the processes that they choose."""
         step = max(1, AT_ONCE // self.draws)
         return [
             (chosen, rows[first : first + step])
@@ -113,9 +116,9 @@ class Posterior:
             ]
         )
 
-    def _sums(self, one: Measured, t: Tolerances) -> Sums:
+    def _sums(self, measured: Measured, t: Tolerances) -> Sums:
         """The requirement as a sum of the deviations of the parts."""
-        s, mechanism, linear = spread_of(t), one.mechanism, one.linear
+        s, mechanism, linear = spread_of(t), measured.mechanism, measured.linear
         mean = mechanism.centre + mean_of(t) @ linear.slope + s @ linear.mean
         return Sums(
             mean,
@@ -126,12 +129,12 @@ class Posterior:
             mechanism.upper,
         )
 
-    def _yields(self, one: Measured, t: Tolerances, chosen: tuple[int, ...]) -> Array:
+    def _yields(self, measured: Measured, t: Tolerances, chosen: tuple[int, ...]) -> Array:
         """Yields (n, draws)."""
-        return self._sums(one, t).yields(self._drawn(chosen))
+        return self._sums(measured, t).yields(self._drawn(chosen))
 
-    def _slopes(self, one: Measured, t: Tolerances, chosen: tuple[int, ...]) -> Array:
-        sums, drawn = self._sums(one, t), self._drawn(chosen)
+    def _slopes(self, measured: Measured, t: Tolerances, chosen: tuple[int, ...]) -> Array:
+        sums, drawn = self._sums(measured, t), self._drawn(chosen)
         std, above, below = sums.ends(drawn)
         bells = [
             np.where(np.isfinite(z), np.exp(-0.5 * np.where(np.isfinite(z), z, 0.0) ** 2), 0.0)
@@ -141,7 +144,7 @@ class Posterior:
         far = [np.where(np.isfinite(z), z, 0.0) for z in (above, below)]
         by_mean = -(bells[0] - bells[1])
         by_std = -(bells[0] * far[0] - bells[1] * far[1])
-        s, linear = spread_of(t), one.linear
+        s, linear = spread_of(t), measured.linear
         moved = by_mean @ drawn.error * linear.slope * self._std
         moved += by_mean.sum(axis=1)[:, None] * linear.mean
         wider = ((by_std / std) @ drawn.variance) * np.diag(linear.covariance) * s

@@ -30,7 +30,8 @@ from .costs import PartCosts
 from .definition import Definition, Part
 from .drawn import drawn, labels_of
 from .faults import faults_of, named_outputs, unit_faults, with_nominal
-from .joint import joint_intervals, joint_slopes, joint_variations
+from .intervals import intervals_of
+from .joint import joint_slopes, joint_variations
 from .made import as_made, ends_as_made
 from .measured import Measured, measured
 from .outputs import OBJECTIVES, outputs_of, variables_of
@@ -48,7 +49,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class StackKind:
-    """What a configuration declares a stack to be; called with settings, it makes the problem."""
+    """A stack as its configuration declares it; called with settings, it makes the problem."""
 
     definition: Definition | None
     variables: tuple[Variable, ...]
@@ -101,8 +102,8 @@ class Stack(ToleranceProblem):
             part or stand_in(table, at)
             for at, (part, table) in enumerate(zip(parts, top.tables("part"), strict=True))
         ]
-        own = measured(definition) if definition is not None else ()
-        outputs = outputs_of(requirements, known, own, read_promise(top))
+        mechanisms = measured(definition) if definition is not None else ()
+        outputs = outputs_of(requirements, known, mechanisms, read_promise(top))
         return StackKind(definition, variables_of(known), outputs)
 
     def tables(self) -> dict[str, Any]:
@@ -120,9 +121,9 @@ class Stack(ToleranceProblem):
         }
         settings = {name: VariableSetting(value=value) for name, value in fixed.items()}
         limits = {
-            one.name("domain_margin"): Bound(low=0.0)
-            for one in self.measured
-            if one.bound_to_domain
+            requirement.name("domain_margin"): Bound(low=0.0)
+            for requirement in self.measured
+            if requirement.bound_to_domain
         }
         limits |= promise_limits(self.definition, given.limits)
         return super()._completed(
@@ -178,19 +179,20 @@ class Stack(ToleranceProblem):
     # ---------------------------------------------------------------- outputs
 
     def needed(self, designs: Array) -> dict[str, Array]:
-        return self._found(np.asarray(designs, dtype=float), searching=False, needed=True)
+        return self._evaluated(np.asarray(designs, dtype=float), searching=False, needed=True)
 
     def _outputs(self, designs: Array, searching: bool) -> dict[str, Array]:
-        return self._found(designs, searching, needed=searching)
+        return self._evaluated(designs, searching, needed=searching)
 
-    def _found(self, designs: Array, searching: bool, needed: bool) -> dict[str, Array]:
+    def _evaluated(self, designs: Array, searching: bool, needed: bool) -> dict[str, Array]:
         t = self.made(designs)
-        found = {"cost": self.cost_of(designs)} | self.yields.outputs(t, searching, needed)
-        for one in self.measured:
-            found |= one.variations(t) | one.margin(t) | self._shares(one, t, searching)
+        outputs = {"cost": self.cost_of(designs)} | self.yields.outputs(t, searching, needed)
+        for requirement in self.measured:
+            outputs |= requirement.variations(t) | requirement.margin(t)
+            outputs |= self._shares(requirement, t, searching)
         if self.promises is not None:
-            found |= self.promises.outputs(t, searching, self.wanted)
-        return found | joint_variations(self.measured, found)
+            outputs |= self.promises.outputs(t, searching, self.wanted)
+        return outputs | joint_variations(self.measured, outputs)
 
     @property
     def promise(self) -> Promise | None:
@@ -198,16 +200,16 @@ class Stack(ToleranceProblem):
 
     @cached_property
     def promises(self) -> Promises | None:
-        """What is promised of the yields, where something is."""
+        """The promises of the yields, None where there are none."""
         promise = self.definition.promise
         return None if promise is None else Promises(self.measured, promise, self.settings.seed)
 
-    def _shares(self, one: Measured, t: Tolerances, searching: bool) -> dict[str, Array]:
+    def _shares(self, requirement: Measured, t: Tolerances, searching: bool) -> dict[str, Array]:
         """Contributions of the parts; NaN where a search does not need them."""
-        names = [one.contribution(at) for at in one.shown]
+        names = [requirement.contribution(at) for at in requirement.shown]
         if searching and not self.wanted & set(names):
             return dict.fromkeys(names, np.full(len(t), np.nan))
-        return one.shares(t)
+        return requirement.shares(t)
 
     @cached_property
     def wanted(self) -> frozenset[str]:
@@ -229,8 +231,8 @@ class Stack(ToleranceProblem):
         return np.asarray(self._by_part(designs).sum(axis=1))
 
     def costs_of(self, designs: Array) -> dict[str, Array]:
-        each = zip(self._parts, self._by_part(designs).T, strict=True)
-        return {f"{part.name}_t": cost for part, cost in each if not part.free_of_charge}
+        pairs = zip(self._parts, self._by_part(designs).T, strict=True)
+        return {f"{part.name}_t": cost for part, cost in pairs if not part.free_of_charge}
 
     def room(self, name: str, design: Array) -> Interval:
         low, high = super().room(name, design)
@@ -244,28 +246,26 @@ class Stack(ToleranceProblem):
         return {f"{p.name}_t": (p.nominal, p.mid) for p in self._parts}.get(name, (None, 0.0))
 
     def title(self) -> str:
-        return super().title() or ", ".join(
-            one.name for one in self.definition.requirements if one.name
-        )
+        names = [requirement.name for requirement in self.definition.requirements]
+        return super().title() or ", ".join(filter(None, names))
 
     def mechanism(self) -> dict[str, object]:
-        return super().mechanism() | {
-            "requirements": [
-                labels_of(one.requirement) | {"centre": one.mechanism.centre}
-                for one in self.measured
-            ]
-        }
+        requirements = [
+            labels_of(measured.requirement) | {"centre": measured.mechanism.centre}
+            for measured in self.measured
+        ]
+        return super().mechanism() | {"requirements": requirements}
 
     def drawn(self, name: str) -> Mapping[str, str]:
         return {f"{p.name}_t": drawn(p) for p in self._parts}.get(name, {})
 
     def curves_of(self, name: str) -> tuple[tuple[CostCurve, float], ...]:
-        own = next((p for p in self._parts if name == f"{p.name}_t"), None)
-        curves = [one.curve for one in own.processes] if own else []
+        part = next((p for p in self._parts if name == f"{p.name}_t"), None)
+        curves = [process.curve for process in part.processes] if part else []
         known = [curve for curve in curves if curve is not None]
-        if own is None or own.by_machine or len(known) != len(curves):
+        if part is None or part.by_machine or len(known) != len(curves):
             return ()
-        return tuple((curve, float(own.count)) for curve in known)
+        return tuple((curve, float(part.count)) for curve in known)
 
     @cached_property
     def _costs(self) -> PartCosts:
@@ -279,21 +279,23 @@ class Stack(ToleranceProblem):
     def gradient(self, designs: Array) -> dict[str, Array]:
         """Derivatives of cost and of the linear variations; 0 for a process.
 
-        That of a sampled yield, a step function, is the normal linear model's.
+        The derivative of a sampled yield, a step function, is the normal linear model's.
         """
         t, coverage = self.made(designs), self.settings.propagation.coverage
-        found: dict[str, Array] = {}
+        derivatives: dict[str, Array] = {}
         values: dict[str, Array] = {}
-        for one in self.measured:
-            found |= one.slopes(t, self.wanted, coverage)
-            values |= one.variations(t)
-        found |= self.promises.slopes(t, self.wanted) if self.promises is not None else {}
-        if all(one.name("variation") in values for one in self.measured):
-            found |= joint_slopes(self.measured, values, found)
-        found = by_limit(self, designs, found) | {"cost": self._by_part(designs, slope=True)}
+        for requirement in self.measured:
+            derivatives |= requirement.slopes(t, self.wanted, coverage)
+            values |= requirement.variations(t)
+        derivatives |= self.promises.slopes(t, self.wanted) if self.promises is not None else {}
+        if all(requirement.name("variation") in values for requirement in self.measured):
+            derivatives |= joint_slopes(self.measured, values, derivatives)
+        derivatives = by_limit(self, designs, derivatives) | {
+            "cost": self._by_part(designs, slope=True)
+        }
         at = [self.names.index(f"{part.name}_t") for part in self._parts]
-        wide = {name: np.zeros_like(designs) for name in found}
-        for name, slopes in found.items():
+        wide = {name: np.zeros_like(designs) for name in derivatives}
+        for name, slopes in derivatives.items():
             wide[name][:, at] = slopes
         return wide
 
@@ -306,15 +308,15 @@ class Stack(ToleranceProblem):
     def form(self) -> Form | None:
         return form_of(self)
 
-    def form_values(self, form: Form, designs: Array, found: Mapping[str, Array]) -> Array:
-        values = super().form_values(form, designs, found)
+    def form_values(self, form: Form, designs: Array, outputs: Mapping[str, Array]) -> Array:
+        values = super().form_values(form, designs, outputs)
         for at, (name, most) in enumerate(zip(form.outputs, form.own_limits, strict=True)):
             if np.isfinite(most):
-                values[:, at] = most + shortfall(self, name, designs, found)
+                values[:, at] = most + shortfall(self, name, designs, outputs)
         return values
 
     def guide(self) -> Form | None:
-        """The form; of a half-width without a law that of the root sum square."""
+        """The form; for a half-width without a law, that of the root sum square."""
         return form_of(self, gaussian=True)
 
     def interval(self, output: str) -> Interval:
@@ -330,17 +332,7 @@ class Stack(ToleranceProblem):
 
     @cached_property
     def _intervals(self) -> dict[str, Interval]:
-        """Proven bounds of the outputs of every requirement, and of all together."""
-        found: dict[str, Interval] = {}
-        for one in self.measured:
-            found |= one.intervals(*self.ends_as_made)
-            if one.partial:
-                ends = (one.margin(end) for end in self.ends_as_made)
-                most, least = (float(end[one.name("domain_margin")][0]) for end in ends)
-                found[one.name("domain_margin")] = least, most
-        found |= self.promises.intervals(self.ends_as_made[0]) if self.promises is not None else {}
-        most = min(found[one.name("yield_percent")][1] for one in self.measured)
-        return found | joint_intervals(self.measured, found) | {"yield_percent": (0.0, most)}
+        return intervals_of(self)
 
     @cached_property
     def ends_of_t(self) -> tuple[Array, Array]:
@@ -358,11 +350,13 @@ class Stack(ToleranceProblem):
     @property
     def negative(self) -> bool:
         """Whether deviations of parts may compensate each other."""
-        return any(bool(np.any(one.linear.covariance < 0.0)) for one in self.measured)
+        return any(
+            bool(np.any(requirement.linear.covariance < 0.0)) for requirement in self.measured
+        )
 
     @cached_property
     def cost_interval(self) -> Interval:
-        """Least and largest cost: every part in its cheapest and its dearest process."""
+        """Least and largest cost: every part in its cheapest and its most expensive process."""
         return self._costs.interval
 
     def corner(self, tight: bool) -> Array:
@@ -374,7 +368,7 @@ class Stack(ToleranceProblem):
         return corner_of(self._parts, self.names, tight)
 
     def least_cost(self) -> tuple[str, Stack] | None:
-        """The cheapest design within the limits, where a run has other objectives beside."""
+        """The cheapest design within the limits, where a run has further objectives."""
         kept = [limit.name for limit in self.limits if limit.name != "cost"]
         if self.objectives == ("cost",) or "cost" not in self.objectives or not kept:
             return None

@@ -15,37 +15,39 @@ Array = NDArray[np.float64]
 
 
 def out_of_process(part: Part, t: Array, chosen: NDArray[np.int64]) -> dict[int, str]:
-    """What is wrong with tolerances (n,) of a part for the processes (n,) beside them, by row."""
-    found = {}
-    for row, (own, at) in enumerate(zip(t, chosen, strict=True)) if part.alternatives else ():
+    """Messages by row where tolerances (n,) of a part do not suit the processes (n,) chosen."""
+    messages = {}
+    for row, (half_width, at) in (
+        enumerate(zip(t, chosen, strict=True)) if part.alternatives else ()
+    ):
         process = part.processes[at]
-        if not process.low <= own <= process.high:
-            found[row] = (
+        if not process.low <= half_width <= process.high:
+            messages[row] = (
                 f"process {process.name} holds {process.low:g} to {process.high:g} "
-                f"{part.unit}, got {own:g}"
+                f"{part.unit}, got {half_width:g}"
             )
-    return found
+    return messages
 
 
 def corner_of(parts: Sequence[Part], names: Sequence[str], tight: bool) -> Array:
     """The design (all variables,) with every tolerance at an end, and a process for it."""
-    found = np.zeros(len(names))
+    design = np.zeros(len(names))
     for part in parts:
         ends = [p.low if tight else -p.high for p in part.processes]
         at = int(np.argmin(ends))
-        found[names.index(f"{part.name}_t")] = abs(ends[at])
+        design[names.index(f"{part.name}_t")] = abs(ends[at])
         if part.alternatives:
-            found[names.index(f"{part.name}_process")] = at
-    return found
+            design[names.index(f"{part.name}_process")] = at
+    return design
 
 
 def samples_of(parts: Sequence[Part]) -> tuple[tuple[str, str, PartSample], ...]:
     """Name, unit and measured parts of every part and machine that has some."""
-    found: list[tuple[str, str, PartSample]] = []
+    samples: list[tuple[str, str, PartSample]] = []
     for part in parts:
-        found += [] if part.sample is None else [(part.name, part.unit, part.sample)]
-        found += [
+        samples += [] if part.sample is None else [(part.name, part.unit, part.sample)]
+        samples += [
             (f"{part.name}, machine {machine}", part.unit, sample)
             for machine, sample in offers.samples_of(part.machines)
         ]
-    return tuple(found)
+    return tuple(samples)

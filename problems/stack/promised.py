@@ -1,4 +1,4 @@
-"""What is promised of the yield of one requirement, from what is known of the processes."""
+"""The promise of one requirement's yield, given the knowledge of the processes."""
 
 from __future__ import annotations
 
@@ -30,25 +30,25 @@ class Promised:
 
     @cached_property
     def norms(self) -> tuple[Norm, ...]:
-        """The standard deviation that an assured promise reckons with, by the spreads of the parts.
+        """The standard deviation that an assured promise uses, by the spreads of the parts.
 
-        One for each number of a process; parts that have fewer count with their last one.
+        One norm for each process number; parts with fewer processes count with their last one.
         """
-        one = self.measured
-        each = np.diag(one.linear.covariance)
-        slopes = one.mechanism.sensitivities
-        squares = np.bincount(one.mechanism.owners, slopes**2, minlength=len(each))
-        alone = np.divide(each, squares, out=np.zeros_like(each), where=squares > 0.0)
+        measured = self.measured
+        variances = np.diag(measured.linear.covariance)
+        slopes = measured.mechanism.sensitivities
+        squares = np.bincount(measured.mechanism.owners, slopes**2, minlength=len(variances))
+        alone = np.divide(variances, squares, out=np.zeros_like(variances), where=squares > 0.0)
         return tuple(
             norm_of(
-                [part.known(min(number, len(part.processes) - 1)) for part in one.parts],
-                each,
-                one.linear.slope**2 * alone,
+                [part.known(min(number, len(part.processes) - 1)) for part in measured.parts],
+                variances,
+                measured.linear.slope**2 * alone,
                 self.promise.confidence,
                 self.level,
                 self.quantile if len(self.sides) == 1 else None,
             )
-            for number in range(max(len(part.processes) for part in one.parts))
+            for number in range(max(len(part.processes) for part in measured.parts))
         )
 
     def norm(self, t: Tolerances) -> Norm:
@@ -57,10 +57,10 @@ class Promised:
             return self.norms[0]
         at = t.chosen, np.arange(t.chosen.shape[1])
         even, own, shared = (
-            np.array([getattr(one, name) for one in self.norms])[at]
+            np.array([getattr(norm, name) for norm in self.norms])[at]
             for name in ("even", "own", "shared")
         )
-        errors = [one.error for one in self.norms if one.error is not None]
+        errors = [norm.error for norm in self.norms if norm.error is not None]
         return Norm(even, own, shared, np.array(errors)[at] if errors else None)
 
     @property
@@ -82,7 +82,7 @@ class Promised:
     def promised(self, t: Tolerances) -> Array:
         """The promised yield [percent] (n,): assured by the norm, or expected.
 
-        Assured between two limits, both are taken to be as near as the nearer one.
+        For an assured yield between two limits, both count at the distance of the nearer one.
         """
         if self.promise.statement != ASSURED:
             return self.posterior.expected(self.measured, t)

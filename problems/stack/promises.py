@@ -1,4 +1,4 @@
-"""The promise of a stack: its outputs, its rows in the convex form, what it takes for granted."""
+"""The promise of a stack: its outputs, its limits and its faults."""
 
 from __future__ import annotations
 
@@ -29,10 +29,18 @@ def promise_outputs(promise: Promise | None, requirements: Sequence[Requirement]
     """The outputs of a promise: of each requirement with limits, and of all together."""
     if promise is None:
         return []
-    bounded = [one for one in requirements if one.lower is not None or one.upper is not None]
-    found = [output for one in bounded for output in outputs_of_promise(promise, one.output(""))]
+    bounded = [
+        requirement
+        for requirement in requirements
+        if requirement.lower is not None or requirement.upper is not None
+    ]
+    outputs = [
+        output
+        for requirement in bounded
+        for output in outputs_of_promise(promise, requirement.output(""))
+    ]
     joint = bool(requirements[0].key) and bool(bounded)
-    return found + (list(assurances(ASSURANCE)) if joint else [])
+    return outputs + (list(assurances(ASSURANCE)) if joint else [])
 
 
 def promise_limits(definition: Definition, given: Mapping[str, Bound]) -> dict[str, Bound]:
@@ -40,29 +48,32 @@ def promise_limits(definition: Definition, given: Mapping[str, Bound]) -> dict[s
     promise = definition.promise
     if promise is None:
         return dict(given)
-    found = {name: bound for name, bound in given.items() if not means_promise(name, promise)}
-    for one in definition.requirements:
-        if one.lower is not None or one.upper is not None:
-            found[one.output(promise.output)] = Bound(low=promise.yield_percent)
-    return found
+    limits = {name: bound for name, bound in given.items() if not means_promise(name, promise)}
+    for requirement in definition.requirements:
+        if requirement.lower is not None or requirement.upper is not None:
+            limits[requirement.output(promise.output)] = Bound(low=promise.yield_percent)
+    return limits
 
 
 def promise_faults(definition: Definition, given: Mapping[str, Bound]) -> list[Fault]:
-    """What contradicts a promise, or leaves it without a meaning."""
+    """Faults of settings that contradict a promise, or make it meaningless."""
     promise = definition.promise
     if promise is None:
         return []
-    found = contradictions(promise, given)
-    if not any(one.lower is not None or one.upper is not None for one in definition.requirements):
+    faults = contradictions(promise, given)
+    if not any(
+        requirement.lower is not None or requirement.upper is not None
+        for requirement in definition.requirements
+    ):
         text = "is of no requirement: none has lower or upper, without which there is no yield"
-        found.append(Fault("promise", text))
+        faults.append(Fault("promise", text))
     if definition.correlations and promise.statement != PLUG_IN:
         text = (
             f"cannot be {promise.statement} beside [[correlation]]: what samples tell of "
             "correlated parts is not known; state plug_in"
         )
-        found.append(Fault("promise.statement", text))
-    return found
+        faults.append(Fault("promise.statement", text))
+    return faults
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,9 +92,11 @@ class Promises:
     @cached_property
     def each(self) -> tuple[Promised, ...]:
         """The promise of each requirement with limits."""
-        bounded = [one for one in self.measured if one.mechanism.bounded]
+        bounded = [measured for measured in self.measured if measured.mechanism.bounded]
         level = self.level.confidence if self.level is not None else None
-        return tuple(Promised(one, self.promise, self.posterior, level) for one in bounded)
+        return tuple(
+            Promised(measured, self.promise, self.posterior, level) for measured in bounded
+        )
 
     @cached_property
     def level(self) -> Level | None:
@@ -92,41 +105,45 @@ class Promises:
 
     def outputs(self, t: Tolerances, searching: bool, wanted: Collection[str]) -> dict[str, Array]:
         """Promised yields and assurances (n,); NaN where a search does not need them."""
-        found = {}
-        for one in self.each if self.promise.statement != PLUG_IN else ():
-            name = one.measured.name(PROMISED)
+        by_output = {}
+        for promised in self.each if self.promise.statement != PLUG_IN else ():
+            name = promised.measured.name(PROMISED)
             asked = not searching or name in wanted
-            found[name] = one.promised(t) if asked else np.full(len(t), np.nan)
-        groups = {one.measured.name(ASSURANCE): [one.measured] for one in self.each}
+            by_output[name] = promised.promised(t) if asked else np.full(len(t), np.nan)
+        groups = {promised.measured.name(ASSURANCE): [promised.measured] for promised in self.each}
         if self.measured[0].requirement.key:
-            groups[ASSURANCE] = [one.measured for one in self.each]
+            groups[ASSURANCE] = [promised.measured for promised in self.each]
         for name, group in groups.items():
             names = name, f"{name}_error"
             if searching and name not in wanted:
-                found |= {one: np.full(len(t), np.nan) for one in names}
+                by_output |= {output: np.full(len(t), np.nan) for output in names}
                 continue
-            own = self.posterior.assurance(group, t, self.promise.share)
-            found |= dict(zip(names, own, strict=True))
-        return found
+            assurance = self.posterior.assurance(group, t, self.promise.share)
+            by_output |= dict(zip(names, assurance, strict=True))
+        return by_output
 
     def slopes(self, t: Tolerances, wanted: Collection[str]) -> dict[str, Array]:
         """Derivatives (n, parts) of promised yields that are wanted."""
         return {
-            name: one.slopes(t)
-            for one in self.each
-            if (name := one.measured.name(PROMISED)) in wanted
+            name: promised.slopes(t)
+            for promised in self.each
+            if (name := promised.measured.name(PROMISED)) in wanted
         }
 
     def intervals(self, tightest: Tolerances) -> dict[str, Interval]:
         """Proven ends: an assured yield is largest at the tightest tolerances (1, parts)."""
-        found: dict[str, Interval] = {}
-        for one in self.each if self.promise.statement != PLUG_IN else ():
-            still = not np.any(one.measured.linear.mean)
-            proven = self.promise.statement == ASSURED and still and len(one.norms) == 1
-            most = max(0.0, float(one.promised(tightest)[0])) if proven else 100.0
-            found[one.measured.name(PROMISED)] = 0.0, most
-        return found | {one.measured.name(ASSURANCE): (0.0, 100.0) for one in self.each}
+        by_output: dict[str, Interval] = {}
+        for promised in self.each if self.promise.statement != PLUG_IN else ():
+            still = not np.any(promised.measured.linear.mean)
+            proven = self.promise.statement == ASSURED and still and len(promised.norms) == 1
+            most = max(0.0, float(promised.promised(tightest)[0])) if proven else 100.0
+            by_output[promised.measured.name(PROMISED)] = 0.0, most
+        return by_output | {
+            promised.measured.name(ASSURANCE): (0.0, 100.0) for promised in self.each
+        }
 
     def row(self, output: str) -> Promised | None:
         """The promise that an output is of."""
-        return next((one for one in self.each if one.measured.name(PROMISED) == output), None)
+        return next(
+            (promised for promised in self.each if promised.measured.name(PROMISED) == output), None
+        )

@@ -54,7 +54,7 @@ def _correlations(
 ) -> tuple[Correlation, ...]:
     """`[[correlation]]`: parts = ["a", "b"], coefficient."""
     owners = {piece: part for part in parts for piece in part.pieces}
-    found: list[Correlation] = []
+    correlations: list[Correlation] = []
     for at in range(len(top.tables("correlation"))):
         section = top.item("correlation", at, faults)
         names = section.names("parts") or []
@@ -72,10 +72,10 @@ def _correlations(
         if len(names) != 2 or bad or coefficient is None:
             continue
         pair = (names[0], names[1])
-        if any(set(one.pieces) == set(pair) for one in found):
+        if any(set(correlation.pieces) == set(pair) for correlation in correlations):
             section.fault("parts", f"{names[0]} and {names[1]} are already correlated above")
-        found.append(Correlation(pair, coefficient))
-    return tuple(found)
+        correlations.append(Correlation(pair, coefficient))
+    return tuple(correlations)
 
 
 def _uncorrelated(name: str, owners: dict[str, Part], parts: list[Part]) -> str:
@@ -106,8 +106,8 @@ def _either(requirement: Requirement, top: Section, parts: list[Part | None]) ->
         text = "is given beside requirement.formula: keep one of them"
         return [
             Fault(f"part[{at}].sensitivity", text + names[at])
-            for at, one in enumerate(given)
-            if one
+            for at, is_stated in enumerate(given)
+            if is_stated
         ]
     section = top.section("requirement")
     if not any(given):
@@ -118,6 +118,6 @@ def _either(requirement: Requirement, top: Section, parts: list[Part | None]) ->
     text = "is missing: without a formula every part has one"
     return [
         Fault(f"part[{at}].sensitivity", text + names[at])
-        for at, one in enumerate(given)
-        if not one
+        for at, is_stated in enumerate(given)
+        if not is_stated
     ]

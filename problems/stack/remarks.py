@@ -1,4 +1,4 @@
-"""What the user of a stack is warned of before a run."""
+"""Warnings to the user of a stack before a run."""
 
 from __future__ import annotations
 
@@ -24,46 +24,49 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 FINEST, COARSEST = 1e-6, 0.25
-"""Half-widths between which tolerances of lengths lie, as shares of the nominal size: from half of
-IT01 at 500 mm to a quarter of the size.
+"""Half-widths between which tolerances of lengths lie, as fractions of the nominal size: from
+half of IT01 at 500 mm to a quarter of the size.
 """
 WARNING_SAMPLES = 131_072
-"""Units at most by which warnings are judged before a run."""
+"""Most units with which warnings are tested before a run."""
 
 
 def warnings_of(stack: Stack) -> tuple[str, ...]:
     """Unverified grades, formulas that leave their domain, linear models that mislead."""
-    found = [
+    sentences = [
         f"part {part.name}: {why}"
         for part in stack.definition.parts
         for key, why in part.assumed.items()
         if key in ("grade", "fit")
     ]
-    found += [text for part in stack.definition.parts if (text := _impossible(part))]
-    each = [
+    sentences += [text for part in stack.definition.parts if (text := _impossible(part))]
+    remarks = [
         price_remark(part.name, part.processes, part.stated.get("price", {}))
         for part in stack.definition.parts
     ]
-    found += [remark for remark in each if remark]
+    sentences += [remark for remark in remarks if remark]
     for part in stack.definition.parts:
         for process in part.processes:
             name = f"{part.name} ({process.name})" if process.name else part.name
-            found += [f"part {name}: {process.note}"] if process.note else []
-            found += [note] if (note := rising(f"part {name}", process.curve)) else []
+            sentences += [f"part {name}: {process.note}"] if process.note else []
+            sentences += [note] if (note := rising(f"part {name}", process.curve)) else []
     for part in stack.definition.parts:
-        found += () if part.sample is None else part.sample.departures(f"part {part.name}")
+        sentences += () if part.sample is None else part.sample.departures(f"part {part.name}")
     for part in stack.definition.parts:
-        found += departures(part.machines, f"part {part.name}")
-    for one in stack.measured:
-        found += [_domain(one)] if one.partial else []
-        if one.mechanism.formula is not None:
-            unit = f" {one.requirement.unit}".rstrip()
+        sentences += departures(part.machines, f"part {part.name}")
+    for measured in stack.measured:
+        sentences += [_domain(measured)] if measured.partial else []
+        if measured.mechanism.formula is not None:
+            unit = f" {measured.requirement.unit}".rstrip()
             sample = stack.yields.drawn(WARNING_SAMPLES)
-            told = linearity_warnings(one.mechanism, one.linear, *_tried(stack, one), unit, sample)
-            found += [
-                f"{one.requirement.key}: {text}" if one.requirement.key else text for text in told
+            warnings = linearity_warnings(
+                measured.mechanism, measured.linear, *_tried(stack, measured), unit, sample
+            )
+            sentences += [
+                f"{measured.requirement.key}: {text}" if measured.requirement.key else text
+                for text in warnings
             ]
-    return tuple(found)
+    return tuple(sentences)
 
 
 def _impossible(part: Part) -> str:
@@ -83,52 +86,52 @@ def _impossible(part: Part) -> str:
     return ""
 
 
-def _domain(one: Measured) -> str:
+def _domain(measured: Measured) -> str:
     """Where the formula leaves its domain."""
-    name = one.name("domain_margin")
+    name = measured.name("domain_margin")
     designs = f"designs that do are infeasible ({name} below 0)"
-    if not one.bound_to_domain:
+    if not measured.bound_to_domain:
         designs = (
             f"{name} is below 0 for designs that do, and limits.{name} = 0 refuses them "
-            f"({one.requirement.method} knows the formula by its slopes alone)"
+            f"({measured.requirement.method} knows the formula by its slopes alone)"
         )
     return (
-        f"{one.requirement.place}.formula leaves its domain within the widest tolerances: "
-        f"{one.mechanism.undefined}; {designs}; units that do are non-conforming"
+        f"{measured.requirement.place}.formula leaves its domain within the widest tolerances: "
+        f"{measured.mechanism.undefined}; {designs}; units that do are non-conforming"
     )
 
 
-def domain_remarks(measured: Sequence[Measured], front: pd.DataFrame) -> tuple[str, ...]:
+def domain_remarks(requirements: Sequence[Measured], front: pd.DataFrame) -> tuple[str, ...]:
     """Which reported points have a corner of their tolerances at which a formula has no value."""
-    found = []
-    for one in measured:
-        name = one.name("domain_margin")
+    sentences = []
+    for measured in requirements:
+        name = measured.name("domain_margin")
         below = int((front[name] < 0.0).sum()) if name in front and len(front) else 0
         if below:
-            found.append(
+            sentences.append(
                 f"{below} of {len(front)} points leave the domain of "
-                f"{one.requirement.place}.formula at a corner of their own tolerances "
+                f"{measured.requirement.place}.formula at a corner of their own tolerances "
                 f"({name} down to {front[name].min():.3g}, 0 at the edge): units there "
                 "have no value and do not conform"
             )
-    return tuple(found)
+    return tuple(sentences)
 
 
-def _tried(stack: Stack, one: Measured) -> tuple[Tolerances, str]:
+def _tried(stack: Stack, measured: Measured) -> tuple[Tolerances, str]:
     """The loosest design (1, p) that keeps the limits on the linear variations, and its name."""
     low, high = stack.ends_as_made
     line = between(low, high, np.linspace(0.0, 1.0, 257)[:, None])
-    values = one.variations(line)
-    if one.requirement.method == "monte_carlo":
-        values.pop(one.name("variation"), None)
+    values = measured.variations(line)
+    if measured.requirement.method == "monte_carlo":
+        values.pop(measured.name("variation"), None)
     kept = np.ones(len(line), dtype=bool)
     for limit in stack.limits:
         if limit.name in values:
             kept &= values[limit.name] <= limit.high
-        elif one.partial and limit.name == one.name("domain_margin"):
-            kept &= one.margin(line)[limit.name] >= limit.low
+        elif measured.partial and limit.name == measured.name("domain_margin"):
+            kept &= measured.margin(line)[limit.name] >= limit.low
     if np.all(kept) or not np.any(kept):
         return high, "at the loosest tolerances"
     last = int(np.flatnonzero(kept)[-1])
-    rss = float(one.linear.rss(line[last : last + 1])[0])
+    rss = float(measured.linear.rss(line[last : last + 1])[0])
     return line[last : last + 1], f"at a variation of {rss:.4g} (rss)"

@@ -34,12 +34,12 @@ def read_requirements(top: Section, faults: list[Fault]) -> tuple[Requirement, .
     if not tables:
         faults.append(Fault("requirement", "must list at least one [[requirement]] table"))
         return (Requirement("", ""),)
-    found = [
+    requirements = [
         _read(top.item("requirement", at, faults), f"requirement[{at}]", True)
         for at in range(len(tables))
     ]
-    faults += _twice(found)
-    return tuple(found)
+    faults += _twice(requirements)
+    return tuple(requirements)
 
 
 def _read(section: Section, place: str, several: bool) -> Requirement:
@@ -57,7 +57,7 @@ def _read(section: Section, place: str, several: bool) -> Requirement:
     nominal = section.number("nominal", unit)
     name = _key(section, place) if several else section.text("name") or ""
     weight = section.number("weight", within=POSITIVE) if several else None
-    found = Requirement(
+    requirement = Requirement(
         name=name,
         unit=unit,
         formula=section.text("formula") or "",
@@ -73,34 +73,35 @@ def _read(section: Section, place: str, several: bool) -> Requirement:
         drawing=section.text("drawing") or "",
     )
     section.finish()
-    return found
+    return requirement
 
 
 def _key(section: Section, place: str) -> str:
     """The name of one of several requirements; a stand-in where it has none that is valid."""
-    name, other = section.text("name"), place.replace("[", "_").replace("]", "")
+    name, stand_in = section.text("name"), place.replace("[", "_").replace("]", "")
     if "name" not in section:
         section.fault("name", "is missing: outputs of several requirements are told by their name")
     if name is None:
-        return other
+        return stand_in
     if not _NAME.fullmatch(name):
         text = f'must be letters, digits and _, and begin with a letter, got "{name}"'
         section.fault("name", text)
-        return other
+        return stand_in
     if name in RESERVED:
         section.fault("name", f"{name} means something in [limits]; choose another name")
-        return other
+        return stand_in
     return name
 
 
 def _twice(requirements: list[Requirement]) -> list[Fault]:
     """A fault for every name that an earlier requirement has."""
-    names = [one.key for one in requirements]
+    names = [requirement.key for requirement in requirements]
     return [
         Fault(
-            f"{one.place}.name",
-            f'"{one.key}" is already the name of requirement[{names.index(one.key)}]',
+            f"{requirement.place}.name",
+            f'"{requirement.key}" is already the name of '
+            f"requirement[{names.index(requirement.key)}]",
         )
-        for at, one in enumerate(requirements)
-        if one.key in names[:at]
+        for at, requirement in enumerate(requirements)
+        if requirement.key in names[:at]
     ]

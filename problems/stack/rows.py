@@ -1,4 +1,4 @@
-"""What the convex form of a stack describes: variations, half-widths and yields, a row each."""
+"""The rows of the convex form of a stack: variations, half-widths and yields."""
 
 from __future__ import annotations
 
@@ -78,24 +78,24 @@ def rows_of(stack: Stack, gaussian: bool) -> list[Row]:
     `gaussian` has the root sum square stand for half-widths that have no law in closed form.
     """
     several = bool(stack.definition.requirement.key)
-    found: list[Row] = []
-    for one in stack.measured:
+    rows: list[Row] = []
+    for measured in stack.measured:
         for kind in VARIATIONS:
-            own = one.name(kind)
-            if own in stack.wanted or (kind == "variation" and not several):
-                found += _row(stack, own, one, kind, 1.0, gaussian)
+            output = measured.name(kind)
+            if output in stack.wanted or (kind == "variation" and not several):
+                rows += _row(stack, output, measured, kind, 1.0, gaussian)
             if several and kind in stack.wanted:
-                found += _row(stack, kind, one, kind, one.requirement.weight, gaussian)
-    if not several and not any(row.output == "variation" for row in found):
+                rows += _row(stack, kind, measured, kind, measured.requirement.weight, gaussian)
+    if not several and not any(row.output == "variation" for row in rows):
         return []
-    found = [
+    rows = [
         row
-        for row in found
-        if not several or row.output not in VARIATIONS or _complete(row, found, stack)
+        for row in rows
+        if not several or row.output not in VARIATIONS or _complete(row, rows, stack)
     ]
-    found += _yield_rows(stack) + _promise_rows(stack, gaussian)
+    rows += _yield_rows(stack) + _promise_rows(stack, gaussian)
     first = stack.measured[0]
-    return found or _row(stack, first.name("rss"), first, "rss", 1.0, gaussian)
+    return rows or _row(stack, first.name("rss"), first, "rss", 1.0, gaussian)
 
 
 def _complete(row: Row, rows: list[Row], stack: Stack) -> bool:
@@ -104,44 +104,44 @@ def _complete(row: Row, rows: list[Row], stack: Stack) -> bool:
 
 
 def _row(
-    stack: Stack, output: str, one: Measured, kind: str, weight: float, gaussian: bool
+    stack: Stack, output: str, measured: Measured, kind: str, weight: float, gaussian: bool
 ) -> list[Row]:
     """The row of a kind of variation of one requirement; none where it has no convex form."""
-    method = one.requirement.method if kind == "variation" else kind
+    method = measured.requirement.method if kind == "variation" else kind
     if method == "monte_carlo":
-        if isinstance(one.law, Law):
+        if isinstance(measured.law, Law):
             p = 0.5 * (1.0 + stack.settings.propagation.coverage)
-            return [_at(output, one, p, weight)]
+            return [_at(output, measured, p, weight)]
         if not gaussian:
             return []
         method = "rss"
-    std = SIGMAS * signed(one)
+    std = SIGMAS * signed(measured)
     nothing = np.zeros_like(std)
     linear, spread = {
-        "worst_case": (one.linear.worst, nothing),
+        "worst_case": (measured.linear.worst, nothing),
         "rss": (nothing, std),
-        "shifted_rss": (one.linear.shift, std),
+        "shifted_rss": (measured.linear.shift, std),
     }[method]
-    shift = weight * one.linear.worst if method == "shifted_rss" else None
-    return [Row(output, one, method, weight * linear, weight * spread, shift=shift)]
+    shift = weight * measured.linear.worst if method == "shifted_rss" else None
+    return [Row(output, measured, method, weight * linear, weight * spread, shift=shift)]
 
 
-def signed(one: Measured) -> Array:
+def signed(measured: Measured) -> Array:
     """Standard deviation (parts,) of the contributions at t = 1.
 
     With the sign of the slope where several requirements share the correlation of the parts.
     """
-    std = np.sqrt(np.diag(one.linear.covariance))
-    if one.mechanism.correlation is None or not one.requirement.key:
+    std = np.sqrt(np.diag(measured.linear.covariance))
+    if measured.mechanism.correlation is None or not measured.requirement.key:
         return std
-    owners = one.mechanism.owners
-    each = np.bincount(owners, one.mechanism.sensitivities, minlength=len(std))
-    return np.asarray(np.where(each < 0.0, -std, std))
+    owners = measured.mechanism.owners
+    slope_sums = np.bincount(owners, measured.mechanism.sensitivities, minlength=len(std))
+    return np.asarray(np.where(slope_sums < 0.0, -std, std))
 
 
 def _at(
     output: str,
-    one: Measured,
+    measured: Measured,
     p: float,
     weight: float = 1.0,
     side: float = 0.0,
@@ -151,16 +151,16 @@ def _at(
     """side * mean + the p-quantile of the deviations: a root where all parts are normal, which may
     have another factor `z` than that of p.
     """
-    law = one.law
+    law = measured.law
     assert isinstance(law, Law)
-    linear, bias = weight * side * law.mean, weight * side * one.linear.slope
+    linear, bias = weight * side * law.mean, weight * side * measured.linear.slope
     if law.covariance is not None:
         factor = float(ndtri(p)) if z is None else z
-        spread = np.asarray(weight * factor * signed(one), dtype=float)
-        return Row(output, one, "monte_carlo", linear, spread, None, most, bias)
+        spread = np.asarray(weight * factor * signed(measured), dtype=float)
+        return Row(output, measured, "monte_carlo", linear, spread, None, most, bias)
     matters = np.isin(np.arange(len(linear)), law.mechanism.owners)
     spread = np.asarray(weight * matters, dtype=float)
-    return Row(output, one, "monte_carlo", linear, spread, p, most, bias)
+    return Row(output, measured, "monte_carlo", linear, spread, p, most, bias)
 
 
 def _yield_rows(stack: Stack) -> list[Row]:
@@ -168,13 +168,13 @@ def _yield_rows(stack: Stack) -> list[Row]:
 
     A joint yield is kept by no design that does not keep it for every single requirement.
     """
-    found = []
-    for one in stack.measured:
-        own = one.name(YIELD)
-        found += _kept_limits(one, own, least_yield(stack, own))
-        if own != YIELD:
-            found += _kept_limits(one, YIELD, least_yield(stack, YIELD))
-    return found
+    rows = []
+    for measured in stack.measured:
+        output = measured.name(YIELD)
+        rows += _kept_limits(measured, output, least_yield(stack, output))
+        if output != YIELD:
+            rows += _kept_limits(measured, YIELD, least_yield(stack, YIELD))
+    return rows
 
 
 def _promise_rows(stack: Stack, gaussian: bool) -> list[Row]:
@@ -182,23 +182,23 @@ def _promise_rows(stack: Stack, gaussian: bool) -> list[Row]:
 
     An expected yield is no such row; where the form is only a guide it is by the mean variance.
     """
-    found: list[Row] = []
+    rows: list[Row] = []
     promises = stack.promises
     if promises is None or promises.promise.statement == PLUG_IN:
-        return found
+        return rows
     assured = promises.promise.statement == ASSURED
-    for one in promises.each if assured or gaussian else ():
-        norms, linear = one.norms, one.measured.linear
-        spread = one.quantile * np.sqrt(norms[0].even)
+    for promised in promises.each if assured or gaussian else ():
+        norms, linear = promised.norms, promised.measured.linear
+        spread = promised.quantile * np.sqrt(norms[0].even)
         doubts = [norm.surplus() for norm in norms] if assured else []
         wider = np.array([np.sqrt(over(norm.even, norms[0].even, 1.0)) for norm in norms])
-        sides = one.sides
-        if not np.any(linear.mean) and not _off_centre(one.measured):
+        sides = promised.sides
+        if not np.any(linear.mean) and not _off_centre(promised.measured):
             sides = [(1.0, min(room for _, room in sides))]
-        found += [
+        rows += [
             Row(
-                one.measured.name(PROMISED),
-                one.measured,
+                promised.measured.name(PROMISED),
+                promised.measured,
                 "rss",
                 side * linear.mean,
                 spread,
@@ -210,11 +210,11 @@ def _promise_rows(stack: Stack, gaussian: bool) -> list[Row]:
             )
             for side, room in sides
         ]
-    return found
+    return rows
 
 
 def _least(doubts: list[Surplus]) -> Surplus | None:
-    """What the doubt of parts adds at least, by whatever process each is made."""
+    """The least that uncertain processes add, whichever process makes each part."""
     if not doubts:
         return None
     own, shared, error = (_of_all(doubts, name) for name in ("own", "shared", "error"))
@@ -227,49 +227,49 @@ def _least(doubts: list[Surplus]) -> Surplus | None:
 
 def _alike(doubts: list[Surplus]) -> bool:
     """Whether the processes of every part are known alike."""
-    each = (_of_all(doubts, name) for name in ("own", "shared", "error"))
-    return all(np.allclose(one, one[:1], 1e-12, 0.0) for one in each)
+    coefficients = (_of_all(doubts, name) for name in ("own", "shared", "error"))
+    return all(np.allclose(values, values[:1], 1e-12, 0.0) for values in coefficients)
 
 
 def _of_all(doubts: list[Surplus], name: str) -> Array:
     """Coefficients (w, parts) of every process; nothing where there are none."""
-    found = [value for one in doubts if (value := getattr(one, name)) is not None]
-    return np.array(found) if found else np.zeros((1, 1))
+    coefficients = [value for doubt in doubts if (value := getattr(doubt, name)) is not None]
+    return np.array(coefficients) if coefficients else np.zeros((1, 1))
 
 
-def _off_centre(one: Measured) -> bool:
+def _off_centre(measured: Measured) -> bool:
     """Whether a machine makes a part off its mid-limit."""
-    return any(offer.machine.mean for part in one.parts for offer in part.machines)
+    return any(offer.machine.mean for part in measured.parts for offer in part.machines)
 
 
 def least_yield(stack: Stack, name: str) -> float:
-    """The least share of units that a limit asks for, 0 where there is none."""
+    """The least fraction of units that a limit asks for, 0 where there is none."""
     return 0.01 * max((limit.low for limit in stack.limits if limit.name == name), default=0.0)
 
 
-def _kept_limits(one: Measured, output: str, p: float) -> list[Row]:
-    """The limits of a requirement at a share p of the units.
+def _kept_limits(measured: Measured, output: str, p: float) -> list[Row]:
+    """The limits of a requirement at a fraction p of the units.
 
-    Exact for one limit, and for two about a mean that does not move with the tolerances; else what
-    any design keeps that keeps both: each of them at the whole share, both about the mean, and,
+    Exact for one limit, and for two about a mean that does not move with the tolerances; else rows
+    that are necessary to keep both limits: each at the whole fraction, both about the mean, and,
     where all deviations are normal, the tangents between (`two_sided`).
     """
-    law = one.law
+    law = measured.law
     if not isinstance(law, Law) or not 0.5 <= p < 1.0:
         return []
     mechanism = law.mechanism
     above, below = mechanism.upper - mechanism.centre, mechanism.centre - mechanism.lower
     sides = [(side, room) for side, room in ((1.0, above), (-1.0, below)) if np.isfinite(room)]
     if len(sides) < 2:
-        return [_at(output, one, p, side=side, most=room) for side, room in sides]
+        return [_at(output, measured, p, side=side, most=room) for side, room in sides]
     half, off = 0.5 * (above + below), 0.5 * (above - below)
-    middle = _at(output, one, 0.5 * (1.0 + p), most=half)
-    moves = bool(np.any(law.mean)) or _off_centre(one)
+    middle = _at(output, measured, 0.5 * (1.0 + p), most=half)
+    moves = bool(np.any(law.mean)) or _off_centre(measured)
     if not moves and abs(off) <= CENTRED * half:
         return [middle]
     lines = tangents(p) if moves and law.covariance is not None else ()
     rows = [
-        _at(output, one, p, 1.0 / room, side, half + side * off / room, z)
+        _at(output, measured, p, 1.0 / room, side, half + side * off / room, z)
         for z, room in ((None, 1.0), *lines)
         for side in (1.0, -1.0)
     ]
@@ -282,18 +282,18 @@ def quantile_of(row: Row, kept: list[int], settled: NDArray[np.bool_], t: Array)
     if row.probability is None or not isinstance(law, Law):
         return None
     pieces: list[list[Piece]] = [[] for _ in t]
-    for at, slope, one in zip(law.mechanism.owner, law.slopes, law.laws, strict=True):
-        pieces[at].append(Piece(float(slope), one))
+    for at, slope, piece_law in zip(law.mechanism.owner, law.slopes, law.laws, strict=True):
+        pieces[at].append(Piece(float(slope), piece_law))
     fixed = [
-        Piece(float(one.weight * row.spread[at] * t[at]), one.law)
+        Piece(float(piece.weight * row.spread[at] * t[at]), piece.law)
         for at in np.flatnonzero(settled).tolist()
-        for one in pieces[at]
+        for piece in pieces[at]
     ]
     return Quantile(row.probability, tuple(tuple(pieces[at]) for at in kept), tuple(fixed))
 
 
 def surplus_of(row: Row, kept: list[int], settled: NDArray[np.bool_], t: Array) -> Surplus | None:
-    """What doubt adds under the root of a row, by the squares of the parts `kept`."""
+    """What uncertain processes add under a row's root, by the squares of the parts `kept`."""
     if (doubt := row.doubt) is None:
         return None
     square = (row.spread * t)[settled] ** 2
@@ -309,7 +309,7 @@ def surplus_of(row: Row, kept: list[int], settled: NDArray[np.bool_], t: Array) 
     )
 
 
-def shortfall(stack: Stack, row: str, designs: Array, found: Mapping[str, Array]) -> Array:
+def shortfall(stack: Stack, row: str, designs: Array, outputs: Mapping[str, Array]) -> Array:
     """By how much (n,) the limits of requirements would have to give way for the yield asked.
 
     One step of Newton's method for the yield `row`, alike for all requirements that it is over.
@@ -318,12 +318,14 @@ def shortfall(stack: Stack, row: str, designs: Array, found: Mapping[str, Array]
     if stack.promises is not None and (promised := stack.promises.row(row)) is not None:
         return promised.lacking(t)
     laws = [
-        one.law
-        for one in stack.measured
-        if isinstance(one.law, Law) and one.mechanism.bounded and row in (YIELD, one.name(YIELD))
+        measured.law
+        for measured in stack.measured
+        if isinstance(measured.law, Law)
+        and measured.mechanism.bounded
+        and row in (YIELD, measured.name(YIELD))
     ]
     if not laws or least <= 0.0:
         return np.zeros(len(designs))
     edge = np.sum([law.edge_density(t) for law in laws], axis=0)
-    lacking = least - 0.01 * found[row]
+    lacking = least - 0.01 * outputs[row]
     return np.asarray(lacking / np.maximum(edge, 1e-300))

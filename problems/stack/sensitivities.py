@@ -18,24 +18,24 @@ def read_sensitivities(
     if "sensitivity" not in section:
         section.known(("sensitivity",))
         return {}
-    several = any(one.key for one in requirements)
+    several = any(requirement.key for requirement in requirements)
     if not several:
         return _alone(section, requirements[0].key)
     if not isinstance(section.take("sensitivity"), Mapping):
-        keys = ", ".join(f"{one.key} = ..." for one in requirements[:3])
+        keys = ", ".join(f"{requirement.key} = ..." for requirement in requirements[:3])
         text = f"must state the requirement: write sensitivity = {{ {keys} }}"
         section.fault("sensitivity", text)
         return {}
-    table, found = section.section("sensitivity"), dict[str, float]()
-    known = {one.key: one for one in requirements}
+    table, sensitivities = section.section("sensitivity"), dict[str, float]()
+    known = {requirement.key: requirement for requirement in requirements}
     for key in table.given():
         if key not in known:
             close = nearest(key, known)
             table.take(key)
             table.fault(key, f'"{key}" is not the name of a [[requirement]]{close}')
         elif (value := table.number(key, _quotient(known[key].unit, unit))) is not None:
-            found[key] = value
-    return found
+            sensitivities[key] = value
+    return sensitivities
 
 
 def _alone(section: Section, key: str) -> dict[str, float]:
@@ -63,37 +63,37 @@ def sensitivity_faults(
     `tables` are those of the parts, faulty ones included.
     """
     keys = [key for table in tables for key in _keys(table)]
-    found = []
-    for one in requirements:
-        if one.formula and one.key in keys:
-            text = f"is given beside {one.place}.formula: keep one of them"
-            found += [
-                Fault(f"part[{at}].sensitivity.{one.key}", text + _name(table))
+    faults = []
+    for requirement in requirements:
+        if requirement.formula and requirement.key in keys:
+            text = f"is given beside {requirement.place}.formula: keep one of them"
+            faults += [
+                Fault(f"part[{at}].sensitivity.{requirement.key}", text + _name(table))
                 for at, table in enumerate(tables)
-                if one.key in _keys(table)
+                if requirement.key in _keys(table)
             ]
-        elif not one.formula and one.key and one.key not in keys:
+        elif not requirement.formula and requirement.key and requirement.key not in keys:
             text = (
-                f'"{one.key}" has no parts: give it a formula, or name it in the sensitivity '
-                f"of a part, like sensitivity = {{ {one.key} = 1.0 }}"
+                f'"{requirement.key}" has no parts: give it a formula, or name it in the '
+                f"sensitivity of a part, like sensitivity = {{ {requirement.key} = 1.0 }}"
             )
-            found.append(Fault(one.place, text))
-    if not any(one.formula for one in requirements):
+            faults.append(Fault(requirement.place, text))
+    if not any(requirement.formula for requirement in requirements):
         text = "is missing: no requirement depends on the part"
-        found += [
+        faults += [
             Fault(f"part[{at}].sensitivity", text + _name(table))
             for at, table in enumerate(tables)
             if "sensitivity" not in table
         ]
-    return found
+    return faults
 
 
 def needless(parts: Sequence[Part], used: Sequence[bool]) -> list[Fault]:
     """A fault for every part on which no requirement depends."""
     return [
         Fault(f"part[{at}].name", f"no requirement depends on it: remove it (part {part.name})")
-        for at, (part, one) in enumerate(zip(parts, used, strict=True))
-        if not one
+        for at, (part, is_used) in enumerate(zip(parts, used, strict=True))
+        if not is_used
     ]
 
 

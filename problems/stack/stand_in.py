@@ -1,4 +1,4 @@
-"""What takes the place of a part that was written with faults."""
+"""The stand-in for a part that was written with faults."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from .definition import Part, Process
 
 
 def stand_in(table: Mapping[str, Any], at: int) -> Part:
-    """A part with the names of a faulty one, so that the other tables can be judged."""
+    """A part with the names of a faulty one, so that the other tables can be checked."""
     name = table.get("name")
     processes = (Process(0.0, 1.0), Process(0.0, 1.0))
     return Part(

@@ -27,11 +27,11 @@ from ...units import family
 from .definition import Process
 
 MORE = ("geometry", "price", "feature", "leg")
-"""Keys beside that of the zone: prices of grades, the geometrical characteristic of ISO 1101, and
-what a general tolerance is of.
+"""Keys other than that of the zone: prices of grades, the geometrical characteristic of ISO 1101,
+and what a general tolerance is of.
 """
 COSTS = ("cost", "setup", "inspection")
-"""Keys that say what grades cost beside their prices."""
+"""Keys for costs of grades other than their prices."""
 FEATURES = ("length", "radius")
 
 
@@ -52,9 +52,9 @@ def standard(
         raise ValueError("needs the nominal size of the part: give nominal")
     if fit.size is not None and not math.isclose(fit.size, size, rel_tol=1e-9):
         raise ValueError(f"is for a size of {fit.size:g} mm, but the nominal is {size:g} mm")
-    found = zone(fit, size)
+    iso_zone = zone(fit, size)
     nominal = size / to_mm if nominal is None else nominal
-    scaled = Zone(found.mid / to_mm, found.half_width / to_mm)
+    scaled = Zone(iso_zone.mid / to_mm, iso_zone.half_width / to_mm)
     return scaled, {"nominal": nominal, "assumed": _unverified(key, [fit.grade])}
 
 
@@ -63,7 +63,7 @@ def searched_grades(
 ) -> tuple[Process, ...] | None:
     """`grade = ["IT5", "IT8"]`: each grade from the first to the second as a process of its own.
 
-    Each costs its `price`, or what `cost` says of its half-width, and its share of a set-up and its
+    Each costs its `price`, or the `cost` at its half-width, plus its part of a set-up and its
     inspection. None and faults where the table does not say it all.
     """
     grades = _range(section)
@@ -78,33 +78,37 @@ def searched_grades(
     more = read_extras_by(section, grades or ())
     if grades is None or t is None or (curve is None) == (prices is None):
         return None
-    found = []
+    processes = []
     for grade, half_width in zip(grades, t, strict=True):
-        own = curve if prices is None else Reciprocal(prices[grade], 0.0)
-        own = None if own is None else dearer(own, more[grade])
-        found.append(Process(half_width, half_width, own, grade))
-    return tuple(found)
+        grade_cost = curve if prices is None else Reciprocal(prices[grade], 0.0)
+        grade_cost = None if grade_cost is None else dearer(grade_cost, more[grade])
+        processes.append(Process(half_width, half_width, grade_cost, grade))
+    return tuple(processes)
 
 
 def price_remark(name: str, processes: tuple[Process, ...], prices: dict[str, Any]) -> str:
-    """That a coarser grade is dearer than a finer one, empty where none is."""
-    listed = [(one.name, float(prices[one.name])) for one in processes if one.name in prices]
-    dear = [
+    """A remark that a coarser grade is more expensive than a finer one, empty where none is."""
+    listed = [
+        (process.name, float(prices[process.name]))
+        for process in processes
+        if process.name in prices
+    ]
+    inverted = [
         f"{coarse} costs {more:g}, {fine} {less:g}"
         for (fine, less), (coarse, more) in pairwise(listed)
         if more > less
     ]
-    if not dear:
+    if not inverted:
         return ""
     return (
-        f"the prices of {name} do not fall with coarser grades ({'; '.join(dear)}): the dearer "
+        f"the prices of {name} do not fall with coarser grades ({'; '.join(inverted)}): the dearer "
         "ones are never chosen"
     )
 
 
 def assumed_of(processes: tuple[Process, ...]) -> dict[str, str]:
     """Which of the grades are from an unverified part of the table."""
-    return _unverified("grade", [one.name for one in processes])
+    return _unverified("grade", [process.name for process in processes])
 
 
 def _range(section: Section) -> tuple[str, ...] | None:
@@ -145,15 +149,15 @@ def _prices(section: Section, grades: tuple[str, ...]) -> dict[str, float] | Non
     if "price" not in section:
         return None
     table = section.section("price")
-    found = {grade: table.number(grade, within=Range(low=0.0)) for grade in grades}
-    if not grades:  # their own fault is said already
+    by_grade = {grade: table.number(grade, within=Range(low=0.0)) for grade in grades}
+    if not grades:  # their own fault is reported already
         table.known(table.given())
-    for grade, price in found.items():
+    for grade, price in by_grade.items():
         if price is None and grade not in table:
             table.fault(grade, "is missing: each grade of the range needs its price")
     table.finish()
-    whole = {grade: price for grade, price in found.items() if price is not None}
-    return whole if grades and len(whole) == len(found) else None
+    whole = {grade: price for grade, price in by_grade.items() if price is not None}
+    return whole if grades and len(whole) == len(by_grade) else None
 
 
 def _general(section: Section, text: str, unit: str, nominal: float | None) -> float:
@@ -183,8 +187,8 @@ def _to_mm(unit: str) -> float:
 
 
 def _unverified(key: str, grades: list[str]) -> dict[str, str]:
-    some = [grade for grade in grades if grade in UNVERIFIED]
-    if not some:
+    unverified = [grade for grade in grades if grade in UNVERIFIED]
+    if not unverified:
         return {}
-    verb = "has" if len(some) == 1 else "have"
-    return {key: f"{', '.join(some)} of the shipped table {verb} not been verified"}
+    verb = "has" if len(unverified) == 1 else "have"
+    return {key: f"{', '.join(unverified)} of the shipped table {verb} not been verified"}

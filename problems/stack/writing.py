@@ -11,23 +11,23 @@ from .definition import Definition, Part, Process, Requirement
 
 def tables_of(definition: Definition) -> dict[str, Any]:
     """`[requirement]` or each `[[requirement]]`, `[[part]]` and `[[correlation]]`."""
-    each = [_requirement(one) for one in definition.requirements]
-    found: dict[str, Any] = {
-        "requirement": each if definition.requirement.key else each[0],
+    requirements = [_requirement(requirement) for requirement in definition.requirements]
+    tables: dict[str, Any] = {
+        "requirement": requirements if definition.requirement.key else requirements[0],
         "part": [_part(part) for part in definition.parts],
     }
     if definition.correlations:
-        found["correlation"] = [
-            {"parts": list(one.pieces), "coefficient": one.coefficient}
-            for one in definition.correlations
+        tables["correlation"] = [
+            {"parts": list(correlation.pieces), "coefficient": correlation.coefficient}
+            for correlation in definition.correlations
         ]
     if definition.promise is not None:
-        found["promise"] = definition.promise.table()
-    return found
+        tables["promise"] = definition.promise.table()
+    return tables
 
 
 def _requirement(requirement: Requirement) -> dict[str, Any]:
-    found = {
+    table = {
         "name": requirement.name or None,
         "unit": requirement.unit,
         "formula": requirement.formula or None,
@@ -39,16 +39,16 @@ def _requirement(requirement: Requirement) -> dict[str, Any]:
         "description": requirement.description or None,
         "drawing": requirement.drawing or None,
     }
-    return {key: value for key, value in found.items() if value is not None}
+    return {key: value for key, value in table.items() if value is not None}
 
 
 def _part(part: Part) -> dict[str, Any]:
-    found: dict[str, Any] = {"name": part.name, "unit": part.unit, "count": part.count}
+    table: dict[str, Any] = {"name": part.name, "unit": part.unit, "count": part.count}
     if part.nominal is not None:
-        found["nominal"] = part.nominal
+        table["nominal"] = part.nominal
     if part.sensitivities:
-        found["sensitivity"] = part.sensitivities.get("", dict(part.sensitivities))
-    found |= (
+        table["sensitivity"] = part.sensitivities.get("", dict(part.sensitivities))
+    table |= (
         written(part.distribution)
         if part.sample is None
         else {"measured": dict(part.sample.stated)}
@@ -58,21 +58,21 @@ def _part(part: Part) -> dict[str, Any]:
         "characteristic": part.characteristic,
         "geometry": part.geometry,
     }
-    found |= {key: value for key, value in labels.items() if value}
+    table |= {key: value for key, value in labels.items() if value}
     if part.machines:
-        own = [{"name": p.name} | _range(p) for p in part.processes if p.machine is None]
+        processes = [{"name": p.name} | _range(p) for p in part.processes if p.machine is None]
         return (
-            found
-            | ({"process": own} if own else {})
-            | {"machine": [one.table() for one in part.machines]}
+            table
+            | ({"process": processes} if processes else {})
+            | {"machine": [offer.table() for offer in part.machines]}
         )
     if part.alternatives and part.stated:  # grades
-        return found | dict(part.stated)
+        return table | dict(part.stated)
     if part.alternatives:
-        return found | {"process": [{"name": p.name} | _range(p) for p in part.processes]}
+        return table | {"process": [{"name": p.name} | _range(p) for p in part.processes]}
     if part.fixed:
-        return found | dict(part.stated) | _cost(part.processes[0])
-    return found | _range(part.processes[0])
+        return table | dict(part.stated) | _cost(part.processes[0])
+    return table | _range(part.processes[0])
 
 
 def _range(process: Process) -> dict[str, Any]:

@@ -23,7 +23,7 @@ UNDECIDED = 6.0
 
 @dataclass(frozen=True, eq=False)
 class Yields:
-    """What of the outputs (n,) at tolerances t (n, parts) takes a sample of units."""
+    """The outputs (n,) at tolerances t (n, parts) that take a sample of units."""
 
     measured: tuple[Measured, ...]
     settings: Settings
@@ -33,29 +33,31 @@ class Yields:
     def outputs(self, t: Tolerances, searching: bool, needed: bool) -> dict[str, Array]:
         """Half-widths and yields; NaN without limits.
 
-        Of those that only a report shows, NaN where a search or a judge wants what is `needed`.
+        Outputs that only a report shows are NaN where only those `needed` are asked for.
         """
-        found: dict[str, Array] = {}
-        bounded = [one for one in self.measured if one.mechanism.bounded]
-        for one in self.measured:
-            if one.requirement.method == "monte_carlo":
-                found |= self._half_width(one, t, searching, needed)
-            own = [one] if one.mechanism.bounded else []
-            found |= self._yield(one.name("yield_percent"), own, t, searching, needed)
+        by_output: dict[str, Array] = {}
+        bounded = [measured for measured in self.measured if measured.mechanism.bounded]
+        for measured in self.measured:
+            if measured.requirement.method == "monte_carlo":
+                by_output |= self._half_width(measured, t, searching, needed)
+            with_limits = [measured] if measured.mechanism.bounded else []
+            by_output |= self._yield(
+                measured.name("yield_percent"), with_limits, t, searching, needed
+            )
         if self.measured[0].requirement.key:
-            found |= self._yield("yield_percent", bounded, t, searching, needed)
-        return found
+            by_output |= self._yield("yield_percent", bounded, t, searching, needed)
+        return by_output
 
     def _half_width(
-        self, one: Measured, t: Tolerances, searching: bool, needed: bool
+        self, measured: Measured, t: Tolerances, searching: bool, needed: bool
     ) -> dict[str, Array]:
-        name = one.name("variation")
+        name = measured.name("variation")
         if needed and not self.wanted & {name, "variation"}:
             return {name: np.full(len(t), np.nan)}
         coverage = self.settings.propagation.coverage
-        if isinstance(one.law, Law):
-            return {name: one.law.half_width(t, coverage)}
-        return {name: half_width(one.mechanism, t, self._sample(searching), coverage)}
+        if isinstance(measured.law, Law):
+            return {name: measured.law.half_width(t, coverage)}
+        return {name: half_width(measured.mechanism, t, self._sample(searching), coverage)}
 
     def _sample(self, searching: bool) -> Sample:
         return self.searching if searching else self.reported
@@ -75,24 +77,24 @@ class Yields:
         law = bounded[0].law
         if len(bounded) == 1 and isinstance(law, Law):
             return dict(zip(names, law.yield_percent(t), strict=True))
-        mechanisms = [one.mechanism for one in bounded]
-        found = joint_yield_percent(mechanisms, t, self._sample(searching))
-        if searching and len(close := self._undecided(name, *found)):
+        mechanisms = [measured.mechanism for measured in bounded]
+        estimates = joint_yield_percent(mechanisms, t, self._sample(searching))
+        if searching and len(close := self._undecided(name, *estimates)):
             exact = joint_yield_percent(mechanisms, t[close], self.reported)
-            for values, better in zip(found, exact, strict=True):
+            for values, better in zip(estimates, exact, strict=True):
                 values[close] = better
-        return dict(zip(names, found, strict=True))
+        return dict(zip(names, estimates, strict=True))
 
-    def _undecided(self, name: str, found: Array, error: Array) -> NDArray[np.int64]:
-        """Rows whose yield is so close to its limit that only the whole sample can judge it.
+    def _undecided(self, name: str, percent: Array, error: Array) -> NDArray[np.int64]:
+        """Rows whose yield is so close to its limit that only the whole sample can decide.
 
-        A search converges to its limits: what is judged otherwise in the end would all be lost.
+        A search converges to its limits: a different verdict at the end would lose all its points.
         """
-        near = np.zeros(len(found), dtype=bool)
+        near = np.zeros(len(percent), dtype=bool)
         for limit in self.limits:
             if limit.name == name:
                 for end in (limit.low, limit.high):
-                    near |= np.abs(found - end) <= UNDECIDED * error
+                    near |= np.abs(percent - end) <= UNDECIDED * error
         return np.flatnonzero(near)
 
     @cached_property

@@ -20,8 +20,8 @@ from .made import processes_of
 from .standards import COSTS, MORE, assumed_of, searched_grades, standard
 
 KEYS = ("t_min", "tolerance", "limits", "grade", "fit", "general", "process", "machine")
-"""The ways to state a zone, by their first key; exactly one is given, but that machines may stand
-beside processes and with t_min and t_max, the limits of their inspection."""
+"""The ways to state a zone, by their first key; exactly one is given, except that machines may be
+given with processes, and with t_min and t_max, the limits of their inspection."""
 MADE = ({"process"}, {"machine"}, {"process", "machine"}, {"t_min", "machine"})
 REMEDY = (
     "t_min and t_max with a cost, [[part.process]] or [[part.machine]] tables, or a fixed "
@@ -31,7 +31,7 @@ REMEDY = (
 
 @dataclass(frozen=True, slots=True)
 class Tolerance:
-    """What is known of a part's zone: its processes, and the mid-limit minus the nominal."""
+    """A part's zone: its processes, and the mid-limit minus the nominal."""
 
     processes: tuple[Process, ...]
     fixed: bool = False
@@ -76,11 +76,11 @@ def read_tolerance(
     if given == ["t_min"]:
         process = _process(section, unit)
         return None if process is None else Tolerance((process,))
-    found = _fixed(section, given[0], unit, nominal)
+    fixed = _fixed(section, given[0], unit, nominal)
     curve = _read_cost(section) if "cost" in section else None
-    if found is None:
+    if fixed is None:
         return None
-    shape, tolerance = found
+    shape, tolerance = fixed
     _check_cost(section, given[0], curve, shape.half_width, unit)
     process = Process(shape.half_width, shape.half_width, curve)
     return Tolerance((process,), True, False, shape.mid, **tolerance)
@@ -115,7 +115,7 @@ def _process(section: Section, unit: str, name: str = "") -> Process | None:
 def _narrowed(
     low: float, high: float, curve: CostCurve | None, unit: str
 ) -> tuple[float, float, str]:
-    """A range within the tolerances that a table of costs spans, and what to say of it."""
+    """A range within the tolerances that a table of costs spans, and a note on it."""
     if not isinstance(curve, Table):
         return low, high, ""
     ends = max(low, curve.t[0]), min(high, curve.t[-1])
@@ -129,7 +129,7 @@ def _narrowed(
 
 
 def _read_cost(section: Section) -> CostCurve | None:
-    """The cost of a part, its share of a set-up and its inspection included."""
+    """The cost of a part, including its part of a set-up and its inspection."""
     curve, more = read_curve(section.section("cost")), read_extras(section)
     return None if curve is None else dearer(curve, more)
 
@@ -152,23 +152,24 @@ def _alternatives(section: Section, unit: str, nominal: float | None) -> Toleran
     """The `[[part.process]]` and `[[part.machine]]` tables."""
     if "cost" in section:
         section.fault("cost", "belongs into each [[part.process]]; a machine has a price")
-    own: tuple[Process, ...] | None = ()
+    processes: tuple[Process, ...] | None = ()
     if "process" in section:
-        own = section.named_items("process", lambda one, name: _process(one, unit, name))
+        processes = section.named_items("process", lambda table, name: _process(table, unit, name))
     if "machine" not in section:
-        return None if own is None else Tolerance(own, alternatives=True)
+        return None if processes is None else Tolerance(processes, alternatives=True)
     ends = [section.number(key, unit, POSITIVE) for key in ("t_min", "t_max")]
     offers = read_offers(section, Owner(unit, (ends[0], ends[1]), nominal))
-    if own is None or offers is None:
+    if processes is None or offers is None:
         return None
-    both = {one.name for one in own} & {way.label for one in offers for way in one.ways()}
+    labels = {way.label for offer in offers for way in offer.ways()}
+    both = labels & {process.name for process in processes}
     for name in sorted(both):
         section.fault("machine", f'"{name}" is the name of a process and of a machine')
     if both:
         return None
-    assumed = "; ".join(one.assumed for one in offers if one.assumed)
+    assumed = "; ".join(offer.assumed for offer in offers if offer.assumed)
     return Tolerance(
-        (*own, *processes_of(offers)),
+        (*processes, *processes_of(offers)),
         alternatives=True,
         machines=offers,
         assumed={"machine": assumed} if assumed else {},
@@ -188,21 +189,21 @@ def _fixed(
     try:
         if key == "limits":
             return _limits(text), {"stated": {key: text}}
-        found, more = standard(section, key, text, unit, nominal)
+        zone, more = standard(section, key, text, unit, nominal)
     except ValueError as error:
         section.fault(key, str(error))
         return None
-    return found, {"stated": stated_of(section) | {key: text}} | more
+    return zone, {"stated": stated_of(section) | {key: text}} | more
 
 
 def stated_of(section: Section) -> dict[str, Any]:
-    """What the table of a part says about the standard of its zone, as it stands there."""
+    """The keys of a part's table that state the standard of its zone, as written."""
     keys = ("grade", *(key for key in MORE if key != "geometry"))
     return {key: section.take(key) for key in keys if key in section}
 
 
 def _limits(text: str) -> Zone:
-    found = Zone.of_text(text)
-    if not (math.isfinite(found.mid) and math.isfinite(found.half_width)):
+    zone = Zone.of_text(text)
+    if not (math.isfinite(zone.mid) and math.isfinite(zone.half_width)):
         raise ValueError(f'must be finite, got "{text}"')
-    return found
+    return zone

@@ -24,8 +24,8 @@ _SIZES = (
 )
 _LOADED = ("normal_stiffness_N_per_mm", "series_stiffness_Nm_per_arcmin", "discs")
 PARAMETERS: tuple[Parameter, ...] = (
-    *(one for one in reducer.PARAMETERS if one.name in _SIZES),
-    *(one for one in contact.PARAMETERS if one.name in _LOADED),
+    *(parameter for parameter in reducer.PARAMETERS if parameter.name in _SIZES),
+    *(parameter for parameter in contact.PARAMETERS if parameter.name in _LOADED),
     Parameter(
         "torque_Nm",
         412.0,
@@ -123,7 +123,7 @@ DEFAULT_OBJECTIVES = ("backlash_arcmin", "peak_mesh_force_N")
 SHIFT = -60 * UM
 """Shift modification [m] about which the contact is expanded: the middle of the search range."""
 OPEN = 5 * UM
-"""Flank clearance [m] left there, so that no profile interferes."""
+"""Remaining flank clearance [m] there, so that no profile interferes."""
 
 
 def one_disc(parameters: Mapping[str, Value]) -> LoadedContact:
@@ -134,7 +134,7 @@ def one_disc(parameters: Mapping[str, Value]) -> LoadedContact:
     belong to no design more than to another.
     Raises InputError where the profile is undercut.
     """
-    given = {one.name: one.default for one in PARAMETERS} | dict(parameters)
+    given = {parameter.name: parameter.default for parameter in PARAMETERS} | dict(parameters)
     p = {name: number(value) for name, value in given.items()}
     nominal = geometry_of(p)
     return LoadedContact(

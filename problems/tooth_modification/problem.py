@@ -104,8 +104,8 @@ class ToothModification(ToleranceProblem):
         if output in ("modification_backlash_arcmin", "radial_gap_mm"):
             ranges = [self.interval(name) for name in ("dr_rp_mm", "dr_p_mm")]
             corners = np.array([[a, b] for a in ranges[0] for b in ranges[1]])
-            found = self.profile(corners)[output]
-            return float(found.min()), float(found.max())
+            outputs = self.profile(corners)[output]
+            return float(outputs.min()), float(outputs.max())
         if output in ("peak_mesh_force_N", "mean_peak_force_N", "pins_loaded"):
             return 0.0, np.inf
         return super().interval(output)
@@ -126,9 +126,11 @@ class ToothModification(ToleranceProblem):
         ends = np.array([super(ToothModification, self).interval(name) for name in self.names])
         largest = -ends[1, 0]
         gaps = [gap] if gap > 0.0 else [0.0, largest * (1.0 - self.geometry.flank)]
-        pairs = [modification.zero_backlash_pair(self.geometry, one * MM) for one in gaps]
+        pairs = [
+            modification.zero_backlash_pair(self.geometry, least_gap * MM) for least_gap in gaps
+        ]
         tight = np.array(pairs) / MM
-        rows = np.vstack([tight, [[0.0, -one] for one in gaps]])
+        rows = np.vstack([tight, [[0.0, -least_gap] for least_gap in gaps]])
         return np.asarray(np.clip(rows, ends[:, 0], ends[:, 1]))
 
     # ---------------------------------------------------------------- faults
