@@ -140,8 +140,8 @@ def test_only_what_is_in_a_broken_limit_is_drawn_in() -> None:
 
 
 def wide_or_tight(parts: int) -> Form:
-    """1/t each, or 2 + 1/t with a tighter range: of no use where the first one reaches."""
-    ways = [way(0.0, 1.0, 0.1, 5.0, (0.0,), (1.0,)), way(2.0, 1.0, 0.05, 5.0, (0.0,), (1.0,))]
+    """1/t each, or 20/t with a tighter range: of no use where the first one reaches."""
+    ways = [way(0.0, b, low, 5.0, (0.0,), (1.0,)) for b, low in ((1.0, 0.1), (20.0, 0.05))]
     return form(*[ways] * parts)
 
 
@@ -149,8 +149,9 @@ def wide_or_tight(parts: int) -> Form:
 def test_prices_choose_the_best_ways_of_all_parts_at_once(
     monkeypatch: pytest.MonkeyPatch, solved: list[tuple[int, ...]], parts: int
 ) -> None:
-    """All alike under |t| <= 2: n^1.5/2. Besides the tightest ways, which search begins with, only
-    these are solved of all 2^n, and no other one is needed for the proof.
+    """All alike under |t| <= 2: n^1.5/2. Besides the tightest ways, which the search begins with,
+    only these are solved of all 2^n: their prices exclude what the first ones, 20 times as high,
+    would not.
     """
     for most in (400, 2):
         monkeypatch.setattr(separable, "LEAVES", most)
@@ -190,11 +191,11 @@ def test_known_ways_count_where_the_tightest_keep_no_limit() -> None:
 def test_no_more_choices_are_solved_than_are_allowed(
     monkeypatch: pytest.MonkeyPatch, most: int
 ) -> None:
-    """Of 2^3, from a leaf without a price, whose bound is the cost 6 + 3/5 of the widest. The least
-    cost is 3^1.5/0.4, and no bound is above it.
+    """Of 2^3, from a leaf without a price, whose bound is the cost 3 times 20/5 of the widest. The
+    least cost is 3^1.5/0.4, and no bound is above it.
     """
     monkeypatch.setattr(separable, "LEAVES", most)
-    anchor = Leaf((1, 1, 1), np.full(3, 0.05), INF, 6.6, np.zeros(1))
+    anchor = Leaf((1, 1, 1), np.full(3, 0.05), INF, 12.0, np.zeros(1))
     leaves = {anchor.ways: anchor}
     best, bound = separable._searched(Squares(wide_or_tight(3)), np.array([0.4**2]), anchor, leaves)
     assert len(leaves) == min(most, 8)
