@@ -206,7 +206,7 @@ class _Choice:
                 # a requirement without a price that is broken gets one again
                 back = asked & ~active & (missed > CLOSE)
                 y, active = np.where(back, floor + 1.0, y), active | back
-                if not np.any(back) and np.all(np.abs(missed[active]) <= CLOSE):
+                if np.all(np.abs(missed[active]) <= CLOSE):
                     break
                 rows = np.flatnonzero(active)
                 share = np.where(q > 0.0, 1.0 / q, 0.0)

@@ -31,6 +31,20 @@ def solved(monkeypatch: pytest.MonkeyPatch) -> list[tuple[int, ...]]:
     return chosen
 
 
+@pytest.fixture
+def priced(monkeypatch: pytest.MonkeyPatch) -> list[Array]:
+    """The prices of squares (features,) at which tolerances are asked for, in their order."""
+    asked: list[Array] = []
+    real = separable._Choice.best
+
+    def noted(choice: separable._Choice, q: Array) -> tuple[Array, Array]:
+        asked.append(q)
+        return real(choice, q)
+
+    monkeypatch.setattr(separable._Choice, "best", noted)
+    return asked
+
+
 # -------------------------------------------------------------------- one choice of ways
 
 
@@ -108,22 +122,35 @@ def test_a_way_whose_requirement_no_tolerance_moves_is_one_of_the_choices() -> N
     assert bound == pytest.approx(2.1, rel=1e-12)
 
 
-def test_newton_ends_as_soon_as_what_binds_is_met(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_newton_ends_as_soon_as_what_binds_is_met(priced: list[Array]) -> None:
     """t <= 0.6 and t <= 0.5: the first price is given up for good, the second one is 4 after some
     eight steps by a factor of e^3 and a few more, each of which squares what is missed.
     """
     own = form([way(0.0, 1.0, 0.01, 5.0, (0.0, 0.0), (1.0, 1.0))])
-    choice, real, asked = separable._Choice(Squares(own), (0,)), separable._Choice.best, []
-
-    def noted(self: Any, q: Array) -> Any:
-        asked.append(q)
-        return real(self, q)
-
-    monkeypatch.setattr(separable._Choice, "best", noted)
-    room = np.array([0.36, 0.25])
-    mu = choice._newton(room, np.ones(2, dtype=bool), None)
+    choice = separable._Choice(Squares(own), (0,))
+    mu = choice._newton(np.array([0.36, 0.25]), np.ones(2, dtype=bool), None)
     assert mu[0] == 0.0 and mu[1] == pytest.approx(4.0, rel=1e-12)
-    assert len(asked) <= separable.STEPS // 2
+    assert len(priced) <= separable.STEPS // 2
+
+
+def test_newton_has_nothing_left_to_do_at_the_right_price(priced: list[Array]) -> None:
+    """1/t under t <= 0.5 has the price 4."""
+    own = form([way(0.0, 1.0, 0.01, 5.0, (0.0,), (1.0,))])
+    choice = separable._Choice(Squares(own), (0,))
+    mu = choice._newton(np.array([0.25]), np.ones(1, dtype=bool), np.array([4.0]))
+    assert mu[0] == pytest.approx(4.0, rel=1e-12)
+    assert len(priced) <= 2
+
+
+def test_a_search_begins_at_the_prices_that_are_known(priced: list[Array]) -> None:
+    """The first price of the tightest ways is that of the leaf that is known, be it of other ways:
+    8, that of t <= 0.5 for 2/t.
+    """
+    ways = [way(0.0, b, low, 5.0, (0.0,), (1.0,)) for b, low in ((2.0, 0.02), (1.0, 0.01))]
+    known = Leaf((0,), np.array([0.5]), 4.0, 4.0, np.array([8.0]))
+    best, _ = least_leaf(Squares(form(ways)), np.array([0.5]), known)
+    assert best.cost == pytest.approx(2.0, rel=1e-12)
+    np.testing.assert_allclose(priced[0], [8.0], rtol=1e-12)
 
 
 def test_only_what_is_in_a_broken_limit_is_drawn_in() -> None:
