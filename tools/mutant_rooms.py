@@ -35,9 +35,10 @@ ROOMS: Mapping[str, Room] = {
     "proofs": Room(
         tuple(f"algorithms/exact/{name}.py" for name in PROVE),
         tuple(f"tests/algorithms/exact/test_{name}.py" for name in (
-            "between", "bounds", "choices", "choices_guards", "choices_prices", "doubt",
-            "doubt_guards", "duals", "master", "master_guards", "master_search", "oracle", "path",
-            "programme", "programme_by_hand", "separable", "ascent")),
+            "between", "bounds", "choices", "choices_guards", "choices_prices",
+            "combination_guards", "doubt", "doubt_guards", "duals", "master", "master_guards",
+            "master_search", "oracle", "path", "prices_guards", "programme", "programme_by_hand",
+            "separable", "separable_guards", "ascent")),
         guards=True,
     ),
     "exact": Room(

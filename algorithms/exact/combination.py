@@ -124,8 +124,7 @@ class Combination:
 
     def spread_at(self, t: Array) -> Spread:
         """S of each requirement at tolerances (n, features), and its tangents."""
-        most = np.abs(self.high * self.spread) if self.form.quantiles else None
-        return spread_of(self.form, self.parts(t), most)
+        return spread_of(self.form, self.parts(t), np.abs(self.high * self.spread))
 
     def root(self, t: Array) -> Array:
         """S of each requirement (n, requirements)."""

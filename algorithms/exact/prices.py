@@ -33,7 +33,7 @@ def only_roots(form: Form) -> NDArray[np.bool_]:
     linear = np.any(np.array([way.linear for way in ways]), axis=0)
     offset = np.any(np.array([way.offset or nothing for way in ways]), axis=0)
     spread = np.any(np.array([way.spread for way in ways]), axis=0) | (form.constant > 0.0)
-    root = np.array([quantile is None for quantile in form.rows])
+    root = np.array([quantile is None for quantile in form.rows], dtype=bool)
     if form.surpluses:
         root &= np.array([surplus is None for surplus in form.surpluses])
     return np.asarray(root & ~linear & ~offset & spread & (form.correlation is None))

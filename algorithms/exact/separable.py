@@ -45,7 +45,7 @@ LEAVES = 400
 
 def separable(form: Form) -> bool:
     """Whether all requirements are roots alone, and all costs positive functions of one price."""
-    return bool(len(form.outputs)) and bool(np.all(only_roots(form)))
+    return bool(np.all(only_roots(form)))
 
 
 def separable_but_for_doubt(form: Form) -> bool:
@@ -171,9 +171,9 @@ class _Choice:
         return float(cost + priced - received - ROUNDING * (abs(cost) + priced + received))
 
     def solve(self, room: Array, first: Array | None) -> Leaf:
-        nothing = np.zeros(len(room))
-        asked = np.isfinite(room)
-        if np.any(self.square @ self.low**2 > room * (1.0 + 1e-12)):
+        nothing, least = np.zeros(len(room)), self.square @ self.low**2
+        asked = np.isfinite(room) & (least > 0.0)  # what no tolerance moves has no price
+        if np.any(least > room * (1.0 + 1e-12)):
             return Leaf(self.chosen, self.low, np.inf, np.inf, nothing)
         if np.all(self.square @ self.high**2 <= room):
             cost = self.cost(self.high)
@@ -194,7 +194,7 @@ class _Choice:
 
     def _newton(self, room: Array, asked: NDArray[np.bool_], first: Array | None) -> Array:
         """Prices (r,) at which every square meets its room or its price is zero."""
-        scale = self.cost(self.low) / np.where(asked, np.maximum(room, 1e-300), 1.0)
+        scale = self.cost(self.low) / np.where(asked, room, 1.0)
         start = 1e-2 * scale if first is None else np.maximum(first, LEAST * scale)
         y = np.where(asked, np.log(start), -np.inf)
         floor = np.log(LEAST * scale)
@@ -209,7 +209,7 @@ class _Choice:
                 # a broken requirement without a price gets one again
                 back = asked & ~active & (missed > CLOSE)
                 y, active = np.where(back, floor + 1.0, y), active | back
-                if not np.any(back) and np.all(np.abs(missed[active]) <= CLOSE):
+                if np.all(np.abs(missed[active]) <= CLOSE):
                     break
                 rows = np.flatnonzero(active)
                 inverse = np.where(q > 0.0, 1.0 / q, 0.0)
@@ -219,14 +219,14 @@ class _Choice:
                 step = np.linalg.lstsq(matrix, -missed[rows], rcond=None)[0]
                 y = y.copy()
                 y[rows] += np.clip(step, -3.0, 3.0)
-                active = active & ~(asked & (y < floor) & (missed < 0.0))
-        return np.where(active, np.exp(np.maximum(y, floor)), 0.0)
+                active = active & (y >= floor)
+        return np.where(active, np.exp(y), 0.0)
 
     def _ascended(self, room: Array, asked: NDArray[np.bool_]) -> Array:
         """Prices by L-BFGS-B (Byrd, Lu, Nocedal & Zhu 1995), where Newton's method fails: the dual
         is concave in them, and has a slope also where a price is zero.
         """
-        scale = self.cost(self.low) / np.where(asked, np.maximum(room, 1e-300), 1.0)
+        scale = self.cost(self.low) / np.where(asked, room, 1.0)
 
         def negative(x: Array) -> tuple[float, Array]:
             mu = np.where(asked, x * scale, 0.0)
@@ -291,20 +291,17 @@ def _searched(
     squares: Squares, room: Array, best: Leaf, solved: dict[tuple[int, ...], Leaf]
 ) -> tuple[Leaf, float]:
     """Solve every choice that the prices of the best leaf do not exclude."""
-    while True:
-        excess, anchor = squares.excess(best), best
-        remaining = np.inf
-        for total, ways in _cheaper(squares, excess, anchor):
-            if anchor.bound + total >= best.cost or len(solved) >= LEAVES:
-                remaining = anchor.bound + total
-                break
-            if ways not in solved:
-                solved[ways] = squares.solve(ways, room, anchor.mu)
-                if solved[ways].cost < best.cost:
-                    best = solved[ways]
-        if best is anchor or len(solved) >= LEAVES:
-            bounds = [leaf.bound for leaf in solved.values()]
-            return best, min(remaining, best.cost, *bounds)
+    excess, anchor, remaining = squares.excess(best), best, np.inf
+    for total, ways in _cheaper(squares, excess, anchor):
+        if anchor.bound + total >= best.cost or len(solved) >= LEAVES:
+            remaining = anchor.bound + total
+            break
+        if ways not in solved:
+            solved[ways] = squares.solve(ways, room, anchor.mu)
+            if solved[ways].cost < best.cost:
+                best = solved[ways]
+    bounds = [leaf.bound for leaf in solved.values()]
+    return best, min(remaining, best.cost, *bounds)
 
 
 def _cheaper(
