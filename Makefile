@@ -28,8 +28,9 @@ $(READY): $(LOCKED) pyproject.toml
 run: $(READY)  ## the main job: cost against backlash of the RV-40E-121
 	$(BIN)/tolevo run configs/rv40e_backlash.toml --out runs/rv40e_backlash --overwrite
 
+# One thread of linear algebra per process: those of several processes would wait for each other.
 test: $(READY)  ## the tests, on all cores
-	$(BIN)/python -m pytest --numprocesses logical --dist worksteal -m "not slow"
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses logical --dist worksteal -m "not slow"
 
 test-long: $(READY)  ## all tests, slow ones as well, and 20,000 damaged inputs
 	TOLEVO_EXAMPLES=$${TOLEVO_EXAMPLES:-20000} $(BIN)/python -m pytest --numprocesses logical --dist worksteal

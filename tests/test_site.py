@@ -30,7 +30,7 @@ FILE = re.compile(r"\w+\.(toml|csv)")
 FEW = ("algorithm.population=8", "algorithm.generations=2")
 REDUCER = ("parameters.positions=13", "parameters.search_units=32", "parameters.report_units=64",
            "references=none", "limits.backlash_max_arcmin=6.0")  # fmt: skip
-EXACT = ("algorithm.points=5",)
+EXACT = ("algorithm.points=5", "references=none")
 SHORTENED = {"stack_clutch.toml": (("generations = 100", "generations = 10"),)}
 """Configurations that Python blocks and commands run, with what is shorter in them."""
 BATCH = ("settings.simulations=200", 'effects.consider=["spread_inflation", "lot_mixture"]')

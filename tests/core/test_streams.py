@@ -12,6 +12,7 @@ import pytest
 
 RUN = """
 problem = "rv_backlash"
+references = "none"
 [parameters]
 reading = "printed"
 [limits]

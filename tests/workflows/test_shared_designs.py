@@ -60,7 +60,7 @@ def started(designs: Designs, parts: list[Array]) -> None:
 
 def searched(problem: RvReducer, designs: Designs | None) -> SearchResult:
     values = None if designs is None else designs.values
-    return search(problem, NSGA2(population=32), BUDGET, 5, values=values)
+    return search(problem, NSGA2(population=16), BUDGET, 5, values=values)
 
 
 def test_a_search_is_the_same_whoever_computes_its_designs(
@@ -68,13 +68,13 @@ def test_a_search_is_the_same_whoever_computes_its_designs(
 ) -> None:
     started(designs, batch(problem, 16))
     alone, shared = searched(problem, None), searched(problem, designs)
-    assert alone.evaluations == shared.evaluations == 96
+    assert alone.evaluations == shared.evaluations == 48
     for name in ("x", "f", "miss"):
         np.testing.assert_array_equal(getattr(alone, name), getattr(shared, name))
 
 
 def test_what_a_killed_process_had_is_computed_again(problem: RvReducer, designs: Designs) -> None:
-    parts = batch(problem, 64)
+    parts = batch(problem, 32)
     expected = here(problem, parts)
     started(designs, parts)
     for number in (signal.SIGKILL, signal.SIGKILL, signal.SIGTERM):

@@ -25,7 +25,7 @@ GRADES = pytest.mark.parametrize("grades", [1, pytest.param(2, marks=pytest.mark
 
 def problem(grades: int = 2, **limits: Bound) -> RvReducer:
     """Few units, one or two grades, the errors between discs left out."""
-    parameters = {"search_units": 64, "report_units": 256, "elastic_units": 16, "positions": 11}
+    parameters = {"search_units": 64, "report_units": 256, "elastic_units": 16, "positions": 7}
     variables = {name: VariableSetting(value=value) for name, value in FIXED.items()}
     variables["dr_rp_mm"] = VariableSetting(low=-0.06, high=-0.02)
     variables["dr_p_mm"] = VariableSetting(low=-0.09, high=-0.05)

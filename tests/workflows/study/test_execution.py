@@ -50,7 +50,7 @@ generations = 12
 """
 STUDY = """
 run = "run.toml"
-seeds = 24
+seeds = 12
 response = ["gap_percent", "feasible_fraction"]
 [design]
 kind = "factorial"

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from tolevo.cli import app
 from tolevo.workflows.study import write
 
-pytestmark = pytest.mark.long
+pytestmark = pytest.mark.slow  # leaders as the design of a finer study: test_racing.py
 
 RUN = """
 problem = "rv_reducer"
