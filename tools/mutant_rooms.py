@@ -58,7 +58,10 @@ ROOMS: Mapping[str, Room] = {
          "tests/models/test_tighter_planet.py", "tests/models/test_tooth_fit.py",
          "tests/models/test_zone_optimum.py", "tests/models/test_gear.py"),
     ),
-    "manipulator": Room(("models/manipulator/*.py",), ("tests/models/test_manipulator*.py",)),
+    "manipulator": Room(
+        ("models/manipulator/*.py",),
+        ("tests/models/test_manipulator*.py", "tests/models/effects/test_manipulator.py"),
+    ),
     "contact": Room(
         ("models/rv_reducer/contact/*.py",),
         ("tests/models/test_rv_contact*.py", "tests/models/test_rv_batch_contact.py"),

@@ -1,10 +1,13 @@
 """Machines at the worst pose and over the ring: independent poses, brute force, plain sampling."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.special import erfc
 
 from tolevo.models.gaussian_length import exceedance, quantile
+from tolevo.models.manipulator import ring
 from tolevo.models.manipulator.fields import (
     Field,
     worst_deviation,
@@ -111,6 +114,53 @@ def test_stated_error_is_the_scatter_over_seeds() -> None:
         found.append(Machines.of([effects], variances[0], sample, plane).beyond(0.5, int(at[0])))
     shares, errors = np.array(found).T
     assert 0.5 < shares.std(ddof=1) / np.sqrt(np.mean(errors**2)) < 2.0
+
+
+def test_stated_error_of_a_quantile_is_its_scatter_over_seeds() -> None:
+    """24 seeds: their standard deviation is within a factor of two of the error."""
+    field = fields(5)["squareness"]
+    effects, variances = field.effects * SIGMA, field.variances(SIGMA[None])
+    plane, (least, at) = main_plane([effects]), worst_quantile(variances, 0.9)
+    results = []
+    for seed in range(24):
+        sample = Sample.draw(512, 18, np.random.default_rng(seed))
+        machines = Machines.of([effects], variances[0], sample, plane)
+        results.append(machines.quantile(0.9, int(at[0]), float(least[0])))
+    bounds, errors = np.array(results).T
+    assert 0.5 < bounds.std(ddof=1) / np.sqrt(np.mean(errors**2)) < 2.0
+
+
+def test_every_replicate_has_the_share_of_its_own_machines() -> None:
+    """The error is the scatter of whole replicates, each of which covers the space evenly."""
+    machines = machines_of(fields(3)["yaw"], SIGMA, 256)
+    each = machines.inverse.shape[1] // machines.replicates
+    own = [
+        replace(
+            machines,
+            inverse=machines.inverse[:, at : at + each],
+            middle=machines.middle[:, at : at + each],
+            apart=machines.apart[:, at : at + each],
+            replicates=1,
+        )
+        for at in range(0, each * machines.replicates, each)
+    ]
+    shares = [float(part._shares(0.05, 0)[0]) for part in own]
+    assert machines.replicates > 2
+    share, error = machines.beyond(0.05, 0)
+    assert share == pytest.approx(np.mean(shares), rel=1e-12)
+    assert error == pytest.approx(np.std(shares, ddof=1) / np.sqrt(len(shares)), rel=1e-9)
+
+
+def test_points_at_the_ends_of_their_range_are_machines(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A Sobol point of exactly 0 or 1 is a normal number of seven, not an infinite one."""
+
+    class Ends:
+        points = np.array([[[0.3, 0.6, 0.0, 1.0], [0.2, 0.9, 0.5, 0.5]]])
+
+    monkeypatch.setattr(ring.MonteCarlo, "draw", lambda *_: Ends())
+    sample = Sample.draw(2, 2, np.random.default_rng(0))
+    np.testing.assert_allclose(sample.g, [[-7.0345, 7.0345], [0.0, 0.0]], atol=1e-3)
+    np.testing.assert_allclose(np.linalg.norm(sample.u, axis=1), 1.0, rtol=1e-15)
 
 
 def test_main_plane_follows_the_design() -> None:
