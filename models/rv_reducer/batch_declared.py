@@ -64,10 +64,13 @@ _OWN: tuple[Parameter, ...] = (
     ),
     _share("share_pins", "the errors of pins and their holes"),
     _share("share_discs", "equidistance and shift of the discs"),
-    *(one for one in contact.PARAMETERS if one.name in ("discs", "cranks")),
+    *(parameter for parameter in contact.PARAMETERS if parameter.name in ("discs", "cranks")),
 )
-_NAMES = {one.name for one in declared.PARAMETERS}
-PARAMETERS = (*declared.PARAMETERS, *(one for one in _OWN if one.name not in _NAMES))
+_NAMES = {parameter.name for parameter in declared.PARAMETERS}
+PARAMETERS = (
+    *declared.PARAMETERS,
+    *(parameter for parameter in _OWN if parameter.name not in _NAMES),
+)
 
 
 def _new(name: str, value: float, unit: str, meaning: str) -> Variable:

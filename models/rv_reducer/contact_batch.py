@@ -74,7 +74,7 @@ class ContactUnits:
         `angles` (n,) [deg] are those of the output where each row is a reading at one. What a unit
         is depends on its number and `rng` alone, and memory on `BLOCK` alone.
         """
-        found, order = np.empty(len(row)), np.argsort(row, kind="stable")
+        backlash, order = np.empty(len(row)), np.argsort(row, kind="stable")
         count = int(row.max(initial=-1)) + 1
         lattice = None if angles is None else self._at_angles(angles)
         for start in range(0, count, BLOCK):
@@ -82,14 +82,14 @@ class ContactUnits:
             sample = self._sample(units, rng, "random")
             first, last = np.searchsorted(row[order], [start, start + units])
             for rows in _parts(order[first:last]):
-                here = _rows(sample, row[rows] - start)
+                by_row = _rows(sample, row[rows] - start)
                 moved = {name: _of_rows(value, rows) for name, value in changes.items()}
                 if lattice is None or angles is None:
-                    cycloid = self._measured(here, moved)
+                    cycloid = self._measured(by_row, moved)
                 else:
-                    cycloid = self._read(lattice, angles[rows], here, moved)
-                found[rows] = cycloid + self._involute(here)
-        return found
+                    cycloid = self._read(lattice, angles[rows], by_row, moved)
+                backlash[rows] = cycloid + self._involute(by_row)
+        return backlash
 
     def _sample(self, units: int, rng: np.random.Generator, kind: Any) -> BaseSample:
         return BaseSample.draw(self.basis.geometry, units, rng, self.basis.hierarchy, kind)
@@ -135,8 +135,8 @@ class ContactUnits:
         geometry = self.basis.geometry
         drawn = Scaled.of(geometry, sample, design or self.design)
         units = changed(geometry, drawn, sample, changes)
-        found = touch(lattice, table, units).cycloid(geometry.output_ratio)
-        return np.asarray(found, dtype=np.float64)
+        backlash = touch(lattice, table, units).cycloid(geometry.output_ratio)
+        return np.asarray(backlash, dtype=np.float64)
 
     def unclipped(self, sample: BaseSample, design: UnitDesign) -> Array:
         """What the cycloid stage of units built to a design adds (n,) [arcmin], negative where all
@@ -179,13 +179,13 @@ class ContactUnits:
     ) -> Array:
         """Backlash (n,) [arcmin] of the cycloid stage, each row at its own angle (n,)."""
         different, lattice, table = mesh
-        at, found = np.searchsorted(different, angles), np.empty(len(angles))
-        for one in np.unique(at):
-            rows = np.flatnonzero(at == one)
+        at, backlash = np.searchsorted(different, angles), np.empty(len(angles))
+        for position in np.unique(at):
+            rows = np.flatnonzero(at == position)
             moved = {name: _of_rows(value, rows) for name, value in changes.items()}
-            y = self._play(_position(lattice, int(one)), table, _rows(sample, rows), moved)
-            found[rows] = np.maximum(y[0], 0.0)
-        return found
+            y = self._play(_position(lattice, int(position)), table, _rows(sample, rows), moved)
+            backlash[rows] = np.maximum(y[0], 0.0)
+        return backlash
 
     # ---------------------------------------------------------------- the population
 
@@ -237,13 +237,13 @@ class ContactUnits:
 
 def _position(lattice: Lattice, at: int) -> Lattice:
     """The lattice of one of its positions; contacts keep their numbers."""
-    one = slice(at, at + 1)
+    position = slice(at, at + 1)
     return replace(
         lattice,
-        angles=lattice.angles[one],
-        start=lattice.start[one],
-        stop=lattice.stop[one],
-        directions=lattice.directions[one],
+        angles=lattice.angles[position],
+        start=lattice.start[position],
+        stop=lattice.stop[position],
+        directions=lattice.directions[position],
     )
 
 

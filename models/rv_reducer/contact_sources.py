@@ -91,10 +91,10 @@ class ContactSources:
             return 0.0
         if error == "crank_bearing":
             wide = design.width(error) + 2.0 * STEP
-            found = self._values(half_width=dict(design.half_width) | {error: wide})
+            values = self._values(half_width=dict(design.half_width) | {error: wide})
         else:
-            found = self._values(mid=dict(design.mid) | {error: design.middle(error) + STEP})
-        return float(found.mean() - self._plain) / STEP
+            values = self._values(mid=dict(design.mid) | {error: design.middle(error) + STEP})
+        return float(values.mean() - self._plain) / STEP
 
     @cached_property
     def _plain(self) -> float:

@@ -245,8 +245,12 @@ def backlash_model(
     `mids_um` replaces mid-limits by name of the error (`pin_radius`); `inputs` has distributions by
     the same names and `crank_bearing`, `involute_grade`.
     """
-    given = completed(PARAMETERS, parameters)
-    p = {one.name: number(given[one.name]) for one in PARAMETERS if one.name != READING}
+    values = completed(PARAMETERS, parameters)
+    p = {
+        parameter.name: number(values[parameter.name])
+        for parameter in PARAMETERS
+        if parameter.name != READING
+    }
     mids = {error: p[f"{error}_mid_um"] for error in ERRORS} | dict(mids_um or {})
     mid = {error: value * UM for error, value in mids.items()}
     return BacklashModel(

@@ -54,7 +54,7 @@ def _assumed(
 
 
 PARAMETERS: tuple[Parameter, ...] = (
-    *(one for one in declared.PARAMETERS if one.name in _GEOMETRY),
+    *(parameter for parameter in declared.PARAMETERS if parameter.name in _GEOMETRY),
     _modification("dr_rp_mm", -0.040, "equidistance modification"),
     _modification("dr_p_mm", -0.070, "shift modification"),
     _assumed(
@@ -146,7 +146,10 @@ class LoadedUnit:
 
 def loaded_unit(parameters: Mapping[str, Value]) -> LoadedUnit:
     """The unit of `parameters` by declared name; left-out ones keep their defaults."""
-    p = {one.name: number(parameters.get(one.name, one.default)) for one in PARAMETERS}
+    p = {
+        parameter.name: number(parameters.get(parameter.name, parameter.default))
+        for parameter in PARAMETERS
+    }
     geometry = ContactGeometry(_geometry(p), dr_rp=p["dr_rp_mm"] * MM, dr_p=p["dr_p_mm"] * MM)
     contact = LoadedContact(
         geometry,
@@ -159,15 +162,18 @@ def loaded_unit(parameters: Mapping[str, Value]) -> LoadedUnit:
 
 def faults(parameters: Mapping[str, Value]) -> list[Fault]:
     """What no contact exists for: an undercut profile, pins that do not fit the teeth."""
-    p = {one.name: number(parameters.get(one.name, one.default)) for one in PARAMETERS}
-    found, geometry = [], _geometry(p)
+    p = {
+        parameter.name: number(parameters.get(parameter.name, parameter.default))
+        for parameter in PARAMETERS
+    }
+    problems, geometry = [], _geometry(p)
     if geometry.pins != geometry.cycloid_teeth + 1:
         text = f"must be one more than cycloid_teeth, got {geometry.pins} and {p['cycloid_teeth']}"
-        found.append(Fault("parameters.pins", text))
+        problems.append(Fault("parameters.pins", text))
     if not geometry.k1 < 1.0:
         text = f"e z_p/r_p must be below 1 (no undercut), got {geometry.k1:.4g}"
-        found.append(Fault("parameters.eccentricity_mm", f"{text}; lower the eccentricity"))
-    return found
+        problems.append(Fault("parameters.eccentricity_mm", f"{text}; lower the eccentricity"))
+    return problems
 
 
 def _geometry(p: Mapping[str, float]) -> RvGeometry:
@@ -206,10 +212,12 @@ def _part_errors(p: Mapping[str, float], geometry: ContactGeometry) -> PartError
 def gear_of(parameters: Mapping[str, object]) -> Gear:
     """The orders of the unit that these parameters describe; what is left out keeps its default."""
     names = ("pins", "cycloid_teeth", "reduction_ratio")
-    given = {one.name: one.default for one in PARAMETERS if one.name in names}
+    values = {
+        parameter.name: parameter.default for parameter in PARAMETERS if parameter.name in names
+    }
     for name in names:
         value = parameters.get(name)
         if isinstance(value, int | float) and value > 0:
-            given[name] = value
-    pins, teeth, ratio = (number(given[name]) for name in names)
+            values[name] = value
+    pins, teeth, ratio = (number(values[name]) for name in names)
     return of_ratio(int(pins), int(teeth), ratio) if pins > teeth else RV_40E

@@ -70,10 +70,10 @@ class RvLostMotion(MeasurableModel):
         designs: Mapping[str, float] | None = None,
         inputs: Mapping[str, Distribution] | None = None,
     ) -> None:
-        given = parameters or {}
-        raise_all(loaded_unit.faults(given))
-        self.unit = loaded_unit.loaded_unit(given)
-        self.gear = loaded_unit.gear_of(given)
+        values = parameters or {}
+        raise_all(loaded_unit.faults(values))
+        self.unit = loaded_unit.loaded_unit(values)
+        self.gear = loaded_unit.gear_of(values)
         samples = SAMPLES_PER_PIN * self.unit.contact.geometry.pins
         self.momentary = self.unit.contact.momentary_torque
         most = REACH * self.momentary
@@ -107,8 +107,8 @@ def _twist(orders: OrderTable, rows: Rows) -> Array:
         orders = orders.mean_only()
     last = np.zeros(len(rows)) if rows.direction is None else -rows.direction
     sign = np.where(rows.torque == 0.0, last, np.sign(rows.torque))
-    found = orders.twist(rows.angle, rows.torque, np.where(sign >= 0.0, 0, 1), None)
+    twist = orders.twist(rows.angle, rows.torque, np.where(sign >= 0.0, 0, 1), None)
     if np.all(sign != 0.0):
-        return found
-    other = orders.twist(rows.angle, rows.torque, np.where(sign > 0.0, 0, 1), None)
-    return np.asarray(0.5 * (found + other))
+        return twist
+    opposite = orders.twist(rows.angle, rows.torque, np.where(sign > 0.0, 0, 1), None)
+    return np.asarray(0.5 * (twist + opposite))

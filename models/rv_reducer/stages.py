@@ -30,10 +30,10 @@ class Units:
     @property
     def effective(self) -> Array:
         """phi_1 + max(0, phi_2) + phi_3 [rad], (n,)."""
-        found = np.maximum(self.phi_2, 0.0)
-        found += self.phi_1
-        found += self.phi_3
-        return found
+        backlash = np.maximum(self.phi_2, 0.0)
+        backlash += self.phi_1
+        backlash += self.phi_3
+        return backlash
 
 
 def units(total: ClippedSum, count: int, rng: np.random.Generator) -> Iterator[Units]:

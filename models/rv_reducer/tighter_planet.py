@@ -123,8 +123,8 @@ def _inverse(c: Array, probability: Array) -> Array:
 def _density(y: Array, law: TighterPlanet) -> Array:
     """f(z) at z = tanh(y/2), shape of `y`, by quadrature over the common cause."""
     score = -np.sign(y) * ndtri(1.0 / (1.0 + np.exp(np.abs(y))))  # from the nearer limit
-    own = np.sqrt(1.0 - law.share) * score[..., None]
-    others = ndtr(np.sqrt(law.share) * COMMON - own) ** (law.planets - 1)
+    scaled = np.sqrt(1.0 - law.share) * score[..., None]
+    others = ndtr(np.sqrt(law.share) * COMMON - scaled) ** (law.planets - 1)
     return np.asarray(0.5 * law.planets * (others @ COMMON_WEIGHTS))
 
 
@@ -180,5 +180,5 @@ def _densities(law: TighterPlanet) -> Array:
 def _hermite(rise: Array, tangent: Array) -> Array:
     """Cubics (4, CELLS) that start at 0, rise by `rise` a cell, with the slopes at its ends."""
     before = np.concatenate([[0.0], np.cumsum(rise)[:-1]])
-    left, right = tangent[:-1], tangent[1:]
-    return np.array([before, left, 3.0 * rise - 2.0 * left - right, left + right - 2.0 * rise])
+    start, end = tangent[:-1], tangent[1:]
+    return np.array([before, start, 3.0 * rise - 2.0 * start - end, start + end - 2.0 * rise])

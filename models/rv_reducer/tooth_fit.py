@@ -70,7 +70,7 @@ def fit(geometry: RvGeometry, target: Target, radial_gap: float | None, kind: st
     ArithmeticError where nothing keeps the constraints (a gap beyond `LARGEST`).
     """
     programme = _programme(geometry, target, radial_gap, CLEARANCES[kind])
-    found = scipy.optimize.linprog(
+    solution = scipy.optimize.linprog(
         programme.cost,
         A_ub=programme.above,
         b_ub=programme.below,
@@ -79,29 +79,31 @@ def fit(geometry: RvGeometry, target: Target, radial_gap: float | None, kind: st
         bounds=list(zip(programme.low.tolist(), programme.high.tolist(), strict=True)),
         method="highs",
     )
-    if found.x is None or found.fun is None:
-        raise ArithmeticError(f"no modification keeps g1 to g5: {found.message}")
-    bound = programme.bound(found.ineqlin.marginals, found.eqlin.marginals)
-    dr_rp, dr_p = (float(value) * UM for value in found.x[:2])
-    return Fit(dr_rp, dr_p, float(found.fun) * UM, bound * UM)
+    if solution.x is None or solution.fun is None:
+        raise ArithmeticError(f"no modification keeps g1 to g5: {solution.message}")
+    bound = programme.bound(solution.ineqlin.marginals, solution.eqlin.marginals)
+    dr_rp, dr_p = (float(value) * UM for value in solution.x[:2])
+    return Fit(dr_rp, dr_p, float(solution.fun) * UM, bound * UM)
 
 
 def _programme(
     geometry: RvGeometry, target: Target, radial_gap: float | None, kind: Clearance
 ) -> Programme:
     """In micrometres: x = (dr_rp, dr_p, t of every angle that counts)."""
-    zero, one = np.zeros(1), np.ones(1)
+    zero, unit = np.zeros(1), np.ones(1)
     rows = np.stack(
-        [kind(geometry, one, zero, target.phi), kind(geometry, zero, one, target.phi)], axis=1
+        [kind(geometry, unit, zero, target.phi), kind(geometry, zero, unit, target.phi)], axis=1
     )
     counts = target.weight > 0.0
     size, wanted = int(counts.sum()), target.clearance[counts] / UM
     slack = -np.eye(size)
     inside = rows[counts]
     g34 = np.array([[-1.0, 1.0], [-1.0, geometry.flank]])
-    others = np.vstack([g34, -rows])
-    above = np.block([[inside, slack], [-inside, slack], [others, np.zeros((len(others), size))]])
-    below = np.concatenate([wanted, -wanted, np.zeros(len(others))])
+    nonnegative = np.vstack([g34, -rows])
+    above = np.block(
+        [[inside, slack], [-inside, slack], [nonnegative, np.zeros((len(nonnegative), size))]]
+    )
+    below = np.concatenate([wanted, -wanted, np.zeros(len(nonnegative))])
     equal = np.zeros((0 if radial_gap is None else 1, 2 + size))
     equal[:, :2] = (1.0, -1.0)
     to = np.full(len(equal), 0.0 if radial_gap is None else radial_gap / UM)

@@ -42,7 +42,7 @@ def _reading(name: str, unit: str, meaning: str, high: float) -> Parameter:
 
 
 OWN: tuple[Parameter, ...] = (
-    next(one for one in declared.PARAMETERS if one.name == "sun_pitch_radius_mm"),
+    next(parameter for parameter in declared.PARAMETERS if parameter.name == "sun_pitch_radius_mm"),
     _reading(
         "sun_runout_um",
         "um",
@@ -145,8 +145,12 @@ class RvTransmission(MeasurableModel):
         designs: Mapping[str, float] | None = None,
         inputs: Mapping[str, Distribution] | None = None,
     ) -> None:
-        given = {one.name: one.default for one in OWN} | dict(parameters or {})
-        p = {one.name: number(given[one.name]) for one in OWN if not one.choices}
+        given = {parameter.name: parameter.default for parameter in OWN} | dict(parameters or {})
+        p = {
+            parameter.name: number(given[parameter.name])
+            for parameter in OWN
+            if not parameter.choices
+        }
         self.unit = loaded_unit.loaded_unit(given)
         self.gear = loaded_unit.gear_of(given)
         train = Train(
@@ -170,8 +174,10 @@ class RvTransmission(MeasurableModel):
         self.full: FullDynamics | None = None
         if given["dynamics"] == "full":
             angle = 2.0 * pi * np.arange(self.samples) / self.samples
-            moved = sum((size * np.exp(1j * k * angle) for k, size in excitation.items()), 0j)
-            displacement = np.real(moved) * np.ones(self.samples)
+            waves = sum(
+                (amplitude * np.exp(1j * k * angle) for k, amplitude in excitation.items()), 0j
+            )
+            displacement = np.real(waves) * np.ones(self.samples)
             self.full = FullDynamics(DisplacedMesh(tabulated(mesh, most), displacement), self.train)
 
     @classmethod
@@ -242,8 +248,10 @@ def _excitation(p: Mapping[str, float], unit: loaded_unit.LoadedUnit) -> dict[fl
     """
     ratio = unit.contact.geometry.nominal.reduction_ratio
     advance = 0.5 * p["sun_runout_um"] * UM / (p["sun_pitch_radius_mm"] * MM * ratio)
-    found = {
+    amplitudes = {
         ratio - 1.0: advance * np.exp(-1j * np.radians(p["sun_runout_phase_deg"])),
         ratio: complex(p["input_error_arcmin"] * ARCMIN / ratio),
     }
-    return {order: complex(size) for order, size in found.items() if size != 0.0}
+    return {
+        order: complex(amplitude) for order, amplitude in amplitudes.items() if amplitude != 0.0
+    }

@@ -37,7 +37,7 @@ class Stage:
 
     def backlash(self, errors: Mapping[str, float]) -> float:
         """phi_2 [rad] of errors [m] by name; below 0 it is interference."""
-        return self.offset + sum(self.contribution(name, one) for name, one in errors.items())
+        return self.offset + sum(self.contribution(name, error) for name, error in errors.items())
 
     def lower_bound(self, bounds: Bounds) -> float:
         """phi_2 [rad] that nothing within the bounds [m] can be below.
@@ -87,13 +87,13 @@ def least_clipped(stage: Stage, bounds: Bounds) -> ZoneOptimum:
     Where `least` interferes, every point of a whole surface phi_2 = 0 is an optimum; the one on the
     line from the middle of the bounds to that of `least` is returned.
     """
-    found = least(stage, bounds)
-    if found.backlash >= 0.0:
-        return found
+    optimum = least(stage, bounds)
+    if optimum.backlash >= 0.0:
+        return optimum
     middle = {name: 0.5 * (low + high) for name, (low, high) in bounds.items()}
 
     def at(share: float) -> dict[str, float]:
-        return {name: m + share * (found.errors[name] - m) for name, m in middle.items()}
+        return {name: m + share * (optimum.errors[name] - m) for name, m in middle.items()}
 
     if stage.backlash(middle) <= 0.0:
         return ZoneOptimum(middle, stage.backlash(middle), 0.0)
@@ -113,4 +113,6 @@ def _best(stage: Stage, name: str, ends: tuple[float, float]) -> float:
 def equal_shares(stage: Stage, total: float) -> dict[str, float]:
     """Widths [m] of linear zones that move phi_2 by the same share of `total` [rad] each."""
     share = total * stage.geometry.lever / len(LINEAR_ERRORS)
-    return {name: share / abs(one) for name, one in coefficients(stage.geometry).items()}
+    return {
+        name: share / abs(coefficient) for name, coefficient in coefficients(stage.geometry).items()
+    }

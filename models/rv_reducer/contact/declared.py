@@ -55,7 +55,10 @@ def loaded_contact(
 
     Raises InputError where the modification interferes or undercuts.
     """
-    p = {one.name: number(parameters.get(one.name, one.default)) for one in PARAMETERS}
+    p = {
+        parameter.name: number(parameters.get(parameter.name, parameter.default))
+        for parameter in PARAMETERS
+    }
     geometry = ContactGeometry(
         nominal=nominal or RvGeometry(),
         dr_rp=p["dr_rp_mm"] * MM,

@@ -132,9 +132,9 @@ def gaps(
     phi, shift = geometry.phase(angles), moved.shift[:, None, :, None]
     pins = _relative(geometry, moved, axes, phi)
     nominal = Nominal.at(geometry, phi) if nominal is None else nominal
-    found = _exact(geometry, phi, pins, shift) if exact else nominal.displaced(pins, shift)
+    gap = _exact(geometry, phi, pins, shift) if exact else nominal.displaced(pins, shift)
     turn, play = moved.turn(axes), moved.play[:, None]
-    return Gaps(found + moved.across[:, None], nominal.lever, turn, play)
+    return Gaps(gap + moved.across[:, None], nominal.lever, turn, play)
 
 
 def teeth(geometry: ContactGeometry, axes: Axes) -> Complex:

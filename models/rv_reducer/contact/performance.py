@@ -20,11 +20,11 @@ LOST_MOTION_SHARE = 0.03
 
 def backlash(contact: LoadedContact, errors: PartErrors, angles: Array) -> Array:
     """Backlash of rigid parts at every crank angle, (units, angles); negative: interference."""
-    found = np.empty((errors.units, angles.size))
+    play = np.empty((errors.units, angles.size))
     for block in contact.blocks(errors, angles):
         backward, forward = block.mesh.touch()
-        found[block.place] = forward - backward
-    return found
+        play[block.place] = forward - backward
+    return play
 
 
 def transmission_error(
@@ -42,12 +42,12 @@ def torque_twist(
     contact: LoadedContact, errors: PartErrors, angles: Array, torques: Array
 ) -> Array:
     """Mean rotation over the crank angles at each torque [N m], (units, torques)."""
-    found = np.zeros((errors.units, torques.size))
+    twist = np.zeros((errors.units, torques.size))
     for block in contact.blocks(errors, angles):
         for at, torque in enumerate(torques):
             turned = block.mesh.rotation(torque).sum(axis=1)
-            found[block.place[0], at] += turned / angles.size
-    return found
+            twist[block.place[0], at] += turned / angles.size
+    return twist
 
 
 def lost_motion(contact: LoadedContact, errors: PartErrors, angles: Array) -> Array:
@@ -87,5 +87,5 @@ def loading(contact: LoadedContact, errors: PartErrors, angles: Array, torque: f
         peak[block.place] = forces.max(axis=(2, 3))
         count[block.place] = np.mean(np.sum(forces > 0.0, axis=-1), axis=-1)
         stiffness[block.place] = block.mesh.torque(rotation)[1]
-    means = (one.mean(axis=1) for one in (peak, count, stiffness))
+    means = (values.mean(axis=1) for values in (peak, count, stiffness))
     return Loading(peak.max(axis=1), *means)

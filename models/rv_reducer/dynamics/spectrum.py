@@ -24,10 +24,10 @@ class Spectrum:
 
     def at(self, order: float) -> ComplexArray:
         """Amplitudes (...) of an order on the grid. Raises ValueError where it is not on it."""
-        found = np.flatnonzero(np.isclose(self.order, order, rtol=0.0, atol=1e-9))
-        if len(found) == 0:
+        places = np.flatnonzero(np.isclose(self.order, order, rtol=0.0, atol=1e-9))
+        if len(places) == 0:
             raise ValueError(f"order {order:g} is not on the grid of {self.order[1]:g}")
-        return np.asarray(self.amplitude[..., found[0]])
+        return np.asarray(self.amplitude[..., places[0]])
 
 
 def spectrum(reading: Array, turns: int = 1, grid: float | None = None) -> Spectrum:
@@ -49,10 +49,10 @@ def spectrum(reading: Array, turns: int = 1, grid: float | None = None) -> Spect
     return Spectrum(np.arange(bins.shape[-1]) / (turns * repeats), weight * bins)
 
 
-def mean_square(found: Spectrum) -> Array:
+def mean_square(lines: Spectrum) -> Array:
     """Mean square (...) of the reading, an even number of samples without a finer grid (Parseval).
 
     The last order is that of alternating samples: it counts fully, as the mean does.
     """
-    power = np.abs(found.amplitude) ** 2
+    power = np.abs(lines.amplitude) ** 2
     return np.asarray(power[..., 0] + 0.5 * power[..., 1:-1].sum(axis=-1) + power[..., -1])

@@ -96,7 +96,9 @@ class TabulatedMesh:
         if samples % self.samples != 0:
             raise ValueError(f"{samples} samples are no multiple of {self.samples}")
         tables = (self.torques, self.slopes)
-        torque, slope = (np.asarray(scipy.signal.resample(one, samples, axis=-1)) for one in tables)
+        torque, slope = (
+            np.asarray(scipy.signal.resample(table, samples, axis=-1)) for table in tables
+        )
         torque = np.maximum.accumulate(torque, axis=0)
         limited = _limited(torque, slope, self.nodes[1] - self.nodes[0])
         stride = self.stride * samples // self.samples
@@ -123,5 +125,5 @@ def _limited(torque: Array, slope: Array, step: float) -> Array:
     """Slopes (m, n) at most three times the chords beside them."""
     chord = np.diff(torque, axis=0) / step
     ends = np.full((1, torque.shape[1]), np.inf)
-    beside = np.minimum(np.concatenate([ends, chord]), np.concatenate([chord, ends]))
-    return np.asarray(np.clip(slope, 0.0, 3.0 * beside))
+    adjacent = np.minimum(np.concatenate([ends, chord]), np.concatenate([chord, ends]))
+    return np.asarray(np.clip(slope, 0.0, 3.0 * adjacent))

@@ -44,7 +44,7 @@ class Train:
 
     def faults(self, place: str) -> list[Fault]:
         """Everything that no steady state exists for."""
-        found = [
+        problems = [
             Fault(f"{place}.{name}", f"must be finite and above 0 kg m^2, got {_shown(value)}")
             for name, value in (
                 ("input_inertia", self.input_inertia),
@@ -55,8 +55,8 @@ class Train:
         ratio = np.asarray(self.damping_ratio)
         if not np.all((ratio > 0.0) & (ratio < 1.0)):
             text = f"must lie between 0 and 1 (0.02 to 0.06 is usual), got {_shown(ratio)}"
-            found.append(Fault(f"{place}.damping_ratio", text))
-        return found
+            problems.append(Fault(f"{place}.damping_ratio", text))
+        return problems
 
 
 def _shown(value: Array | float) -> str:

@@ -42,7 +42,13 @@ def _terms(axes: Single, disc: Single, circle: Single, terms: Single) -> None:
 
 @_compiled
 def _closed(
-    row: Single, own: Single, moved: Single, terms: Single, x: Single, flank: int, into: Single
+    row: Single,
+    pin_across: Single,
+    pin_along: Single,
+    terms: Single,
+    x: Single,
+    flank: int,
+    into: Single,
 ) -> None:
     """How far each lane's disc is turned beyond contact with one pin of `flank`, or 0."""
     gap, lever, radial, tangential = row[0], row[1], row[2], row[3]
@@ -50,8 +56,8 @@ def _closed(
     zero = np.float32(0.0)
     sign = np.float32(1.0) if flank == 0 else np.float32(-1.0)
     for u in range(into.size):
-        h = gap + lever * (own[u] + terms[0, u]) + radial * terms[1, u]
-        h += tangential * moved[u] + nx * terms[2, u] + ny * terms[3, u]
+        h = gap + lever * (pin_across[u] + terms[0, u]) + radial * terms[1, u]
+        h += tangential * pin_along[u] + nx * terms[2, u] + ny * terms[3, u]
         h += c * terms[4, u] + s * terms[5, u]
         into[u] = sign * max(sign * (x[u] - h), zero)
 
@@ -91,18 +97,18 @@ def _shares(
     `rise` is W; `fixed` what the functional takes from the disc's own turn, `of_turn` (lanes) from
     the unit's.
     """
-    one, zero, tiny = np.float32(1.0), np.float32(0.0), np.float32(1e-20)
+    unity, zero, tiny = np.float32(1.0), np.float32(0.0), np.float32(1e-20)
     for u in range(of_turn.size):
         stiffness, common = zero, of_turn[u]
         for d in range(rise.shape[0]):
             if side[d, u] != 0:
-                bent = one / (one + behind * rise[d, u])
+                bent = unity / (unity + behind * rise[d, u])
                 stiffness += bent * rise[d, u]
                 common += bent * fixed[d, u]
         common /= max(stiffness, tiny)
         for d in range(rise.shape[0]):
             if side[d, u] != 0:
-                bent = one / (one + behind * rise[d, u])
+                bent = unity / (unity + behind * rise[d, u])
                 share[d, u] = bent * (common + behind * fixed[d, u])
             else:
                 share[d, u] = fixed[d, u] / max(rise[d, u], tiny)
@@ -149,26 +155,26 @@ def _spread(
 
 
 @_compiled
-def _add_disc(sums: Single, axes: Single, own: Single, unit: Single, side: Any, total: Any) -> None:
+def _add_disc(sums: Single, axes: Single, z: Single, unit: Single, side: Any, total: Any) -> None:
     """Adds to `total` what the weights of one disc (7, lanes) make of errors of disc and unit."""
     ex, ey, dx, dy, cx, cy = axes[0], axes[1], axes[2], axes[3], axes[4], axes[5]
     for u in range(side.size):
         a, lever, radial = sums[0, u], sums[1, u], sums[2, u]
         nx, ny, c, s = sums[3, u], sums[4, u], sums[5, u], sums[6, u]
-        px, py = own[2, u] * dx - own[3, u] * dy, own[2, u] * dy + own[3, u] * dx
-        rx, ry = own[4, u] * dx - own[5, u] * dy, own[4, u] * dy + own[5, u] * dx
-        bx, by = own[10, u] * dx - own[11, u] * dy, own[10, u] * dy + own[11, u] * dx
+        px, py = z[2, u] * dx - z[3, u] * dy, z[2, u] * dy + z[3, u] * dx
+        rx, ry = z[4, u] * dx - z[5, u] * dy, z[4, u] * dy + z[5, u] * dx
+        bx, by = z[10, u] * dx - z[11, u] * dy, z[10, u] * dy + z[11, u] * dx
         total[0] += radial * unit[0, u]
         total[4] += c * px + s * py
         total[5] -= nx * rx + ny * ry
-        total[6] += a * (own[7, u] * cy + own[8, u] * cx) - (nx * ex + ny * ey) * own[6, u]
-        total[7] += lever * own[0, u]
-        total[8] -= radial * own[1, u]
-        total[9] += a * side[u] * own[9, u]
+        total[6] += a * (z[7, u] * cy + z[8, u] * cx) - (nx * ex + ny * ey) * z[6, u]
+        total[7] += lever * z[0, u]
+        total[8] -= radial * z[1, u]
+        total[9] += a * side[u] * z[9, u]
         total[10] += nx * unit[1, u] + ny * unit[2, u]
-        total[11] += nx * bx + ny * by - a * own[12, u]
-        total[12] += a * (own[14, u] * cy + own[15, u] * cx) - (ex * ny - ey * nx) * own[13, u]
-        total[13] -= a * own[16, u]
+        total[11] += nx * bx + ny * by - a * z[12, u]
+        total[12] += a * (z[14, u] * cy + z[15, u] * cx) - (ex * ny - ey * nx) * z[13, u]
+        total[13] -= a * z[16, u]
         total[14] += lever
 
 
@@ -188,13 +194,13 @@ def _add_pin(row: Single, weight: Single, units: Any, of_pin: Single, total: Any
 
 @_compiled
 def _weighed(
-    of_turn: Single, of_preload: Single, of_peak: Single, first: int, found: Any
+    of_turn: Single, of_preload: Single, of_peak: Single, first: int, units: Any
 ) -> tuple[int, int]:
     """Fills `found` with units from `first` on that have a weight: where to go on, and how many."""
     count, u = 0, first
-    while u < of_turn.size and count < found.size:
+    while u < of_turn.size and count < units.size:
         if of_turn[u] != 0.0 or of_preload[u] != 0.0 or of_peak[u] != 0.0:
-            found[count] = u
+            units[count] = u
             count += 1
         u += 1
     return u, count
@@ -235,7 +241,7 @@ def pull_back(
     many, wide, zero = start.shape[1], 0, np.float32(0.0)
     for a in range(start.shape[0]):
         wide = max(wide, stop[a, many - 1, 1] - start[a, 0, 0])
-    found, nothing = np.empty(LANES, np.int64), np.zeros(LANES, np.float32)
+    indices, nothing = np.empty(LANES, np.int64), np.zeros(LANES, np.float32)
     terms, kept = np.empty((6, LANES), np.float32), np.empty(LANES, np.float32)
     closed, sums = np.empty((wide, LANES), np.float32), np.empty((7, LANES), np.float32)
     rise, fixed, share = np.empty((3, many, LANES), np.float32)
@@ -243,11 +249,11 @@ def pull_back(
     for a in range(start.shape[0]):
         u, base = 0, start[a, 0, 0]
         while True:
-            u, n = _weighed(of_turn[a], of_preload[a], of_peak[a], u, found)
+            u, n = _weighed(of_turn[a], of_preload[a], of_peak[a], u, indices)
             if n == 0:
                 break
-            units, lanes = found[:n], slice(0, n)
-            own, moved, star = across[:, units], along[:, units], which[units]
+            units, lanes = indices[:n], slice(0, n)
+            lane_across, lane_along, star = across[:, units], along[:, units], which[units]
             turn, torque, load = of_turn[a][units], of_preload[a][units], of_peak[a][units]
             toward, by_unit = side[a][:, units], of_unit[:, units]
             rise[:] = zero
@@ -259,7 +265,7 @@ def pull_back(
                     taken = torque if flank == 0 else nothing[lanes]
                     for i in range(start[a, d, flank], stop[a, d, flank]):
                         j, into = pins[i], closed[i - base, lanes]
-                        _closed(rows[i], own[j], moved[j], terms, turned, flank, into)
+                        _closed(rows[i], lane_across[j], lane_along[j], terms, turned, flank, into)
                         bearing[i - base] = _collect(
                             into,
                             stiff[i],

@@ -33,9 +33,9 @@ class Loading:
 
     def __post_init__(self) -> None:
         wrong = [
-            f"{one.name} must be above 0, got {getattr(self, one.name)}"
-            for one in fields(self)
-            if one.name != "te_torque" and not getattr(self, one.name) > 0.0
+            f"{field.name} must be above 0, got {getattr(self, field.name)}"
+            for field in fields(self)
+            if field.name != "te_torque" and not getattr(self, field.name) > 0.0
         ]
         if not self.te_torque >= 0.0:
             wrong.append(f"te_torque must not be below 0, got {self.te_torque}")

@@ -61,7 +61,7 @@ class Slopes:
             arm * ahead * (1j * z["crank_phase"] * lines).mean(axis=0),
             np.broadcast_to(sides(geometry)[:, None], z["shift"].shape),
         ]
-        columns = [part for one in by_disc for part in _parts(one)]
+        columns = [part for errors in by_disc for part in _parts(errors)]
         return cls(
             _single(np.stack([z["pin_circle_radius"], circle.real, circle.imag])),
             _single(np.stack(columns, axis=1)),
@@ -81,7 +81,7 @@ def _single(value: Array) -> Single:
 def pull_back(
     lattice: Lattice,
     table: Table,
-    found: Touch,
+    touch: Touch,
     slopes: Slopes,
     weight: Array,
     engine: Engine = "auto",
@@ -96,8 +96,8 @@ def pull_back(
     name = ".compiled" if uses_numba(engine) else ".arrays"
     import_module(name, __package__).pull_back(
         _single(weight[rows] / ratio),
-        found.ahead[rows],
-        found.behind[rows],
+        touch.ahead[rows],
+        touch.behind[rows],
         table.values,
         lattice.pin,
         lattice.disc,

@@ -129,6 +129,6 @@ def _directions(geometry: ContactGeometry, angles: Array) -> Single:
     """Cosines and sines (positions, discs, 6) of eccentric, disc, and eccentric against cranks."""
     axes = Axes.at(geometry, angles)
     parts = [
-        part for one in (axes.eccentric, axes.disc, axes.crank) for part in (one.real, one.imag)
+        part for axis in (axes.eccentric, axes.disc, axes.crank) for part in (axis.real, axis.imag)
     ]
     return np.ascontiguousarray(np.stack(parts, axis=-1), dtype=np.float32)

@@ -100,9 +100,9 @@ class Measures:
         values = np.maximum(play[at, units].astype(np.float64), 0.0)
 
         def spread(weight: Array) -> Array:
-            found = np.zeros(play.shape)
-            found[at, units] = np.where(values > 0.0, weight, 0.0)
-            return found
+            weights = np.zeros(play.shape)
+            weights[at, units] = np.where(values > 0.0, weight, 0.0)
+            return weights
 
         return values, spread
 
@@ -148,9 +148,9 @@ class Measures:
             values, limit = play[at, units].astype(np.float64), -self.conditions.overlap
 
             def least(weight: Array) -> Array:
-                found = np.zeros(play.shape)
-                found[at, units] = weight
-                return found
+                weights = np.zeros(play.shape)
+                weights[at, units] = weight
+                return weights
 
             return Measure(share_below(values, limit, growth, radius), least)
         values = play.mean(axis=0, dtype=np.float64)
@@ -163,21 +163,21 @@ class Measures:
         values = np.maximum(-play[at, units].astype(np.float64), 0.0)
 
         def spread(weight: Array) -> Array:
-            found = np.zeros(play.shape)
-            found[at, units] = np.where(values > 0.0, -weight, 0.0)
-            return found
+            weights = np.zeros(play.shape)
+            weights[at, units] = np.where(values > 0.0, -weight, 0.0)
+            return weights
 
         return Measure(ordered_quantile(values, 0.95), spread)
 
     def _share_of_turn(self, growth: Array, radius: Array) -> Measure:
         play = self.turn.play.astype(np.float64)
-        wide = [np.broadcast_to(one, play.shape).ravel() for one in (growth, radius)]
-        found = share_below(play.ravel(), 0.0, *wide)
-        by_place = found.weight.reshape(play.shape)
+        wide = [np.broadcast_to(of_units, play.shape).ravel() for of_units in (growth, radius)]
+        below = share_below(play.ravel(), 0.0, *wide)
+        by_place = below.weight.reshape(play.shape)
         error = float(np.std(np.mean(play < 0.0, axis=0))) / np.sqrt(play.shape[1])
-        one = np.ones(play.shape[1])
-        whole = Statistic(found.value, one, 0.0, error, found.by_zone)
-        return Measure(whole, lambda weight: by_place * weight)
+        ones = np.ones(play.shape[1])
+        statistic = Statistic(below.value, ones, 0.0, error, below.by_zone)
+        return Measure(statistic, lambda weight: by_place * weight)
 
 
 # Not methods: a measure that its measures keep may not know them, or the arrays of every design

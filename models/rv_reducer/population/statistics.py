@@ -134,11 +134,11 @@ def mean(values: Array, involute: Involute) -> Statistic:
 def deviation(values: Array, involute: Involute) -> Statistic:
     """Standard deviation of phi_1 + Y."""
     count, centred = len(values), values - np.mean(values)
-    found = float(np.sqrt(np.mean(centred**2) + involute.variance))
-    safe = max(found, 1e-300)
+    value = float(np.sqrt(np.mean(centred**2) + involute.variance))
+    safe = max(value, 1e-300)
     fourth = float(np.mean(centred**4))
     error = np.sqrt(max(fourth - np.mean(centred**2) ** 2, 0.0) / count) / (2.0 * safe)
-    return Statistic(found, centred / (count * safe), involute.variance / safe, float(error))
+    return Statistic(value, centred / (count * safe), involute.variance / safe, float(error))
 
 
 def share_within(values: Array, involute: Involute, limit: float) -> Statistic:

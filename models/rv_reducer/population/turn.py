@@ -60,8 +60,8 @@ class Population:
         geometry = self.lattice.geometry
         table = Table.of(self.lattice, design.dr_rp, design.dr_p)
         units = Scaled.of(geometry, self.sample, design)
-        found = touch(self.lattice, table, units, self.engine)
-        return Turn(self, design, table, units, found, found.cycloid(geometry.output_ratio))
+        contact = touch(self.lattice, table, units, self.engine)
+        return Turn(self, design, table, units, contact, contact.cycloid(geometry.output_ratio))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -85,5 +85,5 @@ class Turn:
         `errors` stand for the standardised ones of the population.
         """
         drawn = self.population
-        own = errors or drawn.slopes
-        return pull_back(drawn.lattice, self.table, self.touch, own, weight, drawn.engine)
+        standardised = errors or drawn.slopes
+        return pull_back(drawn.lattice, self.table, self.touch, standardised, weight, drawn.engine)
