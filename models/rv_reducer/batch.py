@@ -25,7 +25,7 @@ from .sources import sources_of
 
 ANGLE = "output_angle_deg"
 PART = 16384
-"""Units worked on at once: 128 kB per array."""
+"""Units in one block: 128 kB per array."""
 
 
 class RvBatch(MeasurableModel):
@@ -120,7 +120,7 @@ class RvBatch(MeasurableModel):
 
 
 def opening(model: BacklashModel, changes: Mapping[str, Array]) -> Array | float:
-    """What changes of errors [um] and temperatures [K] add to phi_2 [rad]: A . change/(e z_c)."""
+    """Change of phi_2 [rad] by changes of errors [um] and temperatures [K]: A . change/(e z_c)."""
     errors = {error: UM * np.asarray(changes.get(f"{error}_um", 0.0)) for error in LINEAR_ERRORS}
     rises = [np.asarray(changes.get(f"{part}_temperature_K", 0.0)) for part in ("disc", "housing")]
     return model.opening(errors) + model.thermal_opening(*rises)

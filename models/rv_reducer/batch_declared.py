@@ -1,4 +1,4 @@
-"""Parameters and variables of the model `rv_batch` beside those of the backlash problem."""
+"""Parameters and variables of the model `rv_batch` in addition to those of `rv_backlash`."""
 
 from __future__ import annotations
 
@@ -100,9 +100,9 @@ GEOMETRY = (
     "discs",
     "cranks",
 )
-"""What tells one reducer from another at a glance."""
+"""Parameters by which reducers are distinguished."""
 OF_THE_BENCH = (MODEL, "positions", "measured")
-"""How a unit is looked at, whatever it was built to."""
+"""Parameters of the measurement, independent of the design of the unit."""
 
 VARIABLES: tuple[Variable, ...] = (
     *declared.VARIABLES,
@@ -110,4 +110,4 @@ VARIABLES: tuple[Variable, ...] = (
     _new("bore_um", 2.0, "um", "position of the crank bores in a disc, either direction"),
     _new("crank_phase_mrad", 2.0 / 1.3, "mrad", "phase of each journal of a crankshaft"),
 )
-"""Those of document B, and the errors from disc to disc at the values of `rv_reducer`."""
+"""The variables of document B, and errors between discs at the values of `rv_reducer`."""

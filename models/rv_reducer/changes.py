@@ -1,4 +1,4 @@
-"""What effects may change in a loaded unit, and the twist's first-order answer to it."""
+"""Quantities of a loaded unit that effects may change, and the first-order change of the twist."""
 
 from __future__ import annotations
 
@@ -141,7 +141,7 @@ CHANGEABLE = tuple(Changeable(change.name, change.unit, change.meaning) for chan
 
 
 class Answers:
-    """First-order answers of the twist to changes, each worked out when it is first asked for."""
+    """First-order responses of the twist to changes, each computed at its first use."""
 
     def __init__(self, unit: LoadedUnit, samples: int, most: float) -> None:
         self.unit, self.samples, self.most = unit, samples, most

@@ -71,8 +71,8 @@ class ContactUnits:
     ) -> Array:
         """Backlash (n,) [arcmin] of rows (n,) by the number of their unit, 0, 1, ...
 
-        `angles` (n,) [deg] are those of the output where each row is a reading at one. What a unit
-        is depends on its number and `rng` alone, and memory on `BLOCK` alone.
+        `angles` (n,) [deg] are those of the output where each row is a measurement at one angle.
+        The errors of a unit depend on its number and `rng` alone, and memory on `BLOCK` alone.
         """
         backlash, order = np.empty(len(row)), np.argsort(row, kind="stable")
         count = int(row.max(initial=-1)) + 1
@@ -139,8 +139,8 @@ class ContactUnits:
         return np.asarray(backlash, dtype=np.float64)
 
     def unclipped(self, sample: BaseSample, design: UnitDesign) -> Array:
-        """What the cycloid stage of units built to a design adds (n,) [arcmin], negative where all
-        of the turn interferes; the mean over a turn is never negative.
+        """Contribution (n,) [arcmin] of the cycloid stage of units of a design, negative where
+        all of the turn interferes; the mean over a turn is never negative.
         """
         return (
             self.play(sample, NO_CHANGES, design)
@@ -177,7 +177,7 @@ class ContactUnits:
         sample: BaseSample,
         changes: Mapping[str, Array],
     ) -> Array:
-        """Backlash (n,) [arcmin] of the cycloid stage, each row at its own angle (n,)."""
+        """Backlash (n,) [arcmin] of the cycloid stage, each row at an angle of `angles` (n,)."""
         different, lattice, table = mesh
         at, backlash = np.searchsorted(different, angles), np.empty(len(angles))
         for position in np.unique(at):
@@ -192,8 +192,7 @@ class ContactUnits:
     def mean(self, changes: Mapping[str, Array] = NO_CHANGES) -> float:
         """Mean [arcmin] over the population at the mean change, over a fixed Sobol sample.
 
-        Changes are compared over the same units, so that their difference has no sampling noise of
-        its own.
+        Changes are compared over the same units, so that their difference has no sampling noise.
         """
         key = frozenset((name, float(np.mean(value))) for name, value in changes.items())
         return self._mean + self._shifted(key) - self._shifted(frozenset())
@@ -223,8 +222,8 @@ class ContactUnits:
         """
         cycloid = np.concatenate([self._measured(part) for part in self._of_law()])
         rng = np.random.default_rng(SEEDS["law"])
-        share = (np.arange(SHIFTED) + rng.random((len(cycloid), SHIFTED))) / SHIFTED
-        z = self.basis.planet.quantile(share)
+        probability = (np.arange(SHIFTED) + rng.random((len(cycloid), SHIFTED))) / SHIFTED
+        z = self.basis.planet.quantile(probability)
         return np.asarray(
             (cycloid[:, None] + self.involute.middle + self.involute.half * z).ravel()
         )
@@ -264,5 +263,5 @@ def _rows(sample: BaseSample, units: Integers) -> BaseSample:
 
 def _of_rows(change: Array, rows: Integers) -> Array:
     """A change at some of the rows, where it is not the same for all of them."""
-    wide = np.asarray(change)
-    return wide if wide.ndim == 0 else wide[rows]
+    amount = np.asarray(change)
+    return amount if amount.ndim == 0 else amount[rows]

@@ -1,4 +1,4 @@
-"""What changes of one toleranced input do to units on the exact contact, for a batch."""
+"""Effects of changes of one toleranced input on units on the exact contact, for a batch."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ BASIS = (
 
 @dataclass(frozen=True)
 class ContactSources:
-    """The inputs of contact units; what they add up to is a sample, not a sum."""
+    """The inputs of contact units; their total is a sample, not a sum."""
 
     units: ContactUnits
 
@@ -61,7 +61,7 @@ class ContactSources:
         return Term(Empirical(tuple(values.tolist())), np.zeros(1), np.ones(1))
 
     def _values(self, **changed: object) -> Array:
-        """What the cycloid stage adds (n,) [arcmin] before it is cut off at zero."""
+        """Contribution (n,) [arcmin] of the cycloid stage before it is cut off at zero."""
         design = replace(self.units.design, **changed)  # type: ignore[arg-type]
         return self.units.unclipped(self.sample, design)
 

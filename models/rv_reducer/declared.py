@@ -1,4 +1,4 @@
-"""What the RV backlash models declare, by the names of configurations: parameters and variables.
+"""Parameters and variables of the RV backlash models, by the names of configurations.
 
 Shared by the problem `rv_backlash` and the model `rv_batch`. Defaults are document B's RV-40E-121.
 """
@@ -240,7 +240,7 @@ def backlash_model(
     mids_um: Mapping[str, float] | None,
     inputs: Mapping[str, Distribution],
 ) -> BacklashModel:
-    """The model (SI) of `parameters` by declared name; left-out ones keep their defaults.
+    """The model (SI) of `parameters` by declared name; omitted ones keep their defaults.
 
     `mids_um` replaces mid-limits by name of the error (`pin_radius`); `inputs` has distributions by
     the same names and `crank_bearing`, `involute_grade`.

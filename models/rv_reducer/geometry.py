@@ -32,7 +32,7 @@ class RvGeometry:
 
     @property
     def flank(self) -> float:
-        """sqrt(1 - k1^2): share of a radial displacement that closes the flank at first contact."""
+        """sqrt(1 - k1^2): part of a radial displacement that closes the flank at first contact."""
         return sqrt(1.0 - self.k1**2)
 
     @property

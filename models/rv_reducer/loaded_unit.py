@@ -124,8 +124,9 @@ PARAMETERS: tuple[Parameter, ...] = (
 class LoadedUnit:
     """A unit: the contact without its sharing of load, part errors, and the uneven stiffness.
 
-    `sharing` is what disc 1 has more of the series stiffness and disc 2 less, `variation` how much
-    it varies twice per turn of the crank against the carrier; both relative.
+    `sharing` is the excess of disc 1's series stiffness above the mean and the deficit of disc 2's,
+    `variation` the amplitude of the stiffness twice per turn of the crank against the carrier; both
+    relative.
     """
 
     contact: LoadedContact
@@ -134,7 +135,7 @@ class LoadedUnit:
     variation: float = 0.0
 
     def mesh(self, samples: int) -> Mesh:
-        """The mesh at so many output angles over one turn."""
+        """The mesh at `samples` output angles over one turn."""
         geometry = self.contact.geometry
         angles = turn_angles(samples, geometry.nominal.cycloid_teeth)
         crank = 2.0 * pi * (geometry.nominal.cycloid_teeth + 1) * np.arange(samples) / samples
@@ -145,7 +146,7 @@ class LoadedUnit:
 
 
 def loaded_unit(parameters: Mapping[str, Value]) -> LoadedUnit:
-    """The unit of `parameters` by declared name; left-out ones keep their defaults."""
+    """The unit of `parameters` by declared name; omitted ones keep their defaults."""
     p = {
         parameter.name: number(parameters.get(parameter.name, parameter.default))
         for parameter in PARAMETERS
@@ -161,7 +162,7 @@ def loaded_unit(parameters: Mapping[str, Value]) -> LoadedUnit:
 
 
 def faults(parameters: Mapping[str, Value]) -> list[Fault]:
-    """What no contact exists for: an undercut profile, pins that do not fit the teeth."""
+    """Parameters without a contact: an undercut profile, pins that do not fit the teeth."""
     p = {
         parameter.name: number(parameters.get(parameter.name, parameter.default))
         for parameter in PARAMETERS
@@ -210,7 +211,7 @@ def _part_errors(p: Mapping[str, float], geometry: ContactGeometry) -> PartError
 
 
 def gear_of(parameters: Mapping[str, object]) -> Gear:
-    """The orders of the unit that these parameters describe; what is left out keeps its default."""
+    """The orders of the unit that these parameters describe; omitted ones keep their defaults."""
     names = ("pins", "cycloid_teeth", "reduction_ratio")
     values = {
         parameter.name: parameter.default for parameter in PARAMETERS if parameter.name in names

@@ -20,16 +20,16 @@ from .order_table import LEFT_OUT, OrderTable
 from .readings import Rows, outside, warn_of_overload
 
 SAMPLES_PER_PIN = 50
-"""Enough for 0.01 arcmin: what the mesh of one tooth does (order 1560, 0.006') is not resolved."""
+"""Enough for 0.01 arcmin: the order of the mesh of one tooth (1560, 0.006') is not resolved."""
 REACH = 1.25
-"""The tables go to so many momentary torques, and straight on beyond."""
+"""The tables reach this multiple of the momentary torque; beyond it they are linear."""
 
 
 class RvLostMotion(MeasurableModel):
     """Twist of the output against a torque, input locked: loaded contact, without hysteresis.
 
-    Tabulated by order of the output angle over torque, for readings of any angle and torque. With
-    clearance, a reading without torque stays on the flank that was loaded last (`direction` -1:
+    Tabulated by order of the output angle over torque, for any angle and torque. With
+    clearance, a measurement without torque stays on the flank that was loaded last (`direction` -1:
     torque was positive), or is the middle of the clearance where no direction is given.
     """
 

@@ -19,9 +19,9 @@ NODES = 24
 TOUCH = 1e-6
 """[N m] in place of no torque, where the stiffness is that of the first pins that bear."""
 LEFT_OUT = 0.1 * ARCMIN / 60.0
-"""[rad] The smallest orders are left out, to this rms of their sum at any torque: 0.1 arcsec."""
+"""[rad] The smallest orders are omitted, to this rms of their sum at any torque: 0.1 arcsec."""
 ELEMENTS = 1_000_000
-"""Rows times orders that are worked on at once."""
+"""Rows times orders in one block."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -71,7 +71,7 @@ def _faults(columns: Mapping[str, Array]) -> list[Fault]:
 
 
 def outside(table: Mapping[str, NDArray[Any]], momentary: float) -> Outside:
-    """Torques [N m] beyond the momentary one, and speeds that are none."""
+    """Torques [N m] beyond the momentary one, and speeds that are not positive."""
     rows: dict[str, tuple[NDArray[np.bool_], str]] = {}
     if "torque_Nm" in table:
         wrong = np.abs(np.asarray(table["torque_Nm"], dtype=float)) > momentary

@@ -1,7 +1,7 @@
 """Units drawn at random, stage by stage: a Monte Carlo of the whole reducer in parts.
 
-The draws and their sum are those of the model `rv_batch`; here the three stages stay apart, and
-nothing is kept of a part but its statistics, so that memory does not grow with the units.
+The draws and their sum are those of the model `rv_batch`; here the three stages stay separate, and
+only the statistics of a part are kept, so that memory does not grow with the units.
 """
 
 from __future__ import annotations

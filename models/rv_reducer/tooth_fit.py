@@ -3,7 +3,7 @@
 Every clearance is linear in (dr_rp, dr_p), so that the problem is a linear programme: minimise
 sum w_i t_i with |clearance(phi_i) - target_i| <= t_i. HiGHS solves it, and its multipliers prove
 it: for multipliers y of any origin, y . b + min over the box of (c - A'y) . x is a lower bound of
-the optimum, and it is computed here, not taken on trust.
+the optimum, which is computed here independently of the solver.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ Clearance = Callable[[RvGeometry, Array, Array, Array], Array]
 CLEARANCES: dict[str, Clearance] = {"raw": raw_clearance, "after_contact": clearance}
 """D_raw, the profile in its nominal position, and D, after the disc has turned to first contact."""
 LARGEST = 1e-3
-"""Size [m] of modifications that are looked at: ten times what is ever ground."""
+"""Largest size [m] of a modification in the search: ten times what is ever ground."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +39,7 @@ class Fit:
 
     @property
     def gap(self) -> float:
-        """What the proof leaves open [m]."""
+        """Deviation minus its proven lower bound [m]."""
         return self.deviation - self.bound
 
 

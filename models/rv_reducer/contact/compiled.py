@@ -1,4 +1,4 @@
-"""The rotation under torque of many units by the compiled kernel: what it is given, and back.
+"""The rotation under torque of many units by the compiled kernel: its inputs and its output.
 
 Its formulas are those of `Nominal.displaced` and `Mesh.rotation`. Importing this needs numba.
 """
@@ -55,20 +55,20 @@ def _parts(*values: Complex) -> Array:
 
 
 def _pins(moved: Displacements) -> Array:
-    """All that is known of pins, (3, discs, pins, units)."""
+    """Displacements (x, y) of pins and change of the gap, (3, discs, pins, units)."""
     of_pins = (moved.pins.real, moved.pins.imag, moved.across)
     return np.stack([np.moveaxis(column, 0, -1) for column in of_pins])
 
 
 def _discs(moved: Displacements) -> Array:
-    """All that is known of discs, (11, discs, units)."""
+    """Displacements, turns, play, shift and pitch of discs, (11, discs, units)."""
     directions = _parts(moved.turning.T, moved.offset.T, moved.around.T)
     rest = (moved.angle, moved.play, moved.shift, moved.pitch.real, moved.pitch.imag)
     return np.concatenate([directions, np.stack([column.T for column in rest])])
 
 
 def _table(geometry: ContactGeometry, angles: Array, axes: Axes) -> Array:
-    """What the nominal profile says of each pin, (angles, discs, pins, 13), in housing's axes."""
+    """The nominal profile at each pin, (angles, discs, pins, 13), in the housing's axes."""
     phi = geometry.phase(angles)
     nominal = Nominal.at(geometry, phi)
     normal = nominal.normal * unit(geometry.pin_angles)

@@ -37,7 +37,7 @@ class Equilibrium:
 
     `rotation` (units, angles) [rad] is that of the carrier, forward from nominal; `pin_forces`
     (units, angles, discs, pins) [N] are normal; `loaded` (units, angles, discs) counts the pins
-    that bear; `residual` (units, angles) [N m] is what the forces on the pins leave of the torque.
+    that bear; `residual` (units, angles) [N m] is the pins' torque minus the applied torque.
     """
 
     rotation: Array
@@ -91,7 +91,7 @@ class LoadedContact:
     ) -> Equilibrium:
         """Balance under a torque on the carrier, forward positive, that fits (units, angles).
 
-        Without torque the carrier stands at first contact in `direction` (+1, -1). Warns
+        Without torque the carrier is at first contact in `direction` (+1, -1). Warns
         (`OverloadWarning`) of a torque beyond the momentary one, and computes it.
         """
         self._warn(torque)
@@ -117,7 +117,7 @@ class LoadedContact:
     def reaction(self, errors: PartErrors, angles: Array, rotation: Array) -> tuple[Array, Array]:
         """Torque [N m] on the carrier and tangent stiffness [N m/rad] at its rotation [rad].
 
-        All (units, angles). To ask again at other rotations keep `mesh` and use `Mesh.torque`.
+        All (units, angles). For further rotations keep `mesh` and use `Mesh.torque`.
         """
         return self.mesh(errors, angles).torque(rotation)
 

@@ -1,4 +1,4 @@
-"""What models on the loaded contact declare, by the names of configurations."""
+"""Parameters of models on the loaded contact, by the names of configurations."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ PARAMETERS: tuple[Parameter, ...] = (
 def loaded_contact(
     parameters: Mapping[str, Value], nominal: RvGeometry | None = None
 ) -> LoadedContact:
-    """The contact (SI) of `parameters` by declared name; left-out ones keep their defaults.
+    """The contact (SI) of `parameters` by declared name; omitted ones keep their defaults.
 
     Raises InputError where the modification interferes or undercuts.
     """

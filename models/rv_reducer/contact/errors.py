@@ -39,7 +39,7 @@ AXES: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "circle_phase": _UNIT,
     }
 )
-"""The axes of each error; any of them may have length 1 or, from the left, be left out."""
+"""The axes of each error; any of them may have length 1 or, from the left, be omitted."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -3,7 +3,7 @@
 Newton's method on the pins of the loaded flank alone converges from any start, because the torque
 is convex in the rotation; points where a pin of the other flank bears too, and those without
 torque, are solved one by one with bounds. All functions are in this file because numba's cache
-does not see changes of others.
+does not see changes of other files.
 """
 
 from __future__ import annotations

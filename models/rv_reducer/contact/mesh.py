@@ -66,16 +66,16 @@ class Discs:
         return torque + slope * (rotation - start), slope
 
 
-def _sums(share: Array, arm: Array) -> Array:
+def _sums(values: Array, arm: Array) -> Array:
     """Sums over the pins that bear before the first knot and after each: (..., pins + 1).
 
-    Pins with a positive arm bear after their knot, the others before it; summed apart, so that
-    nothing is left where no pin bears.
+    Pins with a positive arm bear after their knot, the others before it; they are summed
+    separately, so that the sum is exactly zero where no pin bears.
     """
-    after = np.zeros((*share.shape[:-1], share.shape[-1] + 1))
+    after = np.zeros((*values.shape[:-1], values.shape[-1] + 1))
     before = after.copy()
-    np.cumsum(np.where(arm > 0.0, share, 0.0), axis=-1, out=after[..., 1:])
-    backward = np.cumsum(np.where(arm < 0.0, share, 0.0)[..., ::-1], axis=-1)
+    np.cumsum(np.where(arm > 0.0, values, 0.0), axis=-1, out=after[..., 1:])
+    backward = np.cumsum(np.where(arm < 0.0, values, 0.0)[..., ::-1], axis=-1)
     before[..., :-1] = backward[..., ::-1]
     return after + before
 

@@ -1,4 +1,4 @@
-"""What a user measures on a reducer, from its loaded contact: quasi-static, without hysteresis.
+"""Measured quantities of a reducer from its loaded contact: quasi-static, without hysteresis.
 
 All angles are those of the carrier with the sun held, in radians, forward positive.
 """
@@ -15,7 +15,7 @@ from .errors import PartErrors
 
 Array = NDArray[np.float64]
 LOST_MOTION_SHARE = 0.03
-"""Share of the rated torque, either way, at which the catalogue states lost motion."""
+"""Fraction of the rated torque, either way, at which the catalogue states lost motion."""
 
 
 def backlash(contact: LoadedContact, errors: PartErrors, angles: Array) -> Array:
@@ -60,7 +60,7 @@ def lost_motion(contact: LoadedContact, errors: PartErrors, angles: Array) -> Ar
 def rigidity(
     contact: LoadedContact, errors: PartErrors, angles: Array, between: tuple[float, float]
 ) -> Array:
-    """Secant stiffness [N m/rad] between two shares of the rated torque, (units,)."""
+    """Secant stiffness [N m/rad] between two fractions of the rated torque, (units,)."""
     torques = np.array(between) * contact.rated_torque
     twist = torque_twist(contact, errors, angles, torques)
     return np.asarray((torques[1] - torques[0]) / (twist[:, 1] - twist[:, 0]))

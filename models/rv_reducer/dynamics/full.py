@@ -1,4 +1,4 @@
-"""Dynamic twist at any readings: a steady state for every operating point among them."""
+"""Dynamic twist at any measurements: a steady state for each of their operating points."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class NoSteadyState(UserWarning):
 
 
 class FullDynamics:
-    """Steady states of a train over a mesh, where readings need them."""
+    """Steady states of a train over a mesh, at the operating points of measurements."""
 
     def __init__(self, mesh: Mesh, train: Train, tolerance: float = 1e-7) -> None:
         self.mesh, self.train, self.tolerance = mesh, train, tolerance

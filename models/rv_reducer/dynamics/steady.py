@@ -69,7 +69,7 @@ class Oscillator:
 
 @dataclass(frozen=True, slots=True)
 class Steady:
-    """Twist (b, n) [rad], and the residual (b,) of the torque, relative, that is left."""
+    """Twist (b, n) [rad], and the relative residual (b,) of the torque."""
 
     twist: Array
     residual: Array
@@ -109,7 +109,7 @@ def steady_state(
 def _newton(
     mesh: Mesh, points: Oscillator, twist: Array, tolerance: float, iterations: int
 ) -> Steady:
-    """Newton's method from `twist`; points that are there stay."""
+    """Newton's method from `twist`; points that have converged stay."""
     twist = twist.copy()
     balance = _Balance(mesh, points)
     residual, slope = balance(twist)

@@ -19,15 +19,15 @@ POINTS_PER_WAVE = 16
 ELEMENTS = 2_000_000
 """Samples of all points together that are worked on at once, to bound the memory."""
 EXCITED = 0.02
-"""An order is excited where its static amplitude is this share of the largest (order 0 aside)."""
+"""An order is excited where its static amplitude is this fraction of the largest (without 0)."""
 
 
 @dataclass(frozen=True, slots=True)
 class Response:
     """Dynamic TE amplitude (half peak to peak) [rad], peak mesh force [N], residual, each (b,).
 
-    `residual` is what is left of the torque, relative; points above the tolerance are no steady
-    states, and their amplitude and force are NaN.
+    `residual` is that of the torque, relative; points above the tolerance are no steady states, and
+    their amplitude and force are NaN.
     """
 
     amplitude: Array
@@ -57,7 +57,7 @@ def sweep(
 
 
 def faults(train: Train, torque: Array | float, speed: Array | float) -> list[Fault]:
-    """Everything that no sweep exists for."""
+    """Inputs for which no sweep exists."""
     problems = train.faults("train")
     if not np.all(np.isfinite(torque)):
         problems.append(Fault("torque", "must be finite, in N m"))
@@ -89,7 +89,7 @@ def _fill(
 def warnings(
     mesh: Mesh, train: Train, torque: float, speed: Array, momentary: float = 2058.0
 ) -> tuple[str, ...]:
-    """What the user of a sweep over `speed` [rad/s] at one torque [N m] should know."""
+    """Warnings for a sweep over `speed` [rad/s] at one torque [N m]."""
     messages = []
     if abs(torque) > momentary:
         messages.append(f"torque {torque:g} N m is beyond the momentary {momentary:g} N m")

@@ -43,7 +43,7 @@ class Train:
         return np.asarray(2.0 * self.damping_ratio * np.sqrt(stiffness * self.reduced_inertia))
 
     def faults(self, place: str) -> list[Fault]:
-        """Everything that no steady state exists for."""
+        """Inputs for which no steady state exists."""
         problems = [
             Fault(f"{place}.{name}", f"must be finite and above 0 kg m^2, got {_shown(value)}")
             for name, value in (

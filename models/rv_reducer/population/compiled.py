@@ -1,7 +1,7 @@
 """First contact of many units, compiled by numba: positions, discs, pins, and units innermost.
 
-The formulas are those of `arrays`. All functions stand in this file because numba's cache does not
-see changes of others. Importing this needs numba.
+The formulas are those of `arrays`. All functions are in this file because numba's cache does not
+see changes of other files. Importing this needs numba.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What elastic units show under load, quasi-static and without hysteresis, with derivatives.
+"""Outputs of elastic units under load, quasi-static and without hysteresis, with derivatives.
 
 Pins press by a linear stiffness along their normals, and every disc turns the carrier through a
 spring: the balances of `contact.mesh`, with gaps that are linear in the errors.
@@ -33,9 +33,9 @@ CASES: Mapping[str, tuple[str, ...]] = {
 OUTPUTS = tuple(CASES)
 TE_POSITIONS = 251
 """Positions at which a unit's transmission error at rated torque comes out 3.6 % too small in the
-mean, its 99 % quantile 2 %: the turn's waves of orders 39 to 80 are met at every phase. 61 leave
-out 9 and 6 %, 1021 one. Primes that are nearly a multiple of 1/k of the teeth leave out more (59:
-26 %, 79, 97 and 137: 14 %, 127 and 157: 10 %)."""
+mean, its 99 % quantile 2 %: the turn's waves of orders 39 to 80 are met at every phase. With
+61 positions the deficits are 9 and 6 %, with 1021 they are 1 %. They are larger for primes that are
+nearly a multiple of 1/k of the teeth (59: 26 %, 79, 97 and 137: 14 %, 127 and 157: 10 %)."""
 HALF_ARCSEC = 30.0
 """Half an arc minute in arc seconds: from peak to peak to the transmission error."""
 
@@ -75,7 +75,7 @@ class Balances:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Elastic:
-    """Elastic outputs of n units: `values` by name, each (n,), for those of `OUTPUTS` asked for.
+    """Elastic outputs of n units: `values` by name, each (n,), for the requested ones of `OUTPUTS`.
 
     `lost_motion` [arcmin]: mean rotation over the turn at +3 % minus at -3 % of rated torque,
     without the involute stage. `preload_torque` [N m]: torque of the forward flanks, at the

@@ -25,7 +25,7 @@ _NONE = 1e-9
 
 
 def _terms(axes: Single, disc: Single, circle: Single) -> tuple[Array, Array, Array]:
-    """What adds to gaps (7, n), play and forward turn (n,) of one disc at one position."""
+    """Terms of the gaps (7, n), play and forward turn (n,) of one disc at one position."""
     ex, ey, dx, dy, cx, cy = axes.astype(float)
     errors = disc.astype(float)
     turning, offset = errors[4] + 1j * errors[5], errors[6] + 1j * errors[7]
@@ -104,40 +104,48 @@ def balances(
 ) -> None:
     """As `elastic_compiled.balances`."""
     for a in range(len(start)):
-        here = _Position(rows, pins, start[a], stop[a])
-        k, of_force = stiff[here.part].astype(float), force[here.part].astype(float)
+        position = _Position(rows, pins, start[a], stop[a])
+        k, of_force = stiff[position.part].astype(float), force[position.part].astype(float)
         for first in range(0, across.shape[1], BLOCK):
             u = slice(first, first + BLOCK)
-            gaps, play, ahead = here.gaps(
+            gaps, play, ahead = position.gaps(
                 axes[a], across[:, u], along[:, u], discs[:, :, u], circle[:, u]
             )
-            mesh = _mesh(here, gaps, play, ahead, k / of_force, of_force, float(behind))
+            mesh = _mesh(position, gaps, play, ahead, k / of_force, of_force, float(behind))
             for case, torque in enumerate(torques):
                 rotation = mesh.rotation(float(torque))
                 turn[case, a, u] = rotation[:, 0] / ARCMIN
                 place, side[case, a, :, u] = _discs(mesh, rotation)
                 x[case, a, :, u] = place
-                closed = here.closed(gaps, place)
+                closed = position.closed(gaps, place)
                 if torque == 0.0:
-                    preload[a, u] = np.sum((k * (here.sign > 0.0))[:, None] * closed, axis=0)
+                    preload[a, u] = np.sum((k * (position.sign > 0.0))[:, None] * closed, axis=0)
                 if case == rated:
                     forces = of_force[:, None] * closed
                     most = forces.max(axis=0)
                     higher = most > peak[u]
-                    which[u] = np.where(higher, here.part.start + forces.argmax(axis=0), which[u])
+                    which[u] = np.where(
+                        higher, position.part.start + forces.argmax(axis=0), which[u]
+                    )
                     where[u] = np.where(higher, a, where[u])
                     peak[u] = np.where(higher, most, peak[u])
 
 
 def _mesh(
-    here: _Position, gaps: Array, play: Array, turn: Array, arm: Array, force: Array, behind: float
+    position: _Position,
+    gaps: Array,
+    play: Array,
+    turn: Array,
+    arm: Array,
+    force: Array,
+    behind: float,
 ) -> Mesh:
     """The mesh at one position; pins that are not contacts of the lattice have no lever arm."""
     n, discs = gaps.shape[1], len(play)
-    lever = np.zeros((1, discs, int(here.pins.max()) + 1))
-    lever[0, here.disc, here.pins] = arm
+    lever = np.zeros((1, discs, int(position.pins.max()) + 1))
+    lever[0, position.disc, position.pins] = arm
     gap = np.ones((n, *lever.shape))
-    gap[:, 0, here.disc, here.pins] = gaps.T * arm * ARCMIN
+    gap[:, 0, position.disc, position.pins] = gaps.T * arm * ARCMIN
     turned, free = (angles.T[:, None] * ARCMIN for angles in (turn, play))
     stiffness = np.full((1, 1, 1, 1), force[0] / arm[0] / ARCMIN)
     return Mesh.of(
@@ -183,32 +191,32 @@ def pull_back(
     """As `elastic_pull_back.pull_back`."""
     for a in range(len(start)):
         u = np.flatnonzero((of_turn[a] != 0) | (of_preload[a] != 0) | (of_peak[a] != 0))
-        here = _Position(rows, pins, start[a], stop[a])
-        table = rows[here.part].astype(float)
-        gaps, _, _ = here.gaps(axes[a], across[:, u], along[:, u], discs[:, :, u], circle[:, u])
-        closed = here.closed(gaps, x[a][:, u].astype(float))
-        bears = stiff[here.part, None] * (closed != 0.0)
-        squeezed = bears * of_preload[a, u] * (here.sign > 0.0)[:, None]
-        star = np.arange(here.part.start, here.part.stop)[:, None] == which[u]
-        direct = force[here.part, None] * of_peak[a, u] * star
+        position = _Position(rows, pins, start[a], stop[a])
+        table = rows[position.part].astype(float)
+        gaps, _, _ = position.gaps(axes[a], across[:, u], along[:, u], discs[:, :, u], circle[:, u])
+        closed = position.closed(gaps, x[a][:, u].astype(float))
+        bears = stiff[position.part, None] * (closed != 0.0)
+        squeezed = bears * of_preload[a, u] * (position.sign > 0.0)[:, None]
+        star = np.arange(position.part.start, position.part.stop)[:, None] == which[u]
+        direct = force[position.part, None] * of_peak[a, u] * star
         many, toward = len(discs), side[a][:, u]
-        share = _shares(
-            here.by_disc(bears, many),
-            here.by_disc(squeezed + direct, many),
+        factor = _factors(
+            position.by_disc(bears, many),
+            position.by_disc(squeezed + direct, many),
             toward,
             float(behind),
             of_turn[a, u],
         )
-        through = share[here.disc] * bears - squeezed
+        through = factor[position.disc] * bears - squeezed
         weight = through - direct
-        lean_of = lean[here.part, None] * closed * (2.0 * through - direct)
+        lean_of = lean[position.part, None] * closed * (2.0 * through - direct)
         total[15] += np.sum(table[:, 8:9] * weight - lean_of)
-        placed, hole, radius = (of_pins[k][here.pins][:, u] * weight for k in range(3))
+        placed, hole, radius = (of_pins[k][position.pins][:, u] * weight for k in range(3))
         total[1] += np.sum(table[:, 3:4] * placed)
         total[2] += np.sum(table[:, 1:2] * hole)
         total[3] -= np.sum(table[:, 1:2] * radius)
         for d in range(many):
-            of_disc = here.disc == d
+            of_disc = position.disc == d
             sums = np.stack(
                 [
                     weight[of_disc].sum(axis=0),
@@ -218,8 +226,8 @@ def pull_back(
             _add_disc(sums, axes[a, d], of_discs[d][:, u], of_unit[:, u], toward[d], total)
 
 
-def _shares(rise: Array, fixed: Array, side: Any, behind: float, of_turn: Single) -> Array:
-    """What a contact's stiffness is to be taken times to be its weight through the balance."""
+def _factors(rise: Array, fixed: Array, side: Any, behind: float, of_turn: Single) -> Array:
+    """Factors by which a contact's stiffness gives its weight through the balance."""
     loaded = side != 0
     bent = loaded / (1.0 + behind * rise)
     common = (of_turn + np.sum(bent * fixed, axis=0)) / np.maximum(
@@ -230,7 +238,7 @@ def _shares(rise: Array, fixed: Array, side: Any, behind: float, of_turn: Single
 
 
 def _add_disc(sums: Array, axes: Single, z: Single, unit: Single, side: Any, total: Any) -> None:
-    """Adds to `total` what the weights of one disc (7, n) make of errors of disc and unit."""
+    """Adds to `total` the weights of one disc (7, n) times the errors of disc and unit."""
     ex, ey, dx, dy, cx, cy = axes.astype(float)
     eccentric, disc, crank = ex + 1j * ey, dx + 1j * dy, cx + 1j * cy
     weight, lever, radial = sums[:3]

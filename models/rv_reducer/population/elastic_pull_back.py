@@ -2,10 +2,10 @@
 
 With W and H the sums over the bearing pins of a disc of stiffness w and of w dh, play P closed in
 the direction of load and c the compliance behind the disc, a balance changes by
-dM = (W (db + ds -+ dP) - H)/(1 + c W), sum of dM = 0. What a turn, the torque of a flank or the
-force on a pin changes with each gap is a weight by contact; the disc's own turn takes what is left.
-All functions stand in this file because numba's cache does not see changes of others. Importing
-this needs numba.
+dM = (W (db + ds -+ dP) - H)/(1 + c W), sum of dM = 0. The derivative of a turn, of the
+torque of a flank or of the force on a pin by each gap is a weight by contact; the turn of the disc
+takes the remaining change. All functions are in this file because numba's cache does not see
+changes of other files. Importing this needs numba.
 """
 
 from __future__ import annotations
@@ -74,9 +74,9 @@ def _collect(
     rise: Single,
     fixed: Single,
 ) -> Any:
-    """Adds one contact to the stiffness of its disc, and to what the functional takes from it.
+    """Adds one contact to its disc's stiffness and to the functional's derivative by its turn.
 
-    Whether it bears in any lane.
+    Returns whether the contact bears in any lane.
     """
     zero = np.float32(0.0)
     most: Any = zero
@@ -89,13 +89,13 @@ def _collect(
 
 
 @_compiled
-def _shares(
-    rise: Single, fixed: Single, side: Any, behind: float, of_turn: Single, share: Single
+def _factors(
+    rise: Single, fixed: Single, side: Any, behind: float, of_turn: Single, factor: Single
 ) -> None:
-    """What w is to be taken times to be a contact's weight through the balance, (discs, lanes).
+    """Factors (discs, lanes) by which w gives a contact's weight through the balance.
 
-    `rise` is W; `fixed` what the functional takes from the disc's own turn, `of_turn` (lanes) from
-    the unit's.
+    `rise` is W; `fixed` is the derivative of the functional by the turn of the disc alone,
+    `of_turn` (lanes) that by the turn of the unit.
     """
     unity, zero, tiny = np.float32(1.0), np.float32(0.0), np.float32(1e-20)
     for u in range(of_turn.size):
@@ -109,9 +109,9 @@ def _shares(
         for d in range(rise.shape[0]):
             if side[d, u] != 0:
                 bent = unity / (unity + behind * rise[d, u])
-                share[d, u] = bent * (common + behind * fixed[d, u])
+                factor[d, u] = bent * (common + behind * fixed[d, u])
             else:
-                share[d, u] = fixed[d, u] / max(rise[d, u], tiny)
+                factor[d, u] = fixed[d, u] / max(rise[d, u], tiny)
 
 
 @_compiled
@@ -122,7 +122,7 @@ def _spread(
     force: float,
     contact: int,
     closed: Single,
-    share: Single,
+    factor: Single,
     of_torque: Single,
     of_force: Single,
     star: Any,
@@ -139,7 +139,7 @@ def _spread(
     by_shift = zero
     for u in range(kept.size):
         bears = stiff if closed[u] != zero else zero
-        through = (share[u] - of_torque[u]) * bears
+        through = (factor[u] - of_torque[u]) * bears
         direct = force * of_force[u] if star[u] == contact else zero
         a = through - direct
         kept[u] = a
@@ -156,7 +156,7 @@ def _spread(
 
 @_compiled
 def _add_disc(sums: Single, axes: Single, z: Single, unit: Single, side: Any, total: Any) -> None:
-    """Adds to `total` what the weights of one disc (7, lanes) make of errors of disc and unit."""
+    """Adds to `total` the weights of one disc (7, lanes) times the errors of disc and unit."""
     ex, ey, dx, dy, cx, cy = axes[0], axes[1], axes[2], axes[3], axes[4], axes[5]
     for u in range(side.size):
         a, lever, radial = sums[0, u], sums[1, u], sums[2, u]
@@ -180,7 +180,7 @@ def _add_disc(sums: Single, axes: Single, z: Single, unit: Single, side: Any, to
 
 @_compiled
 def _add_pin(row: Single, weight: Single, units: Any, of_pin: Single, total: Any) -> None:
-    """Adds to `total` what the weights of one contact make of errors of its pin (3, units)."""
+    """Adds to `total` the weights of one contact times the errors of its pin (3, units)."""
     placed = hole = radius = np.float32(0.0)
     for u in range(weight.size):
         at = units[u]
@@ -196,7 +196,10 @@ def _add_pin(row: Single, weight: Single, units: Any, of_pin: Single, total: Any
 def _weighed(
     of_turn: Single, of_preload: Single, of_peak: Single, first: int, units: Any
 ) -> tuple[int, int]:
-    """Fills `found` with units from `first` on that have a weight: where to go on, and how many."""
+    """Fills `units` with those from `first` on that have a weight.
+
+    Returns the unit from which to go on, and the number of units.
+    """
     count, u = 0, first
     while u < of_turn.size and count < units.size:
         if of_turn[u] != 0.0 or of_preload[u] != 0.0 or of_peak[u] != 0.0:
@@ -232,7 +235,7 @@ def pull_back(
     of_pins: Single,
     total: Any,
 ) -> None:
-    """Adds to `total` (16) the slopes of the weighted sum of what one load case shows.
+    """Adds to `total` (16) the slopes of the weighted sum of the outputs of one load case.
 
     `of_turn`, `of_preload`, `of_peak` (positions, units) weigh the turn, the torque of the forward
     flanks and the force on the contact `which` (units). `x`, `side` (positions, discs, units) are
@@ -244,7 +247,7 @@ def pull_back(
     indices, nothing = np.empty(LANES, np.int64), np.zeros(LANES, np.float32)
     terms, kept = np.empty((6, LANES), np.float32), np.empty(LANES, np.float32)
     closed, sums = np.empty((wide, LANES), np.float32), np.empty((7, LANES), np.float32)
-    rise, fixed, share = np.empty((3, many, LANES), np.float32)
+    rise, fixed, factor = np.empty((3, many, LANES), np.float32)
     bearing = np.empty(wide, np.bool_)
     for a in range(start.shape[0]):
         u, base = 0, start[a, 0, 0]
@@ -277,7 +280,7 @@ def pull_back(
                             rise[d, lanes],
                             fixed[d, lanes],
                         )
-            _shares(rise, fixed, toward, behind, turn, share)
+            _factors(rise, fixed, toward, behind, turn, factor)
             for d in range(many):
                 sums[:] = zero
                 for flank in range(2):
@@ -292,7 +295,7 @@ def pull_back(
                             force[i],
                             i,
                             closed[i - base, lanes],
-                            share[d, lanes],
+                            factor[d, lanes],
                             taken,
                             load,
                             star,

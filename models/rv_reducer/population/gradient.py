@@ -1,4 +1,4 @@
-"""Derivatives of what rigid units show, by the contacts that touch.
+"""Derivatives of the backlash of rigid units, by the contacts that touch.
 
 The turns at first contact are the least of functions that are linear in the tolerances, so that
 their derivatives are those of the contacts that make them.
@@ -23,7 +23,7 @@ from .touch import Engine, Single, Touch, uses_numba
 
 Array = NDArray[np.float64]
 NAMES = (*ERRORS, "stagger", "dr_rp", "dr_p")
-"""What a gradient is by: zones [arcmin/um], of crank_phase [arcmin/mrad], stagger, and both
+"""Variables of a gradient: zones [arcmin/um], of crank_phase [arcmin/mrad], stagger, and both
 modifications [arcmin/mm]."""
 
 

@@ -66,7 +66,7 @@ def _prime(number: int) -> bool:
 class Lattice:
     """Positions of a turn and the contacts that can bear at each, in the order of the kernels.
 
-    A contact is a pin of a disc at a position with a lever arm worth counting; `start`
+    A contact is a pin of a disc at a position with a lever arm of `LEAST_LEVER` or more; `start`
     (positions, discs, 2) is the first contact of the forward (0) and backward (1) flank, `stop`
     one past the last. By contact: `pin` its pin and `disc` its disc, `phase` [rad] the magnitude of
     its phase, `side` the sign of it, `direction` exp(i theta) of the pin. `profile` is the nominal

@@ -1,4 +1,4 @@
-"""What rigid units show over a turn, as statistics over units with their derivatives."""
+"""Statistics over rigid units of their backlash over a turn, with derivatives."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ INTERFERENCE = ("turn_mean", "share_of_turn", "overlap", "preload")
 
 @dataclass(frozen=True, slots=True)
 class Conditions:
-    """What statistics are asked for: one-sided `coverage`, the `limit` [arcmin] of the yield, and
+    """Options of the statistics: one-sided `coverage`, the `limit` [arcmin] of the yield, and
     what counts as interference (`turn_mean`: y < 0 in the mean of the turn; `share_of_turn`: at any
-    position, as a share of all; `overlap`: y < -`overlap` [arcmin] anywhere).
+    position, as a fraction of all; `overlap`: y < -`overlap` [arcmin] anywhere).
     """
 
     coverage: float = 0.9973
@@ -49,12 +49,12 @@ class Measure:
     spread: Spread
 
     def slopes(self, turn: Turn, errors: Slopes | None = None) -> Array:
-        """Derivatives by `gradient.NAMES`, the size of phi_1 left out; `errors` as in a turn."""
+        """Derivatives by `gradient.NAMES`, none by the size of phi_1; `errors` as in a turn."""
         return turn.slopes(self.spread(self.statistic.weight), errors)
 
 
 class Measures:
-    """Statistics of a turn by name, each computed when it is first asked for."""
+    """Statistics of a turn by name, each computed at its first use."""
 
     def __init__(self, turn: Turn, involute: Involute, conditions: Conditions) -> None:
         self.turn, self.involute, self.conditions = turn, involute, conditions
@@ -131,7 +131,7 @@ class Measures:
     # ---------------------------------------------------------------- interference
 
     def _growth(self) -> tuple[Array, Array]:
-        """What y grows by with the standardised pin-circle radius [arcmin], and that radius."""
+        """Growth of y with the standardised pin-circle radius [arcmin], and that radius."""
         lattice, z = self.turn.population.lattice, self.turn.population.sample.z
         nominal = lattice.geometry.nominal
         gain = 2.0 * nominal.flank / nominal.lever * UM / ARCMIN / lattice.geometry.output_ratio

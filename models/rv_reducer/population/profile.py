@@ -23,7 +23,7 @@ from ..contact.nominal import Nominal
 
 Array = NDArray[np.float64]
 LEAST_LEVER = 0.3
-"""Share of the largest lever arm below which pins are left out: they close no backlash."""
+"""Fraction of the largest lever arm below which pins are omitted: they close no backlash."""
 PHASES, SHIFTS = 96, 9
 """Chebyshev nodes over the phase, and over the shift modification, where they are enough."""
 DOUBLED = 2
@@ -31,7 +31,7 @@ DOUBLED = 2
 ACCURACY = 10e-9
 """Error [m] of distances from the curve below which nodes are enough."""
 RANGE = (-150e-6, 30e-6)
-"""Shift modifications [m] that one polynomial covers; others take a polynomial of their own."""
+"""Shift modifications [m] that one polynomial covers; another polynomial is made for others."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -30,10 +30,10 @@ ECCENTRIC_ERRORS = (
 
 @dataclass(frozen=True, slots=True)
 class Hierarchy:
-    """How the errors of one unit hang together.
+    """Dependence between the errors of one unit.
 
-    `share_pins` and `share_discs` are the shares of variance that the pins, and the discs, of one
-    unit have in common; both are assumptions. `inputs` has distributions by name of the error,
+    `share_pins` and `share_discs` are the fractions of variance that the pins, and the discs, of
+    one unit have in common; both are assumptions. `inputs` has distributions by name of the error,
     uniform where not named.
     """
 
@@ -53,7 +53,7 @@ class BaseSample:
     `z` by name of the error, units last: (n,) of errors of the whole unit, (pins, n) of pins,
     (discs, n) of discs, (cranks, discs, n) of eccentrics and bores; `phase` [rad] likewise of
     `pitch`, `runout` (discs, n) and `circle_offset` (n,). `planets` (planets + 1, n) are standard
-    normal: what all planets have in common, then each planet's own.
+    normal: the common part of all planets, then the part of each planet.
     """
 
     units: int

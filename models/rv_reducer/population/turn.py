@@ -22,7 +22,7 @@ Single = NDArray[np.float32]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Population:
-    """What every design is tried on: positions of a turn, a base sample, and its slopes."""
+    """Positions of a turn, a base sample and its slopes, which all designs have in common."""
 
     lattice: Lattice
     sample: BaseSample
@@ -82,7 +82,7 @@ class Turn:
     def slopes(self, weight: Array, errors: Slopes | None = None) -> Array:
         """Derivatives of sum(weight y), weight (positions, units), by `gradient.NAMES`.
 
-        `errors` stand for the standardised ones of the population.
+        `errors` replace the standardised errors of the population.
         """
         drawn = self.population
         standardised = errors or drawn.slopes

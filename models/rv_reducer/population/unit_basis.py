@@ -1,4 +1,4 @@
-"""What all units of an RV reducer have in common, and how they are drawn and built."""
+"""The properties that all units of an RV reducer have in common, and their construction."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ class UnitBasis:
     ) -> UnitDesign:
         """The design of one row of variables by name, in their units.
 
-        `means` [um] are by how much the means of errors are off their mid-limits; that of the
+        `means` [um] are the deviations of the means of errors from their mid-limits; that of the
         position of the pins turns the unit.
         """
         mids = {
