@@ -25,15 +25,15 @@ from .population.touch import touch
 from .population.unit_basis import UnitBasis, stem
 
 BLOCK = 4096
-"""Units drawn at once: some 20 MB."""
+"""Units drawn in one block: some 20 MB."""
 FIXED = 4096
 """Units of the fixed sample that means are taken over."""
 COMPARED = 1024
-"""Those over which a change of the mean is taken, by common random numbers."""
+"""Units over which a change of the mean is taken, by common random numbers."""
 LAW = 16_384
-"""Those of the fixed sample that the law of units is taken from."""
+"""Units of the fixed sample that the law of units is taken from."""
 SHIFTED = 12
-"""Clearances of the involute stage that each of them is combined with."""
+"""Clearances of the involute stage that each unit of the law is combined with."""
 SEEDS = {"means": 1, "law": 2}
 Integers = NDArray[np.int64]
 
@@ -215,7 +215,7 @@ class ContactUnits:
 
     @cached_property
     def law_sample(self) -> Array:
-        """Backlash (n,) [arcmin] of units that stand for the law of the population.
+        """Backlash (n,) [arcmin] of units that represent the law of the population.
 
         Each of `LAW` units of a fixed Sobol sample is combined with `SHIFTED` clearances of the
         involute stage, which is independent of them.

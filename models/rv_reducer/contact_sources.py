@@ -18,7 +18,7 @@ from .population.design import ERRORS
 from .population.sample import BaseSample
 
 UNITS = 2048
-"""Of the fixed sample that is built anew with every change."""
+"""Units of the fixed sample, which is built again for every change."""
 SEED = 3
 STEP = 0.5
 """Change [um] over which a mean is differentiated, by common random numbers."""
@@ -50,9 +50,9 @@ class ContactSources:
         inputs = (*(self._source(error) for error in ERRORS), self._flank())
         return Sources(total, 1.0, inputs, self.widened, BASIS)
 
-    def widened(self, one: Source, factor: float) -> Term:
+    def widened(self, source: Source, factor: float) -> Term:
         """The cycloid stage with the zone of one of its inputs `factor` as wide."""
-        error = one.name.removesuffix("_um").removesuffix("_mrad")
+        error = source.name.removesuffix("_um").removesuffix("_mrad")
         widths = dict(self.units.design.half_width)
         return self._cycloid(half_width=widths | {error: widths[error] * factor})
 

@@ -57,7 +57,7 @@ class EccentricityLaw:
 
     Document B has 0 at first order. With a factor of 1 the coefficients are fitted to exact 40-pin
     geometry of the RV-40E-121 (67.8 arcmin/mm times the polynomial) and hold for |d| <= 10 um; a
-    factor of 2 counts the error once for each flank, which is twice too much.
+    factor of 2 counts the error once for each flank, which is twice the correct value.
     """
 
     linear: float = -0.055

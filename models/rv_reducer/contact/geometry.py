@@ -49,10 +49,10 @@ class ContactGeometry:
 
     @property
     def output_ratio(self) -> float:
-        """b'/b: how far a disc turns against its mesh when the carrier turns and the input is held.
+        """b'/b: turn of a disc against its mesh per turn of the carrier with the input held.
 
-        With the sun held it is that of the nominal geometry, 121/117 for the RV-40E; cranks that
-        are held themselves stand in the housing, and so does the mesh: 1.
+        With the sun held it is that of the nominal geometry, 121/117 for the RV-40E. With the
+        cranks held they are at rest in the housing, as is the mesh, and it is 1.
         """
         return self.nominal.output_ratio if self.involute_stage else 1.0
 

@@ -79,7 +79,7 @@ class Loading:
 
 
 def loading(contact: LoadedContact, errors: PartErrors, angles: Array, torque: float) -> Loading:
-    """How the pins are loaded under a torque on the carrier [N m]."""
+    """The load of the pins under a torque on the carrier [N m]."""
     peak, count, stiffness = (np.empty((errors.units, angles.size)) for _ in range(3))
     for block in contact.blocks(errors, angles):
         rotation = block.mesh.rotation(torque)

@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 HIGH = 4.0
 """Waves whose inertia exceeds this many stiffnesses are corrected by themselves."""
 OVERSHOOT, HALVINGS = 1.5, 6
-"""A step is halved, so many times at most, where the residual grows by more than this."""
+"""Growth of the residual at which a step is halved, and the largest number of halvings."""
 SOFTENED = (16.0, 4.0, 2.0, 1.0)
 """Damping, relative, of the detour for points that Newton's method does not reach directly."""
 

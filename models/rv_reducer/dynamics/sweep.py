@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 POINTS_PER_WAVE = 16
 """Samples over a wave at the resonance that the differences in Newton's step need."""
 ELEMENTS = 2_000_000
-"""Samples of all points together that are worked on at once, to bound the memory."""
+"""Samples of all points together in one block, to bound the memory."""
 EXCITED = 0.02
 """An order is excited where its static amplitude is this fraction of the largest (without 0)."""
 

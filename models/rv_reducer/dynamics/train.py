@@ -25,7 +25,7 @@ class Train:
     load_inertia: Array | float = 4.216
     """[kg m^2] at the output."""
     damping_ratio: Array | float = 0.04
-    """Of the first mode at the operating torque, in (0, 1); 0.02 to 0.06 is usual."""
+    """Damping of the first mode at the operating torque, in (0, 1); 0.02 to 0.06 is usual."""
     reduction_ratio: float = 121.0
 
     @property

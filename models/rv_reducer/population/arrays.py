@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 Single = NDArray[np.float32]
 BLOCK = 512
-"""Units worked on at once."""
+"""Units in one block."""
 
 
 def _disc(axes: Single, disc: Single, circle: Single) -> tuple[Single, Single, Single]:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 Single = NDArray[np.float32]
 LANES = 256
-"""Units worked on side by side, so that they stay in the cache."""
+"""Units in one block, so that they stay in the cache."""
 
 
 def _compiled(function: Any) -> Any:

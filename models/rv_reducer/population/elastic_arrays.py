@@ -18,7 +18,7 @@ from ..contact.mesh import Mesh
 Array = NDArray[np.float64]
 Single = NDArray[np.float32]
 BLOCK = 256
-"""Units worked on at once, so that they stay in the cache."""
+"""Units in one block, so that they stay in the cache."""
 _TINY = 1e-20
 _NONE = 1e-9
 """Torque of a disc [N m] that counts as none."""
@@ -70,7 +70,7 @@ class _Position:
         return turns, play, turn
 
     def closed(self, gaps: Array, x: Array) -> Array:
-        """How far discs turned by x (discs, n) are beyond each contact, 0 where it is open."""
+        """Turn beyond each contact of discs turned by x (discs, n), 0 where the contact is open."""
         beyond = x[self.disc] - gaps
         return np.where(self.sign[:, None] * beyond > 0.0, beyond, 0.0)
 

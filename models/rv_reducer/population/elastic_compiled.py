@@ -278,7 +278,7 @@ def _balance(
 
 @_compiled
 def _open(discs: Discs, state: State, squeezed: Any) -> None:
-    """The middle of the play without torque, by lane; `squeezed` where pins bear all the same."""
+    """The middle of the play without torque, by lane; `squeezed` where pins bear."""
     (terms, low, high, _), (x, side, turn, _) = discs, state
     half = np.float32(0.5)
     for u in range(turn.size):

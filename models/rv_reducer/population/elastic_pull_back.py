@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 Single = NDArray[np.float32]
 LANES = 256
-"""Units worked on side by side, so that they stay in the cache."""
+"""Units in one block, so that they stay in the cache."""
 
 
 def _compiled(function: Any) -> Any:
@@ -50,7 +50,7 @@ def _closed(
     flank: int,
     into: Single,
 ) -> None:
-    """How far each lane's disc is turned beyond contact with one pin of `flank`, or 0."""
+    """Turn of each lane's disc beyond contact with one pin of `flank`, or 0."""
     gap, lever, radial, tangential = row[0], row[1], row[2], row[3]
     nx, ny, c, s = row[4], row[5], row[6], row[7]
     zero = np.float32(0.0)

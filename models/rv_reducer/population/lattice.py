@@ -23,7 +23,7 @@ def turn_lattice(positions: int, teeth: int) -> Array:
 
 
 def shares_a_factor(positions: int, geometry: ContactGeometry) -> bool:
-    """Whether the positions meet the same phases of the mesh again and again."""
+    """Whether the positions share a factor with teeth or pins, so that phases of the mesh recur."""
     nominal = geometry.nominal
     return positions > 1 and (
         gcd(positions, nominal.cycloid_teeth) > 1 or gcd(positions, nominal.pins) > 1

@@ -180,8 +180,8 @@ class Measures:
         return Measure(statistic, lambda weight: by_place * weight)
 
 
-# Not methods: a measure that its measures keep may not know them, or the arrays of every design
-# stay in memory until Python searches for cycles.
+# These are not methods: a measure that refers to the `Measures` that keep it would be a cycle, and
+# the arrays of every design would stay in memory until Python searches for cycles.
 
 
 def _evenly(play: NDArray[np.float32], weight: Array) -> Array:

@@ -27,7 +27,7 @@ LEAST_LEVER = 0.3
 PHASES, SHIFTS = 96, 9
 """Chebyshev nodes over the phase, and over the shift modification, where they are enough."""
 DOUBLED = 2
-"""How often the nodes are doubled at most."""
+"""Largest number of times the nodes are doubled."""
 ACCURACY = 10e-9
 """Error [m] of distances from the curve below which nodes are enough."""
 RANGE = (-150e-6, 30e-6)

@@ -35,7 +35,7 @@ def _table(planet: TighterPlanet) -> tuple[Array, Array]:
 class Involute:
     """phi_1 = middle + half z over units [arcmin], z the standardised clearance of a unit.
 
-    `half` 0 stands for a reducer without involute stage: a quantile is smoothed by `SMOOTHING`.
+    `half` is 0 for a reducer without involute stage: a quantile is smoothed by `SMOOTHING`.
     """
 
     middle: float
@@ -60,7 +60,7 @@ class Involute:
         return self._looked_up(excess, _table(self.planet)[0])
 
     def density(self, excess: Array) -> Array:
-        """Its derivative [1/arcmin]."""
+        """Derivative of `cdf` [1/arcmin]."""
         if self.half == 0.0:
             z = (excess - self.middle) / SMOOTHING
             return np.asarray(np.exp(-0.5 * z * z) / (np.sqrt(2.0 * np.pi) * SMOOTHING))
