@@ -273,7 +273,7 @@ def rotations(
     direction: int,
     rotation: Array,
 ) -> None:
-    """Fills `found` (angles, units) with rotations against the mesh under torques there.
+    """Fills `rotation` (angles, units) with rotations against the mesh under torques there.
 
     `table` (angles, discs, pins, 13), `axes` (6, angles, discs), `pins` (3, discs, pins, units),
     `discs` (11, discs, units), `normal`, `compliance` (units, angles, discs), `torque`
