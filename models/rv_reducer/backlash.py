@@ -78,11 +78,11 @@ class BacklashModel:
         return self.position_mids_count or name not in ROTATIONS
 
     def opening(self, changes: Mapping[str, Array | float]) -> Array | float:
-        """What changes [m] of errors that a unit has as a whole add to phi_2 [rad]."""
+        """Change of phi_2 [rad] by changes [m] of errors of the whole unit."""
         return sum((self.gain(name) * by for name, by in changes.items() if self.moves(name)), 0.0)
 
     def thermal_opening(self, disc: Array, housing: Array) -> Array:
-        """What temperature rises [K] of discs and housing add to phi_2 [rad], (n,)."""
+        """Change of phi_2 [rad], (n,), by temperature rises [K] of discs and housing."""
         return self.gain("pin_circle_radius") * pin_circle_growth(self.geometry, disc, housing)
 
     def _input(self, name: str) -> Distribution:
@@ -100,7 +100,7 @@ class BacklashModel:
         return Term(self._input("crank_bearing"), factor * mid, factor * half)
 
     def nominal(self, dr_rp: Array, dr_p: Array, stagger: Array) -> Array:
-        """phi_2 of parts without errors [rad], (n,): what modification and stagger leave."""
+        """phi_2 of parts without errors [rad], (n,), from modification and stagger."""
         play = modification_backlash(self.geometry, dr_rp, dr_p)
         return self.output_factor * (play - self.stagger_gain * stagger)
 

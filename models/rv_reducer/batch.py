@@ -25,7 +25,7 @@ from .sources import sources_of
 
 ANGLE = "output_angle_deg"
 PART = 16384
-"""Units worked on at once: 128 kB per array."""
+"""Units in one block: 128 kB per array."""
 
 
 class RvBatch(MeasurableModel):
@@ -69,21 +69,21 @@ class RvBatch(MeasurableModel):
         designs: Mapping[str, float] | None = None,
         inputs: Mapping[str, Distribution] | None = None,
     ) -> None:
-        given = {one.name: one.default for one in self.parameters} | dict(parameters or {})
+        values = {p.name: p.default for p in self.parameters} | dict(parameters or {})
         laws = {name.removesuffix("_um"): law for name, law in (inputs or {}).items()}
         self.model = declared.backlash_model(parameters or {}, None, laws)
         k1 = self.model.geometry.k1
         if not k1 < 1.0:
             text = f"e z_p/r_p must be below 1 (no undercut), got {k1:.4g}; lower the eccentricity"
             raise refuse("parameters.eccentricity_mm", text)
-        at = {v.name: float(v.document or 0.0) for v in self.variables} | dict(designs or {})
+        design = {v.name: float(v.document or 0.0) for v in self.variables} | dict(designs or {})
         self.contact = (
-            ContactUnits(given, at, inputs or {})
-            if given[batch_declared.MODEL] == batch_declared.CONTACT
+            ContactUnits(values, design, inputs or {})
+            if values[batch_declared.MODEL] == batch_declared.CONTACT
             else None
         )
-        one = {name: np.array([value], dtype=float) for name, value in at.items()}
-        self.allocation = declared.allocation(one)
+        columns = {name: np.array([value], dtype=float) for name, value in design.items()}
+        self.allocation = declared.allocation(columns)
         self.total = self.model.total(self.allocation)
 
     def predict(
@@ -120,8 +120,8 @@ class RvBatch(MeasurableModel):
 
 
 def opening(model: BacklashModel, changes: Mapping[str, Array]) -> Array | float:
-    """What changes of errors [um] and temperatures [K] add to phi_2 [rad]: A . change/(e z_c)."""
-    errors = {one: UM * np.asarray(changes.get(f"{one}_um", 0.0)) for one in LINEAR_ERRORS}
+    """Change of phi_2 [rad] by changes of errors [um] and temperatures [K]: A . change/(e z_c)."""
+    errors = {error: UM * np.asarray(changes.get(f"{error}_um", 0.0)) for error in LINEAR_ERRORS}
     rises = [np.asarray(changes.get(f"{part}_temperature_K", 0.0)) for part in ("disc", "housing")]
     return model.opening(errors) + model.thermal_opening(*rises)
 
@@ -131,9 +131,9 @@ def _units(table: Mapping[str, NDArray[Any]]) -> NDArray[np.int64]:
     if "repeat" not in table and ANGLE not in table:
         return np.arange(len(table["unit"]))
     lots = table.get("lot", np.zeros(len(table["unit"])))
-    seen: dict[tuple[Any, Any], int] = {}
+    numbers: dict[tuple[Any, Any], int] = {}
     pairs = zip(lots.tolist(), table["unit"].tolist(), strict=True)
-    return np.array([seen.setdefault(pair, len(seen)) for pair in pairs], dtype=np.int64)
+    return np.array([numbers.setdefault(pair, len(numbers)) for pair in pairs], dtype=np.int64)
 
 
 def drawn(terms: tuple[Term, ...], count: int, rng: np.random.Generator) -> Array:

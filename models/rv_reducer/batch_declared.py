@@ -1,4 +1,4 @@
-"""Parameters and variables of the model `rv_batch` beside those of the backlash problem."""
+"""Parameters and variables of the model `rv_batch` in addition to those of `rv_backlash`."""
 
 from __future__ import annotations
 
@@ -64,10 +64,13 @@ _OWN: tuple[Parameter, ...] = (
     ),
     _share("share_pins", "the errors of pins and their holes"),
     _share("share_discs", "equidistance and shift of the discs"),
-    *(one for one in contact.PARAMETERS if one.name in ("discs", "cranks")),
+    *(parameter for parameter in contact.PARAMETERS if parameter.name in ("discs", "cranks")),
 )
-_NAMES = {one.name for one in declared.PARAMETERS}
-PARAMETERS = (*declared.PARAMETERS, *(one for one in _OWN if one.name not in _NAMES))
+_NAMES = {parameter.name for parameter in declared.PARAMETERS}
+PARAMETERS = (
+    *declared.PARAMETERS,
+    *(parameter for parameter in _OWN if parameter.name not in _NAMES),
+)
 
 
 def _new(name: str, value: float, unit: str, meaning: str) -> Variable:
@@ -97,9 +100,9 @@ GEOMETRY = (
     "discs",
     "cranks",
 )
-"""What tells one reducer from another at a glance."""
+"""Parameters by which reducers are distinguished."""
 OF_THE_BENCH = (MODEL, "positions", "measured")
-"""How a unit is looked at, whatever it was built to."""
+"""Parameters of the measurement, independent of the design of the unit."""
 
 VARIABLES: tuple[Variable, ...] = (
     *declared.VARIABLES,
@@ -107,4 +110,4 @@ VARIABLES: tuple[Variable, ...] = (
     _new("bore_um", 2.0, "um", "position of the crank bores in a disc, either direction"),
     _new("crank_phase_mrad", 2.0 / 1.3, "mrad", "phase of each journal of a crankshaft"),
 )
-"""Those of document B, and the errors from disc to disc at the values of `rv_reducer`."""
+"""The variables of document B, and errors between discs at the values of `rv_reducer`."""

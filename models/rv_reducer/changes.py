@@ -1,4 +1,4 @@
-"""What effects may change in a loaded unit, and the twist's first-order answer to it."""
+"""Quantities of a loaded unit that effects may change, and the first-order change of the twist."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ Array = NDArray[np.float64]
 
 
 def _errors(unit: LoadedUnit, name: str, added: Array) -> LoadedUnit:
-    given = np.asarray(getattr(unit.errors, name), dtype=float)
-    given = given.reshape((1,) * (added.ndim - given.ndim) + given.shape)
-    return replace(unit, errors=replace(unit.errors, **{name: given + added}))
+    errors = np.asarray(getattr(unit.errors, name), dtype=float)
+    errors = errors.reshape((1,) * (added.ndim - errors.ndim) + errors.shape)
+    return replace(unit, errors=replace(unit.errors, **{name: errors + added}))
 
 
 def _pin_circle(unit: LoadedUnit, amount: float) -> LoadedUnit:
@@ -137,11 +137,11 @@ CHANGES = (
 """First order is exact for none of them, but within a few percent for changes of the size of a
 tolerance under load (docs/transmission_error.md)."""
 
-CHANGEABLE = tuple(Changeable(one.name, one.unit, one.meaning) for one in CHANGES)
+CHANGEABLE = tuple(Changeable(change.name, change.unit, change.meaning) for change in CHANGES)
 
 
 class Answers:
-    """First-order answers of the twist to changes, each worked out when it is first asked for."""
+    """First-order responses of the twist to changes, each computed at its first use."""
 
     def __init__(self, unit: LoadedUnit, samples: int, most: float) -> None:
         self.unit, self.samples, self.most = unit, samples, most
@@ -150,7 +150,7 @@ class Answers:
     def table(self, name: str) -> OrderTable:
         """d twist/d quantity [rad per unit], by order and torque."""
         if name not in self._known:
-            change = next(one for one in CHANGES if one.name == name)
+            change = next(candidate for candidate in CHANGES if candidate.name == name)
             low, high = (self._twist(change, step) for step in (change.low, change.high))
             step = change.high - change.low
             self._known[name] = high.difference(low, step, LEFT_OUT)
@@ -169,7 +169,7 @@ class Answers:
             name: np.broadcast_to(np.asarray(amount, dtype=float), rows)
             for name, amount in changes.items()
         }
-        known = {one.name for one in CHANGES}
+        known = {change.name for change in CHANGES}
         raise_all(
             [
                 *(

@@ -21,7 +21,7 @@ Band = tuple[float, float]
 class Target:
     """Wanted clearance [m] at profile angles [rad], and the weight of each; all (n + 1,).
 
-    A weight of 0 leaves an angle out of the sum; the constraints hold there all the same.
+    An angle of weight 0 is not in the sum; the constraints hold there all the same.
     """
 
     phi: Array
@@ -64,9 +64,9 @@ def near_conjugate(
 
 
 def table(phi: Array, at: Array, clearance: Array) -> Target:
-    """A user's own table: clearance [m] at rising angles `at` [rad], straight in between.
+    """A table of the user: clearance [m] at rising angles `at` [rad], straight in between.
 
-    Angles outside of the table are left out. Raises ValueError where it does not rise.
+    Angles outside of the table are omitted. Raises ValueError where the angles do not rise.
     """
     if not np.all(np.diff(at) > 0.0):
         raise ValueError(f"the angles of a clearance table must rise, got {at}")

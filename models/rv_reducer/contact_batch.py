@@ -25,15 +25,15 @@ from .population.touch import touch
 from .population.unit_basis import UnitBasis, stem
 
 BLOCK = 4096
-"""Units drawn at once: some 20 MB."""
+"""Units drawn in one block: some 20 MB."""
 FIXED = 4096
 """Units of the fixed sample that means are taken over."""
 COMPARED = 1024
-"""Those over which a change of the mean is taken, by common random numbers."""
+"""Units over which a change of the mean is taken, by common random numbers."""
 LAW = 16_384
-"""Those of the fixed sample that the law of units is taken from."""
+"""Units of the fixed sample that the law of units is taken from."""
 SHIFTED = 12
-"""Clearances of the involute stage that each of them is combined with."""
+"""Clearances of the involute stage that each unit of the law is combined with."""
 SEEDS = {"means": 1, "law": 2}
 Integers = NDArray[np.int64]
 
@@ -71,10 +71,10 @@ class ContactUnits:
     ) -> Array:
         """Backlash (n,) [arcmin] of rows (n,) by the number of their unit, 0, 1, ...
 
-        `angles` (n,) [deg] are those of the output where each row is a reading at one. What a unit
-        is depends on its number and `rng` alone, and memory on `BLOCK` alone.
+        `angles` (n,) [deg] are those of the output where each row is a measurement at one angle.
+        The errors of a unit depend on its number and `rng` alone, and memory on `BLOCK` alone.
         """
-        found, order = np.empty(len(row)), np.argsort(row, kind="stable")
+        backlash, order = np.empty(len(row)), np.argsort(row, kind="stable")
         count = int(row.max(initial=-1)) + 1
         lattice = None if angles is None else self._at_angles(angles)
         for start in range(0, count, BLOCK):
@@ -82,14 +82,14 @@ class ContactUnits:
             sample = self._sample(units, rng, "random")
             first, last = np.searchsorted(row[order], [start, start + units])
             for rows in _parts(order[first:last]):
-                here = _rows(sample, row[rows] - start)
+                by_row = _rows(sample, row[rows] - start)
                 moved = {name: _of_rows(value, rows) for name, value in changes.items()}
                 if lattice is None or angles is None:
-                    cycloid = self._measured(here, moved)
+                    cycloid = self._measured(by_row, moved)
                 else:
-                    cycloid = self._read(lattice, angles[rows], here, moved)
-                found[rows] = cycloid + self._involute(here)
-        return found
+                    cycloid = self._read(lattice, angles[rows], by_row, moved)
+                backlash[rows] = cycloid + self._involute(by_row)
+        return backlash
 
     def _sample(self, units: int, rng: np.random.Generator, kind: Any) -> BaseSample:
         return BaseSample.draw(self.basis.geometry, units, rng, self.basis.hierarchy, kind)
@@ -135,12 +135,12 @@ class ContactUnits:
         geometry = self.basis.geometry
         drawn = Scaled.of(geometry, sample, design or self.design)
         units = changed(geometry, drawn, sample, changes)
-        found = touch(lattice, table, units).cycloid(geometry.output_ratio)
-        return np.asarray(found, dtype=np.float64)
+        backlash = touch(lattice, table, units).cycloid(geometry.output_ratio)
+        return np.asarray(backlash, dtype=np.float64)
 
     def unclipped(self, sample: BaseSample, design: UnitDesign) -> Array:
-        """What the cycloid stage of units built to a design adds (n,) [arcmin], negative where all
-        of the turn interferes; the mean over a turn is never negative.
+        """Contribution (n,) [arcmin] of the cycloid stage of units of a design, negative where
+        all of the turn interferes; the mean over a turn is never negative.
         """
         return (
             self.play(sample, NO_CHANGES, design)
@@ -177,23 +177,22 @@ class ContactUnits:
         sample: BaseSample,
         changes: Mapping[str, Array],
     ) -> Array:
-        """Backlash (n,) [arcmin] of the cycloid stage, each row at its own angle (n,)."""
+        """Backlash (n,) [arcmin] of the cycloid stage, each row at an angle of `angles` (n,)."""
         different, lattice, table = mesh
-        at, found = np.searchsorted(different, angles), np.empty(len(angles))
-        for one in np.unique(at):
-            rows = np.flatnonzero(at == one)
+        at, backlash = np.searchsorted(different, angles), np.empty(len(angles))
+        for position in np.unique(at):
+            rows = np.flatnonzero(at == position)
             moved = {name: _of_rows(value, rows) for name, value in changes.items()}
-            y = self._play(_position(lattice, int(one)), table, _rows(sample, rows), moved)
-            found[rows] = np.maximum(y[0], 0.0)
-        return found
+            y = self._play(_position(lattice, int(position)), table, _rows(sample, rows), moved)
+            backlash[rows] = np.maximum(y[0], 0.0)
+        return backlash
 
     # ---------------------------------------------------------------- the population
 
     def mean(self, changes: Mapping[str, Array] = NO_CHANGES) -> float:
         """Mean [arcmin] over the population at the mean change, over a fixed Sobol sample.
 
-        Changes are compared over the same units, so that their difference has no sampling noise of
-        its own.
+        Changes are compared over the same units, so that their difference has no sampling noise.
         """
         key = frozenset((name, float(np.mean(value))) for name, value in changes.items())
         return self._mean + self._shifted(key) - self._shifted(frozenset())
@@ -216,15 +215,15 @@ class ContactUnits:
 
     @cached_property
     def law_sample(self) -> Array:
-        """Backlash (n,) [arcmin] of units that stand for the law of the population.
+        """Backlash (n,) [arcmin] of units that represent the law of the population.
 
         Each of `LAW` units of a fixed Sobol sample is combined with `SHIFTED` clearances of the
         involute stage, which is independent of them.
         """
         cycloid = np.concatenate([self._measured(part) for part in self._of_law()])
         rng = np.random.default_rng(SEEDS["law"])
-        share = (np.arange(SHIFTED) + rng.random((len(cycloid), SHIFTED))) / SHIFTED
-        z = self.basis.planet.quantile(share)
+        probability = (np.arange(SHIFTED) + rng.random((len(cycloid), SHIFTED))) / SHIFTED
+        z = self.basis.planet.quantile(probability)
         return np.asarray(
             (cycloid[:, None] + self.involute.middle + self.involute.half * z).ravel()
         )
@@ -237,13 +236,13 @@ class ContactUnits:
 
 def _position(lattice: Lattice, at: int) -> Lattice:
     """The lattice of one of its positions; contacts keep their numbers."""
-    one = slice(at, at + 1)
+    position = slice(at, at + 1)
     return replace(
         lattice,
-        angles=lattice.angles[one],
-        start=lattice.start[one],
-        stop=lattice.stop[one],
-        directions=lattice.directions[one],
+        angles=lattice.angles[position],
+        start=lattice.start[position],
+        stop=lattice.stop[position],
+        directions=lattice.directions[position],
     )
 
 
@@ -264,5 +263,5 @@ def _rows(sample: BaseSample, units: Integers) -> BaseSample:
 
 def _of_rows(change: Array, rows: Integers) -> Array:
     """A change at some of the rows, where it is not the same for all of them."""
-    wide = np.asarray(change)
-    return wide if wide.ndim == 0 else wide[rows]
+    amount = np.asarray(change)
+    return amount if amount.ndim == 0 else amount[rows]

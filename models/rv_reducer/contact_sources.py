@@ -1,4 +1,4 @@
-"""What changes of one toleranced input do to units on the exact contact, for a batch."""
+"""Effects of changes of one toleranced input on units on the exact contact, for a batch."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .population.design import ERRORS
 from .population.sample import BaseSample
 
 UNITS = 2048
-"""Of the fixed sample that is built anew with every change."""
+"""Units of the fixed sample, which is built again for every change."""
 SEED = 3
 STEP = 0.5
 """Change [um] over which a mean is differentiated, by common random numbers."""
@@ -33,7 +33,7 @@ BASIS = (
 
 @dataclass(frozen=True)
 class ContactSources:
-    """The inputs of contact units; what they add up to is a sample, not a sum."""
+    """The inputs of contact units; their total is a sample, not a sum."""
 
     units: ContactUnits
 
@@ -50,9 +50,9 @@ class ContactSources:
         inputs = (*(self._source(error) for error in ERRORS), self._flank())
         return Sources(total, 1.0, inputs, self.widened, BASIS)
 
-    def widened(self, one: Source, factor: float) -> Term:
+    def widened(self, source: Source, factor: float) -> Term:
         """The cycloid stage with the zone of one of its inputs `factor` as wide."""
-        error = one.name.removesuffix("_um").removesuffix("_mrad")
+        error = source.name.removesuffix("_um").removesuffix("_mrad")
         widths = dict(self.units.design.half_width)
         return self._cycloid(half_width=widths | {error: widths[error] * factor})
 
@@ -61,7 +61,7 @@ class ContactSources:
         return Term(Empirical(tuple(values.tolist())), np.zeros(1), np.ones(1))
 
     def _values(self, **changed: object) -> Array:
-        """What the cycloid stage adds (n,) [arcmin] before it is cut off at zero."""
+        """Contribution (n,) [arcmin] of the cycloid stage before it is cut off at zero."""
         design = replace(self.units.design, **changed)  # type: ignore[arg-type]
         return self.units.unclipped(self.sample, design)
 
@@ -91,10 +91,10 @@ class ContactSources:
             return 0.0
         if error == "crank_bearing":
             wide = design.width(error) + 2.0 * STEP
-            found = self._values(half_width=dict(design.half_width) | {error: wide})
+            values = self._values(half_width=dict(design.half_width) | {error: wide})
         else:
-            found = self._values(mid=dict(design.mid) | {error: design.middle(error) + STEP})
-        return float(found.mean() - self._plain) / STEP
+            values = self._values(mid=dict(design.mid) | {error: design.middle(error) + STEP})
+        return float(values.mean() - self._plain) / STEP
 
     @cached_property
     def _plain(self) -> float:

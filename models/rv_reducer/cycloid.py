@@ -1,4 +1,4 @@
-"""Backlash of the cycloid stage: what each error of its parts contributes."""
+"""Backlash of the cycloid stage: contributions of the errors of its parts."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ LINEAR_ERRORS = (
 )
 """The errors that act at first order, in the order of document B's table."""
 ROTATIONS = ("pin_position", "pitch")
-"""Errors whose mean is a turn that all pins, or all teeth, share: no backlash comes of it."""
+"""Errors whose mean turns all pins, or all teeth, alike: it causes no backlash."""
 
 
 def coefficients(geometry: RvGeometry) -> dict[str, float]:
@@ -43,7 +43,7 @@ def coefficients(geometry: RvGeometry) -> dict[str, float]:
 
 
 def pin_circle_growth(geometry: RvGeometry, disc: Array, housing: Array) -> Array:
-    """Growth [m] of the pin circle beside the disc, (n,), of temperature rises [K] of both.
+    """Growth [m] of the pin circle against the disc, (n,), by temperature rises [K] of both.
 
     alpha r_p (housing - disc): a unit that warms up alike stays similar to itself, and its backlash
     is an angle.
@@ -57,7 +57,7 @@ class EccentricityLaw:
 
     Document B has 0 at first order. With a factor of 1 the coefficients are fitted to exact 40-pin
     geometry of the RV-40E-121 (67.8 arcmin/mm times the polynomial) and hold for |d| <= 10 um; a
-    factor of 2 counts the error once for each flank, which is twice too much.
+    factor of 2 counts the error once for each flank, which is twice the correct value.
     """
 
     linear: float = -0.055

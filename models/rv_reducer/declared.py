@@ -1,4 +1,4 @@
-"""What the RV backlash models declare, by the names of configurations: parameters and variables.
+"""Parameters and variables of the RV backlash models, by the names of configurations.
 
 Shared by the problem `rv_backlash` and the model `rv_batch`. Defaults are document B's RV-40E-121.
 """
@@ -240,13 +240,17 @@ def backlash_model(
     mids_um: Mapping[str, float] | None,
     inputs: Mapping[str, Distribution],
 ) -> BacklashModel:
-    """The model (SI) of `parameters` by declared name; left-out ones keep their defaults.
+    """The model (SI) of `parameters` by declared name; omitted ones keep their defaults.
 
     `mids_um` replaces mid-limits by name of the error (`pin_radius`); `inputs` has distributions by
     the same names and `crank_bearing`, `involute_grade`.
     """
-    given = completed(PARAMETERS, parameters)
-    p = {one.name: number(given[one.name]) for one in PARAMETERS if one.name != READING}
+    values = completed(PARAMETERS, parameters)
+    p = {
+        parameter.name: number(values[parameter.name])
+        for parameter in PARAMETERS
+        if parameter.name != READING
+    }
     mids = {error: p[f"{error}_mid_um"] for error in ERRORS} | dict(mids_um or {})
     mid = {error: value * UM for error, value in mids.items()}
     return BacklashModel(

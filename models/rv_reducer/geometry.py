@@ -32,7 +32,7 @@ class RvGeometry:
 
     @property
     def flank(self) -> float:
-        """sqrt(1 - k1^2): share of a radial displacement that closes the flank at first contact."""
+        """sqrt(1 - k1^2): part of a radial displacement that closes the flank at first contact."""
         return sqrt(1.0 - self.k1**2)
 
     @property
@@ -42,7 +42,7 @@ class RvGeometry:
 
     @property
     def output_ratio(self) -> float:
-        """How far a disc turns against its mesh per turn of the carrier, the sun held.
+        """Turn of a disc against its mesh per turn of the carrier, with the sun held.
 
         The cranks turn by 1 + z1/z2 with the carrier: 1 + (1 + z1/z2)/z_c, 121/117 by default.
         """

@@ -54,7 +54,7 @@ def _assumed(
 
 
 PARAMETERS: tuple[Parameter, ...] = (
-    *(one for one in declared.PARAMETERS if one.name in _GEOMETRY),
+    *(parameter for parameter in declared.PARAMETERS if parameter.name in _GEOMETRY),
     _modification("dr_rp_mm", -0.040, "equidistance modification"),
     _modification("dr_p_mm", -0.070, "shift modification"),
     _assumed(
@@ -124,8 +124,9 @@ PARAMETERS: tuple[Parameter, ...] = (
 class LoadedUnit:
     """A unit: the contact without its sharing of load, part errors, and the uneven stiffness.
 
-    `sharing` is what disc 1 has more of the series stiffness and disc 2 less, `variation` how much
-    it varies twice per turn of the crank against the carrier; both relative.
+    `sharing` is the excess of disc 1's series stiffness above the mean and the deficit of disc 2's,
+    `variation` the amplitude of the stiffness twice per turn of the crank against the carrier; both
+    relative.
     """
 
     contact: LoadedContact
@@ -134,7 +135,7 @@ class LoadedUnit:
     variation: float = 0.0
 
     def mesh(self, samples: int) -> Mesh:
-        """The mesh at so many output angles over one turn."""
+        """The mesh at `samples` output angles over one turn."""
         geometry = self.contact.geometry
         angles = turn_angles(samples, geometry.nominal.cycloid_teeth)
         crank = 2.0 * pi * (geometry.nominal.cycloid_teeth + 1) * np.arange(samples) / samples
@@ -145,8 +146,11 @@ class LoadedUnit:
 
 
 def loaded_unit(parameters: Mapping[str, Value]) -> LoadedUnit:
-    """The unit of `parameters` by declared name; left-out ones keep their defaults."""
-    p = {one.name: number(parameters.get(one.name, one.default)) for one in PARAMETERS}
+    """The unit of `parameters` by declared name; omitted ones keep their defaults."""
+    p = {
+        parameter.name: number(parameters.get(parameter.name, parameter.default))
+        for parameter in PARAMETERS
+    }
     geometry = ContactGeometry(_geometry(p), dr_rp=p["dr_rp_mm"] * MM, dr_p=p["dr_p_mm"] * MM)
     contact = LoadedContact(
         geometry,
@@ -158,16 +162,19 @@ def loaded_unit(parameters: Mapping[str, Value]) -> LoadedUnit:
 
 
 def faults(parameters: Mapping[str, Value]) -> list[Fault]:
-    """What no contact exists for: an undercut profile, pins that do not fit the teeth."""
-    p = {one.name: number(parameters.get(one.name, one.default)) for one in PARAMETERS}
-    found, geometry = [], _geometry(p)
+    """Parameters without a contact: an undercut profile, pins that do not fit the teeth."""
+    p = {
+        parameter.name: number(parameters.get(parameter.name, parameter.default))
+        for parameter in PARAMETERS
+    }
+    problems, geometry = [], _geometry(p)
     if geometry.pins != geometry.cycloid_teeth + 1:
         text = f"must be one more than cycloid_teeth, got {geometry.pins} and {p['cycloid_teeth']}"
-        found.append(Fault("parameters.pins", text))
+        problems.append(Fault("parameters.pins", text))
     if not geometry.k1 < 1.0:
         text = f"e z_p/r_p must be below 1 (no undercut), got {geometry.k1:.4g}"
-        found.append(Fault("parameters.eccentricity_mm", f"{text}; lower the eccentricity"))
-    return found
+        problems.append(Fault("parameters.eccentricity_mm", f"{text}; lower the eccentricity"))
+    return problems
 
 
 def _geometry(p: Mapping[str, float]) -> RvGeometry:
@@ -204,12 +211,14 @@ def _part_errors(p: Mapping[str, float], geometry: ContactGeometry) -> PartError
 
 
 def gear_of(parameters: Mapping[str, object]) -> Gear:
-    """The orders of the unit that these parameters describe; what is left out keeps its default."""
+    """The orders of the unit that these parameters describe; omitted ones keep their defaults."""
     names = ("pins", "cycloid_teeth", "reduction_ratio")
-    given = {one.name: one.default for one in PARAMETERS if one.name in names}
+    values = {
+        parameter.name: parameter.default for parameter in PARAMETERS if parameter.name in names
+    }
     for name in names:
         value = parameters.get(name)
         if isinstance(value, int | float) and value > 0:
-            given[name] = value
-    pins, teeth, ratio = (number(given[name]) for name in names)
+            values[name] = value
+    pins, teeth, ratio = (number(values[name]) for name in names)
     return of_ratio(int(pins), int(teeth), ratio) if pins > teeth else RV_40E

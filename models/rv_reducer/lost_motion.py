@@ -20,16 +20,16 @@ from .order_table import LEFT_OUT, OrderTable
 from .readings import Rows, outside, warn_of_overload
 
 SAMPLES_PER_PIN = 50
-"""Enough for 0.01 arcmin: what the mesh of one tooth does (order 1560, 0.006') is not resolved."""
+"""Enough for 0.01 arcmin: the order of the mesh of one tooth (1560, 0.006') is not resolved."""
 REACH = 1.25
-"""The tables go to so many momentary torques, and straight on beyond."""
+"""The tables reach this multiple of the momentary torque; beyond it they are linear."""
 
 
 class RvLostMotion(MeasurableModel):
     """Twist of the output against a torque, input locked: loaded contact, without hysteresis.
 
-    Tabulated by order of the output angle over torque, for readings of any angle and torque. With
-    clearance, a reading without torque stays on the flank that was loaded last (`direction` -1:
+    Tabulated by order of the output angle over torque, for any angle and torque. With
+    clearance, a measurement without torque stays on the flank that was loaded last (`direction` -1:
     torque was positive), or is the middle of the clearance where no direction is given.
     """
 
@@ -70,10 +70,10 @@ class RvLostMotion(MeasurableModel):
         designs: Mapping[str, float] | None = None,
         inputs: Mapping[str, Distribution] | None = None,
     ) -> None:
-        given = parameters or {}
-        raise_all(loaded_unit.faults(given))
-        self.unit = loaded_unit.loaded_unit(given)
-        self.gear = loaded_unit.gear_of(given)
+        values = parameters or {}
+        raise_all(loaded_unit.faults(values))
+        self.unit = loaded_unit.loaded_unit(values)
+        self.gear = loaded_unit.gear_of(values)
         samples = SAMPLES_PER_PIN * self.unit.contact.geometry.pins
         self.momentary = self.unit.contact.momentary_torque
         most = REACH * self.momentary
@@ -107,8 +107,8 @@ def _twist(orders: OrderTable, rows: Rows) -> Array:
         orders = orders.mean_only()
     last = np.zeros(len(rows)) if rows.direction is None else -rows.direction
     sign = np.where(rows.torque == 0.0, last, np.sign(rows.torque))
-    found = orders.twist(rows.angle, rows.torque, np.where(sign >= 0.0, 0, 1), None)
+    twist = orders.twist(rows.angle, rows.torque, np.where(sign >= 0.0, 0, 1), None)
     if np.all(sign != 0.0):
-        return found
-    other = orders.twist(rows.angle, rows.torque, np.where(sign > 0.0, 0, 1), None)
-    return np.asarray(0.5 * (found + other))
+        return twist
+    opposite = orders.twist(rows.angle, rows.torque, np.where(sign > 0.0, 0, 1), None)
+    return np.asarray(0.5 * (twist + opposite))

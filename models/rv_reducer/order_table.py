@@ -19,9 +19,9 @@ NODES = 24
 TOUCH = 1e-6
 """[N m] in place of no torque, where the stiffness is that of the first pins that bear."""
 LEFT_OUT = 0.1 * ARCMIN / 60.0
-"""[rad] The smallest orders are left out, to this rms of their sum at any torque: 0.1 arcsec."""
+"""[rad] The smallest orders are omitted, to this rms of their sum at any torque: 0.1 arcsec."""
 ELEMENTS = 1_000_000
-"""Rows times orders that are worked on at once."""
+"""Rows times orders in one block."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,9 +74,9 @@ class OrderTable:
     def difference(self, other: OrderTable, step: float, left_out: float) -> OrderTable:
         """(self - other)/step, of tables that hold all orders; `left_out` as in `kept`."""
         values, slopes = self.values - other.values, self.slopes - other.slopes
-        found = OrderTable(self.order, self.nodes, values, slopes, self.stiffness).kept(left_out)
+        table = OrderTable(self.order, self.nodes, values, slopes, self.stiffness).kept(left_out)
         return OrderTable(
-            found.order, found.nodes, found.values / step, found.slopes / step, found.stiffness
+            table.order, table.nodes, table.values / step, table.slopes / step, table.stiffness
         )
 
     def plus(self, excitation: dict[float, complex]) -> OrderTable:
@@ -91,7 +91,7 @@ class OrderTable:
     def mean_stiffness(self, torque: Array, side: NDArray[np.intp]) -> Array:
         """Mean tangent stiffness (n,) [N m/rad] at torques (n,)."""
         node = np.arcsinh(np.abs(torque) / SOFT)
-        both = [np.interp(node, self.nodes, one) for one in self.stiffness]
+        both = [np.interp(node, self.nodes, values) for values in self.stiffness]
         return np.asarray(np.where(side == 0, both[0], both[1]))
 
     def amplitudes(self, torque: Array, side: NDArray[np.intp]) -> ComplexArray:
@@ -112,14 +112,14 @@ class OrderTable:
         self, angle: Array, torque: Array, side: NDArray[np.intp], factor: ComplexArray | None
     ) -> Array:
         """Twist (n,) [rad] at output angles (n,) [rad]; `factor` (n, m) multiplies the orders."""
-        found = np.empty(len(angle))
+        twists = np.empty(len(angle))
         for rows in np.array_split(np.arange(len(angle)), _parts(len(angle), len(self.order))):
             lines = self.amplitudes(torque[rows], side[rows])
             if factor is not None:
                 lines = lines * factor[rows]
             waves = np.exp(1j * self.order * angle[rows, None])
-            found[rows] = np.einsum("nm,nm->n", lines, waves).real
-        return found
+            twists[rows] = np.einsum("nm,nm->n", lines, waves).real
+        return twists
 
 
 def _parts(rows: int, orders: int) -> int:

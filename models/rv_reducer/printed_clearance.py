@@ -1,4 +1,4 @@
-"""The tooth clearance exactly as document B prints it: for showing what it does, not for use.
+"""The tooth clearance exactly as document B prints it: for comparison, not for use.
 
 Delta(phi) = [dr_rp (1 - sin phi) - dr_p (1 - cos(phi - phi_0)) - d_delta e z_c sin phi]/sqrt(S),
 S = 1 + k1^2 - 2 k1 cos(phi - phi_0). It violates the document's own g5 at the document's own

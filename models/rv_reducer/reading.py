@@ -1,4 +1,4 @@
-"""How document B's formula is read: what is mended in it, each by a parameter of its own."""
+"""Interpretation of document B's formula: its corrections, each by one parameter."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ CONSISTENT, PRINTED = "consistent", "printed"
 def _corrected(
     name: str, default: Value, printed: Value, meaning: str, source: str, high: float = inf
 ) -> Parameter:
-    """What document B's own reading has otherwise."""
+    """A parameter whose default differs from the printed interpretation of document B."""
     return Parameter(
         name,
         default,

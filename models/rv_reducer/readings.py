@@ -42,21 +42,21 @@ class Rows:
     def of(cls, table: Mapping[str, NDArray[Any]]) -> Rows:
         """The rows of a table. Raises InputError with every fault of its numbers."""
         names = ("output_angle_deg", "torque_Nm", "output_speed_rpm", "direction")
-        found = {n: np.asarray(table[n], dtype=float) for n in names if n in table}
-        raise_all(_faults(found))
+        columns = {n: np.asarray(table[n], dtype=float) for n in names if n in table}
+        raise_all(_faults(columns))
         count = len(next(iter(table.values()))) if table else 0
-        speed = found.get("output_speed_rpm")
+        speed = columns.get("output_speed_rpm")
         return cls(
-            angle=np.radians(found.get("output_angle_deg", np.zeros(count))),
-            torque=found.get("torque_Nm", np.zeros(count)),
+            angle=np.radians(columns.get("output_angle_deg", np.zeros(count))),
+            torque=columns.get("torque_Nm", np.zeros(count)),
             speed=None if speed is None else speed * (2.0 * np.pi / 60.0),
-            direction=found.get("direction"),
-            angled="output_angle_deg" in found,
+            direction=columns.get("direction"),
+            angled="output_angle_deg" in columns,
         )
 
 
 def _faults(columns: Mapping[str, Array]) -> list[Fault]:
-    found = []
+    faults = []
     for name, column in columns.items():
         wrong = ~np.isfinite(column)
         text = "must be finite"
@@ -66,21 +66,21 @@ def _faults(columns: Mapping[str, Array]) -> list[Fault]:
             wrong, text = wrong | (np.abs(column) != 1.0), "must be 1 or -1"
         if wrong.any():
             row = int(np.argmax(wrong))
-            found.append(Fault(f"{name}, row {row + 1}", f"{text}, got {column[row]:g}"))
-    return found
+            faults.append(Fault(f"{name}, row {row + 1}", f"{text}, got {column[row]:g}"))
+    return faults
 
 
 def outside(table: Mapping[str, NDArray[Any]], momentary: float) -> Outside:
-    """Torques [N m] beyond the momentary one, and speeds that are none."""
-    found: dict[str, tuple[NDArray[np.bool_], str]] = {}
+    """Torques [N m] beyond the momentary one, and speeds that are not positive."""
+    rows: dict[str, tuple[NDArray[np.bool_], str]] = {}
     if "torque_Nm" in table:
         wrong = np.abs(np.asarray(table["torque_Nm"], dtype=float)) > momentary
         text = f"is beyond the momentary torque of the reducer, {momentary:g} N m"
-        found["torque_Nm"] = wrong, text
+        rows["torque_Nm"] = wrong, text
     if "output_speed_rpm" in table:
         wrong = np.asarray(table["output_speed_rpm"], dtype=float) <= 0.0
-        found["output_speed_rpm"] = wrong, SPEED
-    return found
+        rows["output_speed_rpm"] = wrong, SPEED
+    return rows
 
 
 def warn_of_overload(torque: Array, momentary: float) -> None:

@@ -33,7 +33,7 @@ def sources_of(model: BacklashModel, allocation: Allocation, total: ClippedSum) 
         for at, name in enumerate((*LINEAR_ERRORS, "eccentricity"))
     )
     zone = backlash_zone(model.stage, geometry, allocation.involute_grade)
-    mid, half = (float(np.squeeze(one)) for one in zone)
+    mid, half = (float(np.squeeze(limits)) for limits in zone)
     flank = UM / lever(model.stage, geometry)
     bearing = float(np.squeeze(allocation.crank_bearing)) / UM
     play = model.output_factor * UM / geometry.centre_distance

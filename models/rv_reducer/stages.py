@@ -1,7 +1,7 @@
 """Units drawn at random, stage by stage: a Monte Carlo of the whole reducer in parts.
 
-The draws and their sum are those of the model `rv_batch`; here the three stages stay apart, and
-nothing is kept of a part but its statistics, so that memory does not grow with the units.
+The draws and their sum are those of the model `rv_batch`; here the three stages stay separate, and
+only the statistics of a part are kept, so that memory does not grow with the units.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ class Units:
     @property
     def effective(self) -> Array:
         """phi_1 + max(0, phi_2) + phi_3 [rad], (n,)."""
-        found = np.maximum(self.phi_2, 0.0)
-        found += self.phi_1
-        found += self.phi_3
-        return found
+        backlash = np.maximum(self.phi_2, 0.0)
+        backlash += self.phi_1
+        backlash += self.phi_3
+        return backlash
 
 
 def units(total: ClippedSum, count: int, rng: np.random.Generator) -> Iterator[Units]:

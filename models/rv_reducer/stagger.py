@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Parts:
-    """What turns one disc by an angle, each way alone; all (n,).
+    """Part dimensions of which each alone turns one disc by an angle; all (n,).
 
     `hole_offset` [m]: all bearing holes of the disc displaced along their circle's tangents.
     `blank_angle` [rad]: the profile machined at this angle to the holes; `at_rim` [m] is the same
@@ -39,8 +39,8 @@ def parts(geometry: RvGeometry, stagger: Array) -> Parts:
     """The part dimensions that turn one disc by `stagger` [rad], exact.
 
     A disc sits on its cranks by the holes: displaced by s along the tangents of a circle of radius
-    a_0 they lie turned by arctan(s/a_0). A disc whose eccentrics are ahead by epsilon stands where
-    it would stand epsilon later, but has not turned by epsilon/z_c in the meantime.
+    a_0 they lie turned by arctan(s/a_0). A disc whose eccentrics are ahead by epsilon is where it
+    would be epsilon later, but has not turned by epsilon/z_c in the meantime.
     """
     phase = geometry.cycloid_teeth * stagger
     return Parts(

@@ -29,14 +29,15 @@ COMMON_WEIGHTS = np.exp(-0.5 * COMMON**2) / np.sum(np.exp(-0.5 * COMMON**2))
 class TighterPlanet(Distribution):
     """z = min_k z_k with z_k = 2 Phi(sqrt(r) g_0 + sqrt(1 - r) g_k) - 1, g standard normal.
 
-    Each z_k is uniform on [-1, 1]; the `planets` K share the part r = `share` of the variance of
-    their normal scores, because all of them mesh with the same sun. With x = Phi^-1((1 + z)/2) the
-    density is f(z) = (K/2) E[Phi(sqrt(r) h - sqrt(1 - r) x)^(K - 1)], h standard normal. It is
-    uniform for one planet and for a share of 1, and (K/2) ((1 - z)/2)^(K - 1) for a share of 0.
+    Each z_k is uniform on [-1, 1]; the `planets` K have the fraction r = `share` of the variance of
+    their normal scores in common, because all of them mesh with the same sun. With
+    x = Phi^-1((1 + z)/2) the density is f(z) = (K/2) E[Phi(sqrt(r) h - sqrt(1 - r) x)^(K - 1)], h
+    standard normal. It is uniform for one planet and for r = 1, and (K/2) ((1 - z)/2)^(K - 1) for
+    r = 0.
 
     The integrals of f are tabulated once for each pair of parameters and interpolated, at some
     20 ns a point: `cdf`, `density` and `partial_moments` are right to 1e-10, for twelve planets to
-    3e-10. Two planets and a share of one half, the defaults, are assumptions.
+    3e-10. The defaults, two planets and r = 1/2, are assumptions.
     """
 
     planets: int = field(default=2, metadata={"low": 1, "high": 12})
@@ -88,14 +89,14 @@ def raw_moments(law: TighterPlanet, planet: Distribution, order: int) -> tuple[f
 def partial_moments(
     law: TighterPlanet, planet: Distribution, z: Array
 ) -> tuple[Array, Array, Array]:
-    """E[v^k; v <= Q((1 + z)/2)], k = 0, 1, 2, of the same, each of the shape of `z`."""
+    """E[v^k; v <= Q((1 + z)/2)], k = 0, 1, 2, of that v, each of the shape of `z`."""
     cell, part = _place(z)
     mass, first, second = (_cubic(c, cell, part) for c in _moments(law, planet))
     return mass, first, second
 
 
 def _place(z: Array) -> tuple[NDArray[np.intp], Array]:
-    """Cell of each z and the share of that cell which lies below it."""
+    """Cell of each z and the fraction of that cell which lies below it."""
     y = 2.0 * np.arctanh(np.clip(z, FIRST, -FIRST))
     at = (y + REACH) / WIDTH
     cell = np.clip(at.astype(np.intp), 0, CELLS - 1)
@@ -103,7 +104,7 @@ def _place(z: Array) -> tuple[NDArray[np.intp], Array]:
 
 
 def _cubic(c: Array, cell: NDArray[np.intp], part: Array) -> Array:
-    """The cubic of each cell at the share `part` of it, shape of `cell`."""
+    """The cubic of each cell at the fraction `part` of it, shape of `cell`."""
     value = ((c[3][cell] * part + c[2][cell]) * part + c[1][cell]) * part + c[0][cell]
     return np.asarray(value)
 
@@ -123,8 +124,8 @@ def _inverse(c: Array, probability: Array) -> Array:
 def _density(y: Array, law: TighterPlanet) -> Array:
     """f(z) at z = tanh(y/2), shape of `y`, by quadrature over the common cause."""
     score = -np.sign(y) * ndtri(1.0 / (1.0 + np.exp(np.abs(y))))  # from the nearer limit
-    own = np.sqrt(1.0 - law.share) * score[..., None]
-    others = ndtr(np.sqrt(law.share) * COMMON - own) ** (law.planets - 1)
+    scaled = np.sqrt(1.0 - law.share) * score[..., None]
+    others = ndtr(np.sqrt(law.share) * COMMON - scaled) ** (law.planets - 1)
     return np.asarray(0.5 * law.planets * (others @ COMMON_WEIGHTS))
 
 
@@ -159,7 +160,7 @@ def _raw_moments(law: TighterPlanet, planet: Distribution, order: int) -> tuple[
 
 @lru_cache(maxsize=32)
 def _moments(law: TighterPlanet, planet: Distribution) -> Array:
-    """Cubics (3, 4, CELLS) in the share of a cell: partial moment, power, cell."""
+    """Cubics (3, 4, CELLS) in the fraction of a cell: partial moment, power, cell."""
     y, mass = _nodes(law)
     ends = np.linspace(-REACH, REACH, CELLS + 1)
     tangent = WIDTH * _density(ends, law) * _slope(ends)
@@ -180,5 +181,5 @@ def _densities(law: TighterPlanet) -> Array:
 def _hermite(rise: Array, tangent: Array) -> Array:
     """Cubics (4, CELLS) that start at 0, rise by `rise` a cell, with the slopes at its ends."""
     before = np.concatenate([[0.0], np.cumsum(rise)[:-1]])
-    left, right = tangent[:-1], tangent[1:]
-    return np.array([before, left, 3.0 * rise - 2.0 * left - right, left + right - 2.0 * rise])
+    start, end = tangent[:-1], tangent[1:]
+    return np.array([before, start, 3.0 * rise - 2.0 * start - end, start + end - 2.0 * rise])

@@ -3,7 +3,7 @@
 Every clearance is linear in (dr_rp, dr_p), so that the problem is a linear programme: minimise
 sum w_i t_i with |clearance(phi_i) - target_i| <= t_i. HiGHS solves it, and its multipliers prove
 it: for multipliers y of any origin, y . b + min over the box of (c - A'y) . x is a lower bound of
-the optimum, and it is computed here, not taken on trust.
+the optimum, which is computed here independently of the solver.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ Clearance = Callable[[RvGeometry, Array, Array, Array], Array]
 CLEARANCES: dict[str, Clearance] = {"raw": raw_clearance, "after_contact": clearance}
 """D_raw, the profile in its nominal position, and D, after the disc has turned to first contact."""
 LARGEST = 1e-3
-"""Size [m] of modifications that are looked at: ten times what is ever ground."""
+"""Largest size [m] of a modification in the search: ten times what is ever ground."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +39,7 @@ class Fit:
 
     @property
     def gap(self) -> float:
-        """What the proof leaves open [m]."""
+        """Deviation minus its proven lower bound [m]."""
         return self.deviation - self.bound
 
 
@@ -70,7 +70,7 @@ def fit(geometry: RvGeometry, target: Target, radial_gap: float | None, kind: st
     ArithmeticError where nothing keeps the constraints (a gap beyond `LARGEST`).
     """
     programme = _programme(geometry, target, radial_gap, CLEARANCES[kind])
-    found = scipy.optimize.linprog(
+    solution = scipy.optimize.linprog(
         programme.cost,
         A_ub=programme.above,
         b_ub=programme.below,
@@ -79,29 +79,31 @@ def fit(geometry: RvGeometry, target: Target, radial_gap: float | None, kind: st
         bounds=list(zip(programme.low.tolist(), programme.high.tolist(), strict=True)),
         method="highs",
     )
-    if found.x is None or found.fun is None:
-        raise ArithmeticError(f"no modification keeps g1 to g5: {found.message}")
-    bound = programme.bound(found.ineqlin.marginals, found.eqlin.marginals)
-    dr_rp, dr_p = (float(value) * UM for value in found.x[:2])
-    return Fit(dr_rp, dr_p, float(found.fun) * UM, bound * UM)
+    if solution.x is None or solution.fun is None:
+        raise ArithmeticError(f"no modification keeps g1 to g5: {solution.message}")
+    bound = programme.bound(solution.ineqlin.marginals, solution.eqlin.marginals)
+    dr_rp, dr_p = (float(value) * UM for value in solution.x[:2])
+    return Fit(dr_rp, dr_p, float(solution.fun) * UM, bound * UM)
 
 
 def _programme(
     geometry: RvGeometry, target: Target, radial_gap: float | None, kind: Clearance
 ) -> Programme:
     """In micrometres: x = (dr_rp, dr_p, t of every angle that counts)."""
-    zero, one = np.zeros(1), np.ones(1)
+    zero, unit = np.zeros(1), np.ones(1)
     rows = np.stack(
-        [kind(geometry, one, zero, target.phi), kind(geometry, zero, one, target.phi)], axis=1
+        [kind(geometry, unit, zero, target.phi), kind(geometry, zero, unit, target.phi)], axis=1
     )
     counts = target.weight > 0.0
     size, wanted = int(counts.sum()), target.clearance[counts] / UM
     slack = -np.eye(size)
     inside = rows[counts]
     g34 = np.array([[-1.0, 1.0], [-1.0, geometry.flank]])
-    others = np.vstack([g34, -rows])
-    above = np.block([[inside, slack], [-inside, slack], [others, np.zeros((len(others), size))]])
-    below = np.concatenate([wanted, -wanted, np.zeros(len(others))])
+    nonnegative = np.vstack([g34, -rows])
+    above = np.block(
+        [[inside, slack], [-inside, slack], [nonnegative, np.zeros((len(nonnegative), size))]]
+    )
+    below = np.concatenate([wanted, -wanted, np.zeros(len(nonnegative))])
     equal = np.zeros((0 if radial_gap is None else 1, 2 + size))
     equal[:, :2] = (1.0, -1.0)
     to = np.full(len(equal), 0.0 if radial_gap is None else radial_gap / UM)

@@ -27,7 +27,7 @@ from .readings import Rows, outside, warn_of_overload
 
 SAMPLES_PER_PIN = 100
 REACH = 1.25
-"""The tables go to so many momentary torques, and straight on beyond."""
+"""The tables reach this multiple of the momentary torque; beyond it they are linear."""
 
 
 def _inertia(name: str, default: float, meaning: str) -> Parameter:
@@ -42,7 +42,7 @@ def _reading(name: str, unit: str, meaning: str, high: float) -> Parameter:
 
 
 OWN: tuple[Parameter, ...] = (
-    next(one for one in declared.PARAMETERS if one.name == "sun_pitch_radius_mm"),
+    next(parameter for parameter in declared.PARAMETERS if parameter.name == "sun_pitch_radius_mm"),
     _reading(
         "sun_runout_um",
         "um",
@@ -104,9 +104,9 @@ OWN: tuple[Parameter, ...] = (
 class RvTransmission(MeasurableModel):
     """Transmission error in/i - out of one unit: loaded contact, and vibration about it.
 
-    The wind-up T/K(T) is part of the reading, as encoders at both ends see it, unless `wind_up` is
-    "removed". Without `output_speed_rpm` the reading is quasi-static; without torque it is that of
-    the flank that drives in `direction`.
+    The wind-up T/K(T) is part of the output, as encoders at both ends measure it, unless `wind_up`
+    is "removed". Without `output_speed_rpm` the output is quasi-static; without torque it is that
+    of the flank that drives in `direction`.
     """
 
     columns = (
@@ -145,18 +145,22 @@ class RvTransmission(MeasurableModel):
         designs: Mapping[str, float] | None = None,
         inputs: Mapping[str, Distribution] | None = None,
     ) -> None:
-        given = {one.name: one.default for one in OWN} | dict(parameters or {})
-        p = {one.name: number(given[one.name]) for one in OWN if not one.choices}
-        self.unit = loaded_unit.loaded_unit(given)
-        self.gear = loaded_unit.gear_of(given)
+        values = {parameter.name: parameter.default for parameter in OWN} | dict(parameters or {})
+        p = {
+            parameter.name: number(values[parameter.name])
+            for parameter in OWN
+            if not parameter.choices
+        }
+        self.unit = loaded_unit.loaded_unit(values)
+        self.gear = loaded_unit.gear_of(values)
         train = Train(
             p["input_inertia_kgm2"],
             p["load_inertia_kgm2"],
             p["damping_ratio"],
             self.unit.contact.geometry.nominal.reduction_ratio,
         )
-        raise_all([*loaded_unit.faults(given), *train.faults("parameters")])
-        self.removed = given["wind_up"] == "removed"
+        raise_all([*loaded_unit.faults(values), *train.faults("parameters")])
+        self.removed = values["wind_up"] == "removed"
         self.eccentricity = p["output_eccentricity_arcsec"] * ARCSEC
         self.largest_at = np.radians(p["output_eccentricity_phase_deg"])
         self.samples = SAMPLES_PER_PIN * self.unit.contact.geometry.pins
@@ -168,10 +172,12 @@ class RvTransmission(MeasurableModel):
         self.train = self._scaled(train, p["first_mode_Hz"])
         self.answers = Answers(self.unit, self.samples, most)
         self.full: FullDynamics | None = None
-        if given["dynamics"] == "full":
+        if values["dynamics"] == "full":
             angle = 2.0 * pi * np.arange(self.samples) / self.samples
-            moved = sum((size * np.exp(1j * k * angle) for k, size in excitation.items()), 0j)
-            displacement = np.real(moved) * np.ones(self.samples)
+            waves = sum(
+                (amplitude * np.exp(1j * k * angle) for k, amplitude in excitation.items()), 0j
+            )
+            displacement = np.real(waves) * np.ones(self.samples)
             self.full = FullDynamics(DisplacedMesh(tabulated(mesh, most), displacement), self.train)
 
     @classmethod
@@ -220,7 +226,7 @@ class RvTransmission(MeasurableModel):
         return transfer(Oscillator(inertia, damping, torque, stiffness, speed), order)
 
     def _scaled(self, train: Train, mode: float) -> Train:
-        """The train with both inertias scaled so that its first mode [Hz] is the one given."""
+        """The train with both inertias scaled so that its first mode is at `mode` [Hz]."""
         if mode == 0.0:
             return train
         rated = np.array([self.unit.contact.rated_torque])
@@ -242,8 +248,10 @@ def _excitation(p: Mapping[str, float], unit: loaded_unit.LoadedUnit) -> dict[fl
     """
     ratio = unit.contact.geometry.nominal.reduction_ratio
     advance = 0.5 * p["sun_runout_um"] * UM / (p["sun_pitch_radius_mm"] * MM * ratio)
-    found = {
+    amplitudes = {
         ratio - 1.0: advance * np.exp(-1j * np.radians(p["sun_runout_phase_deg"])),
         ratio: complex(p["input_error_arcmin"] * ARCMIN / ratio),
     }
-    return {order: complex(size) for order, size in found.items() if size != 0.0}
+    return {
+        order: complex(amplitude) for order, amplitude in amplitudes.items() if amplitude != 0.0
+    }

@@ -1,8 +1,8 @@
 """Errors of the cycloid stage that leave least backlash within bounds (document B, section 4).
 
 phi_2 = phi_mod + sum c_i delta_i/(e z_c) + f (a d + b d^2)/(e z_c), d the eccentricity error, is a
-sum of functions of one error each, so that the optimum over a box is each one's own: a line is
-least at an end, the parabola at an end or, where b > 0, at its vertex.
+sum of functions of one error each, so that the optimum over a box is found error by error: a line
+is least at an end, the parabola at an end or, where b > 0, at its vertex.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ ERRORS = (*LINEAR_ERRORS, "eccentricity")
 
 @dataclass(frozen=True, slots=True)
 class Stage:
-    """The cycloid stage: `offset` [rad] is what modification and stagger leave without errors."""
+    """The cycloid stage: `offset` [rad] is phi_2 from modification and stagger without errors."""
 
     geometry: RvGeometry = RvGeometry()
     law: EccentricityLaw = EccentricityLaw()
     offset: float = 0.0
 
     def contribution(self, name: str, error: float) -> float:
-        """What one error [m] adds to phi_2 [rad]."""
+        """Contribution of one error [m] to phi_2 [rad]."""
         if name == "eccentricity":
             law = self.law
             return law.factor * (law.linear + law.quadratic * error) * error / self._lever
@@ -37,13 +37,13 @@ class Stage:
 
     def backlash(self, errors: Mapping[str, float]) -> float:
         """phi_2 [rad] of errors [m] by name; below 0 it is interference."""
-        return self.offset + sum(self.contribution(name, one) for name, one in errors.items())
+        return self.offset + sum(self.contribution(name, error) for name, error in errors.items())
 
     def lower_bound(self, bounds: Bounds) -> float:
-        """phi_2 [rad] that nothing within the bounds [m] can be below.
+        """Lower bound of phi_2 [rad] within the bounds [m].
 
-        Of intervals alone, no point is looked at: a linear error is its coefficient times the worse
-        end, a parabola that bends down lies above its chord, another above its vertex.
+        It follows from the intervals alone: a linear error is at least its coefficient times the
+        worse end, a parabola that bends down lies above its chord, another above its vertex.
         """
         linear = sum(
             min(coefficients(self.geometry)[name] * end for end in ends) / self._lever
@@ -87,18 +87,18 @@ def least_clipped(stage: Stage, bounds: Bounds) -> ZoneOptimum:
     Where `least` interferes, every point of a whole surface phi_2 = 0 is an optimum; the one on the
     line from the middle of the bounds to that of `least` is returned.
     """
-    found = least(stage, bounds)
-    if found.backlash >= 0.0:
-        return found
+    optimum = least(stage, bounds)
+    if optimum.backlash >= 0.0:
+        return optimum
     middle = {name: 0.5 * (low + high) for name, (low, high) in bounds.items()}
 
-    def at(share: float) -> dict[str, float]:
-        return {name: m + share * (found.errors[name] - m) for name, m in middle.items()}
+    def at(fraction: float) -> dict[str, float]:
+        return {name: m + fraction * (optimum.errors[name] - m) for name, m in middle.items()}
 
     if stage.backlash(middle) <= 0.0:
         return ZoneOptimum(middle, stage.backlash(middle), 0.0)
-    share = scipy.optimize.brentq(lambda s: stage.backlash(at(s)), 0.0, 1.0, xtol=1e-15)
-    return ZoneOptimum(at(share), stage.backlash(at(share)), 0.0)
+    fraction = scipy.optimize.brentq(lambda s: stage.backlash(at(s)), 0.0, 1.0, xtol=1e-15)
+    return ZoneOptimum(at(fraction), stage.backlash(at(fraction)), 0.0)
 
 
 def _best(stage: Stage, name: str, ends: tuple[float, float]) -> float:
@@ -111,6 +111,8 @@ def _best(stage: Stage, name: str, ends: tuple[float, float]) -> float:
 
 
 def equal_shares(stage: Stage, total: float) -> dict[str, float]:
-    """Widths [m] of linear zones that move phi_2 by the same share of `total` [rad] each."""
-    share = total * stage.geometry.lever / len(LINEAR_ERRORS)
-    return {name: share / abs(one) for name, one in coefficients(stage.geometry).items()}
+    """Widths [m] of linear zones that move phi_2 by the same fraction of `total` [rad] each."""
+    part = total * stage.geometry.lever / len(LINEAR_ERRORS)
+    return {
+        name: part / abs(coefficient) for name, coefficient in coefficients(stage.geometry).items()
+    }

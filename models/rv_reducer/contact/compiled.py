@@ -1,4 +1,4 @@
-"""The rotation under torque of many units by the compiled kernel: what it is given, and back.
+"""The rotation under torque of many units by the compiled kernel: its inputs and its output.
 
 Its formulas are those of `Nominal.displaced` and `Mesh.rotation`. Importing this needs numba.
 """
@@ -34,7 +34,7 @@ def rotation(
     """
     moved, axes = displacements(geometry, errors), Axes.at(geometry, angles)
     shape = (errors.units, angles.size, geometry.discs)
-    found = np.empty((angles.size, errors.units))
+    turns = np.empty((angles.size, errors.units))
     rotations(
         _table(geometry, angles, axes),
         _parts(axes.eccentric, axes.disc, axes.crank),
@@ -44,36 +44,38 @@ def rotation(
         np.broadcast_to(1.0 / series, shape),
         np.broadcast_to(torque / geometry.output_ratio, shape[:2]),
         direction,
-        found,
+        turns,
     )
-    return found.T / geometry.output_ratio
+    return turns.T / geometry.output_ratio
 
 
 def _parts(*values: Complex) -> Array:
     """Real and imaginary parts, one after the other."""
-    return np.stack([part for one in values for part in (one.real, one.imag)])
+    return np.stack([part for vector in values for part in (vector.real, vector.imag)])
 
 
 def _pins(moved: Displacements) -> Array:
-    """All that is known of pins, (3, discs, pins, units)."""
+    """Displacements (x, y) of pins and change of the gap, (3, discs, pins, units)."""
     of_pins = (moved.pins.real, moved.pins.imag, moved.across)
-    return np.stack([np.moveaxis(one, 0, -1) for one in of_pins])
+    return np.stack([np.moveaxis(column, 0, -1) for column in of_pins])
 
 
 def _discs(moved: Displacements) -> Array:
-    """All that is known of discs, (11, discs, units)."""
+    """Displacements, turns, play, shift and pitch of discs, (11, discs, units)."""
     directions = _parts(moved.turning.T, moved.offset.T, moved.around.T)
     rest = (moved.angle, moved.play, moved.shift, moved.pitch.real, moved.pitch.imag)
-    return np.concatenate([directions, np.stack([one.T for one in rest])])
+    return np.concatenate([directions, np.stack([column.T for column in rest])])
 
 
 def _table(geometry: ContactGeometry, angles: Array, axes: Axes) -> Array:
-    """What the nominal profile says of each pin, (angles, discs, pins, 13), in housing's axes."""
+    """The nominal profile at each pin, (angles, discs, pins, 13), in the housing's axes."""
     phi = geometry.phase(angles)
     nominal = Nominal.at(geometry, phi)
     normal = nominal.normal * unit(geometry.pin_angles)
     turned, tooth = np.multiply(-1j, nominal_pin(geometry, phi)), teeth(geometry, axes)
-    along, across = (np.real(turned * one.conj()) for one in (nominal.normal, nominal.tangent))
+    along, across = (
+        np.real(turned * direction.conj()) for direction in (nominal.normal, nominal.tangent)
+    )
     columns = [
         nominal.lever,
         nominal.gap,

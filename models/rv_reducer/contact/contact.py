@@ -37,7 +37,7 @@ class Equilibrium:
 
     `rotation` (units, angles) [rad] is that of the carrier, forward from nominal; `pin_forces`
     (units, angles, discs, pins) [N] are normal; `loaded` (units, angles, discs) counts the pins
-    that bear; `residual` (units, angles) [N m] is what the forces on the pins leave of the torque.
+    that bear; `residual` (units, angles) [N m] is the pins' torque minus the applied torque.
     """
 
     rotation: Array
@@ -82,16 +82,16 @@ class LoadedContact:
 
     def mesh(self, errors: PartErrors, angles: Array, nominal: Nominal | None = None) -> Mesh:
         """The meshes of all units at the crank angles (angles,) [rad], gaps computed once."""
-        found = gaps(self.geometry, errors, angles, self.exact, nominal)
+        gaps_of_units = gaps(self.geometry, errors, angles, self.exact, nominal)
         normal, series = self._stiffness()
-        return Mesh.of(found, self.geometry.output_ratio, normal[..., None], 1.0 / series)
+        return Mesh.of(gaps_of_units, self.geometry.output_ratio, normal[..., None], 1.0 / series)
 
     def equilibrium(
         self, errors: PartErrors, angles: Array, torque: Array | float, direction: int = 1
     ) -> Equilibrium:
         """Balance under a torque on the carrier, forward positive, that fits (units, angles).
 
-        Without torque the carrier stands at first contact in `direction` (+1, -1). Warns
+        Without torque the carrier is at first contact in `direction` (+1, -1). Warns
         (`OverloadWarning`) of a torque beyond the momentary one, and computes it.
         """
         self._warn(torque)
@@ -109,15 +109,15 @@ class LoadedContact:
         wanted = np.broadcast_to(torque, (errors.units, angles.size))
         if not self.exact and self._uses_numba():
             return self._compiled(errors, angles, wanted, direction)
-        found = np.empty(wanted.shape)
+        rotations = np.empty(wanted.shape)
         for block in self.blocks(errors, angles):
-            found[block.place] = block.mesh.rotation(wanted[block.place], direction)
-        return found
+            rotations[block.place] = block.mesh.rotation(wanted[block.place], direction)
+        return rotations
 
     def reaction(self, errors: PartErrors, angles: Array, rotation: Array) -> tuple[Array, Array]:
         """Torque [N m] on the carrier and tangent stiffness [N m/rad] at its rotation [rad].
 
-        All (units, angles). To ask again at other rotations keep `mesh` and use `Mesh.torque`.
+        All (units, angles). For further rotations keep `mesh` and use `Mesh.torque`.
         """
         return self.mesh(errors, angles).torque(rotation)
 
@@ -156,8 +156,11 @@ class LoadedContact:
     def _of(self, units: slice, angles: slice) -> LoadedContact:
         """The contact with the stiffness of some units and angles."""
         normal, series = (
-            one[units if len(one) > 1 else slice(None), angles if one.shape[1] > 1 else slice(None)]
-            for one in self._stiffness()
+            stiffness[
+                units if len(stiffness) > 1 else slice(None),
+                angles if stiffness.shape[1] > 1 else slice(None),
+            ]
+            for stiffness in self._stiffness()
         )
         return replace(self, normal_stiffness=normal, series_stiffness=series)
 

@@ -1,4 +1,4 @@
-"""What models on the loaded contact declare, by the names of configurations."""
+"""Parameters of models on the loaded contact, by the names of configurations."""
 
 from __future__ import annotations
 
@@ -51,11 +51,14 @@ PARAMETERS: tuple[Parameter, ...] = (
 def loaded_contact(
     parameters: Mapping[str, Value], nominal: RvGeometry | None = None
 ) -> LoadedContact:
-    """The contact (SI) of `parameters` by declared name; left-out ones keep their defaults.
+    """The contact (SI) of `parameters` by declared name; omitted ones keep their defaults.
 
     Raises InputError where the modification interferes or undercuts.
     """
-    p = {one.name: number(parameters.get(one.name, one.default)) for one in PARAMETERS}
+    p = {
+        parameter.name: number(parameters.get(parameter.name, parameter.default))
+        for parameter in PARAMETERS
+    }
     geometry = ContactGeometry(
         nominal=nominal or RvGeometry(),
         dr_rp=p["dr_rp_mm"] * MM,

@@ -39,7 +39,7 @@ AXES: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "circle_phase": _UNIT,
     }
 )
-"""The axes of each error; any of them may have length 1 or, from the left, be left out."""
+"""The axes of each error; any of them may have length 1 or, from the left, be omitted."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -114,11 +114,15 @@ class PartErrors:
 
     def of_units(self, part: slice) -> Self:
         """The same errors of some units only."""
-        kept = {
-            one.name: np.asarray(value)[part]
-            for one in fields(self)
-            if np.ndim(value := getattr(self, one.name)) == len(AXES[one.name])
+        chosen = {
+            field.name: np.asarray(value)[part]
+            for field in fields(self)
+            if np.ndim(value := getattr(self, field.name)) == len(AXES[field.name])
             and np.shape(value)[0] > 1
         }
-        rest = {one.name: getattr(self, one.name) for one in fields(self) if one.name not in kept}
-        return type(self)(**kept, **rest)
+        rest = {
+            field.name: getattr(self, field.name)
+            for field in fields(self)
+            if field.name not in chosen
+        }
+        return type(self)(**chosen, **rest)

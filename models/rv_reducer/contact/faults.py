@@ -1,4 +1,4 @@
-"""What is wrong with pins and discs: teeth, room, undercut and interference with their angles."""
+"""Faults of pins and discs: teeth, room, undercut and interference with their angles."""
 
 from __future__ import annotations
 

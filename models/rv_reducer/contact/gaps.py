@@ -19,7 +19,7 @@ Complex = NDArray[np.complex128]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Gaps:
-    """What the parts of units x crank angles leave between pins and discs.
+    """The gaps between pins and discs of units x crank angles.
 
     `gap` (units, angles, discs, pins) [m] is in the normal direction with the carrier in its
     nominal position, negative where they overlap; `lever` (angles, discs, pins) [m] is what a
@@ -36,7 +36,7 @@ class Gaps:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Displacements:
-    """What part errors move; complex numbers are points of the plane [m], or directions.
+    """Displacements by part errors; complex numbers are points of the plane [m], or directions.
 
     `pins` (units, discs, pins) displaces pins in axes of the housing, `across` the same shape [m]
     is what radii add to the gap. The rest is (units, discs): `turning` displaces the disc's centre
@@ -126,15 +126,15 @@ def gaps(
     of exact geometry where a pin's displacements add up to 20 um and its phase is 25 degrees or
     more; nearer to the bottom of a tooth space, where no torque is carried, they are coarser.
     `exact` finds the nearest point of the profile for every pin instead. `nominal` at these angles
-    may be given where it is known.
+    may be passed where it is already computed.
     """
     moved, axes = displacements(geometry, errors), Axes.at(geometry, angles)
     phi, shift = geometry.phase(angles), moved.shift[:, None, :, None]
     pins = _relative(geometry, moved, axes, phi)
     nominal = Nominal.at(geometry, phi) if nominal is None else nominal
-    found = _exact(geometry, phi, pins, shift) if exact else nominal.displaced(pins, shift)
+    gap = _exact(geometry, phi, pins, shift) if exact else nominal.displaced(pins, shift)
     turn, play = moved.turn(axes), moved.play[:, None]
-    return Gaps(found + moved.across[:, None], nominal.lever, turn, play)
+    return Gaps(gap + moved.across[:, None], nominal.lever, turn, play)
 
 
 def teeth(geometry: ContactGeometry, axes: Axes) -> Complex:
@@ -153,7 +153,7 @@ def _relative(geometry: ContactGeometry, moved: Displacements, axes: Axes, phi: 
 
 
 def _pins(geometry: ContactGeometry, full: Mapping[str, Array]) -> Complex:
-    """Displacement of the pins in their own axes, (units, discs, pins)."""
+    """Displacement of the pins, each in the axes of the pin, (units, discs, pins)."""
     radius = geometry.nominal.pin_circle_radius
     placed = radius + full["circle_radius"][:, None, None] + full["radial_position"]
     return placed * unit(full["tangential_position"] / radius) - radius

@@ -49,10 +49,10 @@ class ContactGeometry:
 
     @property
     def output_ratio(self) -> float:
-        """b'/b: how far a disc turns against its mesh when the carrier turns and the input is held.
+        """b'/b: turn of a disc against its mesh per turn of the carrier with the input held.
 
-        With the sun held it is that of the nominal geometry, 121/117 for the RV-40E; cranks that
-        are held themselves stand in the housing, and so does the mesh: 1.
+        With the sun held it is that of the nominal geometry, 121/117 for the RV-40E. With the
+        cranks held they are at rest in the housing, as is the mesh, and it is 1.
         """
         return self.nominal.output_ratio if self.involute_stage else 1.0
 
@@ -107,11 +107,11 @@ def foot(geometry: ContactGeometry, phi: Array, pin: Complex, shift: Array | flo
     inwards with a radius below a tenth of a millimetre, and a pin's centre may have two feet.
     Raises ArithmeticError where it does not settle: errors far beyond a tooth's radius.
     """
-    found = _nearest_start(geometry, phi, pin, shift)
+    nearest = _nearest_start(geometry, phi, pin, shift)
     v, phi, pin, shift = (
-        np.broadcast_to(one, found.shape).ravel() for one in (found, phi, pin, shift)
+        np.broadcast_to(array, nearest.shape).ravel() for array in (nearest, phi, pin, shift)
     )
-    left, found_flat = np.arange(v.size), found.reshape(-1)
+    unsettled, nearest_flat = np.arange(v.size), nearest.reshape(-1)
     for _ in range(100):
         at = curve(geometry, phi, v, shift)
         away = pin - at.point
@@ -120,11 +120,11 @@ def foot(geometry: ContactGeometry, phi: Array, pin: Complex, shift: Array | flo
         # downhill also where the distance is not convex
         step = np.real(away * at.first.conj()) / np.maximum(np.abs(slope), 2e-3 * speed)
         v = v + np.clip(step, -_SPACING, _SPACING)
-        found_flat[left] = v
+        nearest_flat[unsettled] = v
         on = np.abs(step) >= 1e-11
         if not np.any(on):
-            return found
-        left, v, phi, pin, shift = left[on], v[on], phi[on], pin[on], shift[on]
+            return nearest
+        unsettled, v, phi, pin, shift = unsettled[on], v[on], phi[on], pin[on], shift[on]
     raise ArithmeticError("no nearest point of the profile found: the errors are too large")
 
 
@@ -132,16 +132,16 @@ def _nearest_start(
     geometry: ContactGeometry, phi: Array, pin: Complex, shift: Array | float
 ) -> Array:
     """Parameter of the nearest of a few points of C; more than one only at bottoms of spaces."""
-    found = np.zeros(np.broadcast_shapes(phi.shape, pin.shape, np.shape(shift)))
-    bottom = np.broadcast_to(np.cos(phi) > _BOTTOM, found.shape)
-    phi, pin, shift = (np.broadcast_to(one, found.shape)[bottom] for one in (phi, pin, shift))
-    v = found[bottom]
+    nearest = np.zeros(np.broadcast_shapes(phi.shape, pin.shape, np.shape(shift)))
+    bottom = np.broadcast_to(np.cos(phi) > _BOTTOM, nearest.shape)
+    phi, pin, shift = (np.broadcast_to(array, nearest.shape)[bottom] for array in (phi, pin, shift))
+    v = nearest[bottom]
     least = np.abs(pin - curve(geometry, phi, v, shift).point)
     for start in _SPACING * np.array([-4, -3, -2, -1, 1, 2, 3, 4]):
         distance = np.abs(pin - curve(geometry, phi, np.full_like(v, start), shift).point)
         v, least = np.where(distance < least, start, v), np.minimum(distance, least)
-    found[bottom] = v
-    return found
+    nearest[bottom] = v
+    return nearest
 
 
 def nominal_pin(geometry: ContactGeometry, phi: Array) -> Complex:

@@ -3,7 +3,7 @@
 Newton's method on the pins of the loaded flank alone converges from any start, because the torque
 is convex in the rotation; points where a pin of the other flank bears too, and those without
 torque, are solved one by one with bounds. All functions are in this file because numba's cache
-does not see changes of others.
+does not see changes of other files.
 """
 
 from __future__ import annotations
@@ -101,7 +101,7 @@ def _lanes(
     """
     discs, lanes = at.shape
     slope, moment, bent = np.empty((3, discs, lanes))
-    stiffness, need, found, wrong = np.empty((4, lanes))
+    stiffness, need, rotation, wrong = np.empty((4, lanes))
     wrong[:] = 1.0
     for _ in range(_STEPS):
         stiffness[:] = 0.0
@@ -115,11 +115,11 @@ def _lanes(
                 stiffness[u] += rise * bent[d, u]
                 need[u] += (moment[d, u] - rise * turn[d, u]) * bent[d, u]
         for u in range(lanes):
-            found[u] = need[u] / stiffness[u] if stiffness[u] > 0.0 else 1.0
+            rotation[u] = need[u] / stiffness[u] if stiffness[u] > 0.0 else 1.0
         moving = 0
         for d in range(discs):
             for u in range(lanes):
-                ahead = (found[u] + turn[d, u] + moment[d, u] * behind[d, u]) * bent[d, u]
+                ahead = (rotation[u] + turn[d, u] + moment[d, u] * behind[d, u]) * bent[d, u]
                 moving += 1 if abs(ahead - at[d, u]) > 1e-18 else 0
                 at[d, u] = ahead
         if moving == 0:
@@ -127,7 +127,7 @@ def _lanes(
             break
     for d in range(discs):
         _other_flank(arms[d], gap[d], at[d], wrong)
-    return found, wrong
+    return rotation, wrong
 
 
 @_compiled
@@ -271,9 +271,9 @@ def rotations(
     compliance: Array,
     torque: Array,
     direction: int,
-    found: Array,
+    rotation: Array,
 ) -> None:
-    """Fills `found` (angles, units) with rotations against the mesh under torques there.
+    """Fills `rotation` (angles, units) with rotations against the mesh under torques there.
 
     `table` (angles, discs, pins, 13), `axes` (6, angles, discs), `pins` (3, discs, pins, units),
     `discs` (11, discs, units), `normal`, `compliance` (units, angles, discs), `torque`
@@ -311,10 +311,10 @@ def rotations(
                 turned, wrong = _lanes(
                     arms * sign, gap, k, behind, turn * sign - play, loads * sign, warm
                 )
-                found[a, part] = turned * sign
+                rotation[a, part] = turned * sign
             for u in range(loads.size):
                 if wrong[u] > 0.0:
-                    found[a, first + u] = balance(
+                    rotation[a, first + u] = balance(
                         arms,
                         gap[:, :, u].copy(),
                         k[:, u].copy(),

@@ -43,8 +43,8 @@ class Discs:
         order = np.argsort(bare, axis=-1)
         bare = np.take_along_axis(bare, order, -1)
         arm, gap, stiff = (
-            np.take_along_axis(np.broadcast_to(one, bare.shape), order, -1)
-            for one in (arm, gaps.gap, stiffness)
+            np.take_along_axis(np.broadcast_to(values, bare.shape), order, -1)
+            for values in (arm, gaps.gap, stiffness)
         )
         slope, moment = _sums(stiff * arm**2, arm), _sums(stiff * arm * gap, arm)
         torque = slope[..., 1:] * bare - moment[..., 1:]
@@ -59,23 +59,23 @@ class Discs:
         passed = np.sum(self.knots <= rotation[..., None], axis=-1, keepdims=True)
         knot = np.maximum(passed - 1, 0)
         start, torque, slope = (
-            np.take_along_axis(one, knot, -1)[..., 0]
-            for one in (self.knots, self.torque, self.slope)
+            np.take_along_axis(values, knot, -1)[..., 0]
+            for values in (self.knots, self.torque, self.slope)
         )
         slope = np.where(passed[..., 0] == 0, self.first, slope)
         return torque + slope * (rotation - start), slope
 
 
-def _sums(share: Array, arm: Array) -> Array:
+def _sums(values: Array, arm: Array) -> Array:
     """Sums over the pins that bear before the first knot and after each: (..., pins + 1).
 
-    Pins with a positive arm bear after their knot, the others before it; summed apart, so that
-    nothing is left where no pin bears.
+    Pins with a positive arm bear after their knot, the others before it; they are summed
+    separately, so that the sum is exactly zero where no pin bears.
     """
-    after = np.zeros((*share.shape[:-1], share.shape[-1] + 1))
+    after = np.zeros((*values.shape[:-1], values.shape[-1] + 1))
     before = after.copy()
-    np.cumsum(np.where(arm > 0.0, share, 0.0), axis=-1, out=after[..., 1:])
-    backward = np.cumsum(np.where(arm < 0.0, share, 0.0)[..., ::-1], axis=-1)
+    np.cumsum(np.where(arm > 0.0, values, 0.0), axis=-1, out=after[..., 1:])
+    backward = np.cumsum(np.where(arm < 0.0, values, 0.0)[..., ::-1], axis=-1)
     before[..., :-1] = backward[..., ::-1]
     return after + before
 
@@ -86,8 +86,8 @@ def _without_torque(knots: Array, torque: Array, slope: Array, arm: Array) -> tu
     low = np.max(np.where(arm < 0.0, knots, -np.inf), axis=-1)
     last = np.sum(torque <= 0.0, axis=-1, keepdims=True) - 1
     start, value, rise = (
-        np.take_along_axis(one, np.maximum(last, 0), -1)[..., 0]
-        for one in (knots, torque, slope[..., 1:])
+        np.take_along_axis(values, np.maximum(last, 0), -1)[..., 0]
+        for values in (knots, torque, slope[..., 1:])
     )
     crossing = start - value / np.where(rise > 0.0, rise, 1.0)
     both = low > high

@@ -1,4 +1,4 @@
-"""The exact nominal profile around each pin, and how the gap answers to a displaced pin."""
+"""The exact nominal profile around each pin, and the gap of a displaced pin."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ class Nominal:
         """Gap [m] with the pin displaced by `moved` [m] and the shift modification by `shift` [m].
 
         With x_n and x_t along and across the normal, shift included, and c = `bend`:
-        x_n + c x_t^2 (1 - c x_n)/2 + `cubic` x_t^3 - `mixed` shift x_t. What is left out is of
+        x_n + c x_t^2 (1 - c x_n)/2 + `cubic` x_t^3 - `mixed` shift x_t. The omitted terms are of
         fourth order. Where the curve is `STEEP`, the osculating circle's distance is taken instead
         of its series: with h = sqrt((1 + c x_n)^2 + (c x_t)^2) it is
         (2 x_n + c (x_n^2 + x_t^2))/(1 + h), and x_t/h the arc for the cubic term.

@@ -1,4 +1,4 @@
-"""What a user measures on a reducer, from its loaded contact: quasi-static, without hysteresis.
+"""Measured quantities of a reducer from its loaded contact: quasi-static, without hysteresis.
 
 All angles are those of the carrier with the sun held, in radians, forward positive.
 """
@@ -15,16 +15,16 @@ from .errors import PartErrors
 
 Array = NDArray[np.float64]
 LOST_MOTION_SHARE = 0.03
-"""Share of the rated torque, either way, at which the catalogue states lost motion."""
+"""Fraction of the rated torque, either way, at which the catalogue states lost motion."""
 
 
 def backlash(contact: LoadedContact, errors: PartErrors, angles: Array) -> Array:
     """Backlash of rigid parts at every crank angle, (units, angles); negative: interference."""
-    found = np.empty((errors.units, angles.size))
+    play = np.empty((errors.units, angles.size))
     for block in contact.blocks(errors, angles):
         backward, forward = block.mesh.touch()
-        found[block.place] = forward - backward
-    return found
+        play[block.place] = forward - backward
+    return play
 
 
 def transmission_error(
@@ -42,12 +42,12 @@ def torque_twist(
     contact: LoadedContact, errors: PartErrors, angles: Array, torques: Array
 ) -> Array:
     """Mean rotation over the crank angles at each torque [N m], (units, torques)."""
-    found = np.zeros((errors.units, torques.size))
+    twist = np.zeros((errors.units, torques.size))
     for block in contact.blocks(errors, angles):
         for at, torque in enumerate(torques):
             turned = block.mesh.rotation(torque).sum(axis=1)
-            found[block.place[0], at] += turned / angles.size
-    return found
+            twist[block.place[0], at] += turned / angles.size
+    return twist
 
 
 def lost_motion(contact: LoadedContact, errors: PartErrors, angles: Array) -> Array:
@@ -60,7 +60,7 @@ def lost_motion(contact: LoadedContact, errors: PartErrors, angles: Array) -> Ar
 def rigidity(
     contact: LoadedContact, errors: PartErrors, angles: Array, between: tuple[float, float]
 ) -> Array:
-    """Secant stiffness [N m/rad] between two shares of the rated torque, (units,)."""
+    """Secant stiffness [N m/rad] between two fractions of the rated torque, (units,)."""
     torques = np.array(between) * contact.rated_torque
     twist = torque_twist(contact, errors, angles, torques)
     return np.asarray((torques[1] - torques[0]) / (twist[:, 1] - twist[:, 0]))
@@ -79,7 +79,7 @@ class Loading:
 
 
 def loading(contact: LoadedContact, errors: PartErrors, angles: Array, torque: float) -> Loading:
-    """How the pins are loaded under a torque on the carrier [N m]."""
+    """The load of the pins under a torque on the carrier [N m]."""
     peak, count, stiffness = (np.empty((errors.units, angles.size)) for _ in range(3))
     for block in contact.blocks(errors, angles):
         rotation = block.mesh.rotation(torque)
@@ -87,5 +87,5 @@ def loading(contact: LoadedContact, errors: PartErrors, angles: Array, torque: f
         peak[block.place] = forces.max(axis=(2, 3))
         count[block.place] = np.mean(np.sum(forces > 0.0, axis=-1), axis=-1)
         stiffness[block.place] = block.mesh.torque(rotation)[1]
-    means = (one.mean(axis=1) for one in (peak, count, stiffness))
+    means = (values.mean(axis=1) for values in (peak, count, stiffness))
     return Loading(peak.max(axis=1), *means)

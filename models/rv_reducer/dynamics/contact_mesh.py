@@ -13,7 +13,7 @@ Array = NDArray[np.float64]
 SCALE, NODES = 0.05 * ARCMIN, 161
 """Twist [rad] within which the table is densest, and the number of its twists."""
 TWISTS_AT_ONCE = 16
-"""Twists whose pin forces are worked out at once, to bound the memory."""
+"""Twists whose pin forces are computed in one block, to bound the memory."""
 
 
 def tabulated(mesh: ContactMesh, torque: float, nodes: int = NODES) -> TabulatedMesh:

@@ -1,8 +1,8 @@
 """Linear equations of a periodic oscillator: a u'' + d u' + k u = r over one turn, in batches.
 
 u'' and u' by five-point differences of fourth order on n equal steps. The samples are folded (0,
-n-1, 1, n-2, ...), which makes the cyclic matrix a banded one, and the points of a batch stand
-behind each other in one banded matrix. Cutting the cycle instead (and mending it by a low-rank
+n-1, 1, n-2, ...), which makes the cyclic matrix a banded one, and the points of a batch follow
+each other in one banded matrix. Cutting the cycle instead (and mending it by a low-rank
 update) fails: an oscillator over a cut turn grows by exp(zeta omega_n t).
 """
 

@@ -1,4 +1,4 @@
-"""Dynamic twist at any readings: a steady state for every operating point among them."""
+"""Dynamic twist at any measurements: a steady state for each of their operating points."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class NoSteadyState(UserWarning):
 
 
 class FullDynamics:
-    """Steady states of a train over a mesh, where readings need them."""
+    """Steady states of a train over a mesh, at the operating points of measurements."""
 
     def __init__(self, mesh: Mesh, train: Train, tolerance: float = 1e-7) -> None:
         self.mesh, self.train, self.tolerance = mesh, train, tolerance
@@ -30,7 +30,7 @@ class FullDynamics:
 
         NaN, and a `NoSteadyState` warning, where none was found.
         """
-        found = np.empty(len(angle))
+        twists = np.empty(len(angle))
         pairs, row = np.unique(np.stack([torque, speed]), axis=1, return_inverse=True)
         points = Oscillator.of(self.mesh, self.train, pairs[0], pairs[1])
         needed = samples_needed(self.mesh.samples, points)
@@ -40,11 +40,11 @@ class FullDynamics:
             for part in np.array_split(at, -(-len(at) * int(n) // ELEMENTS)):
                 chosen = np.isin(np.arange(len(needed)), part)
                 lines = self._orders(fine, points.part(chosen))
-                mine = np.flatnonzero(chosen[row])
-                place = np.searchsorted(part, row[mine])
-                found[mine] = _read(lines, place, angle[mine])
-        self._warn(found, pairs[:, row])
-        return found
+                rows = np.flatnonzero(chosen[row])
+                place = np.searchsorted(part, row[rows])
+                twists[rows] = _read(lines, place, angle[rows])
+        self._warn(twists, pairs[:, row])
+        return twists
 
     def _orders(self, mesh: Mesh, points: Oscillator) -> NDArray[np.complex128]:
         """Complex amplitudes (b, m) of the twist by whole orders; NaN where there is none."""
@@ -54,8 +54,8 @@ class FullDynamics:
         lines[~state.converged(self.tolerance)] = np.nan
         return np.asarray(lines)
 
-    def _warn(self, found: Array, pairs: Array) -> None:
-        if (missing := np.isnan(found)).any():
+    def _warn(self, twist: Array, pairs: Array) -> None:
+        if (missing := np.isnan(twist)).any():
             worst = pairs[:, np.argmax(missing)]
             rpm = worst[1] * 60.0 / (2.0 * np.pi)
             text = f"no steady vibration found at {worst[0]:g} N m and {rpm:g} rpm"
@@ -65,8 +65,8 @@ class FullDynamics:
 def _read(lines: NDArray[np.complex128], place: NDArray[np.intp], angle: Array) -> Array:
     """Twist (n,) of spectra (b, m), at the spectrum and the angle of each row."""
     order = np.arange(lines.shape[1])
-    found = np.empty(len(angle))
+    twist = np.empty(len(angle))
     for rows in np.array_split(np.arange(len(angle)), -(-len(angle) * len(order) // ELEMENTS)):
         waves = np.exp(1j * order * angle[rows, None])
-        found[rows] = np.einsum("nm,nm->n", lines[place[rows]], waves).real
-    return found
+        twist[rows] = np.einsum("nm,nm->n", lines[place[rows]], waves).real
+    return twist

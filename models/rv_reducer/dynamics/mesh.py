@@ -1,4 +1,4 @@
-"""What torsional dynamics asks of a mesh."""
+"""The interface of a mesh for torsional dynamics."""
 
 from __future__ import annotations
 

@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 HIGH = 4.0
 """Waves whose inertia exceeds this many stiffnesses are corrected by themselves."""
 OVERSHOOT, HALVINGS = 1.5, 6
-"""A step is halved, so many times at most, where the residual grows by more than this."""
+"""Growth of the residual at which a step is halved, and the largest number of halvings."""
 SOFTENED = (16.0, 4.0, 2.0, 1.0)
 """Damping, relative, of the detour for points that Newton's method does not reach directly."""
 
@@ -44,8 +44,8 @@ class Oscillator:
     @classmethod
     def of(cls, mesh: Mesh, train: Train, torque: Array, speed: Array) -> Oscillator:
         """The points of a train at torques [N m] and speeds [rad/s] that broadcast to (b,)."""
-        one = operating_stiffness(mesh, np.atleast_1d(np.asarray(torque, dtype=float)))
-        parts = (train.reduced_inertia, train.damping(one), torque, one, speed)
+        stiffness = operating_stiffness(mesh, np.atleast_1d(np.asarray(torque, dtype=float)))
+        parts = (train.reduced_inertia, train.damping(stiffness), torque, stiffness, speed)
         return cls(*(np.array(p, dtype=float) for p in np.broadcast_arrays(*parts)))
 
     @property
@@ -62,14 +62,14 @@ class Oscillator:
         """-J w^2 + i c w (b, n/2 + 1) of the orders that n samples carry."""
         order = np.arange(n // 2 + 1)
         wave = self.speed[:, None] * order
-        found = -self.inertia[:, None] * wave**2 + 1j * self.damping[:, None] * wave
-        found[:, -1] = found[:, -1].real  # the alternating wave has no slope at its samples
-        return np.asarray(found)
+        by_order = -self.inertia[:, None] * wave**2 + 1j * self.damping[:, None] * wave
+        by_order[:, -1] = by_order[:, -1].real  # the alternating wave has no slope at its samples
+        return np.asarray(by_order)
 
 
 @dataclass(frozen=True, slots=True)
 class Steady:
-    """Twist (b, n) [rad], and the residual (b,) of the torque, relative, that is left."""
+    """Twist (b, n) [rad], and the relative residual (b,) of the torque."""
 
     twist: Array
     residual: Array
@@ -93,34 +93,34 @@ def steady_state(
     static = mesh.equilibrium(points.torque)
     order = np.arange(mesh.samples // 2 + 1, dtype=float)
     linear = np.asarray(np.fft.rfft(static)) * transfer(points, order)
-    found = _newton(mesh, points, np.fft.irfft(linear, mesh.samples), tolerance, iterations)
-    missed = ~found.converged(tolerance)
+    state = _newton(mesh, points, np.fft.irfft(linear, mesh.samples), tolerance, iterations)
+    missed = ~state.converged(tolerance)
     if not missed.any():
-        return found
-    twist, residual = found.twist.copy(), found.residual.copy()
-    hard, again = points.part(missed), Steady(static[missed], residual[missed])
+        return state
+    twist, residual = state.twist.copy(), state.residual.copy()
+    unsolved, retried = points.part(missed), Steady(static[missed], residual[missed])
     for factor in SOFTENED:
-        softer = replace(hard, damping=factor * hard.damping)
-        again = _newton(mesh, softer, again.twist, tolerance, iterations)
-    twist[missed], residual[missed] = again.twist, again.residual
+        softer = replace(unsolved, damping=factor * unsolved.damping)
+        retried = _newton(mesh, softer, retried.twist, tolerance, iterations)
+    twist[missed], residual[missed] = retried.twist, retried.residual
     return Steady(twist, residual)
 
 
 def _newton(
     mesh: Mesh, points: Oscillator, twist: Array, tolerance: float, iterations: int
 ) -> Steady:
-    """Newton's method from `twist`; points that are there stay."""
+    """Newton's method from `twist`; points that have converged stay."""
     twist = twist.copy()
     balance = _Balance(mesh, points)
-    left, slope = balance(twist)
+    residual, slope = balance(twist)
     for _ in range(iterations):
-        open_ = balance.relative(left) > tolerance
+        open_ = balance.relative(residual) > tolerance
         if not open_.any():
             break
         active = balance.part(open_)
-        moved = active.step(twist[open_], left[open_], slope[open_])
-        twist[open_], left[open_], slope[open_] = moved
-    return Steady(twist, balance.relative(left))
+        stepped = active.step(twist[open_], residual[open_], slope[open_])
+        twist[open_], residual[open_], slope[open_] = stepped
+    return Steady(twist, balance.relative(residual))
 
 
 class _Balance:
@@ -137,17 +137,17 @@ class _Balance:
         motion = np.fft.irfft(self.symbol * np.fft.rfft(twist), twist.shape[-1])
         return motion + torque - self.points.torque[:, None], slope
 
-    def relative(self, left: Array) -> Array:
+    def relative(self, residual: Array) -> Array:
         """Largest residual over a turn (b,), relative to the torque (or 1 N m)."""
-        return np.asarray(np.abs(left).max(axis=-1) / self.scale)
+        return np.asarray(np.abs(residual).max(axis=-1) / self.scale)
 
     def part(self, chosen: NDArray[np.bool_]) -> _Balance:
         return _Balance(self.mesh, self.points.part(chosen))
 
-    def step(self, twist: Array, left: Array, slope: Array) -> tuple[Array, Array, Array]:
+    def step(self, twist: Array, residual: Array, slope: Array) -> tuple[Array, Array, Array]:
         """The twist one step on, its residual and stiffness; halved as long as it overshoots."""
-        change = -self._soft(left, slope)
-        before = OVERSHOOT * self.relative(left)
+        change = -self._soft(residual, slope)
+        before = OVERSHOOT * self.relative(residual)
         for _ in range(HALVINGS):
             at, after, stiffness = self._moved(twist + change)
             worse = ~(self.relative(after) <= before)
@@ -161,16 +161,16 @@ class _Balance:
         at = twist - self._stiff(self(twist)[0])
         return at, *self(at)
 
-    def _soft(self, left: Array, slope: Array) -> Array:
+    def _soft(self, residual: Array, slope: Array) -> Array:
         """Newton's step, its derivatives by differences that fit at the resonance."""
-        points, step = self.points, 2.0 * np.pi / left.shape[-1]
+        points, step = self.points, 2.0 * np.pi / residual.shape[-1]
         angle = np.minimum(points.resonance * step, np.pi)
         fitted = points.inertia * points.speed**2 * angle**2 / second_symbol(angle)
-        return solve(fitted, points.damping * points.speed, slope, left)
+        return solve(fitted, points.damping * points.speed, slope, residual)
 
-    def _stiff(self, left: Array) -> Array:
+    def _stiff(self, residual: Array) -> Array:
         """The step of the waves that inertia carries."""
         stiffness = self.points.stiffness[:, None]
         high = np.abs(self.symbol) > HIGH * stiffness
-        waves = np.where(high, np.fft.rfft(left) / (self.symbol + stiffness), 0.0)
-        return np.fft.irfft(waves, left.shape[-1])
+        waves = np.where(high, np.fft.rfft(residual) / (self.symbol + stiffness), 0.0)
+        return np.fft.irfft(waves, residual.shape[-1])

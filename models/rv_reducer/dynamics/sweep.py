@@ -17,17 +17,17 @@ Array = NDArray[np.float64]
 POINTS_PER_WAVE = 16
 """Samples over a wave at the resonance that the differences in Newton's step need."""
 ELEMENTS = 2_000_000
-"""Samples of all points together that are worked on at once, to bound the memory."""
+"""Samples of all points together in one block, to bound the memory."""
 EXCITED = 0.02
-"""An order is excited where its static amplitude is this share of the largest (order 0 aside)."""
+"""An order is excited where its static amplitude is this fraction of the largest (without 0)."""
 
 
 @dataclass(frozen=True, slots=True)
 class Response:
     """Dynamic TE amplitude (half peak to peak) [rad], peak mesh force [N], residual, each (b,).
 
-    `residual` is what is left of the torque, relative; points above the tolerance are no steady
-    states, and their amplitude and force are NaN.
+    `residual` is that of the torque, relative; points above the tolerance are no steady states, and
+    their amplitude and force are NaN.
     """
 
     amplitude: Array
@@ -45,27 +45,27 @@ def sweep(
     raise_all(faults(train, torque, speed))
     points = Oscillator.of(mesh, train, np.asarray(torque), np.asarray(speed))
     count = len(points.speed)
-    found = Response(*(np.full(count, np.nan) for _ in range(3)))
+    response = Response(*(np.full(count, np.nan) for _ in range(3)))
     needed = samples_needed(mesh.samples, points)
     for n in np.unique(needed):
         fine = mesh.resampled(int(n))
         at = np.flatnonzero(needed == n)
         for part in np.array_split(at, -(-len(at) * int(n) // ELEMENTS)):
             chosen = np.isin(np.arange(count), part)
-            _fill(found, chosen, fine, points.part(chosen), tolerance)
-    return found
+            _fill(response, chosen, fine, points.part(chosen), tolerance)
+    return response
 
 
 def faults(train: Train, torque: Array | float, speed: Array | float) -> list[Fault]:
-    """Everything that no sweep exists for."""
-    found = train.faults("train")
+    """Inputs for which no sweep exists."""
+    problems = train.faults("train")
     if not np.all(np.isfinite(torque)):
-        found.append(Fault("torque", "must be finite, in N m"))
+        problems.append(Fault("torque", "must be finite, in N m"))
     if not np.all(np.isfinite(speed) & (np.asarray(speed) > 0.0)):
-        found.append(
+        problems.append(
             Fault("speed", "must be finite and above 0 rad/s; a sense of turning is not part of it")
         )
-    return found
+    return problems
 
 
 def samples_needed(samples: int, points: Oscillator) -> NDArray[np.int64]:
@@ -76,23 +76,23 @@ def samples_needed(samples: int, points: Oscillator) -> NDArray[np.int64]:
 
 
 def _fill(
-    found: Response, chosen: NDArray[np.bool_], mesh: Mesh, points: Oscillator, tolerance: float
+    response: Response, chosen: NDArray[np.bool_], mesh: Mesh, points: Oscillator, tolerance: float
 ) -> None:
     state = steady_state(mesh, points, tolerance)
     reached = state.converged(tolerance)
     twist, force = state.twist, mesh.peak_force(state.twist)
-    found.residual[chosen] = state.residual
-    found.amplitude[chosen] = np.where(reached, 0.5 * np.ptp(twist, axis=-1), np.nan)
-    found.peak_force[chosen] = np.where(reached, force, np.nan)
+    response.residual[chosen] = state.residual
+    response.amplitude[chosen] = np.where(reached, 0.5 * np.ptp(twist, axis=-1), np.nan)
+    response.peak_force[chosen] = np.where(reached, force, np.nan)
 
 
 def warnings(
     mesh: Mesh, train: Train, torque: float, speed: Array, momentary: float = 2058.0
 ) -> tuple[str, ...]:
-    """What the user of a sweep over `speed` [rad/s] at one torque [N m] should know."""
-    said = []
+    """Warnings for a sweep over `speed` [rad/s] at one torque [N m]."""
+    messages = []
     if abs(torque) > momentary:
-        said.append(f"torque {torque:g} N m is beyond the momentary {momentary:g} N m")
+        messages.append(f"torque {torque:g} N m is beyond the momentary {momentary:g} N m")
     speeds = np.unique(speed)
     points = Oscillator.of(mesh, train, np.asarray(torque), speeds)
     line = spectrum(mesh.equilibrium(np.asarray(torque))).amplitude[1:]
@@ -103,18 +103,18 @@ def warnings(
     if missed:
         orders = ", ".join(str(k) for k in missed[:5]) + (", ..." if len(missed) > 5 else "")
         width = float(np.max(2.0 * np.asarray(train.damping_ratio)))
-        said.append(
+        messages.append(
             f"the speeds do not resolve the resonance with order {orders}: near it their"
             f" steps must be below {100.0 * width:g} % (half-power width)"
         )
-    return tuple(said)
+    return tuple(messages)
 
 
 def _leapt(points: Oscillator, train: Train, order: float) -> bool:
     """Whether the step over the resonance with `order` is wider than its half-power width."""
-    at = points.speed * points.resonance / order
-    beyond = np.searchsorted(points.speed, at.mean())
+    resonant_speed = points.speed * points.resonance / order
+    beyond = np.searchsorted(points.speed, resonant_speed.mean())
     if beyond in (0, len(points.speed)):
         return False
-    width = float(np.max(2.0 * np.asarray(train.damping_ratio)) * at.mean())
+    width = float(np.max(2.0 * np.asarray(train.damping_ratio)) * resonant_speed.mean())
     return bool(points.speed[beyond] - points.speed[beyond - 1] > width)

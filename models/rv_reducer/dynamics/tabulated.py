@@ -23,8 +23,8 @@ class TabulatedMesh:
     """Torque and its slope per node (m, n) at twists `scale` sinh(`nodes`), `nodes` even steps.
 
     Cubic between the nodes, by values and slopes; the slopes are limited as by Fritsch and Carlson
-    (1980), so that the torque rises as the mesh's does. Beyond the nodes it goes on straight. What
-    `peak` is asked for are the output angles that it was made for: every `stride`-th of those here.
+    (1980), so that the torque rises as the mesh's does. Beyond the nodes it is linear. `peak` is
+    evaluated at the output angles that it was made for: every `stride`-th of those here.
     """
 
     scale: float
@@ -48,7 +48,7 @@ class TabulatedMesh:
         return int(self.torques.shape[-1])
 
     def _cell(self, twist: Array) -> tuple[NDArray[np.intp], Array]:
-        """Cell below each twist, and where in it (0 to 1) the twist stands."""
+        """Cell below each twist, and the position (0 to 1) of the twist in it."""
         node = np.clip(np.arcsinh(twist / self.scale), self.nodes[0], self.nodes[-1])
         position = (node - self.nodes[0]) / (self.nodes[1] - self.nodes[0])
         cell = np.minimum(position.astype(np.intp), len(self.nodes) - 2)
@@ -96,7 +96,9 @@ class TabulatedMesh:
         if samples % self.samples != 0:
             raise ValueError(f"{samples} samples are no multiple of {self.samples}")
         tables = (self.torques, self.slopes)
-        torque, slope = (np.asarray(scipy.signal.resample(one, samples, axis=-1)) for one in tables)
+        torque, slope = (
+            np.asarray(scipy.signal.resample(table, samples, axis=-1)) for table in tables
+        )
         torque = np.maximum.accumulate(torque, axis=0)
         limited = _limited(torque, slope, self.nodes[1] - self.nodes[0])
         stride = self.stride * samples // self.samples
@@ -120,8 +122,8 @@ def _rise(corners: tuple[Array, Array, Array, Array], t: Array) -> Array:
 
 
 def _limited(torque: Array, slope: Array, step: float) -> Array:
-    """Slopes (m, n) at most three times the chords beside them."""
+    """Slopes (m, n) limited to three times the adjacent chords."""
     chord = np.diff(torque, axis=0) / step
     ends = np.full((1, torque.shape[1]), np.inf)
-    beside = np.minimum(np.concatenate([ends, chord]), np.concatenate([chord, ends]))
-    return np.asarray(np.clip(slope, 0.0, 3.0 * beside))
+    adjacent = np.minimum(np.concatenate([ends, chord]), np.concatenate([chord, ends]))
+    return np.asarray(np.clip(slope, 0.0, 3.0 * adjacent))

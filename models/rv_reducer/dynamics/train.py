@@ -25,7 +25,7 @@ class Train:
     load_inertia: Array | float = 4.216
     """[kg m^2] at the output."""
     damping_ratio: Array | float = 0.04
-    """Of the first mode at the operating torque, in (0, 1); 0.02 to 0.06 is usual."""
+    """Damping of the first mode at the operating torque, in (0, 1); 0.02 to 0.06 is usual."""
     reduction_ratio: float = 121.0
 
     @property
@@ -43,8 +43,8 @@ class Train:
         return np.asarray(2.0 * self.damping_ratio * np.sqrt(stiffness * self.reduced_inertia))
 
     def faults(self, place: str) -> list[Fault]:
-        """Everything that no steady state exists for."""
-        found = [
+        """Inputs for which no steady state exists."""
+        problems = [
             Fault(f"{place}.{name}", f"must be finite and above 0 kg m^2, got {_shown(value)}")
             for name, value in (
                 ("input_inertia", self.input_inertia),
@@ -55,8 +55,8 @@ class Train:
         ratio = np.asarray(self.damping_ratio)
         if not np.all((ratio > 0.0) & (ratio < 1.0)):
             text = f"must lie between 0 and 1 (0.02 to 0.06 is usual), got {_shown(ratio)}"
-            found.append(Fault(f"{place}.damping_ratio", text))
-        return found
+            problems.append(Fault(f"{place}.damping_ratio", text))
+        return problems
 
 
 def _shown(value: Array | float) -> str:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 Single = NDArray[np.float32]
 BLOCK = 512
-"""Units worked on at once."""
+"""Units in one block."""
 
 
 def _disc(axes: Single, disc: Single, circle: Single) -> tuple[Single, Single, Single]:
@@ -57,23 +57,23 @@ def touch(
     columns = [0, 1, 2, 4, 5, 6, 7]
     for first in range(0, across.shape[1], BLOCK):
         part = slice(first, first + BLOCK)
-        own, moved = across[:, part], along[:, part]
+        pin_across, pin_along = across[:, part], along[:, part]
         for a in range(start.shape[0]):
             ends: list[list[tuple[Any, Any]]] = [[], []]
             for d in range(start.shape[1]):
                 terms, play, turn = _disc(axes[a, d], discs[d][:, part], circle[:, part])
                 for flank, sign in ((0, 1.0), (1, -1.0)):
                     i, k = start[a, d, flank], stop[a, d, flank]
-                    some, pin = rows[i:k], pins[i:k]
-                    h = some[:, columns] @ terms
-                    h += some[:, 1:2] * own[pin] + some[:, 3:4] * moved[pin]
+                    contacts, pin = rows[i:k], pins[i:k]
+                    h = contacts[:, columns] @ terms
+                    h += contacts[:, 1:2] * pin_across[pin] + contacts[:, 3:4] * pin_along[pin]
                     which = np.argmin(sign * h, axis=0)
                     at = np.take_along_axis(h, which[None, :], axis=0)[0]
                     ends[flank].append((at + sign * play - turn, i + which))
             for flank, into, contact in ((0, high, ahead), (1, low, behind)):
-                turns = np.stack([one for one, _ in ends[flank]])
+                turns = np.stack([turns_of_disc for turns_of_disc, _ in ends[flank]])
                 best = np.argmin(turns, axis=0) if flank == 0 else np.argmax(turns, axis=0)
-                chosen = np.stack([one for _, one in ends[flank]])
+                chosen = np.stack([contacts_of_disc for _, contacts_of_disc in ends[flank]])
                 into[a, part] = np.take_along_axis(turns, best[None, :], axis=0)[0]
                 contact[a, part] = np.take_along_axis(chosen, best[None, :], axis=0)[0]
 
@@ -96,7 +96,7 @@ def pull_back(
     w = weight[a, u]
     for contact, sign in ((ahead[a, u], 1.0), (behind[a, u], -1.0)):
         d, sw, row = disc_of[contact], sign * w, rows[contact].T
-        own, pin = of_discs[d, :, u].T, of_pins[:, pins[contact], u]
+        z, pin = of_discs[d, :, u].T, of_pins[:, pins[contact], u]
         ex, ey, dx, dy, cx, cy = axes[a, d].T
         eccentric, disc, crank = ex + 1j * ey, dx + 1j * dy, cx + 1j * cy
         normal, direction = row[4] + 1j * row[5], row[6] + 1j * row[7]
@@ -105,19 +105,16 @@ def pull_back(
             sw * row[3] * pin[0],
             sw * row[1] * pin[1],
             -sw * row[1] * pin[2],
-            sw * _along(direction, (own[2] + 1j * own[3]) * disc),
-            -sw * _along(normal, (own[4] + 1j * own[5]) * disc),
-            sw * (np.imag((own[7] + 1j * own[8]) * crank) - _along(normal, eccentric * own[6])),
-            sw * row[1] * own[0],
-            -sw * row[2] * own[1],
-            w * own[9],
+            sw * _along(direction, (z[2] + 1j * z[3]) * disc),
+            -sw * _along(normal, (z[4] + 1j * z[5]) * disc),
+            sw * (np.imag((z[7] + 1j * z[8]) * crank) - _along(normal, eccentric * z[6])),
+            sw * row[1] * z[0],
+            -sw * row[2] * z[1],
+            w * z[9],
             sw * _along(normal, of_unit[1, u] + 1j * of_unit[2, u]),
-            sw * (_along(normal, (own[10] + 1j * own[11]) * disc) - own[12]),
-            sw
-            * (
-                np.imag((own[14] + 1j * own[15]) * crank) - _along(normal, 1j * eccentric * own[13])
-            ),
-            -sw * own[16],
+            sw * (_along(normal, (z[10] + 1j * z[11]) * disc) - z[12]),
+            sw * (np.imag((z[14] + 1j * z[15]) * crank) - _along(normal, 1j * eccentric * z[13])),
+            -sw * z[16],
             sw * row[1],
             sw * row[8],
         ]

@@ -1,4 +1,4 @@
-"""Units whose parts differ from what they were drawn as: changes of errors and temperatures."""
+"""Units whose parts differ from the drawn ones: changes of errors and temperatures."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def changed(
     """Units (n) with their errors [um] and temperatures [K] changed, each by a number or by (n,).
 
     A change of an error is one of its mid-limit: of every pin and disc of the unit alike. A warmer
-    housing widens the pin circle beside the discs; a change of pin position turns the unit only.
+    housing widens the pin circle against the discs; a change of pin position turns the unit only.
     """
 
     def of(error: str) -> Array:

@@ -1,7 +1,7 @@
 """First contact of many units, compiled by numba: positions, discs, pins, and units innermost.
 
-The formulas are those of `arrays`. All functions stand in this file because numba's cache does not
-see changes of others. Importing this needs numba.
+The formulas are those of `arrays`. All functions are in this file because numba's cache does not
+see changes of other files. Importing this needs numba.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 Single = NDArray[np.float32]
 LANES = 256
-"""Units worked on side by side, so that they stay in the cache."""
+"""Units in one block, so that they stay in the cache."""
 
 
 def _compiled(function: Any) -> Any:
@@ -65,11 +65,11 @@ def _nearest(
             sign * rows[i, 3],
         )
         nx, ny, c, s = sign * rows[i, 4], sign * rows[i, 5], sign * rows[i, 6], sign * rows[i, 7]
-        own, moved = across[j], along[j]
+        pin_across, pin_along = across[j], along[j]
         place = np.int32(i)
         for u in range(best.size):
-            h = gap + lever * (own[u] + terms[0, u]) + radial * terms[1, u]
-            h += tangential * moved[u] + nx * terms[2, u] + ny * terms[3, u]
+            h = gap + lever * (pin_across[u] + terms[0, u]) + radial * terms[1, u]
+            h += tangential * pin_along[u] + nx * terms[2, u] + ny * terms[3, u]
             h += c * terms[4, u] + s * terms[5, u]
             nearer = h < best[u]
             best[u] = h if nearer else best[u]
@@ -98,11 +98,11 @@ def touch(
     `start`, `stop` (positions, discs, 2), `axes` (positions, discs, 6), `discs` (discs, 12, units).
     """
     far = np.float32(1e9)
-    one, minus = np.float32(1.0), np.float32(-1.0)
+    plus, minus = np.float32(1.0), np.float32(-1.0)
     for first in range(0, across.shape[1], LANES):
         last = min(first + LANES, across.shape[1])
         lanes = last - first
-        own, moved = across[:, first:last].copy(), along[:, first:last].copy()
+        lane_across, lane_along = across[:, first:last].copy(), along[:, first:last].copy()
         of_discs, centre = discs[:, :, first:last].copy(), circle[:, first:last].copy()
         terms = np.empty((8, lanes), np.float32)
         best = np.empty(lanes, np.float32)
@@ -115,7 +115,7 @@ def touch(
                 i, k = start[a, d, 0], stop[a, d, 0]
                 best[:] = far
                 which[:] = 0
-                _nearest(rows[i:k], pins[i:k], own, moved, terms, one, best, which)
+                _nearest(rows[i:k], pins[i:k], lane_across, lane_along, terms, plus, best, which)
                 for u in range(lanes):
                     at = best[u] + terms[6, u] - terms[7, u]
                     if at < high[a, first + u]:
@@ -124,7 +124,7 @@ def touch(
                 i, k = start[a, d, 1], stop[a, d, 1]
                 best[:] = far
                 which[:] = 0
-                _nearest(rows[i:k], pins[i:k], own, moved, terms, minus, best, which)
+                _nearest(rows[i:k], pins[i:k], lane_across, lane_along, terms, minus, best, which)
                 for u in range(lanes):
                     at = -best[u] - terms[6, u] - terms[7, u]
                     if at > low[a, first + u]:
@@ -160,27 +160,27 @@ def pull_back(
                 sw = w if flank == 0 else -w
                 i = ahead[a, u] if flank == 0 else behind[a, u]
                 j, d = pins[i], disc_of[i]
-                row, axis, own = rows[i], axes[a, d], of_discs[d, :, u]
+                row, axis, z = rows[i], axes[a, d], of_discs[d, :, u]
                 ex, ey, dx, dy, cx, cy = axis[0], axis[1], axis[2], axis[3], axis[4], axis[5]
                 lever, nx, ny = row[1], row[4], row[5]
                 total[0] += sw * row[2] * of_unit[0, u]
                 total[1] += sw * row[3] * of_pins[0, j, u]
                 total[2] += sw * lever * of_pins[1, j, u]
                 total[3] -= sw * lever * of_pins[2, j, u]
-                px, py = own[2] * dx - own[3] * dy, own[2] * dy + own[3] * dx
+                px, py = z[2] * dx - z[3] * dy, z[2] * dy + z[3] * dx
                 total[4] += sw * (row[6] * px + row[7] * py)
-                rx, ry = own[4] * dx - own[5] * dy, own[4] * dy + own[5] * dx
+                rx, ry = z[4] * dx - z[5] * dy, z[4] * dy + z[5] * dx
                 total[5] -= sw * (nx * rx + ny * ry)
-                total[6] -= sw * (nx * ex + ny * ey) * own[6]
-                total[6] += sw * (own[7] * cy + own[8] * cx)
-                total[7] += sw * lever * own[0]
-                total[8] -= sw * row[2] * own[1]
-                total[9] += w * own[9]
+                total[6] -= sw * (nx * ex + ny * ey) * z[6]
+                total[6] += sw * (z[7] * cy + z[8] * cx)
+                total[7] += sw * lever * z[0]
+                total[8] -= sw * row[2] * z[1]
+                total[9] += w * z[9]
                 total[10] += sw * (nx * of_unit[1, u] + ny * of_unit[2, u])
-                bx, by = own[10] * dx - own[11] * dy, own[10] * dy + own[11] * dx
-                total[11] += sw * (nx * bx + ny * by) - sw * own[12]
-                total[12] -= sw * (ex * ny - ey * nx) * own[13]
-                total[12] += sw * (own[14] * cy + own[15] * cx)
-                total[13] -= sw * own[16]
+                bx, by = z[10] * dx - z[11] * dy, z[10] * dy + z[11] * dx
+                total[11] += sw * (nx * bx + ny * by) - sw * z[12]
+                total[12] -= sw * (ex * ny - ey * nx) * z[13]
+                total[12] += sw * (z[14] * cy + z[15] * cx)
+                total[13] -= sw * z[16]
                 total[14] += sw * lever
                 total[15] += sw * row[8]

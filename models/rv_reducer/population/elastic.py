@@ -1,4 +1,4 @@
-"""What elastic units show under load, quasi-static and without hysteresis, with derivatives.
+"""Outputs of elastic units under load, quasi-static and without hysteresis, with derivatives.
 
 Pins press by a linear stiffness along their normals, and every disc turns the carrier through a
 spring: the balances of `contact.mesh`, with gaps that are linear in the errors.
@@ -33,9 +33,9 @@ CASES: Mapping[str, tuple[str, ...]] = {
 OUTPUTS = tuple(CASES)
 TE_POSITIONS = 251
 """Positions at which a unit's transmission error at rated torque comes out 3.6 % too small in the
-mean, its 99 % quantile 2 %: the turn's waves of orders 39 to 80 are met at every phase. 61 leave
-out 9 and 6 %, 1021 one. Primes that are nearly a multiple of 1/k of the teeth leave out more (59:
-26 %, 79, 97 and 137: 14 %, 127 and 157: 10 %)."""
+mean, its 99 % quantile 2 %: the turn's waves of orders 39 to 80 are met at every phase. With
+61 positions the deficits are 9 and 6 %, with 1021 they are 1 %. They are larger for primes that are
+nearly a multiple of 1/k of the teeth (59: 26 %, 79, 97 and 137: 14 %, 127 and 157: 10 %)."""
 HALF_ARCSEC = 30.0
 """Half an arc minute in arc seconds: from peak to peak to the transmission error."""
 
@@ -75,7 +75,7 @@ class Balances:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Elastic:
-    """Elastic outputs of n units: `values` by name, each (n,), for those of `OUTPUTS` asked for.
+    """Elastic outputs of n units: `values` by name, each (n,), for the requested ones of `OUTPUTS`.
 
     `lost_motion` [arcmin]: mean rotation over the turn at +3 % minus at -3 % of rated torque,
     without the involute stage. `preload_torque` [N m]: torque of the forward flanks, at the
@@ -106,7 +106,7 @@ class Elastic:
         """
         total = np.zeros(len(NAMES))
         errors_of = _errors(self.units)
-        springs, found, lattice = self.springs, self.balances, self.lattice
+        springs, balances, lattice = self.springs, self.balances, self.lattice
         kernel = _kernel("pull_back", self.engine)
         for case, (of_turn, of_preload, of_peak) in self._by_case(weights):
             used = (of_turn != 0.0) | (of_preload != 0.0) | (of_peak != 0.0)
@@ -115,7 +115,7 @@ class Elastic:
                 of_turn[rows],
                 of_preload[rows],
                 of_peak[rows],
-                found.which,
+                balances.which,
                 self.table.values,
                 springs.lean,
                 springs.stiff,
@@ -126,8 +126,8 @@ class Elastic:
                 lattice.directions[rows],
                 *errors_of,
                 springs.behind,
-                found.disc[case, rows],
-                found.side[case, rows],
+                balances.disc[case, rows],
+                balances.side[case, rows],
                 errors.of_unit,
                 errors.of_discs,
                 errors.of_pins,
@@ -139,32 +139,32 @@ class Elastic:
     def _by_case(self, weights: Mapping[str, Array]) -> Iterator[tuple[int, Single]]:
         """By load case, weights (3, positions, n) of the turn, the forward flanks and the peak."""
         shape = self.balances.turn.shape[1:]
-        found: dict[int, Single] = {}
+        by_case: dict[int, Single] = {}
         for name, weight in weights.items():
             for case in CASES[name]:
                 at = self.cases[case]
-                into = found.setdefault(at, np.zeros((3, *shape), np.float32))
+                into = by_case.setdefault(at, np.zeros((3, *shape), np.float32))
                 self._add(into, name, case, weight)
-        yield from found.items()
+        yield from by_case.items()
 
     def _add(self, into: Single, name: str, case: str, weight: Array) -> None:
         """Adds the weights of one output in one of its load cases."""
-        found, ratio = self.balances, self.lattice.geometry.output_ratio
+        balances, ratio = self.balances, self.lattice.geometry.output_ratio
         positions, units = into.shape[1:]
-        each = np.arange(units)
+        unit = np.arange(units)
         if name == "lost_motion":
             sign = 1.0 if case == "forward" else -1.0
             into[0] += sign * weight / (positions * ratio)
         elif name == "preload_torque":
             into[1] += weight * ratio / positions
         elif name == "preload_torque_max":
-            into[1, found.preload.argmax(axis=0), each] += weight * ratio
+            into[1, balances.preload.argmax(axis=0), unit] += weight * ratio
         elif name == "peak_pin_force":
-            into[2, found.where, each] += weight
+            into[2, balances.where, unit] += weight
         else:
-            turn = found.turn[self.cases[case]]
-            into[0, turn.argmax(axis=0), each] += HALF_ARCSEC / ratio * weight
-            into[0, turn.argmin(axis=0), each] -= HALF_ARCSEC / ratio * weight
+            turn = balances.turn[self.cases[case]]
+            into[0, turn.argmax(axis=0), unit] += HALF_ARCSEC / ratio * weight
+            into[0, turn.argmin(axis=0), unit] -= HALF_ARCSEC / ratio * weight
 
 
 def elastic(
@@ -179,7 +179,7 @@ def elastic(
     torques = list(dict.fromkeys(loading.torque(case) for name in outputs for case in CASES[name]))
     cases = {case: torques.index(loading.torque(case)) for name in outputs for case in CASES[name]}
     springs, ratio = Springs.of(table, loading), lattice.geometry.output_ratio
-    found = Balances.empty(len(torques), *lattice.shape, units.units)
+    balances = Balances.empty(len(torques), *lattice.shape, units.units)
     _kernel("compiled", engine).balances(
         table.values,
         springs.stiff,
@@ -192,21 +192,21 @@ def elastic(
         springs.behind,
         np.array(torques) / ratio,
         cases.get("rated", -1),
-        found.disc,
-        found.side,
-        found.turn,
-        found.preload,
-        found.peak,
-        found.where,
-        found.which,
+        balances.disc,
+        balances.side,
+        balances.turn,
+        balances.preload,
+        balances.peak,
+        balances.where,
+        balances.which,
     )
-    values = {name: _value(name, cases, found, ratio) for name in outputs}
-    return Elastic(lattice, table, units, springs, cases, found, values, engine)
+    values = {name: _value(name, cases, balances, ratio) for name in outputs}
+    return Elastic(lattice, table, units, springs, cases, balances, values, engine)
 
 
 def _errors(units: Scaled) -> tuple[Single, ...]:
     """Errors of pins, discs and circle as the kernels take them, in one order of memory."""
-    pins = (np.ascontiguousarray(one) for one in (units.across, units.along))
+    pins = (np.ascontiguousarray(errors) for errors in (units.across, units.along))
     return (*pins, *packed(units))
 
 
@@ -214,15 +214,15 @@ def _kernel(name: str, engine: Engine) -> ModuleType:
     return import_module(f".elastic_{name if uses_numba(engine) else 'arrays'}", __package__)
 
 
-def _value(name: str, cases: Mapping[str, int], found: Balances, ratio: float) -> Array:
+def _value(name: str, cases: Mapping[str, int], balances: Balances, ratio: float) -> Array:
     """An output (n,) from the balances."""
-    turns = [found.turn[cases[case]] for case in CASES[name]]
+    turns = [balances.turn[cases[case]] for case in CASES[name]]
     if name == "lost_motion":
         return np.asarray(np.mean(turns[0] - turns[1], axis=0, dtype=np.float64) / ratio)
     if name == "preload_torque":
-        return np.asarray(np.mean(found.preload, axis=0, dtype=np.float64) * ratio)
+        return np.asarray(np.mean(balances.preload, axis=0, dtype=np.float64) * ratio)
     if name == "preload_torque_max":
-        return np.asarray(found.preload.max(axis=0).astype(np.float64) * ratio)
+        return np.asarray(balances.preload.max(axis=0).astype(np.float64) * ratio)
     if name == "peak_pin_force":
-        return found.peak.astype(np.float64)
+        return balances.peak.astype(np.float64)
     return np.asarray(np.ptp(turns[0], axis=0).astype(np.float64) * (HALF_ARCSEC / ratio))

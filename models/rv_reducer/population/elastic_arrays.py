@@ -18,32 +18,32 @@ from ..contact.mesh import Mesh
 Array = NDArray[np.float64]
 Single = NDArray[np.float32]
 BLOCK = 256
-"""Units worked on at once, so that they stay in the cache."""
+"""Units in one block, so that they stay in the cache."""
 _TINY = 1e-20
 _NONE = 1e-9
 """Torque of a disc [N m] that counts as none."""
 
 
 def _terms(axes: Single, disc: Single, circle: Single) -> tuple[Array, Array, Array]:
-    """What adds to gaps (7, n), play and forward turn (n,) of one disc at one position."""
+    """Terms of the gaps (7, n), play and forward turn (n,) of one disc at one position."""
     ex, ey, dx, dy, cx, cy = axes.astype(float)
-    own = disc.astype(float)
-    turning, offset = own[4] + 1j * own[5], own[6] + 1j * own[7]
-    around, pitch = own[8] + 1j * own[9], own[10] + 1j * own[11]
+    errors = disc.astype(float)
+    turning, offset = errors[4] + 1j * errors[5], errors[6] + 1j * errors[7]
+    around, pitch = errors[8] + 1j * errors[9], errors[10] + 1j * errors[11]
     away = circle[0] + 1j * circle[1] - turning * (ex + 1j * ey) - offset * (dx + 1j * dy)
     turned = pitch * (dx + 1j * dy)
     terms = np.stack(
         [
-            np.ones_like(own[0]),
-            own[0],
-            own[1],
+            np.ones_like(errors[0]),
+            errors[0],
+            errors[1],
             away.real,
             away.imag,
             turned.real,
             turned.imag,
         ]
     )
-    return terms, own[2], np.asarray(own[3] - np.imag(around * (cx + 1j * cy)))
+    return terms, errors[2], np.asarray(errors[3] - np.imag(around * (cx + 1j * cy)))
 
 
 class _Position:
@@ -60,17 +60,17 @@ class _Position:
         self, axes: Single, across: Single, along: Single, discs: Single, circle: Single
     ) -> tuple[Array, Array, Array]:
         """Gaps (contacts, n), play and forward turn (discs, n) [arcmin]."""
-        own = [_terms(axis, disc, circle) for axis, disc in zip(axes, discs, strict=True)]
-        gap, play, turn = (np.stack(part) for part in zip(*own, strict=True))
+        of_discs = [_terms(axis, disc, circle) for axis, disc in zip(axes, discs, strict=True)]
+        gap, play, turn = (np.stack(part) for part in zip(*of_discs, strict=True))
         rows = self.rows.astype(float)
-        found = np.empty((len(rows), across.shape[1]))
+        turns = np.empty((len(rows), across.shape[1]))
         for d in range(len(discs)):
-            found[self.disc == d] = rows[self.disc == d][:, [0, 1, 2, 4, 5, 6, 7]] @ gap[d]
-        found += rows[:, 1:2] * across[self.pins] + rows[:, 3:4] * along[self.pins]
-        return found, play, turn
+            turns[self.disc == d] = rows[self.disc == d][:, [0, 1, 2, 4, 5, 6, 7]] @ gap[d]
+        turns += rows[:, 1:2] * across[self.pins] + rows[:, 3:4] * along[self.pins]
+        return turns, play, turn
 
     def closed(self, gaps: Array, x: Array) -> Array:
-        """How far discs turned by x (discs, n) are beyond each contact, 0 where it is open."""
+        """Turn beyond each contact of discs turned by x (discs, n), 0 where the contact is open."""
         beyond = x[self.disc] - gaps
         return np.where(self.sign[:, None] * beyond > 0.0, beyond, 0.0)
 
@@ -104,41 +104,49 @@ def balances(
 ) -> None:
     """As `elastic_compiled.balances`."""
     for a in range(len(start)):
-        here = _Position(rows, pins, start[a], stop[a])
-        k, of_force = stiff[here.part].astype(float), force[here.part].astype(float)
+        position = _Position(rows, pins, start[a], stop[a])
+        k, of_force = stiff[position.part].astype(float), force[position.part].astype(float)
         for first in range(0, across.shape[1], BLOCK):
             u = slice(first, first + BLOCK)
-            gaps, play, ahead = here.gaps(
+            gaps, play, ahead = position.gaps(
                 axes[a], across[:, u], along[:, u], discs[:, :, u], circle[:, u]
             )
-            mesh = _mesh(here, gaps, play, ahead, k / of_force, of_force, float(behind))
+            mesh = _mesh(position, gaps, play, ahead, k / of_force, of_force, float(behind))
             for case, torque in enumerate(torques):
                 rotation = mesh.rotation(float(torque))
                 turn[case, a, u] = rotation[:, 0] / ARCMIN
                 place, side[case, a, :, u] = _discs(mesh, rotation)
                 x[case, a, :, u] = place
-                closed = here.closed(gaps, place)
+                closed = position.closed(gaps, place)
                 if torque == 0.0:
-                    preload[a, u] = np.sum((k * (here.sign > 0.0))[:, None] * closed, axis=0)
+                    preload[a, u] = np.sum((k * (position.sign > 0.0))[:, None] * closed, axis=0)
                 if case == rated:
-                    found = of_force[:, None] * closed
-                    most = found.max(axis=0)
+                    forces = of_force[:, None] * closed
+                    most = forces.max(axis=0)
                     higher = most > peak[u]
-                    which[u] = np.where(higher, here.part.start + found.argmax(axis=0), which[u])
+                    which[u] = np.where(
+                        higher, position.part.start + forces.argmax(axis=0), which[u]
+                    )
                     where[u] = np.where(higher, a, where[u])
                     peak[u] = np.where(higher, most, peak[u])
 
 
 def _mesh(
-    here: _Position, gaps: Array, play: Array, turn: Array, arm: Array, force: Array, behind: float
+    position: _Position,
+    gaps: Array,
+    play: Array,
+    turn: Array,
+    arm: Array,
+    force: Array,
+    behind: float,
 ) -> Mesh:
     """The mesh at one position; pins that are not contacts of the lattice have no lever arm."""
     n, discs = gaps.shape[1], len(play)
-    lever = np.zeros((1, discs, int(here.pins.max()) + 1))
-    lever[0, here.disc, here.pins] = arm
+    lever = np.zeros((1, discs, int(position.pins.max()) + 1))
+    lever[0, position.disc, position.pins] = arm
     gap = np.ones((n, *lever.shape))
-    gap[:, 0, here.disc, here.pins] = gaps.T * arm * ARCMIN
-    turned, free = (one.T[:, None] * ARCMIN for one in (turn, play))
+    gap[:, 0, position.disc, position.pins] = gaps.T * arm * ARCMIN
+    turned, free = (angles.T[:, None] * ARCMIN for angles in (turn, play))
     stiffness = np.full((1, 1, 1, 1), force[0] / arm[0] / ARCMIN)
     return Mesh.of(
         Gaps(gap, lever, turned, free), 1.0, stiffness, np.full((1, 1, discs), behind * ARCMIN)
@@ -183,43 +191,43 @@ def pull_back(
     """As `elastic_pull_back.pull_back`."""
     for a in range(len(start)):
         u = np.flatnonzero((of_turn[a] != 0) | (of_preload[a] != 0) | (of_peak[a] != 0))
-        here = _Position(rows, pins, start[a], stop[a])
-        own = rows[here.part].astype(float)
-        gaps, _, _ = here.gaps(axes[a], across[:, u], along[:, u], discs[:, :, u], circle[:, u])
-        closed = here.closed(gaps, x[a][:, u].astype(float))
-        bears = stiff[here.part, None] * (closed != 0.0)
-        squeezed = bears * of_preload[a, u] * (here.sign > 0.0)[:, None]
-        star = np.arange(here.part.start, here.part.stop)[:, None] == which[u]
-        direct = force[here.part, None] * of_peak[a, u] * star
+        position = _Position(rows, pins, start[a], stop[a])
+        table = rows[position.part].astype(float)
+        gaps, _, _ = position.gaps(axes[a], across[:, u], along[:, u], discs[:, :, u], circle[:, u])
+        closed = position.closed(gaps, x[a][:, u].astype(float))
+        bears = stiff[position.part, None] * (closed != 0.0)
+        squeezed = bears * of_preload[a, u] * (position.sign > 0.0)[:, None]
+        star = np.arange(position.part.start, position.part.stop)[:, None] == which[u]
+        direct = force[position.part, None] * of_peak[a, u] * star
         many, toward = len(discs), side[a][:, u]
-        share = _shares(
-            here.by_disc(bears, many),
-            here.by_disc(squeezed + direct, many),
+        factor = _factors(
+            position.by_disc(bears, many),
+            position.by_disc(squeezed + direct, many),
             toward,
             float(behind),
             of_turn[a, u],
         )
-        through = share[here.disc] * bears - squeezed
+        through = factor[position.disc] * bears - squeezed
         weight = through - direct
-        lean_of = lean[here.part, None] * closed * (2.0 * through - direct)
-        total[15] += np.sum(own[:, 8:9] * weight - lean_of)
-        placed, hole, radius = (of_pins[k][here.pins][:, u] * weight for k in range(3))
-        total[1] += np.sum(own[:, 3:4] * placed)
-        total[2] += np.sum(own[:, 1:2] * hole)
-        total[3] -= np.sum(own[:, 1:2] * radius)
+        lean_of = lean[position.part, None] * closed * (2.0 * through - direct)
+        total[15] += np.sum(table[:, 8:9] * weight - lean_of)
+        placed, hole, radius = (of_pins[k][position.pins][:, u] * weight for k in range(3))
+        total[1] += np.sum(table[:, 3:4] * placed)
+        total[2] += np.sum(table[:, 1:2] * hole)
+        total[3] -= np.sum(table[:, 1:2] * radius)
         for d in range(many):
-            mine = here.disc == d
+            of_disc = position.disc == d
             sums = np.stack(
                 [
-                    weight[mine].sum(axis=0),
-                    *(own[mine, k] @ weight[mine] for k in (1, 2, 4, 5, 6, 7)),
+                    weight[of_disc].sum(axis=0),
+                    *(table[of_disc, k] @ weight[of_disc] for k in (1, 2, 4, 5, 6, 7)),
                 ]
             )
             _add_disc(sums, axes[a, d], of_discs[d][:, u], of_unit[:, u], toward[d], total)
 
 
-def _shares(rise: Array, fixed: Array, side: Any, behind: float, of_turn: Single) -> Array:
-    """What a contact's stiffness is to be taken times to be its weight through the balance."""
+def _factors(rise: Array, fixed: Array, side: Any, behind: float, of_turn: Single) -> Array:
+    """Factors by which a contact's stiffness gives its weight through the balance."""
     loaded = side != 0
     bent = loaded / (1.0 + behind * rise)
     common = (of_turn + np.sum(bent * fixed, axis=0)) / np.maximum(
@@ -229,25 +237,24 @@ def _shares(rise: Array, fixed: Array, side: Any, behind: float, of_turn: Single
     return np.where(loaded, bent * (common + behind * fixed), alone)
 
 
-def _add_disc(sums: Array, axes: Single, own: Single, unit: Single, side: Any, total: Any) -> None:
-    """Adds to `total` what the weights of one disc (7, n) make of errors of disc and unit."""
+def _add_disc(sums: Array, axes: Single, z: Single, unit: Single, side: Any, total: Any) -> None:
+    """Adds to `total` the weights of one disc (7, n) times the errors of disc and unit."""
     ex, ey, dx, dy, cx, cy = axes.astype(float)
     eccentric, disc, crank = ex + 1j * ey, dx + 1j * dy, cx + 1j * cy
     weight, lever, radial = sums[:3]
     normal, direction = sums[3] + 1j * sums[4], sums[5] + 1j * sums[6]
     parts = {
         0: radial * unit[0],
-        4: _along(direction, (own[2] + 1j * own[3]) * disc),
-        5: -_along(normal, (own[4] + 1j * own[5]) * disc),
-        6: weight * np.imag((own[7] + 1j * own[8]) * crank) - _along(normal, eccentric * own[6]),
-        7: lever * own[0],
-        8: -radial * own[1],
-        9: weight * side * own[9],
+        4: _along(direction, (z[2] + 1j * z[3]) * disc),
+        5: -_along(normal, (z[4] + 1j * z[5]) * disc),
+        6: weight * np.imag((z[7] + 1j * z[8]) * crank) - _along(normal, eccentric * z[6]),
+        7: lever * z[0],
+        8: -radial * z[1],
+        9: weight * side * z[9],
         10: _along(normal, unit[1] + 1j * unit[2]),
-        11: _along(normal, (own[10] + 1j * own[11]) * disc) - weight * own[12],
-        12: weight * np.imag((own[14] + 1j * own[15]) * crank)
-        - _along(normal, 1j * eccentric * own[13]),
-        13: -weight * own[16],
+        11: _along(normal, (z[10] + 1j * z[11]) * disc) - weight * z[12],
+        12: weight * np.imag((z[14] + 1j * z[15]) * crank) - _along(normal, 1j * eccentric * z[13]),
+        13: -weight * z[16],
         14: lever,
     }
     for name, part in parts.items():

@@ -2,10 +2,10 @@
 
 With W and H the sums over the bearing pins of a disc of stiffness w and of w dh, play P closed in
 the direction of load and c the compliance behind the disc, a balance changes by
-dM = (W (db + ds -+ dP) - H)/(1 + c W), sum of dM = 0. What a turn, the torque of a flank or the
-force on a pin changes with each gap is a weight by contact; the disc's own turn takes what is left.
-All functions stand in this file because numba's cache does not see changes of others. Importing
-this needs numba.
+dM = (W (db + ds -+ dP) - H)/(1 + c W), sum of dM = 0. The derivative of a turn, of the
+torque of a flank or of the force on a pin by each gap is a weight by contact; the turn of the disc
+takes the remaining change. All functions are in this file because numba's cache does not see
+changes of other files. Importing this needs numba.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 Single = NDArray[np.float32]
 LANES = 256
-"""Units worked on side by side, so that they stay in the cache."""
+"""Units in one block, so that they stay in the cache."""
 
 
 def _compiled(function: Any) -> Any:
@@ -42,16 +42,22 @@ def _terms(axes: Single, disc: Single, circle: Single, terms: Single) -> None:
 
 @_compiled
 def _closed(
-    row: Single, own: Single, moved: Single, terms: Single, x: Single, flank: int, into: Single
+    row: Single,
+    pin_across: Single,
+    pin_along: Single,
+    terms: Single,
+    x: Single,
+    flank: int,
+    into: Single,
 ) -> None:
-    """How far each lane's disc is turned beyond contact with one pin of `flank`, or 0."""
+    """Turn of each lane's disc beyond contact with one pin of `flank`, or 0."""
     gap, lever, radial, tangential = row[0], row[1], row[2], row[3]
     nx, ny, c, s = row[4], row[5], row[6], row[7]
     zero = np.float32(0.0)
     sign = np.float32(1.0) if flank == 0 else np.float32(-1.0)
     for u in range(into.size):
-        h = gap + lever * (own[u] + terms[0, u]) + radial * terms[1, u]
-        h += tangential * moved[u] + nx * terms[2, u] + ny * terms[3, u]
+        h = gap + lever * (pin_across[u] + terms[0, u]) + radial * terms[1, u]
+        h += tangential * pin_along[u] + nx * terms[2, u] + ny * terms[3, u]
         h += c * terms[4, u] + s * terms[5, u]
         into[u] = sign * max(sign * (x[u] - h), zero)
 
@@ -68,9 +74,9 @@ def _collect(
     rise: Single,
     fixed: Single,
 ) -> Any:
-    """Adds one contact to the stiffness of its disc, and to what the functional takes from it.
+    """Adds one contact to its disc's stiffness and to the functional's derivative by its turn.
 
-    Whether it bears in any lane.
+    Returns whether the contact bears in any lane.
     """
     zero = np.float32(0.0)
     most: Any = zero
@@ -83,29 +89,29 @@ def _collect(
 
 
 @_compiled
-def _shares(
-    rise: Single, fixed: Single, side: Any, behind: float, of_turn: Single, share: Single
+def _factors(
+    rise: Single, fixed: Single, side: Any, behind: float, of_turn: Single, factor: Single
 ) -> None:
-    """What w is to be taken times to be a contact's weight through the balance, (discs, lanes).
+    """Factors (discs, lanes) by which w gives a contact's weight through the balance.
 
-    `rise` is W; `fixed` what the functional takes from the disc's own turn, `of_turn` (lanes) from
-    the unit's.
+    `rise` is W; `fixed` is the derivative of the functional by the turn of the disc alone,
+    `of_turn` (lanes) that by the turn of the unit.
     """
-    one, zero, tiny = np.float32(1.0), np.float32(0.0), np.float32(1e-20)
+    unity, zero, tiny = np.float32(1.0), np.float32(0.0), np.float32(1e-20)
     for u in range(of_turn.size):
         stiffness, common = zero, of_turn[u]
         for d in range(rise.shape[0]):
             if side[d, u] != 0:
-                bent = one / (one + behind * rise[d, u])
+                bent = unity / (unity + behind * rise[d, u])
                 stiffness += bent * rise[d, u]
                 common += bent * fixed[d, u]
         common /= max(stiffness, tiny)
         for d in range(rise.shape[0]):
             if side[d, u] != 0:
-                bent = one / (one + behind * rise[d, u])
-                share[d, u] = bent * (common + behind * fixed[d, u])
+                bent = unity / (unity + behind * rise[d, u])
+                factor[d, u] = bent * (common + behind * fixed[d, u])
             else:
-                share[d, u] = fixed[d, u] / max(rise[d, u], tiny)
+                factor[d, u] = fixed[d, u] / max(rise[d, u], tiny)
 
 
 @_compiled
@@ -116,7 +122,7 @@ def _spread(
     force: float,
     contact: int,
     closed: Single,
-    share: Single,
+    factor: Single,
     of_torque: Single,
     of_force: Single,
     star: Any,
@@ -133,7 +139,7 @@ def _spread(
     by_shift = zero
     for u in range(kept.size):
         bears = stiff if closed[u] != zero else zero
-        through = (share[u] - of_torque[u]) * bears
+        through = (factor[u] - of_torque[u]) * bears
         direct = force * of_force[u] if star[u] == contact else zero
         a = through - direct
         kept[u] = a
@@ -149,32 +155,32 @@ def _spread(
 
 
 @_compiled
-def _add_disc(sums: Single, axes: Single, own: Single, unit: Single, side: Any, total: Any) -> None:
-    """Adds to `total` what the weights of one disc (7, lanes) make of errors of disc and unit."""
+def _add_disc(sums: Single, axes: Single, z: Single, unit: Single, side: Any, total: Any) -> None:
+    """Adds to `total` the weights of one disc (7, lanes) times the errors of disc and unit."""
     ex, ey, dx, dy, cx, cy = axes[0], axes[1], axes[2], axes[3], axes[4], axes[5]
     for u in range(side.size):
         a, lever, radial = sums[0, u], sums[1, u], sums[2, u]
         nx, ny, c, s = sums[3, u], sums[4, u], sums[5, u], sums[6, u]
-        px, py = own[2, u] * dx - own[3, u] * dy, own[2, u] * dy + own[3, u] * dx
-        rx, ry = own[4, u] * dx - own[5, u] * dy, own[4, u] * dy + own[5, u] * dx
-        bx, by = own[10, u] * dx - own[11, u] * dy, own[10, u] * dy + own[11, u] * dx
+        px, py = z[2, u] * dx - z[3, u] * dy, z[2, u] * dy + z[3, u] * dx
+        rx, ry = z[4, u] * dx - z[5, u] * dy, z[4, u] * dy + z[5, u] * dx
+        bx, by = z[10, u] * dx - z[11, u] * dy, z[10, u] * dy + z[11, u] * dx
         total[0] += radial * unit[0, u]
         total[4] += c * px + s * py
         total[5] -= nx * rx + ny * ry
-        total[6] += a * (own[7, u] * cy + own[8, u] * cx) - (nx * ex + ny * ey) * own[6, u]
-        total[7] += lever * own[0, u]
-        total[8] -= radial * own[1, u]
-        total[9] += a * side[u] * own[9, u]
+        total[6] += a * (z[7, u] * cy + z[8, u] * cx) - (nx * ex + ny * ey) * z[6, u]
+        total[7] += lever * z[0, u]
+        total[8] -= radial * z[1, u]
+        total[9] += a * side[u] * z[9, u]
         total[10] += nx * unit[1, u] + ny * unit[2, u]
-        total[11] += nx * bx + ny * by - a * own[12, u]
-        total[12] += a * (own[14, u] * cy + own[15, u] * cx) - (ex * ny - ey * nx) * own[13, u]
-        total[13] -= a * own[16, u]
+        total[11] += nx * bx + ny * by - a * z[12, u]
+        total[12] += a * (z[14, u] * cy + z[15, u] * cx) - (ex * ny - ey * nx) * z[13, u]
+        total[13] -= a * z[16, u]
         total[14] += lever
 
 
 @_compiled
 def _add_pin(row: Single, weight: Single, units: Any, of_pin: Single, total: Any) -> None:
-    """Adds to `total` what the weights of one contact make of errors of its pin (3, units)."""
+    """Adds to `total` the weights of one contact times the errors of its pin (3, units)."""
     placed = hole = radius = np.float32(0.0)
     for u in range(weight.size):
         at = units[u]
@@ -188,13 +194,16 @@ def _add_pin(row: Single, weight: Single, units: Any, of_pin: Single, total: Any
 
 @_compiled
 def _weighed(
-    of_turn: Single, of_preload: Single, of_peak: Single, first: int, found: Any
+    of_turn: Single, of_preload: Single, of_peak: Single, first: int, units: Any
 ) -> tuple[int, int]:
-    """Fills `found` with units from `first` on that have a weight: where to go on, and how many."""
+    """Fills `units` with those from `first` on that have a weight.
+
+    Returns the unit from which to go on, and the number of units.
+    """
     count, u = 0, first
-    while u < of_turn.size and count < found.size:
+    while u < of_turn.size and count < units.size:
         if of_turn[u] != 0.0 or of_preload[u] != 0.0 or of_peak[u] != 0.0:
-            found[count] = u
+            units[count] = u
             count += 1
         u += 1
     return u, count
@@ -226,7 +235,7 @@ def pull_back(
     of_pins: Single,
     total: Any,
 ) -> None:
-    """Adds to `total` (16) the slopes of the weighted sum of what one load case shows.
+    """Adds to `total` (16) the slopes of the weighted sum of the outputs of one load case.
 
     `of_turn`, `of_preload`, `of_peak` (positions, units) weigh the turn, the torque of the forward
     flanks and the force on the contact `which` (units). `x`, `side` (positions, discs, units) are
@@ -235,19 +244,19 @@ def pull_back(
     many, wide, zero = start.shape[1], 0, np.float32(0.0)
     for a in range(start.shape[0]):
         wide = max(wide, stop[a, many - 1, 1] - start[a, 0, 0])
-    found, nothing = np.empty(LANES, np.int64), np.zeros(LANES, np.float32)
+    indices, nothing = np.empty(LANES, np.int64), np.zeros(LANES, np.float32)
     terms, kept = np.empty((6, LANES), np.float32), np.empty(LANES, np.float32)
     closed, sums = np.empty((wide, LANES), np.float32), np.empty((7, LANES), np.float32)
-    rise, fixed, share = np.empty((3, many, LANES), np.float32)
+    rise, fixed, factor = np.empty((3, many, LANES), np.float32)
     bearing = np.empty(wide, np.bool_)
     for a in range(start.shape[0]):
         u, base = 0, start[a, 0, 0]
         while True:
-            u, n = _weighed(of_turn[a], of_preload[a], of_peak[a], u, found)
+            u, n = _weighed(of_turn[a], of_preload[a], of_peak[a], u, indices)
             if n == 0:
                 break
-            units, lanes = found[:n], slice(0, n)
-            own, moved, star = across[:, units], along[:, units], which[units]
+            units, lanes = indices[:n], slice(0, n)
+            lane_across, lane_along, star = across[:, units], along[:, units], which[units]
             turn, torque, load = of_turn[a][units], of_preload[a][units], of_peak[a][units]
             toward, by_unit = side[a][:, units], of_unit[:, units]
             rise[:] = zero
@@ -259,7 +268,7 @@ def pull_back(
                     taken = torque if flank == 0 else nothing[lanes]
                     for i in range(start[a, d, flank], stop[a, d, flank]):
                         j, into = pins[i], closed[i - base, lanes]
-                        _closed(rows[i], own[j], moved[j], terms, turned, flank, into)
+                        _closed(rows[i], lane_across[j], lane_along[j], terms, turned, flank, into)
                         bearing[i - base] = _collect(
                             into,
                             stiff[i],
@@ -271,7 +280,7 @@ def pull_back(
                             rise[d, lanes],
                             fixed[d, lanes],
                         )
-            _shares(rise, fixed, toward, behind, turn, share)
+            _factors(rise, fixed, toward, behind, turn, factor)
             for d in range(many):
                 sums[:] = zero
                 for flank in range(2):
@@ -286,7 +295,7 @@ def pull_back(
                             force[i],
                             i,
                             closed[i - base, lanes],
-                            share[d, lanes],
+                            factor[d, lanes],
                             taken,
                             load,
                             star,

@@ -13,7 +13,7 @@ from .table import Table
 
 Single = NDArray[np.float32]
 LEAST_SHARE = 1e-4
-"""Share of the rated torque that stands for none in the transmission error: one flank bears."""
+"""Fraction of rated torque that replaces zero in the transmission error: one flank bears."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,9 +33,9 @@ class Loading:
 
     def __post_init__(self) -> None:
         wrong = [
-            f"{one.name} must be above 0, got {getattr(self, one.name)}"
-            for one in fields(self)
-            if one.name != "te_torque" and not getattr(self, one.name) > 0.0
+            f"{field.name} must be above 0, got {getattr(self, field.name)}"
+            for field in fields(self)
+            if field.name != "te_torque" and not getattr(self, field.name) > 0.0
         ]
         if not self.te_torque >= 0.0:
             wrong.append(f"te_torque must not be below 0, got {self.te_torque}")
@@ -45,7 +45,8 @@ class Loading:
     def torque(self, case: str) -> float:
         """Torque at the carrier [N m] in a load case.
 
-        "forward" and "backward" are those of lost motion; "none", "rated" and "te" say themselves.
+        "forward" and "backward" are those of lost motion; "none" is no torque, "rated" and
+        "te" are `rated_torque` and `te_torque`.
         """
         small = LOST_MOTION_SHARE * self.rated_torque
         return {
@@ -61,8 +62,8 @@ class Loading:
 class Springs:
     """Stiffness by contact of a lattice, as the kernels take it.
 
-    `stiff` [N m/arcmin] of a disc's turn against its mesh, `force` [N/arcmin] what the pin's force
-    grows by, signed as its lever arm; `lean` [1/mm] is how the arm grows with the shift
+    `stiff` [N m/arcmin] of a disc's turn against its mesh, `force` [N/arcmin] the growth of the
+    pin's force, signed as its lever arm; `lean` [1/mm] is how the arm grows with the shift
     modification. `behind` [arcmin/(N m)] is the compliance between a disc and the carrier.
     """
 

@@ -1,4 +1,4 @@
-"""Derivatives of what rigid units show, by the contacts that touch.
+"""Derivatives of the backlash of rigid units, by the contacts that touch.
 
 The turns at first contact are the least of functions that are linear in the tolerances, so that
 their derivatives are those of the contacts that make them.
@@ -23,7 +23,7 @@ from .touch import Engine, Single, Touch, uses_numba
 
 Array = NDArray[np.float64]
 NAMES = (*ERRORS, "stagger", "dr_rp", "dr_p")
-"""What a gradient is by: zones [arcmin/um], of crank_phase [arcmin/mrad], stagger, and both
+"""Variables of a gradient: zones [arcmin/um], of crank_phase [arcmin/mrad], stagger, and both
 modifications [arcmin/mm]."""
 
 
@@ -61,7 +61,7 @@ class Slopes:
             arm * ahead * (1j * z["crank_phase"] * lines).mean(axis=0),
             np.broadcast_to(sides(geometry)[:, None], z["shift"].shape),
         ]
-        columns = [part for one in by_disc for part in _parts(one)]
+        columns = [part for errors in by_disc for part in _parts(errors)]
         return cls(
             _single(np.stack([z["pin_circle_radius"], circle.real, circle.imag])),
             _single(np.stack(columns, axis=1)),
@@ -81,7 +81,7 @@ def _single(value: Array) -> Single:
 def pull_back(
     lattice: Lattice,
     table: Table,
-    found: Touch,
+    touch: Touch,
     slopes: Slopes,
     weight: Array,
     engine: Engine = "auto",
@@ -96,8 +96,8 @@ def pull_back(
     name = ".compiled" if uses_numba(engine) else ".arrays"
     import_module(name, __package__).pull_back(
         _single(weight[rows] / ratio),
-        found.ahead[rows],
-        found.behind[rows],
+        touch.ahead[rows],
+        touch.behind[rows],
         table.values,
         lattice.pin,
         lattice.disc,

@@ -23,7 +23,7 @@ def turn_lattice(positions: int, teeth: int) -> Array:
 
 
 def shares_a_factor(positions: int, geometry: ContactGeometry) -> bool:
-    """Whether the positions meet the same phases of the mesh again and again."""
+    """Whether the positions share a factor with teeth or pins, so that phases of the mesh recur."""
     nominal = geometry.nominal
     return positions > 1 and (
         gcd(positions, nominal.cycloid_teeth) > 1 or gcd(positions, nominal.pins) > 1
@@ -66,7 +66,7 @@ def _prime(number: int) -> bool:
 class Lattice:
     """Positions of a turn and the contacts that can bear at each, in the order of the kernels.
 
-    A contact is a pin of a disc at a position with a lever arm worth counting; `start`
+    A contact is a pin of a disc at a position with a lever arm of `LEAST_LEVER` or more; `start`
     (positions, discs, 2) is the first contact of the forward (0) and backward (1) flank, `stop`
     one past the last. By contact: `pin` its pin and `disc` its disc, `phase` [rad] the magnitude of
     its phase, `side` the sign of it, `direction` exp(i theta) of the pin. `profile` is the nominal
@@ -129,6 +129,6 @@ def _directions(geometry: ContactGeometry, angles: Array) -> Single:
     """Cosines and sines (positions, discs, 6) of eccentric, disc, and eccentric against cranks."""
     axes = Axes.at(geometry, angles)
     parts = [
-        part for one in (axes.eccentric, axes.disc, axes.crank) for part in (one.real, one.imag)
+        part for axis in (axes.eccentric, axes.disc, axes.crank) for part in (axis.real, axis.imag)
     ]
     return np.ascontiguousarray(np.stack(parts, axis=-1), dtype=np.float32)

@@ -1,4 +1,4 @@
-"""What rigid units show over a turn, as statistics over units with their derivatives."""
+"""Statistics over rigid units of their backlash over a turn, with derivatives."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ INTERFERENCE = ("turn_mean", "share_of_turn", "overlap", "preload")
 
 @dataclass(frozen=True, slots=True)
 class Conditions:
-    """What statistics are asked for: one-sided `coverage`, the `limit` [arcmin] of the yield, and
+    """Options of the statistics: one-sided `coverage`, the `limit` [arcmin] of the yield, and
     what counts as interference (`turn_mean`: y < 0 in the mean of the turn; `share_of_turn`: at any
-    position, as a share of all; `overlap`: y < -`overlap` [arcmin] anywhere).
+    position, as a fraction of all; `overlap`: y < -`overlap` [arcmin] anywhere).
     """
 
     coverage: float = 0.9973
@@ -49,12 +49,12 @@ class Measure:
     spread: Spread
 
     def slopes(self, turn: Turn, errors: Slopes | None = None) -> Array:
-        """Derivatives by `gradient.NAMES`, the size of phi_1 left out; `errors` as in a turn."""
+        """Derivatives by `gradient.NAMES`, none by the size of phi_1; `errors` as in a turn."""
         return turn.slopes(self.spread(self.statistic.weight), errors)
 
 
 class Measures:
-    """Statistics of a turn by name, each computed when it is first asked for."""
+    """Statistics of a turn by name, each computed at its first use."""
 
     def __init__(self, turn: Turn, involute: Involute, conditions: Conditions) -> None:
         self.turn, self.involute, self.conditions = turn, involute, conditions
@@ -100,9 +100,9 @@ class Measures:
         values = np.maximum(play[at, units].astype(np.float64), 0.0)
 
         def spread(weight: Array) -> Array:
-            found = np.zeros(play.shape)
-            found[at, units] = np.where(values > 0.0, weight, 0.0)
-            return found
+            weights = np.zeros(play.shape)
+            weights[at, units] = np.where(values > 0.0, weight, 0.0)
+            return weights
 
         return values, spread
 
@@ -131,7 +131,7 @@ class Measures:
     # ---------------------------------------------------------------- interference
 
     def _growth(self) -> tuple[Array, Array]:
-        """What y grows by with the standardised pin-circle radius [arcmin], and that radius."""
+        """Growth of y with the standardised pin-circle radius [arcmin], and that radius."""
         lattice, z = self.turn.population.lattice, self.turn.population.sample.z
         nominal = lattice.geometry.nominal
         gain = 2.0 * nominal.flank / nominal.lever * UM / ARCMIN / lattice.geometry.output_ratio
@@ -148,9 +148,9 @@ class Measures:
             values, limit = play[at, units].astype(np.float64), -self.conditions.overlap
 
             def least(weight: Array) -> Array:
-                found = np.zeros(play.shape)
-                found[at, units] = weight
-                return found
+                weights = np.zeros(play.shape)
+                weights[at, units] = weight
+                return weights
 
             return Measure(share_below(values, limit, growth, radius), least)
         values = play.mean(axis=0, dtype=np.float64)
@@ -163,25 +163,25 @@ class Measures:
         values = np.maximum(-play[at, units].astype(np.float64), 0.0)
 
         def spread(weight: Array) -> Array:
-            found = np.zeros(play.shape)
-            found[at, units] = np.where(values > 0.0, -weight, 0.0)
-            return found
+            weights = np.zeros(play.shape)
+            weights[at, units] = np.where(values > 0.0, -weight, 0.0)
+            return weights
 
         return Measure(ordered_quantile(values, 0.95), spread)
 
     def _share_of_turn(self, growth: Array, radius: Array) -> Measure:
         play = self.turn.play.astype(np.float64)
-        wide = [np.broadcast_to(one, play.shape).ravel() for one in (growth, radius)]
-        found = share_below(play.ravel(), 0.0, *wide)
-        by_place = found.weight.reshape(play.shape)
+        wide = [np.broadcast_to(of_units, play.shape).ravel() for of_units in (growth, radius)]
+        below = share_below(play.ravel(), 0.0, *wide)
+        by_place = below.weight.reshape(play.shape)
         error = float(np.std(np.mean(play < 0.0, axis=0))) / np.sqrt(play.shape[1])
-        one = np.ones(play.shape[1])
-        whole = Statistic(found.value, one, 0.0, error, found.by_zone)
-        return Measure(whole, lambda weight: by_place * weight)
+        ones = np.ones(play.shape[1])
+        statistic = Statistic(below.value, ones, 0.0, error, below.by_zone)
+        return Measure(statistic, lambda weight: by_place * weight)
 
 
-# Not methods: a measure that its measures keep may not know them, or the arrays of every design
-# stay in memory until Python searches for cycles.
+# These are not methods: a measure that refers to the `Measures` that keep it would be a cycle, and
+# the arrays of every design would stay in memory until Python searches for cycles.
 
 
 def _evenly(play: NDArray[np.float32], weight: Array) -> Array:

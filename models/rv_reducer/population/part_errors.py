@@ -26,7 +26,7 @@ def part_errors(geometry: ContactGeometry, sample: BaseSample, design: UnitDesig
     """Part errors [m, rad] of the units of a design, for the contact of `modified` geometry.
 
     Pins have full length: their errors are the same at all discs. A deviation z of half the zone
-    moves both models alike; `PartErrors` knows terms beyond the first order besides.
+    moves both models alike; `PartErrors` also has terms beyond the first order.
     """
 
     def zone(error: str, source: str | None = None) -> Array:
@@ -61,5 +61,5 @@ def part_errors(geometry: ContactGeometry, sample: BaseSample, design: UnitDesig
 
 def _clearance(sample: BaseSample, design: UnitDesign) -> Array:
     """Clearance [um] of each bearing in its zone [0, c], (units, cranks, discs)."""
-    share = 0.5 * (1.0 + np.moveaxis(sample.z["crank_bearing"], -1, 0))
-    return np.asarray(design.middle("crank_bearing") + design.width("crank_bearing") * share)
+    fraction = 0.5 * (1.0 + np.moveaxis(sample.z["crank_bearing"], -1, 0))
+    return np.asarray(design.middle("crank_bearing") + design.width("crank_bearing") * fraction)

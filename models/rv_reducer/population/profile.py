@@ -23,15 +23,15 @@ from ..contact.nominal import Nominal
 
 Array = NDArray[np.float64]
 LEAST_LEVER = 0.3
-"""Share of the largest lever arm below which pins are left out: they close no backlash."""
+"""Fraction of the largest lever arm below which pins are omitted: they close no backlash."""
 PHASES, SHIFTS = 96, 9
 """Chebyshev nodes over the phase, and over the shift modification, where they are enough."""
 DOUBLED = 2
-"""How often the nodes are doubled at most."""
+"""Largest number of times the nodes are doubled."""
 ACCURACY = 10e-9
 """Error [m] of distances from the curve below which nodes are enough."""
 RANGE = (-150e-6, 30e-6)
-"""Shift modifications [m] that one polynomial covers; others take a polynomial of their own."""
+"""Shift modifications [m] that one polynomial covers; another polynomial is made for others."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -67,9 +67,9 @@ class Profile:
             half = 0.5 * (high - low)
             return Profile.of(self.geometry, self.phase, (shift - half, shift + half)).at(shift)
         x = (2.0 * shift - low - high) / (high - low)
-        one = np.eye(len(self.coefficients))
-        basis = np.array([chebyshev.chebval(x, row) for row in one])
-        slope = np.array([chebyshev.chebval(x, chebyshev.chebder(row)) for row in one])
+        identity = np.eye(len(self.coefficients))
+        basis = np.array([chebyshev.chebval(x, row) for row in identity])
+        slope = np.array([chebyshev.chebval(x, chebyshev.chebder(row)) for row in identity])
         slope *= 2.0 / (high - low)
         return np.einsum("k,kic->ic", basis, self.coefficients), np.einsum(
             "k,kic->ic", slope, self.coefficients
@@ -98,7 +98,7 @@ def _at_nodes(
     across: int,
 ) -> tuple[Array, Array]:
     nodes, modified = _within(phases, _nodes(count)[::-1]), _within(shifts, _nodes(across))
-    return nodes, np.stack([_at(geometry, nodes, float(one)) for one in modified], axis=1)
+    return nodes, np.stack([_at(geometry, nodes, float(shift)) for shift in modified], axis=1)
 
 
 def _error(
@@ -112,15 +112,15 @@ def _error(
     at = _within(phases, np.cos(np.pi * np.arange(1, len(nodes)) / len(nodes)))
     count = table.shape[1]
     along = _interpolation(nodes, at) @ table[:, :, 0]
-    found = []
+    errors = []
     for x in np.cos(np.pi * np.array([1, count // 2, count - 1]) / count):
         weights = np.linalg.solve(
             chebyshev.chebvander(_nodes(count), count - 1).T,
             chebyshev.chebvander(np.array([x]), count - 1)[0],
         )
         exact = _at(geometry, at, float(_within(shifts, x)))[:, 0]
-        found.append(float(np.max(np.abs(along @ weights - exact))))
-    return max(found)
+        errors.append(float(np.max(np.abs(along @ weights - exact))))
+    return max(errors)
 
 
 def _within(ends: tuple[float, float], x: Array) -> Array:
@@ -149,11 +149,11 @@ def _phases(geometry: ContactGeometry) -> tuple[float, float]:
 def _interpolation(nodes: Array, at: Array) -> Array:
     """Barycentric weights (points, nodes) of Chebyshev interpolation."""
     count = len(nodes)
-    own = np.sin(np.pi * (np.arange(count) + 0.5) / count) * (-1.0) ** np.arange(count)
+    node_weights = np.sin(np.pi * (np.arange(count) + 0.5) / count) * (-1.0) ** np.arange(count)
     away = at[:, None] - nodes
     on = np.abs(away) < 1e-14
-    found = own / np.where(on, 1.0, away)
-    found /= found.sum(axis=1, keepdims=True)
+    weights = node_weights / np.where(on, 1.0, away)
+    weights /= weights.sum(axis=1, keepdims=True)
     rows = on.any(axis=1)
-    found[rows] = on[rows]
-    return np.asarray(found)
+    weights[rows] = on[rows]
+    return np.asarray(weights)

@@ -30,10 +30,10 @@ ECCENTRIC_ERRORS = (
 
 @dataclass(frozen=True, slots=True)
 class Hierarchy:
-    """How the errors of one unit hang together.
+    """Dependence between the errors of one unit.
 
-    `share_pins` and `share_discs` are the shares of variance that the pins, and the discs, of one
-    unit have in common; both are assumptions. `inputs` has distributions by name of the error,
+    `share_pins` and `share_discs` are the fractions of variance that the pins, and the discs, of
+    one unit have in common; both are assumptions. `inputs` has distributions by name of the error,
     uniform where not named.
     """
 
@@ -53,7 +53,7 @@ class BaseSample:
     `z` by name of the error, units last: (n,) of errors of the whole unit, (pins, n) of pins,
     (discs, n) of discs, (cranks, discs, n) of eccentrics and bores; `phase` [rad] likewise of
     `pitch`, `runout` (discs, n) and `circle_offset` (n,). `planets` (planets + 1, n) are standard
-    normal: what all planets have in common, then each planet's own.
+    normal: the common part of all planets, then the part of each planet.
     """
 
     units: int
@@ -72,32 +72,32 @@ class BaseSample:
     ) -> BaseSample:
         """A sample of `units`; sources common to a unit take the first Sobol dimensions."""
         source = _Source(geometry, units, rng, kind)
-        given = hierarchy or Hierarchy()
-        z = {"pin_circle_radius": given.of("pin_circle_radius").quantile(source.unit())}
-        z["circle_offset"] = given.of("circle_offset").quantile(source.unit())
+        laws = hierarchy or Hierarchy()
+        z = {"pin_circle_radius": laws.of("pin_circle_radius").quantile(source.unit())}
+        z["circle_offset"] = laws.of("circle_offset").quantile(source.unit())
         phase = {"circle_offset": 2.0 * np.pi * source.unit()}
         discs, pins = (geometry.discs,), (geometry.pins,)
         common = {
             name: ndtri(source.unit())
             for names, share in (
-                (DISC_ERRORS, given.share_discs),
-                (PIN_ERRORS, given.share_pins),
+                (DISC_ERRORS, laws.share_discs),
+                (PIN_ERRORS, laws.share_pins),
             )
             for name in names
             if share > 0.0
         }
         for name in DISC_ERRORS:
-            u = _shared(source.of(discs), common.get(name), given.share_discs)
-            z[name] = given.of(name).quantile(u)
+            u = _shared(source.of(discs), common.get(name), laws.share_discs)
+            z[name] = laws.of(name).quantile(u)
         for name in ONCE:
-            z[name] = given.of(name).quantile(source.of(discs))
+            z[name] = laws.of(name).quantile(source.of(discs))
             phase[name] = 2.0 * np.pi * source.of(discs)
         for name in ECCENTRIC_ERRORS:
-            z[name] = given.of(name).quantile(source.of((geometry.cranks, geometry.discs)))
+            z[name] = laws.of(name).quantile(source.of((geometry.cranks, geometry.discs)))
         planets = ndtri(source.of((geometry.cranks + 1,)))
         for name in PIN_ERRORS:
-            u = _shared(source.of(pins), common.get(name), given.share_pins)
-            z[name] = given.of(name).quantile(u)
+            u = _shared(source.of(pins), common.get(name), laws.share_pins)
+            z[name] = laws.of(name).quantile(u)
         return cls(units, z, phase, planets)
 
     def part(self, chosen: slice) -> BaseSample:
@@ -139,6 +139,6 @@ class _Source:
     def of(self, shape: tuple[int, ...]) -> Array:
         """Probabilities (*shape, n) of the next dimensions."""
         size = int(np.prod(shape))
-        found = self._drawn[self._at : self._at + size]
+        drawn = self._drawn[self._at : self._at + size]
         self._at += size
-        return np.asarray(found.reshape(*shape, -1))
+        return np.asarray(drawn.reshape(*shape, -1))

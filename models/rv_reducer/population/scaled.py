@@ -23,7 +23,8 @@ class Scaled:
 
     By pin (pins, n) [um]: `across` adds to the gap, `along` displaces the pin counter-clockwise. By
     disc (discs, n): `normal` [um] adds to the gap, `radial` [um] is the growth of the pin circle
-    beside the profile, `play` [arcmin] the free turn either way, `ahead` [arcmin] the forward turn.
+    against the profile, `play` [arcmin] the free turn either way, `ahead` [arcmin] the forward
+    turn.
     Complex (discs, n): `turning` and `offset` [um] displace the disc's centre in axes of its
     eccentric and of the disc, `around` [arcmin] turns it by its part across the line of cranks,
     `pitch` [arcmin] turns the tooth at angle u by its part along exp(iu). `circle` (n,) [um]
@@ -76,7 +77,7 @@ class Scaled:
 
 
 def sides(geometry: ContactGeometry) -> Array:
-    """Which way the stagger turns each disc, (discs,): alternately ahead and back."""
+    """Direction in which the stagger turns each disc, (discs,): alternately ahead and back."""
     return np.where(np.arange(geometry.discs) % 2 == 0, 1.0, -1.0)
 
 
@@ -97,7 +98,7 @@ def pitch_turn(geometry: ContactGeometry) -> float:
 
 
 def eccentrics(geometry: ContactGeometry, sample: BaseSample, design: UnitDesign) -> Complex:
-    """Displacement d_e + i e eps [um] of each eccentric in its own axes, (cranks, discs, n)."""
+    """Displacement d_e + i e eps [um] of each eccentric in its axes, (cranks, discs, n)."""
     ahead = 1e-3 * geometry.nominal.eccentricity / UM  # um per mrad
     radial = design.middle("eccentricity") + design.width("eccentricity") * sample.z["eccentricity"]
     return np.asarray(radial + 1j * ahead * design.width("crank_phase") * sample.z["crank_phase"])
@@ -112,10 +113,10 @@ def bores(geometry: ContactGeometry, sample: BaseSample, design: UnitDesign) -> 
 def _clearance(sample: BaseSample, design: UnitDesign) -> Array:
     """Radial clearance [um] of each bearing in its zone [0, c], (cranks, discs, n).
 
-    A mid-limit, which no document has, is what every clearance has beside.
+    A mid-limit, which no document has, is added to every clearance.
     """
-    share = 0.5 * (1.0 + sample.z["crank_bearing"])
-    return np.asarray(design.middle("crank_bearing") + design.width("crank_bearing") * share)
+    fraction = 0.5 * (1.0 + sample.z["crank_bearing"])
+    return np.asarray(design.middle("crank_bearing") + design.width("crank_bearing") * fraction)
 
 
 def _waves(sample: BaseSample, design: UnitDesign, error: str) -> Complex:

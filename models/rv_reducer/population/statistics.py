@@ -35,7 +35,7 @@ def _table(planet: TighterPlanet) -> tuple[Array, Array]:
 class Involute:
     """phi_1 = middle + half z over units [arcmin], z the standardised clearance of a unit.
 
-    `half` 0 stands for a reducer without involute stage: a quantile is smoothed by `SMOOTHING`.
+    `half` is 0 for a reducer without involute stage: a quantile is smoothed by `SMOOTHING`.
     """
 
     middle: float
@@ -60,7 +60,7 @@ class Involute:
         return self._looked_up(excess, _table(self.planet)[0])
 
     def density(self, excess: Array) -> Array:
-        """Its derivative [1/arcmin]."""
+        """Derivative of `cdf` [1/arcmin]."""
         if self.half == 0.0:
             z = (excess - self.middle) / SMOOTHING
             return np.asarray(np.exp(-0.5 * z * z) / (np.sqrt(2.0 * np.pi) * SMOOTHING))
@@ -83,7 +83,7 @@ NO_STAGE = Involute(0.0, 0.0, TighterPlanet())
 class Statistic:
     """A statistic over units with its derivatives.
 
-    `weight` (n,) is its derivative by the value of each unit, `by_involute` [1/(share of phi_1)]
+    `weight` (n,) is its derivative by the value of each unit, `by_involute` [1/(fraction of phi_1)]
     that by the size of phi_1, ln(middle) = ln(half), `by_zone` that by the size ln(t) of the zone
     whose error a unit is integrated over; `error` is the standard error of a sample of independent
     units, which a Sobol sample stays below.
@@ -102,10 +102,10 @@ def quantile(values: Array, involute: Involute, coverage: float) -> Statistic:
     low, high = low + float(values.min()), high + float(values.max())
     at = float(np.quantile(values, coverage)) + involute.mean
     for _ in range(200):
-        share = float(np.mean(involute.cdf(at - values)))
-        low, high = (at, high) if share < coverage else (low, at)
+        fraction = float(np.mean(involute.cdf(at - values)))
+        low, high = (at, high) if fraction < coverage else (low, at)
         slope = float(np.mean(involute.density(at - values)))
-        ahead = at - (share - coverage) / slope if slope > 0.0 else low
+        ahead = at - (fraction - coverage) / slope if slope > 0.0 else low
         ahead = ahead if low < ahead < high else 0.5 * (low + high)
         if abs(ahead - at) <= 1e-12 * max(1.0, abs(at)):
             break
@@ -134,11 +134,11 @@ def mean(values: Array, involute: Involute) -> Statistic:
 def deviation(values: Array, involute: Involute) -> Statistic:
     """Standard deviation of phi_1 + Y."""
     count, centred = len(values), values - np.mean(values)
-    found = float(np.sqrt(np.mean(centred**2) + involute.variance))
-    safe = max(found, 1e-300)
+    value = float(np.sqrt(np.mean(centred**2) + involute.variance))
+    safe = max(value, 1e-300)
     fourth = float(np.mean(centred**4))
     error = np.sqrt(max(fourth - np.mean(centred**2) ** 2, 0.0) / count) / (2.0 * safe)
-    return Statistic(found, centred / (count * safe), involute.variance / safe, float(error))
+    return Statistic(value, centred / (count * safe), involute.variance / safe, float(error))
 
 
 def share_within(values: Array, involute: Involute, limit: float) -> Statistic:
@@ -167,10 +167,10 @@ def ordered_quantile(values: Array, coverage: float) -> Statistic:
 
 
 def share_below(values: Array, limit: float, growth: Array, z: Array) -> Statistic:
-    """P(Y < limit), each unit integrated over its own uniform error z of a zone.
+    """P(Y < limit), each unit integrated over its uniform error z of a zone.
 
     Y of unit i grows by `growth` (n,) per unit of `z` (n,): with u_i the z at which it would meet
-    the limit its share below is the part of [-1, 1] on that side (0 or 1 where the zone is nil).
+    the limit, its probability is the part of [-1, 1] on that side (0 or 1 where the zone is nil).
     """
     safe = np.where(growth > 0.0, growth, 1.0)
     meets = z + (limit - values) / safe

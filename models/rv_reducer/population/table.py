@@ -1,4 +1,4 @@
-"""What the nominal profile says of every contact of a lattice, at a tooth modification."""
+"""Coefficients of every contact of a lattice from the nominal profile, at a modification."""
 
 from __future__ import annotations
 

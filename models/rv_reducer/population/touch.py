@@ -42,7 +42,7 @@ def touch(lattice: Lattice, table: Table, units: Scaled, engine: Engine = "auto"
     """First contact of all units at all positions."""
     discs, circle = packed(units)
     shape = (lattice.shape[0], units.units)
-    found = Touch(
+    contact = Touch(
         np.empty(shape, np.float32),
         np.empty(shape, np.float32),
         np.zeros(shape, np.int32),
@@ -59,12 +59,12 @@ def touch(lattice: Lattice, table: Table, units: Scaled, engine: Engine = "auto"
         units.along,
         discs,
         circle,
-        found.high,
-        found.low,
-        found.ahead,
-        found.behind,
+        contact.high,
+        contact.low,
+        contact.ahead,
+        contact.behind,
     )
-    return found
+    return contact
 
 
 def uses_numba(engine: Engine) -> bool:
@@ -75,10 +75,10 @@ def uses_numba(engine: Engine) -> bool:
 def packed(units: Scaled) -> tuple[Single, Single]:
     """Errors of discs (discs, 12, n) and of the circle (2, n), as the kernels take them."""
     columns = [units.normal, units.radial, units.play, units.ahead]
-    for one in (units.turning, units.offset, units.around, units.pitch):
-        columns += [one.real, one.imag]
-    wide = np.broadcast_shapes(*(one.shape for one in columns))
-    discs = np.stack([np.broadcast_to(one, wide) for one in columns], axis=1)
+    for errors in (units.turning, units.offset, units.around, units.pitch):
+        columns += [errors.real, errors.imag]
+    wide = np.broadcast_shapes(*(column.shape for column in columns))
+    discs = np.stack([np.broadcast_to(column, wide) for column in columns], axis=1)
     circle = np.stack([units.circle.real, units.circle.imag])
     return (
         np.ascontiguousarray(discs, dtype=np.float32),

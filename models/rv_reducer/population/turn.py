@@ -22,7 +22,7 @@ Single = NDArray[np.float32]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Population:
-    """What every design is tried on: positions of a turn, a base sample, and its slopes."""
+    """Positions of a turn, a base sample and its slopes, which all designs have in common."""
 
     lattice: Lattice
     sample: BaseSample
@@ -60,8 +60,8 @@ class Population:
         geometry = self.lattice.geometry
         table = Table.of(self.lattice, design.dr_rp, design.dr_p)
         units = Scaled.of(geometry, self.sample, design)
-        found = touch(self.lattice, table, units, self.engine)
-        return Turn(self, design, table, units, found, found.cycloid(geometry.output_ratio))
+        contact = touch(self.lattice, table, units, self.engine)
+        return Turn(self, design, table, units, contact, contact.cycloid(geometry.output_ratio))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -82,8 +82,8 @@ class Turn:
     def slopes(self, weight: Array, errors: Slopes | None = None) -> Array:
         """Derivatives of sum(weight y), weight (positions, units), by `gradient.NAMES`.
 
-        `errors` stand for the standardised ones of the population.
+        `errors` replace the standardised errors of the population.
         """
         drawn = self.population
-        own = errors or drawn.slopes
-        return pull_back(drawn.lattice, self.table, self.touch, own, weight, drawn.engine)
+        standardised = errors or drawn.slopes
+        return pull_back(drawn.lattice, self.table, self.touch, standardised, weight, drawn.engine)

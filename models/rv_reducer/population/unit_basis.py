@@ -1,4 +1,4 @@
-"""What all units of an RV reducer have in common, and how they are drawn and built."""
+"""The properties that all units of an RV reducer have in common, and their construction."""
 
 from __future__ import annotations
 
@@ -94,10 +94,10 @@ class UnitBasis:
     ) -> UnitDesign:
         """The design of one row of variables by name, in their units.
 
-        `means` [um] are by how much the means of errors are off their mid-limits; that of the
+        `means` [um] are the deviations of the means of errors from their mid-limits; that of the
         position of the pins turns the unit.
         """
-        off = {
+        mids = {
             name: self.mid.get(name, 0.0) + mean
             for name, mean in means.items()
             if name != "pin_position"
@@ -109,7 +109,7 @@ class UnitBasis:
                 for name in (f"{error}_um", f"{error}_mrad")
                 if name in row
             },
-            mid={**self.mid, **off},
+            mid={**self.mid, **mids},
             involute_grade=row["involute_grade"],
             stagger=row["stagger_arcmin"],
             dr_rp=row["dr_rp_mm"] * MM,
