@@ -139,8 +139,6 @@ def test_the_zone_of_the_eccentricity_alone_is_assumed() -> None:
 
 def test_pins_are_one_more_than_the_teeth_at_both_ends_of_their_ranges() -> None:
     teeth, pins = BY_NAME["cycloid_teeth"], BY_NAME["pins"]
-    assert pins.low is not None and teeth.low is not None
-    assert pins.high is not None and teeth.high is not None
     assert (pins.low - teeth.low, pins.high - teeth.high) == (1, 1)
 
 
