@@ -83,8 +83,10 @@ class Scatter:
 
     def likelihood(self, law: Law) -> tuple[BatchLikelihood, Array]:
         """That it was fitted by (about the units' mean beside another name), and where (k,)."""
-        found = BatchLikelihood(self.candidate, law, self.target, bool(self.beside))
-        return found, np.array([self.numbers[one.name] for one in found.numbers]) / found.scale
+        likelihoods = BatchLikelihood(self.candidate, law, self.target, bool(self.beside))
+        return likelihoods, np.array(
+            [self.numbers[number.name] for number in likelihoods.numbers]
+        ) / likelihoods.scale
 
 
 @dataclass(frozen=True)
@@ -126,16 +128,16 @@ class Batch:
     def levels(self) -> tuple[str, ...]:
         """The names that move every unit alike, the process before the instrument."""
         book = self.search.book
-        found = [
-            one.candidate.effect
-            for at, one in enumerate(book.members)
-            if not one.candidate.unread and _same(book.raw.of(at))
+        names = [
+            member.candidate.effect
+            for at, member in enumerate(book.members)
+            if not member.candidate.unread and _same(book.raw.of(at))
         ]
-        return tuple(one.name for one in sorted(found, key=lambda e: e.family == INSTRUMENT))
+        return tuple(one.name for one in sorted(names, key=lambda e: e.family == INSTRUMENT))
 
     def moving(self, fit: Fit) -> list[Member]:
         """What moves each unit by its own amount."""
-        return [one for one in fit.members if one.name not in self.levels]
+        return [member for member in fit.members if member.name not in self.levels]
 
     def price(self, fit: Fit) -> float:
         """Of the numbers of what moves single units."""
@@ -149,11 +151,11 @@ class Batch:
         level = float(np.log(len(x))) if moved else 0.0
         return self.price(fit) + level - 2.0 * float(units.law(x).sum())
 
-    def with_level(self, fit: Fit, one: Scatter) -> tuple[Member, ...]:
+    def with_level(self, fit: Fit, scatter: Scatter) -> tuple[Member, ...]:
         """The members of a fit with the name that moves all units only where `one` needs it."""
-        if any(name in self.levels for name in fit.names) == bool(one.beside):
+        if any(name in self.levels for name in fit.names) == bool(scatter.beside):
             return fit.members
-        level = [member for member in self.search.book.members if member.name == one.beside]
+        level = [member for member in self.search.book.members if member.name == scatter.beside]
         return (*self.moving(fit), *level)
 
     def unmoved(self, fit: Fit) -> Fit:
@@ -163,8 +165,8 @@ class Batch:
     def units(self, fit: Fit, but: Sequence[str] = ()) -> Units:
         """The units that count beside what moves each of them by its own amount, `but` stays."""
         kept = self.search.fitter.space.noises[0].kept
-        left = left_of(self.setup, fit, (*self.levels, *but))
-        return Units(self.law, left[kept], self.search.labels[kept])
+        residual = left_of(self.setup, fit, (*self.levels, *but))
+        return Units(self.law, residual[kept], self.search.labels[kept])
 
 
 @dataclass(frozen=True)
@@ -231,10 +233,10 @@ def scatter(batch: Batch, fit: Fit) -> tuple[Scatter, ...]:
     return tuple(sorted(near, key=lambda one: one.distance))
 
 
-def carrying(setup: Setup, one: Scatter) -> Setup:
+def carrying(setup: Setup, scatter: Scatter) -> Setup:
     """The setup of the model with an effect on the scatter in it, which may move the mean."""
-    plan = replace(setup.plan, active=(*setup.plan.active, one.active))
-    by = one.moves
+    plan = replace(setup.plan, active=(*setup.plan.active, scatter.active))
+    by = scatter.moves
     moved = {name: values + by for name, values in setup.predicted.items()}
     return replace(setup, plan=plan, predicted=moved, residual=setup.residual - by)
 
@@ -288,15 +290,15 @@ def _held_out(units: Units, centred: BatchLikelihood, start: Array) -> Improveme
     return Improvement(float(np.sum(falls)), error)
 
 
-def held_out_units(units: Units, one: Scatter, x: Array) -> Array:
+def held_out_units(units: Units, scatter: Scatter, x: Array) -> Array:
     """Deviations x (n,) of units that the fit never saw, as they stand in the population of the
     final fit: at the rank that they have in that of a fit without their block.
     """
-    used, start = one.likelihood(units.law)
-    found, whole = np.empty_like(x), one.changed(units.law).histogram
+    used, start = scatter.likelihood(units.law)
+    scores, whole = np.empty_like(x), scatter.changed(units.law).histogram
     for block in np.unique(units.labels):
         out = units.labels == block
-        seen = x[~out] - x[~out].mean() if one.beside else x[~out]
-        law = used.changed(used.best(seen, start)).histogram
-        found[out] = whole.ppf(np.clip(law.cdf(x[out]), CERTAIN, 1.0 - CERTAIN))
-    return found
+        kept = x[~out] - x[~out].mean() if scatter.beside else x[~out]
+        law = used.changed(used.best(kept, start)).histogram
+        scores[out] = whole.ppf(np.clip(law.cdf(x[out]), CERTAIN, 1.0 - CERTAIN))
+    return scores

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from .result import Ending, recalibrated
+from .ending_records import recalibrated
+from .result import Ending
 
 FAR = 0.5
 """Share of its tolerance from which a parameter has moved far."""
@@ -18,8 +19,8 @@ def moved_far(end: Ending) -> str:
     pairs = zip(model.numbers, model.errors.tolist(), strict=True)
     errors = {one.name: float(error) for one, error in pairs if one.kind == "free"}
     return said(
-        (one.name, one.after - one.before, one.tolerance, errors[one.name])
-        for one in recalibrated(end)
+        (move.name, move.after - move.before, move.tolerance, errors[move.name])
+        for move in recalibrated(end)
     )
 
 

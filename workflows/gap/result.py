@@ -1,55 +1,28 @@
-"""From an analysis to the records that are written and drawn."""
+"""The ending of an analysis: its verdict, and the effects that keep their names."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 import numpy as np
-import pandas as pd
-from numpy.typing import NDArray
 
-from ...gap_records import (
-    Detectable,
-    FoundEffect,
-    FoundParameter,
-    Gate,
-    Measurement,
-    OutputGate,
-    Recalibrated,
-    Rival,
-    Score,
-)
-from ...models.effects import EffectParameter
 from ...models.inputs.distribution import Array
 from .abstain import acts_in
-from .ambiguity import correlation
 from .analysis import Analysis, without
-from .blocks import HeldOut, improvement
+from .blocks import HeldOut
 from .close import Corrected, corrected
-from .data import GapData
 from .fit import Fit
 from .linear import beside
 from .misfit import misfit_of, of_weights
-from .noise import outliers, whiteness
-from .population import Scatter
-from .scan import scan
-from .separate import separating
 from .settle import names_of, predicts_as_well
-from .setup import Setup, nominal
-from .uncertainty import Spread
+from .setup import Setup
 
-SUPPLIERS = "note the supplier of each lot: a second supplier is off by the same in all of its lots"
-MORE = "measure more units of one lot: a mixture has two peaks, or a shoulder, a wider spread one"
-OWN = 0.01
-"""Share of a column that what is free cannot do, below which nothing of it can be seen."""
 FORM_OFF, FORM_ALIKE = 0.05, 0.3
 """What a name does that another one in its variables does not, as a share of what that one does,
 and their correlation: below the one and above the other it may be no more than the form of the
 larger one, which no formula has exactly.
 """
-SEPARATED = 4
-"""Rivals for which the separating measurement is searched."""
 
 
 @dataclass(frozen=True)
@@ -95,8 +68,8 @@ class Ending:
         way that has none.
         """
         terms = len(self.named) < len(self.fit.members)
-        left = self.rows and bool(self.analysis.judged.significant)
-        return terms or left or self.analysis.misfit is not None
+        structured = self.rows and bool(self.analysis.judged.significant)
+        return terms or structured or self.analysis.misfit is not None
 
     @property
     def twin(self) -> bool:
@@ -110,16 +83,16 @@ def ended(analysis: Analysis) -> Ending:
     beside the others, by their joint interval, is none, and the rest is fitted and tested again. So
     is one that may be the form of a larger name, unless held-out rows are predicted worse then.
     """
-    found, needed = _ended(analysis), set[str]()
-    while found.rows and (weak := _weak(found, needed)) is not None:
+    names, needed = _ended(analysis), set[str]()
+    while names.rows and (weak := _weak(names, needed)) is not None:
         name, larger = weak
         less = without(analysis, name, larger)
         after = _ended(less)
         if larger and not _predicts_as_well(after):
             needed.add(name)
         else:
-            analysis, found = less, after
-    return found
+            analysis, names = less, after
+    return names
 
 
 def _weak(end: Ending, needed: Collection[str]) -> tuple[str, str] | None:
@@ -169,7 +142,7 @@ def _is_form(end: Ending, small: int, large: int) -> bool:
 def _ended(analysis: Analysis) -> Ending:
     search = analysis.search
     lost = analysis.judged.lost
-    kept = [one for at, one in enumerate(analysis.fit.members) if at not in lost]
+    kept = [member for at, member in enumerate(analysis.fit.members) if at not in lost]
     fit = search.fitter.refined(kept) if kept else analysis.ground.empty
     if not lost and not analysis.scatter and not analysis.setup.data.target.population:
         fit = analysis.fit  # as it was tested
@@ -183,248 +156,7 @@ def _ended(analysis: Analysis) -> Ending:
     return replace(end, model=model.widened(more))
 
 
-def gate(end: Ending) -> Gate:
-    """Stage 1 as a record."""
-    analysis, bare = end.analysis, end.analysis.bare
-    setup, count = bare.setup, len(bare.setup.data)
-    found = []
-    for at, (output, noise) in enumerate(zip(setup.data.outputs, bare.noises, strict=True)):
-        level = bare.left.evidence[bare.generic.outputs == at].max(initial=0.0)
-        rows = slice(at * count, (at + 1) * count)
-        raw = setup.residual[rows] - end.before.fitted[rows]
-        limit = analysis.search.thresholds.generic
-        found.append(
-            OutputGate(
-                output=output.name,
-                unit=output.unit,
-                noise=noise.level,
-                noise_source=noise.source,
-                rmse=rmse(raw, noise.good),
-                statistic=float(level),
-                threshold=limit,
-                significant=bool(level > limit) or (analysis.significant and len(bare.noises) == 1),
-                autocorrelation=noise.rho,
-                heteroscedastic=noise.varies_with,
-                outliers=noise.outliers,
-                whiteness=whiteness(end.fit.residual[rows]),
-                uncertainty=noise.level * 2.0 / np.sqrt(count),
-            )
-        )
-    return Gate(tuple(found), recalibrated(end), *detectable(end))
-
-
 def rmse(values: Array, good: object = None) -> float:
     """Root mean square, outliers left out."""
     inside = values if good is None else values[np.asarray(good, dtype=bool)]
     return float(np.sqrt(np.mean(inside**2)))
-
-
-def recalibrated(end: Ending) -> tuple[Recalibrated, ...]:
-    """What became of the free parameters."""
-    plan = end.setup.plan
-    return tuple(
-        Recalibrated(
-            name,
-            "",
-            nominal(plan, name),
-            value,
-            plan.free[name],
-            abs(value - nominal(plan, name)) > 0.98 * plan.free[name],
-        )
-        for name, value in end.model.free().items()
-    )
-
-
-def detectable(end: Ending) -> tuple[tuple[Detectable, ...], tuple[str, ...]]:
-    """The smallest effect of each name that would have been seen nine times out of ten, and the
-    names that cannot be seen at all, because what is free does the same.
-    """
-    search, setup = end.analysis.bare.search, end.setup
-    wanted = np.sqrt(search.thresholds.library) + 1.2816
-    white, raw = search.white.columns, search.book.raw.columns
-    total = np.einsum("ij,ij->j", white, white)
-    squares = total - np.sum((search.fitter.q.T @ white) ** 2, axis=0)
-    squares[squares < OWN**2 * total] = 0.0
-    size, of_raw = np.sqrt(squares), np.sqrt(np.einsum("ij,ij->j", raw, raw) / len(raw))
-    found: dict[str, Detectable] = {}
-    names: dict[str, None] = {}
-    for start, member in zip(search.white.starts, search.book.members, strict=True):
-        if member.candidate.alone:
-            continue
-        names.setdefault(member.name)
-        own = size[start : start + len(member.candidate.linear)]
-        column = int(np.argmax(own))
-        if own[column] <= 0.0:
-            continue
-        value = float(wanted / own[column])
-        rms = value * float(of_raw[start + column])
-        if member.name not in found or rms < found[member.name].rms:
-            one = member.candidate.linear[column]
-            family, unit = member.candidate.effect.family, setup.data.outputs[0].unit
-            found[member.name] = Detectable(member.name, family, rms, unit, one.name, value)
-    return tuple(found.values()), tuple(name for name in names if name not in found)
-
-
-def scores(end: Ending) -> tuple[Score, ...]:
-    """Stage 3 as records: every effect alone beside the model's parameters, best first."""
-    search = end.analysis.bare.search
-    return tuple(
-        Score(
-            one.member.name,
-            one.member.candidate.effect.family,
-            one.gain,
-            search.thresholds.library,
-            dict(one.member.shape),
-        )
-        for one in scan(search.fitter, search.white, search.book, ())
-    )
-
-
-def effects(end: Ending, spread: Spread | None) -> tuple[FoundEffect, ...]:
-    """The effects that keep their name, with intervals and evidence."""
-    moving = [_effect(end, at, spread) for at in end.named]
-    return (*moving, *(_of_scatter(one) for one in end.analysis.scatter[:1]))
-
-
-def _of_scatter(one: Scatter) -> FoundEffect:
-    """An effect on the scatter of a batch as a record; held out is twice its log likelihood."""
-    effect = one.candidate.effect
-    numbers = (*one.candidate.linear, *one.candidate.shape)
-    return FoundEffect(
-        name=effect.name,
-        family=effect.family,
-        cause=effect.cause,
-        parameters=tuple(
-            FoundParameter(p.name, one.numbers[p.name], *one.intervals[p.name], p.unit, p.meaning)
-            for p in numbers
-        ),
-        gain=one.gain,
-        threshold=one.threshold,
-        held_out_gain=one.held_out.gain,
-        held_out_error=one.held_out.error,
-    )
-
-
-def _effect(end: Ending, at: int, spread: Spread | None) -> FoundEffect:
-    search, member = end.analysis.search, end.fit.members[at]
-    less = search.fitter.fit(end.fit.without(at))
-    better = improvement(search.tested(less), end.after, search.labels)
-    values = end.model.effect(member.name)
-    several = len(member.candidate.linear) > 1
-    numbers = (*member.candidate.linear, *member.candidate.shape)
-    ends = {one.name: _ends(end, member.name, one, values, spread) for one in numbers}
-    total = max(end.analysis.ground.empty.rss - end.fit.rss, 1e-300)
-    return FoundEffect(
-        name=member.name,
-        family=member.candidate.effect.family,
-        cause=member.candidate.effect.cause,
-        parameters=tuple(
-            FoundParameter(one.name, values[one.name], *ends[one.name], one.unit, _meaning(one))
-            for one in numbers
-        ),
-        gain=less.rss - end.fit.rss,
-        threshold=search.thresholds.library,
-        held_out_gain=better.gain,
-        held_out_error=better.error,
-        share=min(1.0, (less.rss - end.fit.rss) / total),
-        frequency=float("nan") if spread is None else spread.frequency(member.name),
-        at_bound=tuple(
-            o.name
-            for o in numbers
-            if not o.choices and _at_bound(values[o.name], o.low, o.high, several)
-        ),
-    )
-
-
-def _at_bound(value: float, low: float, high: float, several: bool = False) -> bool:
-    """Whether physics stopped a number; a zero is a bound beside other numbers of its effect."""
-    width, stops = abs(value) * 1e-6, np.isfinite(low) and (low != 0.0 or several)
-    return bool((np.isfinite(high) and value >= high - width) or (stops and value <= low + width))
-
-
-def _meaning(one: EffectParameter) -> str:
-    """What a parameter means, and whether it was chosen instead of fitted."""
-    choices = ", ".join(f"{choice:g}" for choice in one.choices)
-    return f"{one.meaning} (chosen out of {choices}, not fitted)" if choices else one.meaning
-
-
-def _ends(
-    end: Ending,
-    owner: str,
-    one: EffectParameter,
-    values: Mapping[str, float],
-    spread: Spread | None,
-) -> tuple[float, float]:
-    """The interval of a number; one that was chosen has no width."""
-    if one.choices:
-        return values[one.name], values[one.name]
-    linear = end.model.interval(owner, one.name)
-    return linear if spread is None else spread.interval(owner, one.name, linear)
-
-
-def rival_records(
-    end: Ending, planned: Mapping[tuple[tuple[str, ...], tuple[str, ...]], Measurement]
-) -> tuple[Rival, ...]:
-    """Stage 5 as records; `planned` are the measurements by names and those they stand for."""
-    levels = end.analysis.search.fitter.space.level()
-    found: list[Rival] = []
-    for at, one in enumerate(end.analysis.others):
-        measurement = planned.get((one.names, one.instead_of))
-        if measurement is None:
-            measurement = (
-                separating(end.setup, levels, end.fit, one.fit)
-                if at < SEPARATED
-                else found[0].measurement
-            )
-        distance = round(one.distance, 9) + 0.0
-        found.append(
-            Rival(
-                one.names,
-                one.instead_of,
-                distance,
-                measurement,
-                correlation(end.analysis.search.fitter, end.fit, one),
-            )
-        )
-    if end.twin:
-        found.append(Rival(("lot_mixture",), ("lot_offset",), 0.0, Measurement(SUPPLIERS)))
-    for other in end.analysis.scatter[1:]:
-        mine = end.analysis.scatter[0].names
-        both = set(mine) & set(other.names)
-        names, instead = (tuple(n for n in of if n not in both) for of in (other.names, mine))
-        measurement = planned.get((names, instead), Measurement(MORE))
-        found.append(Rival(names, instead, other.distance, measurement))
-    return tuple(found)
-
-
-def residual_table(end: Ending, full: GapData) -> pd.DataFrame:
-    """Every reading with its prediction before and after, in the order of measuring."""
-    setup, n = end.setup, len(end.setup.data)
-    inputs = {c.name: full.readings.table[c.name] for c in full.target.columns}
-    frame = pd.DataFrame({"row": full.rows, **inputs})
-    used = np.flatnonzero(np.isin(full.rows, setup.data.rows))
-    start = end.analysis.bare
-    bare = corrected(start.setup, start.search.fitter.space, start.empty)
-    before, after = bare.predicted(full), end.model.predicted(full)
-    for at, (output, noise) in enumerate(zip(setup.data.outputs, start.noises, strict=True)):
-        name, measured = output.name, full.measured[output.name]
-        frame[name] = measured
-        frame[f"{name}_predicted"] = before[name]
-        frame[f"{name}_corrected"] = after[name]
-        frame[f"{name}_before"] = measured - before[name]
-        frame[f"{name}_after"] = measured - after[name]
-        for which, of, held in (("before", start.setup, end.before), ("after", setup, end.after)):
-            part = (of.residual - held.fitted)[at * n : (at + 1) * n]
-            frame[f"{name}_{which}_held_out"] = _at_rows(part, used, len(full))
-        frame[f"{name}_noise"] = _at_rows(noise.sigma, used, len(full))
-        good = outliers(measured - after[name], np.full(len(full), noise.level))
-        frame[f"{name}_outlier"] = ~good
-    labels = end.analysis.search.labels[:n].astype(float)
-    frame["block"] = _at_rows(labels, used, len(full))
-    return frame
-
-
-def _at_rows(values: Array, rows: NDArray[np.int64], count: int) -> Array:
-    found = np.full(count, np.nan)
-    found[rows] = values
-    return found

@@ -128,8 +128,8 @@ def _difference(setup: Setup, levels: Array, design: Design, fit: Fit, other: Fi
     for k in range(len(data.outputs)):
         ones[k * len(data) : (k + 1) * len(data), k] = 1.0
     q = basis(np.hstack([ones, *free]) / level[:, None])
-    left = beside(np.asarray(mine) / level, q)
-    return float(np.sqrt(np.mean(left**2)))
+    difference = beside(np.asarray(mine) / level, q)
+    return float(np.sqrt(np.mean(difference**2)))
 
 
 def _nothing(data: GapData) -> Any:

@@ -73,10 +73,10 @@ def one_per_unit(
     if units < rows:
         notes.append(f"{rows} readings of {units} units: each unit is the mean of its readings")
     merged = frame.drop(columns=repeat).groupby(number, sort=True)
-    found = merged.agg(
+    merged_rows = merged.agg(
         {name: "first" if name in labels else "mean" for name in frame.columns if name != repeat}
     )
-    return found.set_axis(frame.index[~pd.Series(number).duplicated().to_numpy()]), []
+    return merged_rows.set_axis(frame.index[~pd.Series(number).duplicated().to_numpy()]), []
 
 
 def _readings_of_parts(frame: pd.DataFrame, columns: Sequence[Column], place: str) -> list[Fault]:

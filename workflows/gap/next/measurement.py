@@ -54,22 +54,22 @@ def next_measurement(end: Ending) -> Planned | None:
 
 def _of_rivals(end: Ending, wanted: NextPlan) -> Planned:
     """Points that separate the best name from each of its rivals."""
-    open_, said = [], dict[Key, Measurement]()
+    open_, measurements = [], dict[Key, Measurement]()
     for other in end.analysis.others:
         if _reads(end, end.fit) or _reads(end, other.fit):
-            said[_key(other)] = Measurement(READING)
+            measurements[_key(other)] = Measurement(READING)
         else:
             open_.append(other)
     batch = end.setup.data.target.population
-    found, new, inputs = (_of_batch if batch else _of_points)(end, wanted, open_)
-    for one in found:
-        said[one.names, one.instead_of] = _measurement(one, new, inputs)
+    separations, new, inputs = (_of_batch if batch else _of_points)(end, wanted, open_)
+    for rival in separations:
+        measurements[rival.names, rival.instead_of] = _measurement(rival, new, inputs)
     for wider in end.analysis.scatter[1:]:
-        one = of_scatter(end, end.analysis.scatter[0], wider, wanted.readings)
-        found.append(one)
-        said[one.names, one.instead_of] = Measurement(one.text, readings=one.needed)
-    planned = new is not None and any(one.possible for one in found)
-    return _planned(end, new if planned else None, inputs, tuple(found), (), (), said)
+        rival = of_scatter(end, end.analysis.scatter[0], wider, wanted.readings)
+        separations.append(rival)
+        measurements[rival.names, rival.instead_of] = Measurement(rival.text, readings=rival.needed)
+    planned = new is not None and any(separation.possible for separation in separations)
+    return _planned(end, new if planned else None, inputs, tuple(separations), (), (), measurements)
 
 
 def _of_points(
@@ -90,12 +90,12 @@ def _of_points(
     new = ahead(place, chosen)
     alike = like_now(end.setup, noises, len(new))
     kept = {id(pair.other) for pair in good}
-    found = [separation(end, pair, new, alike) for pair in pairs]
-    found = [
-        one if id(pair.other) in kept else _none(one, pair.other)
-        for one, pair in zip(found, pairs, strict=True)
+    separations = [separation(end, pair, new, alike) for pair in pairs]
+    separations = [
+        separation if id(pair.other) in kept else _none(separation, pair.other)
+        for separation, pair in zip(separations, pairs, strict=True)
     ]
-    return found, new, telling(place, (worth or pairs)[0].contests[0], chosen)
+    return separations, new, telling(place, (worth or pairs)[0].contests[0], chosen)
 
 
 def _of_batch(
@@ -106,19 +106,21 @@ def _of_batch(
         return [], None, ()
     noises = end.analysis.search.fitter.space.noises
     new, alike = (further_units(end.setup, noises, wanted, spread) for spread in (True, False))
-    found = []
+    separations = []
     for other in others:
-        one = separation(end, paired(end, other), new, alike)
-        gained = one.expected - one.now
-        found.append(one if gained > HOPELESS * len(new) else _none(one, other))
-    return found, new, tuple(name for name in wanted.ranges)
+        separation_of_pair = separation(end, paired(end, other), new, alike)
+        gained = separation_of_pair.expected - separation_of_pair.now
+        separations.append(
+            separation_of_pair if gained > HOPELESS * len(new) else _none(separation_of_pair, other)
+        )
+    return separations, new, tuple(name for name in wanted.ranges)
 
 
-def _none(one: Separation, other: Other) -> Separation:
+def _none(separation: Separation, other: Other) -> Separation:
     """Of a pair that no design tells apart, and what would."""
     names = frozenset(set(other.names) ^ set(other.instead_of))
     text = f"{NONE}: {UNSEEN[names]}" if names in UNSEEN else f"{NONE}: another quantity is needed"
-    return replace(one, needed=0, text=text, possible=False)
+    return replace(separation, needed=0, text=text, possible=False)
 
 
 def _of_effects(end: Ending, wanted: NextPlan) -> Planned:
@@ -126,7 +128,7 @@ def _of_effects(end: Ending, wanted: NextPlan) -> Planned:
     bare = end.analysis.bare
     noises, setup = bare.search.fitter.space.noises, bare.setup
     sought, notes = wanted_effects(end, wanted)
-    sought = [one for one in sought if not _reads(end, one.fit)]
+    sought = [effect for effect in sought if not _reads(end, effect.fit)]
     if not sought:
         text = NO_FORM if end.verdict == "unnamed" else "no effect can be planned for"
         return Planned(NextMeasurement(text, notes=tuple(notes)))
@@ -136,13 +138,13 @@ def _of_effects(end: Ending, wanted: NextPlan) -> Planned:
     else:
         place = field_of(setup, noises, wanted)
         count = _count(place, wanted)
-        contests = [contest(place, one) for one in sought]
+        contests = [contest(place, effect) for effect in sought]
         chosen = exchanged(contests, min(count, SUPPORT))
         chosen = np.resize(chosen, count)
         new, inputs = ahead(place, chosen), telling(place, contests[0], chosen)
         alike = like_now(setup, noises, len(new))
-    found = tuple(sensitivity(end, one, new, alike) for one in sought)
-    return _planned(end, new, inputs, (), found, tuple(notes), {})
+    sensitivities = tuple(sensitivity(end, effect, new, alike) for effect in sought)
+    return _planned(end, new, inputs, (), sensitivities, tuple(notes), {})
 
 
 def _planned(
@@ -155,7 +157,7 @@ def _planned(
     said: Mapping[Key, Measurement],
 ) -> Planned:
     if new is None:
-        text = "; ".join(dict.fromkeys(one.text for one in pairs)) or NONE
+        text = "; ".join(dict.fromkeys(pair.text for pair in pairs)) or NONE
         return Planned(NextMeasurement(text, pairs=pairs, effects=effects, notes=notes), None, said)
     text = f"{len(new)} readings at the points in {FILE}"
     if effects:
@@ -165,15 +167,15 @@ def _planned(
     return Planned(record, pd.DataFrame(dict(new.table)), said)
 
 
-def _measurement(one: Separation, new: Ahead | None, inputs: Sequence[str]) -> Measurement:
+def _measurement(separation: Separation, new: Ahead | None, inputs: Sequence[str]) -> Measurement:
     """What stands beside a rival."""
-    if new is None or not one.possible:
-        return Measurement(one.text)
+    if new is None or not separation.possible:
+        return Measurement(separation.text)
     ends = {
         name: (float(np.min(new.table[name])), float(np.max(new.table[name]))) for name in inputs
     }
-    rms = float(np.sqrt(max(one.expected - one.now, 0.0) / len(new)))
-    return Measurement(f"{one.text} ({FILE})", ends, rms, one.needed)
+    rms = float(np.sqrt(max(separation.expected - separation.now, 0.0) / len(new)))
+    return Measurement(f"{separation.text} ({FILE})", ends, rms, separation.needed)
 
 
 def _key(other: Other) -> Key:

@@ -88,34 +88,34 @@ def said(columns: Columns, base: Array, fit: Fit) -> Said:
         values = values + own @ coefficients
         if not member.candidate.alone:
             parts.append(own)
-        parts += [one[:, None] for one in _moving(columns, member, coefficients)]
+        parts += [coefficient[:, None] for coefficient in _moving(columns, member, coefficients)]
     return Said(np.asarray(values), np.hstack(parts))
 
 
 def _moving(columns: Columns, member: Member, coefficients: Array) -> Iterator[Array]:
     """What each nonlinear parameter that was fitted does (N,), per unit of it."""
-    for one in member.candidate.shape:
-        if one.choices:
+    for key in member.candidate.shape:
+        if key.choices:
             continue
-        value = member.shape[one.name]
+        value = member.shape[key.name]
         step = STRIDE * (abs(value) or 1.0)
-        ends = max(value - step, one.low), min(value + step, one.high)
-        low, high = (columns.of(member.candidate, {**member.shape, one.name: end}) for end in ends)
+        ends = max(value - step, key.low), min(value + step, key.high)
+        low, high = (columns.of(member.candidate, {**member.shape, key.name: end}) for end in ends)
         yield (high - low) @ coefficients / max(ends[1] - ends[0], 1e-300)
 
 
 def of_record(fitter: Fitter, fit: Fit) -> Said:
     """By a fit, at the readings of the record, whitened, the tolerances below (N,)."""
-    found = said(fitter.columns, fitter.raw_base, fit)
+    predicted = said(fitter.columns, fitter.raw_base, fit)
     free = fitter.base.shape[1]
-    columns = fitter.space.whiten(found.columns)
+    columns = fitter.space.whiten(predicted.columns)
     columns[:, :free] = fitter.base
-    values = fitter.space.whiten(found.values)
+    values = fitter.space.whiten(predicted.values)
     tail = slice(len(values) - fitter.space.prior, None)
     values[tail] = fitter.base[tail] @ fit.free
     return Said(values, columns)
 
 
-def distance(one: Said, other: Said) -> float:
+def distance(predictions: Said, other: Said) -> float:
     """Squared norm of what the one says and the other cannot follow."""
-    return float(np.sum(beside(one.values - other.values, basis(other.columns)) ** 2))
+    return float(np.sum(beside(predictions.values - other.values, basis(other.columns)) ** 2))

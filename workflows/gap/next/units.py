@@ -12,11 +12,12 @@ from scipy.special import ndtr
 from ....gap_next_records import Separation
 from ....models.effects.population.law import Law
 from ....models.measurable import Role
+from ..ending_records import MORE
 from ..likelihood import BatchLikelihood
 from ..noise import Noise
 from ..plan import NextPlan
 from ..population import Scatter
-from ..result import MORE, Ending
+from ..result import Ending
 from ..setup import Setup
 from .field import Ahead
 from .points import with_labels
@@ -33,17 +34,17 @@ def further_units(setup: Setup, noises: Sequence[Noise], wanted: NextPlan, sprea
     count, table = wanted.readings, setup.data.readings.table
     rng = np.random.default_rng([setup.plan.seed, 11])
     rows = rng.integers(len(setup.data), size=count)
-    found: dict[str, NDArray[Any]] = {}
+    separations: dict[str, NDArray[Any]] = {}
     for column in setup.data.target.columns:
         if column.text or column.role is Role.REPEAT:
             continue
-        found[column.name] = np.asarray(table[column.name])[rows]
+        separations[column.name] = np.asarray(table[column.name])[rows]
         span = wanted.ranges.get(column.name)
         if spread and span is not None:
-            found[column.name] = np.resize(span.values or (span.low, span.high), count)
-    if not found:
-        found = {"": np.zeros(count)}
-    whole = with_labels(setup.data, found)
+            separations[column.name] = np.resize(span.values or (span.low, span.high), count)
+    if not separations:
+        separations = {"": np.zeros(count)}
+    whole = with_labels(setup.data, separations)
     return Ahead(setup, noises, whole, base_at(setup, placed(setup.data, whole)))
 
 
@@ -52,7 +53,7 @@ def of_scatter(end: Ending, mine: Scatter, other: Scatter, count: int) -> Separa
     unit has a mean and a variance, those of many add up.
     """
     law = end.analysis.bare.batch.law
-    laws = [one.changed(law) for one in (mine, other)]
+    laws = [population.changed(law) for population in (mine, other)]
     kinds = [one.likelihood(law)[0] for one in (mine, other)]
     moments = [_moments(right, wrong) for right, wrong in zip(laws, kinds[::-1], strict=True)]
     both = set(mine.names) & set(other.names)
@@ -87,10 +88,10 @@ def _chance(
     now.
     """
     mine = 1.0 / (1.0 + np.exp(-0.5 * ahead))
-    found = 0.0
+    chance = 0.0
     for weight, (mean, variance), start in zip(
         (mine, 1.0 - mine), moments, (ahead, -ahead), strict=True
     ):
         gained = start + 2.0 * count * mean - by
-        found += weight * ndtr(gained / np.sqrt(max(4.0 * count * variance, 1e-12)))
-    return float(found)
+        chance += weight * ndtr(gained / np.sqrt(max(4.0 * count * variance, 1e-12)))
+    return float(chance)

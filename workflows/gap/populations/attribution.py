@@ -34,10 +34,10 @@ def of_batch(end: Ending) -> tuple[Attribution, ...]:
         text = _beside(end) or f"no input of its own: cannot tell with n = {len(y)}"
         verdict = "none" if _beside(end) else "cannot tell"
         return (Attribution(names, output.name, "", (), verdict, (), text),)
-    found = decided(weighed, names, output.name, output.unit)
+    decision = decided(weighed, names, output.name, output.unit)
     if not sources.basis:
-        return found
-    return tuple(replace(one, text=f"{one.text} ({sources.basis})") for one in found)
+        return decision
+    return tuple(replace(one, text=f"{one.text} ({sources.basis})") for one in decision)
 
 
 def decided(weighed: Weighed, effect: str, output: str, unit: str) -> tuple[Attribution, ...]:
@@ -58,7 +58,7 @@ def decided(weighed: Weighed, effect: str, output: str, unit: str) -> tuple[Attr
         )
         return (of(best.kind, "none", text),)
     text = told(weighed, unit)
-    if all(one.source is None for one in weighed.standing):
+    if all(change.source is None for change in weighed.standing):
         text = f"no input alone does it within its limits; {text}"
         return (of(weighed.standing[0].kind, "none", text),)
     alone = len(weighed.standing) == 1 and not weighed.mixed
@@ -68,24 +68,30 @@ def decided(weighed: Weighed, effect: str, output: str, unit: str) -> tuple[Attr
 
 
 def _records(weighed: Weighed, kind: str, unit: str) -> tuple[InputChange, ...]:
-    mine = [one for one in weighed.tables.changes if one.kind == kind]
-    found = [weighed.record(one, unit) for one in mine]
-    return tuple(sorted(found, key=lambda one: (bool(one.excluded_because), one.distance)))
+    mine = [change for change in weighed.tables.changes if change.kind == kind]
+    records = [weighed.record(change, unit) for change in mine]
+    return tuple(sorted(records, key=lambda one: (bool(one.excluded_because), one.distance)))
 
 
 def told(weighed: Weighed, unit: str) -> str:
     """What is left standing, and what would tell, in one sentence."""
-    names = [_way(one) for one in weighed.standing]
+    names = [_way(change) for change in weighed.standing]
     names += [weighed.rival] if weighed.mixed else []
     if len(names) == 1:
-        one = weighed.standing[0]
-        times = one.kind == "widening" and one.source is not None
-        what = "times" if times else one.unit or unit
-        found = f"{names[0]} ({one.shown(one.best[0]):.3g} {what}) alone would explain the batch"
-        return f"{found}; so may several inputs together"
-    said = ", ".join(names[:6]) + (f" and {len(names) - 6} more" if len(names) > 6 else "")
-    text = f"cannot tell with n = {len(weighed.tables.y)} between {said}"
-    parts = {one.source: parts_of(one, one.best[0]) for one in weighed.standing if one.source}
+        change = weighed.standing[0]
+        times = change.kind == "widening" and change.source is not None
+        what = "times" if times else change.unit or unit
+        message = (
+            f"{names[0]} ({change.shown(change.best[0]):.3g} {what}) alone would explain the batch"
+        )
+        return f"{message}; so may several inputs together"
+    listed = ", ".join(names[:6]) + (f" and {len(names) - 6} more" if len(names) > 6 else "")
+    text = f"cannot tell with n = {len(weighed.tables.y)} between {listed}"
+    parts = {
+        change.source: parts_of(change, change.best[0])
+        for change in weighed.standing
+        if change.source
+    }
     known = {source: k for source, k in parts.items() if k}
     if not known:
         return text
@@ -93,10 +99,10 @@ def told(weighed: Weighed, unit: str) -> str:
     return f"{text}; measure the {first.part} of {known[first]} parts"
 
 
-def _way(one: Change) -> str:
+def _way(change: Change) -> str:
     """What an input, or the gauge, does."""
-    kind = "noise" if one.source is None and one.kind == "widening" else one.kind
-    return f"{kind} of {one.name}"
+    kind = "noise" if change.source is None and change.kind == "widening" else change.kind
+    return f"{kind} of {change.name}"
 
 
 def _names(end: Ending) -> str:
@@ -127,7 +133,7 @@ def _rival(end: Ending, tables: Tables) -> tuple[str, float]:
 
 def trends(end: Ending) -> tuple[str, ...]:
     """Effects that move unit after unit: what an input does that wears off."""
-    return tuple(one.name for one in end.fit.members if one.candidate.effect.along_units)
+    return tuple(member.name for member in end.fit.members if member.candidate.effect.along_units)
 
 
 def _beside(end: Ending) -> str:

@@ -140,11 +140,12 @@ class Tables:
     @cached_property
     def changes(self) -> tuple[Change, ...]:
         """Every input in every way, the gauge last; finely where one may explain the batch."""
-        found = (*self._shifts(), *self._widenings(), *self._trends())
-        top = max(float(one.log.max()) for one in found)
+        candidates = (*self._shifts(), *self._widenings(), *self._trends())
+        top = max(float(change.log.max()) for change in candidates)
         fine: dict[tuple[str, bool, str], tuple[Array, Array]] = {}
         return tuple(
-            one if one.log.max() < top - NEAR else self._finely(one, fine) for one in found
+            change if change.log.max() < top - NEAR else self._finely(change, fine)
+            for change in candidates
         )
 
     def _finely(
@@ -164,22 +165,22 @@ class Tables:
         grid, log = kept[key]
         return replace(one, grid=grid, log=log)
 
-    def _logs(self, one: Change, amounts: Array) -> Array:
+    def _logs(self, change: Change, amounts: Array) -> Array:
         """Log likelihoods (m,) at amounts (m,)."""
-        if one.kind == "trend":
-            return self._along(amounts, one.clipped)
-        if one.kind == "widening" or one.clipped:
-            return np.asarray(self._densities(one, amounts) @ self.counts)
+        if change.kind == "trend":
+            return self._along(amounts, change.clipped)
+        if change.kind == "widening" or change.clipped:
+            return np.asarray(self._densities(change, amounts) @ self.counts)
         return self._off(amounts)
 
-    def _densities(self, one: Change, amounts: Array) -> Array:
+    def _densities(self, change: Change, amounts: Array) -> Array:
         """Log densities (m, k) of the model with a zone wider, or a clipped input shifted."""
-        if one.kind != "widening":
+        if change.kind != "widening":
             return self.law.shifted(amounts)
         return (
             self.law.blurred(amounts)
-            if one.source is None
-            else self.law.widened(one.source, amounts)
+            if change.source is None
+            else self.law.widened(change.source, amounts)
         )
 
     def _off(self, amounts: Array, over: Array | float = 1.0) -> Array:
@@ -260,19 +261,19 @@ class Tables:
         high = table[i + 1, j] * (1.0 - b) + table[i + 1, j + 1] * b
         return np.asarray(low * (1.0 - a) + high * a)
 
-    def shares_below(self, one: Change, amount: float) -> Array:
+    def shares_below(self, change: Change, amount: float) -> Array:
         """Share (n,) of units that the changed model has below each unit; uniform if it is true."""
-        over = np.ones_like(self.y) if one.kind == "shift" else self.u
-        if one.kind == "widening":
-            return np.asarray(np.interp(self.y, self.law.x, below(self.density(one, amount))))
-        if one.clipped:
+        over = np.ones_like(self.y) if change.kind == "shift" else self.u
+        if change.kind == "widening":
+            return np.asarray(np.interp(self.y, self.law.x, below(self.density(change, amount))))
+        if change.clipped:
             return self.between(self.law.shifts_below, amount * over)
         return np.asarray(np.interp(self.y - amount * over, self.law.x, below(self.law.base)))
 
-    def density(self, one: Change, amount: float) -> Array:
+    def density(self, change: Change, amount: float) -> Array:
         """Log density (k,) of the model with that input changed; a trend has none."""
-        if one.kind == "widening" or one.clipped:
-            return np.asarray(self._densities(one, np.array([amount]))[0])
+        if change.kind == "widening" or change.clipped:
+            return np.asarray(self._densities(change, np.array([amount]))[0])
         return self.law.read_off(amount)
 
 
@@ -281,5 +282,5 @@ def counted(law: UnitLaw, y: Array) -> Array:
     at = np.clip((y - law.x[0]) / law.step, 0.0, len(law.x) - 1.001)
     low = at.astype(np.int64)
     part, size = at - low, len(law.x)
-    found = np.bincount(low, 1.0 - part, size) + np.bincount(low + 1, part, size)
-    return found.astype(np.float64)
+    counts = np.bincount(low, 1.0 - part, size) + np.bincount(low + 1, part, size)
+    return counts.astype(np.float64)

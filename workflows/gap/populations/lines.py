@@ -61,30 +61,30 @@ class Compared:
         middle = {name: float(np.mean(value)) for name, value in simulated.items()}
         limits = self._limits(simulated, middle)
         drawn = rng.integers(0, len(self.x), (AGAIN, len(self.x)))
-        again = values_of(tuple(one for one in self.looks if one.signed), self.x[drawn])
+        again = values_of(tuple(look for look in self.looks if look.signed), self.x[drawn])
         return tuple(
             self._line(
-                one,
+                look,
                 model,
                 output,
-                middle[one.name],
-                measured[one.name],
+                middle[look.name],
+                measured[look.name],
                 offset,
-                limits[one.name],
-                simulated[one.name],
-                again.get(one.name),
+                limits[look.name],
+                simulated[look.name],
+                again.get(look.name),
             )
-            for one in self.looks
+            for look in self.looks
         )
 
     def _limits(self, simulated: dict[str, Array], middle: dict[str, float]) -> dict[str, float]:
         """How far each statistic gets from its mean by chance, all of them together (Sidak)."""
         rate = 1.0 - (1.0 - self.rate) ** (1.0 / len(self.looks))
-        found = {}
-        for one in self.looks:
-            far = simulated[one.name] - middle[one.name]
-            found[one.name] = rarely(np.abs(far) if one.signed else far, rate)
-        return found
+        limits = {}
+        for chance_limit in self.looks:
+            far = simulated[chance_limit.name] - middle[chance_limit.name]
+            limits[chance_limit.name] = rarely(np.abs(far) if chance_limit.signed else far, rate)
+        return limits
 
     def _line(
         self,

@@ -1,0 +1,290 @@
+"""Records of an ending: effects with their numbers, what remains, rivals, residuals of all rows."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from ...gap_records import (
+    Detectable,
+    FoundEffect,
+    FoundParameter,
+    Gate,
+    Measurement,
+    OutputGate,
+    Recalibrated,
+    Rival,
+    Score,
+)
+from ...models.effects import EffectParameter
+from ...models.inputs.distribution import Array
+from .ambiguity import correlation
+from .blocks import improvement
+from .close import corrected
+from .data import GapData
+from .noise import outliers, whiteness
+from .population import Scatter
+from .result import Ending, rmse
+from .scan import scan
+from .separate import separating
+from .setup import nominal
+from .uncertainty import Spread
+
+OWN = 0.01
+"""Share of a column that what is free cannot do, below which nothing of it can be seen."""
+SEPARATED = 4
+"""Rivals for which the separating measurement is searched."""
+SUPPLIERS = "note the supplier of each lot: a second supplier is off by the same in all of its lots"
+MORE = "measure more units of one lot: a mixture has two peaks, or a shoulder, a wider spread one"
+
+
+def gate(end: Ending) -> Gate:
+    """Stage 1 as a record."""
+    analysis, bare = end.analysis, end.analysis.bare
+    setup, count = bare.setup, len(bare.setup.data)
+    gates = []
+    for at, (output, noise) in enumerate(zip(setup.data.outputs, bare.noises, strict=True)):
+        level = bare.left.evidence[bare.generic.outputs == at].max(initial=0.0)
+        rows = slice(at * count, (at + 1) * count)
+        raw = setup.residual[rows] - end.before.fitted[rows]
+        limit = analysis.search.thresholds.generic
+        gates.append(
+            OutputGate(
+                output=output.name,
+                unit=output.unit,
+                noise=noise.level,
+                noise_source=noise.source,
+                rmse=rmse(raw, noise.good),
+                statistic=float(level),
+                threshold=limit,
+                significant=bool(level > limit) or (analysis.significant and len(bare.noises) == 1),
+                autocorrelation=noise.rho,
+                heteroscedastic=noise.varies_with,
+                outliers=noise.outliers,
+                whiteness=whiteness(end.fit.residual[rows]),
+                uncertainty=noise.level * 2.0 / np.sqrt(count),
+            )
+        )
+    return Gate(tuple(gates), recalibrated(end), *detectable(end))
+
+
+def recalibrated(end: Ending) -> tuple[Recalibrated, ...]:
+    """What became of the free parameters."""
+    plan = end.setup.plan
+    return tuple(
+        Recalibrated(
+            name,
+            "",
+            nominal(plan, name),
+            value,
+            plan.free[name],
+            abs(value - nominal(plan, name)) > 0.98 * plan.free[name],
+        )
+        for name, value in end.model.free().items()
+    )
+
+
+def detectable(end: Ending) -> tuple[tuple[Detectable, ...], tuple[str, ...]]:
+    """The smallest effect of each name that would have been seen nine times out of ten, and the
+    names that cannot be seen at all, because what is free does the same.
+    """
+    search, setup = end.analysis.bare.search, end.setup
+    wanted = np.sqrt(search.thresholds.library) + 1.2816
+    white, raw = search.white.columns, search.book.raw.columns
+    total = np.einsum("ij,ij->j", white, white)
+    squares = total - np.sum((search.fitter.q.T @ white) ** 2, axis=0)
+    squares[squares < OWN**2 * total] = 0.0
+    size, of_raw = np.sqrt(squares), np.sqrt(np.einsum("ij,ij->j", raw, raw) / len(raw))
+    limits: dict[str, Detectable] = {}
+    names: dict[str, None] = {}
+    for start, member in zip(search.white.starts, search.book.members, strict=True):
+        if member.candidate.alone:
+            continue
+        names.setdefault(member.name)
+        own = size[start : start + len(member.candidate.linear)]
+        column = int(np.argmax(own))
+        if own[column] <= 0.0:
+            continue
+        value = float(wanted / own[column])
+        rms = value * float(of_raw[start + column])
+        if member.name not in limits or rms < limits[member.name].rms:
+            per_unit = member.candidate.linear[column]
+            family, unit = member.candidate.effect.family, setup.data.outputs[0].unit
+            limits[member.name] = Detectable(member.name, family, rms, unit, per_unit.name, value)
+    return tuple(limits.values()), tuple(name for name in names if name not in limits)
+
+
+def scores(end: Ending) -> tuple[Score, ...]:
+    """Stage 3 as records: every effect alone beside the model's parameters, best first."""
+    search = end.analysis.bare.search
+    return tuple(
+        Score(
+            candidate.member.name,
+            candidate.member.candidate.effect.family,
+            candidate.gain,
+            search.thresholds.library,
+            dict(candidate.member.shape),
+        )
+        for candidate in scan(search.fitter, search.white, search.book, ())
+    )
+
+
+def effects(end: Ending, spread: Spread | None) -> tuple[FoundEffect, ...]:
+    """The effects that keep their name, with intervals and evidence."""
+    moving = [_effect(end, at, spread) for at in end.named]
+    return (*moving, *(_of_scatter(one) for one in end.analysis.scatter[:1]))
+
+
+def _of_scatter(scatter: Scatter) -> FoundEffect:
+    """An effect on the scatter of a batch as a record; held out is twice its log likelihood."""
+    effect = scatter.candidate.effect
+    numbers = (*scatter.candidate.linear, *scatter.candidate.shape)
+    return FoundEffect(
+        name=effect.name,
+        family=effect.family,
+        cause=effect.cause,
+        parameters=tuple(
+            FoundParameter(
+                p.name, scatter.numbers[p.name], *scatter.intervals[p.name], p.unit, p.meaning
+            )
+            for p in numbers
+        ),
+        gain=scatter.gain,
+        threshold=scatter.threshold,
+        held_out_gain=scatter.held_out.gain,
+        held_out_error=scatter.held_out.error,
+    )
+
+
+def _effect(end: Ending, at: int, spread: Spread | None) -> FoundEffect:
+    search, member = end.analysis.search, end.fit.members[at]
+    less = search.fitter.fit(end.fit.without(at))
+    better = improvement(search.tested(less), end.after, search.labels)
+    values = end.model.effect(member.name)
+    several = len(member.candidate.linear) > 1
+    numbers = (*member.candidate.linear, *member.candidate.shape)
+    ends = {number.name: _ends(end, member.name, number, values, spread) for number in numbers}
+    total = max(end.analysis.ground.empty.rss - end.fit.rss, 1e-300)
+    return FoundEffect(
+        name=member.name,
+        family=member.candidate.effect.family,
+        cause=member.candidate.effect.cause,
+        parameters=tuple(
+            FoundParameter(
+                number.name, values[number.name], *ends[number.name], number.unit, _meaning(number)
+            )
+            for number in numbers
+        ),
+        gain=less.rss - end.fit.rss,
+        threshold=search.thresholds.library,
+        held_out_gain=better.gain,
+        held_out_error=better.error,
+        share=min(1.0, (less.rss - end.fit.rss) / total),
+        frequency=float("nan") if spread is None else spread.frequency(member.name),
+        at_bound=tuple(
+            o.name
+            for o in numbers
+            if not o.choices and _at_bound(values[o.name], o.low, o.high, several)
+        ),
+    )
+
+
+def _at_bound(value: float, low: float, high: float, several: bool = False) -> bool:
+    """Whether physics stopped a number; a zero is a bound beside other numbers of its effect."""
+    width, stops = abs(value) * 1e-6, np.isfinite(low) and (low != 0.0 or several)
+    return bool((np.isfinite(high) and value >= high - width) or (stops and value <= low + width))
+
+
+def _meaning(parameter: EffectParameter) -> str:
+    """What a parameter means, and whether it was chosen instead of fitted."""
+    choices = ", ".join(f"{choice:g}" for choice in parameter.choices)
+    return (
+        f"{parameter.meaning} (chosen out of {choices}, not fitted)"
+        if choices
+        else parameter.meaning
+    )
+
+
+def _ends(
+    end: Ending,
+    owner: str,
+    one: EffectParameter,
+    values: Mapping[str, float],
+    spread: Spread | None,
+) -> tuple[float, float]:
+    """The interval of a number; one that was chosen has no width."""
+    if one.choices:
+        return values[one.name], values[one.name]
+    linear = end.model.interval(owner, one.name)
+    return linear if spread is None else spread.interval(owner, one.name, linear)
+
+
+def rival_records(
+    end: Ending, planned: Mapping[tuple[tuple[str, ...], tuple[str, ...]], Measurement]
+) -> tuple[Rival, ...]:
+    """Stage 5 as records; `planned` are the measurements by names and those they stand for."""
+    levels = end.analysis.search.fitter.space.level()
+    rivals: list[Rival] = []
+    for at, one in enumerate(end.analysis.others):
+        measurement = planned.get((one.names, one.instead_of))
+        if measurement is None:
+            measurement = (
+                separating(end.setup, levels, end.fit, one.fit)
+                if at < SEPARATED
+                else rivals[0].measurement
+            )
+        distance = round(one.distance, 9) + 0.0
+        rivals.append(
+            Rival(
+                one.names,
+                one.instead_of,
+                distance,
+                measurement,
+                correlation(end.analysis.search.fitter, end.fit, one),
+            )
+        )
+    if end.twin:
+        rivals.append(Rival(("lot_mixture",), ("lot_offset",), 0.0, Measurement(SUPPLIERS)))
+    for other in end.analysis.scatter[1:]:
+        mine = end.analysis.scatter[0].names
+        both = set(mine) & set(other.names)
+        names, instead = (tuple(n for n in of if n not in both) for of in (other.names, mine))
+        measurement = planned.get((names, instead), Measurement(MORE))
+        rivals.append(Rival(names, instead, other.distance, measurement))
+    return tuple(rivals)
+
+
+def residual_table(end: Ending, full: GapData) -> pd.DataFrame:
+    """Every reading with its prediction before and after, in the order of measuring."""
+    setup, n = end.setup, len(end.setup.data)
+    inputs = {c.name: full.readings.table[c.name] for c in full.target.columns}
+    frame = pd.DataFrame({"row": full.rows, **inputs})
+    used = np.flatnonzero(np.isin(full.rows, setup.data.rows))
+    start = end.analysis.bare
+    bare = corrected(start.setup, start.search.fitter.space, start.empty)
+    before, after = bare.predicted(full), end.model.predicted(full)
+    for at, (output, noise) in enumerate(zip(setup.data.outputs, start.noises, strict=True)):
+        name, measured = output.name, full.measured[output.name]
+        frame[name] = measured
+        frame[f"{name}_predicted"] = before[name]
+        frame[f"{name}_corrected"] = after[name]
+        frame[f"{name}_before"] = measured - before[name]
+        frame[f"{name}_after"] = measured - after[name]
+        for which, of, held in (("before", start.setup, end.before), ("after", setup, end.after)):
+            part = (of.residual - held.fitted)[at * n : (at + 1) * n]
+            frame[f"{name}_{which}_held_out"] = _at_rows(part, used, len(full))
+        frame[f"{name}_noise"] = _at_rows(noise.sigma, used, len(full))
+        good = outliers(measured - after[name], np.full(len(full), noise.level))
+        frame[f"{name}_outlier"] = ~good
+    labels = end.analysis.search.labels[:n].astype(float)
+    frame["block"] = _at_rows(labels, used, len(full))
+    return frame
+
+
+def _at_rows(values: Array, rows: NDArray[np.int64], count: int) -> Array:
+    at_rows = np.full(count, np.nan)
+    at_rows[rows] = values
+    return at_rows
