@@ -41,12 +41,12 @@ class Noise:
         scaled = columns * scale
         if self.rho == 0.0:
             return scaled
-        found = np.empty_like(scaled)
-        found[0] = scaled[0]
-        np.multiply(scaled[:-1], -self.rho, out=found[1:])
-        found[1:] += scaled[1:]
-        found[1:] /= np.sqrt(1.0 - self.rho**2)
-        return found
+        white = np.empty_like(scaled)
+        white[0] = scaled[0]
+        np.multiply(scaled[:-1], -self.rho, out=white[1:])
+        white[1:] += scaled[1:]
+        white[1:] /= np.sqrt(1.0 - self.rho**2)
+        return white
 
     @cached_property
     def _scale(self) -> Array:
@@ -106,11 +106,11 @@ def autocorrelation(residual: Array, columns: Array, noise: Noise) -> float:
 
     Reference: Harville, J. Am. Stat. Assoc. 72, 1977: the columns that were fitted do not bias it.
     """
-    found = _restricted(residual, columns, noise)
-    best = int(np.argmax(found))
+    log_likelihood = _restricted(residual, columns, noise)
+    best = int(np.argmax(log_likelihood))
     if best in (0, len(GRID) - 1):
         return float(GRID[best])
-    below, at, above = found[best - 1 : best + 2]
+    below, at, above = log_likelihood[best - 1 : best + 2]
     bend = below - 2 * at + above
     step = 0.5 * (below - above) / bend if bend < 0 else 0.0
     width = GRID[best + 1] - GRID[best] if step > 0 else GRID[best] - GRID[best - 1]
@@ -135,12 +135,12 @@ def _restricted(residual: Array, columns: Array, noise: Noise) -> Array:
     x, xy, yy = gram[:, :-1, :-1], gram[:, :-1, -1], gram[:, -1, -1]
     scale = np.sqrt(np.maximum(np.diagonal(x, axis1=1, axis2=2), 1e-300))
     turned = whitening(x / scale[:, :, None] / scale[:, None, :])
-    left = yy - np.sum(np.einsum("gjk,gk->gj", turned, xy / scale) ** 2, axis=1)
+    residual_squares = yy - np.sum(np.einsum("gjk,gk->gj", turned, xy / scale) ** 2, axis=1)
     whole = x * np.outer(size[:-1], size[:-1])
     ridge = 1e-9 * np.trace(whole, axis1=1, axis2=2)[:, None, None] * np.eye(x.shape[1])
     _, spread = np.linalg.slogdet(whole + ridge)
     count = len(z) - turned.any(axis=2).sum(axis=1)
-    rss = np.log(np.maximum(left, 1e-14) * size[-1] ** 2)
+    rss = np.log(np.maximum(residual_squares, 1e-14) * size[-1] ** 2)
     jacobian = -0.5 * (len(z) - 1) * np.log(1.0 - rho[:, 0, 0] ** 2)
     return np.asarray(jacobian - 0.5 * spread - 0.5 * count * rss)
 
@@ -153,10 +153,10 @@ def scale_left(white: Array, used: int) -> float:
 
 def whiteness(white: Array) -> float:
     """Chance that noise alone is as autocorrelated as a whitened residual (n,): Ljung and Box."""
-    n, left = len(white), white - white.mean()
+    n, centred = len(white), white - white.mean()
     lags = np.arange(1, min(10, n // 5) + 1)
-    found = np.array([left[k:] @ left[:-k] for k in lags]) / (left @ left)
-    return float(special.chdtrc(len(lags), n * (n + 2) * np.sum(found**2 / (n - lags))))
+    correlations = np.array([centred[k:] @ centred[:-k] for k in lags]) / (centred @ centred)
+    return float(special.chdtrc(len(lags), n * (n + 2) * np.sum(correlations**2 / (n - lags))))
 
 
 def size_follows(
@@ -184,12 +184,12 @@ def _explained(target: Array, x: Array, good: NDArray[np.bool_]) -> tuple[Array,
     """
     numbers, _, rank, _ = np.linalg.lstsq(x[good], target[good])
     fitted = x @ numbers
-    left = float(np.sum((target - fitted)[good] ** 2))
+    rss = float(np.sum((target - fitted)[good] ** 2))
     total = float(np.sum((target[good] - target[good].mean()) ** 2))
     if rank < 2 or total == 0.0:
         return fitted, 1.0
     freedom = int(good.sum()) - rank
-    return fitted, float(special.betainc(0.5 * freedom, 0.5 * (rank - 1), min(left / total, 1.0)))
+    return fitted, float(special.betainc(0.5 * freedom, 0.5 * (rank - 1), min(rss / total, 1.0)))
 
 
 def _parabola(values: Array) -> Array:

@@ -31,23 +31,23 @@ STRETCHES = 40
 
 def uneven_delays(fitter: Fitter, fit: Fit, data: GapData) -> list[str]:
     """Sentences about delays that are not the same throughout the record."""
-    found = []
+    sentences = []
     for at, member in enumerate(fit.members):
         if not isinstance(member.candidate.effect, Delay):
             continue
-        rest = [fitter.white(one) for k, one in enumerate(fit.members) if k != at]
+        rest = [fitter.white(other) for k, other in enumerate(fit.members) if k != at]
         q = basis(np.hstack([fitter.base, *rest]))
         for name, late in member.shape.items():
             if late != 0.0 and (delays := _uneven(fitter, fit, q, member, name, data)) is not None:
-                found.append(_said(name, delays))
-    return found
+                sentences.append(_said(name, delays))
+    return sentences
 
 
 def _said(name: str, delays: Array) -> str:
     kinds = ("rise above the median", "fall above it", "rise below it", "fall below it")
     parts = ", ".join(
-        f"{one:.3g} s where readings {kind}"
-        for one, kind in zip(delays.tolist(), kinds, strict=True)
+        f"{delay:.3g} s where readings {kind}"
+        for delay, kind in zip(delays.tolist(), kinds, strict=True)
     )
     return (
         f"{name} is not one delay: {parts}. A channel that is late is so everywhere; this may "
@@ -65,8 +65,8 @@ def _uneven(
     """
     late = member.shape[name]
     ends = [{**member.shape, name: late * (1.0 + way * STEP)} for way in (1.0, -1.0)]
-    one, other = (fitter.columns.of(member.candidate, shape)[:, 0] for shape in ends)
-    slope = (one - other) / (2.0 * STEP * late)
+    longer, shorter = (fitter.columns.of(member.candidate, shape)[:, 0] for shape in ends)
+    slope = (longer - shorter) / (2.0 * STEP * late)
     parts = [fitter.space.whiten(np.where(kind, slope, 0.0)) for kind in _kinds(slope, data).T]
     g = beside(np.column_stack(parts), q)
     if (np.sum(g**2, axis=0) < LITTLE * np.sum(g**2)).any():
@@ -87,23 +87,23 @@ def _kinds(slope: Array, data: GapData) -> Array:
     falls with its delay where it rises.
     """
     measured = data.whole(data.measured)
-    found = np.zeros((len(slope), 4), dtype=bool)
+    kinds = np.zeros((len(slope), 4), dtype=bool)
     for at in range(len(data.outputs)):
         rows = slice(at * len(data), (at + 1) * len(data))
         high = measured[rows] > np.median(measured[rows])
         up, down = slope[rows] < 0.0, slope[rows] > 0.0
-        found[rows] = np.column_stack([high & up, high & down, ~high & up, ~high & down])
-    return found
+        kinds[rows] = np.column_stack([high & up, high & down, ~high & up, ~high & down])
+    return kinds
 
 
-def _estimated(g: Array, left: Array) -> tuple[Array, Array]:
+def _estimated(g: Array, residual: Array) -> tuple[Array, Array]:
     """Of columns (N, 4) on a residual (N,): the numbers, and their covariance."""
     inverse = np.linalg.pinv(g.T @ g, rcond=1e-12)
-    found = inverse @ (g.T @ left)
-    rest = left - g @ found
-    edges = np.linspace(0, len(left), STRETCHES + 1).astype(int)
+    coefficients = inverse @ (g.T @ residual)
+    rest = residual - g @ coefficients
+    edges = np.linspace(0, len(residual), STRETCHES + 1).astype(int)
     sums = np.array([g[a:b].T @ rest[a:b] for a, b in pairwise(edges)])
     model = inverse * float(rest @ rest) / len(rest)
-    seen = inverse @ (sums.T @ sums) @ inverse
-    wider = np.sqrt(np.maximum(np.diag(seen) / np.diag(model), 1.0))
-    return found, model * np.outer(wider, wider)
+    robust = inverse @ (sums.T @ sums) @ inverse
+    wider = np.sqrt(np.maximum(np.diag(robust) / np.diag(model), 1.0))
+    return coefficients, model * np.outer(wider, wider)

@@ -92,11 +92,11 @@ def _stiff(data: GapData) -> Iterator[str]:
         slope = float(np.mean((load - load.mean()) * (y - y.mean())))
         slope /= max(float(np.var(load)), 1e-300)
         if spread > 0.0 and abs(slope) * np.std(load) > FOLLOWS * np.std(y):
-            said = unlikely(1.0 / slope, output.unit, "N" if role is Role.FORCE else "Nm")
-            if said:
+            description = unlikely(1.0 / slope, output.unit, "N" if role is Role.FORCE else "Nm")
+            if description:
                 yield (
                     f"{_said(data, role)} Or that of {output.name}? It follows the load as of a "
-                    f"stiffness of {said}"
+                    f"stiffness of {description}"
                 )
 
 
@@ -109,26 +109,28 @@ def unlikely(stiffness: float, unit: str, load: str, more: float = 1.0) -> str:
     if (kind, load) not in STIFFNESS:
         return ""
     shown, low, high = STIFFNESS[kind, load]
-    own = abs(stiffness) / float(converted(1.0, unit, shown))
-    if low <= own <= high * more:
+    magnitude = abs(stiffness) / float(converted(1.0, unit, shown))
+    if low <= magnitude <= high * more:
         return ""
-    return f"{own:.3g} {load}/{shown}; drives have {low:g} to {high:g}"
+    return f"{magnitude:.3g} {load}/{shown}; drives have {low:g} to {high:g}"
 
 
 def unlikely_numbers(fit: Fit, data: GapData) -> list[str]:
     """Sentences about compliances that were fitted, and that no drive has."""
-    found = []
+    sentences = []
     for member, sizes in zip(fit.members, fit.coefficients, strict=True):
         if member.name != "torsional_compliance" or not len(sizes):
             continue
         load = "Nm" if Role.TORQUE in data.readings else "N"
         for output, size in zip(member.candidate.effect.reached(data.target), sizes, strict=False):
-            if size > 0.0 and (said := unlikely(1.0 / float(size), output.unit, load, BESIDE)):
-                found.append(
-                    f"the stiffness of torsional_compliance in {output.name} is {said}: "
+            if size > 0.0 and (
+                description := unlikely(1.0 / float(size), output.unit, load, BESIDE)
+            ):
+                sentences.append(
+                    f"the stiffness of torsional_compliance in {output.name} is {description}: "
                     "are the units right?"
                 )
-    return found
+    return sentences
 
 
 def _factor(measured: Array, predicted: Array) -> float:
@@ -141,5 +143,5 @@ def _factor(measured: Array, predicted: Array) -> float:
 
 
 def _said(data: GapData, role: Role) -> str:
-    column = next(one for one in data.target.columns if one.role is role)
+    column = next(c for c in data.target.columns if c.role is role)
     return f'is "{column.unit}" the unit of {column.name}?'

@@ -83,8 +83,10 @@ class Scatter:
 
     def likelihood(self, law: Law) -> tuple[BatchLikelihood, Array]:
         """That it was fitted by (about the units' mean beside another name), and where (k,)."""
-        found = BatchLikelihood(self.candidate, law, self.target, bool(self.beside))
-        return found, np.array([self.numbers[one.name] for one in found.numbers]) / found.scale
+        batch_likelihood = BatchLikelihood(self.candidate, law, self.target, bool(self.beside))
+        return batch_likelihood, np.array(
+            [self.numbers[parameter.name] for parameter in batch_likelihood.numbers]
+        ) / batch_likelihood.scale
 
 
 @dataclass(frozen=True)
@@ -126,20 +128,24 @@ class Batch:
     def levels(self) -> tuple[str, ...]:
         """The names that move every unit alike, the process before the instrument."""
         book = self.search.book
-        found = [
-            one.candidate.effect
-            for at, one in enumerate(book.members)
-            if not one.candidate.unread and _same(book.raw.of(at))
+        effects = [
+            member.candidate.effect
+            for at, member in enumerate(book.members)
+            if not member.candidate.unread and _same(book.raw.of(at))
         ]
-        return tuple(one.name for one in sorted(found, key=lambda e: e.family == INSTRUMENT))
+        return tuple(
+            effect.name for effect in sorted(effects, key=lambda e: e.family == INSTRUMENT)
+        )
 
     def moving(self, fit: Fit) -> list[Member]:
         """What moves each unit by its own amount."""
-        return [one for one in fit.members if one.name not in self.levels]
+        return [member for member in fit.members if member.name not in self.levels]
 
     def price(self, fit: Fit) -> float:
         """Of the numbers of what moves single units."""
-        return sum(one.candidate.price(self.search.fitter.penalty) for one in self.moving(fit))
+        return sum(
+            member.candidate.price(self.search.fitter.penalty) for member in self.moving(fit)
+        )
 
     def plain(self, fit: Fit) -> float:
         """The score of a fit without an effect on the scatter."""
@@ -149,11 +155,13 @@ class Batch:
         level = float(np.log(len(x))) if moved else 0.0
         return self.price(fit) + level - 2.0 * float(units.law(x).sum())
 
-    def with_level(self, fit: Fit, one: Scatter) -> tuple[Member, ...]:
+    def with_level(self, fit: Fit, scatter_effect: Scatter) -> tuple[Member, ...]:
         """The members of a fit with the name that moves all units only where `one` needs it."""
-        if any(name in self.levels for name in fit.names) == bool(one.beside):
+        if any(name in self.levels for name in fit.names) == bool(scatter_effect.beside):
             return fit.members
-        level = [member for member in self.search.book.members if member.name == one.beside]
+        level = [
+            member for member in self.search.book.members if member.name == scatter_effect.beside
+        ]
         return (*self.moving(fit), *level)
 
     def unmoved(self, fit: Fit) -> Fit:
@@ -163,8 +171,8 @@ class Batch:
     def units(self, fit: Fit, but: Sequence[str] = ()) -> Units:
         """The units that count beside what moves each of them by its own amount, `but` stays."""
         kept = self.search.fitter.space.noises[0].kept
-        left = left_of(self.setup, fit, (*self.levels, *but))
-        return Units(self.law, left[kept], self.search.labels[kept])
+        residual = left_of(self.setup, fit, (*self.levels, *but))
+        return Units(self.law, residual[kept], self.search.labels[kept])
 
 
 @dataclass(frozen=True)
@@ -213,28 +221,28 @@ def scatter(batch: Batch, fit: Fit) -> tuple[Scatter, ...]:
         return ()
     units = batch.units(fit)
     level = next((name for name in (*fit.names, *batch.levels) if name in batch.levels), "")
-    tried = [_tried(batch, units, one, level) for one in setup.on_scatter]
+    tried = [_tried(batch, units, candidate, level) for candidate in setup.on_scatter]
     least = chdtri(1, setup.plan.settings.false_rate)  # of one number, not of the best
-    tried = [one for one in tried if one.gain > 0.5 * least]
-    if max((one.gain for one in tried), default=0.0) < least:
+    tried = [effect for effect in tried if effect.gain > 0.5 * least]
+    if max((effect.gain for effect in tried), default=0.0) < least:
         return ()
     limit = batch.limit
-    sure = [one for one in tried if one.gain > limit and one.held_out.real]
+    sure = [effect for effect in tried if effect.gain > limit and effect.held_out.real]
     if not sure:
         return ()
-    best = min(one.score for one in sure)
+    best = min(effect.score for effect in sure)
     near = [
-        replace(one, threshold=limit, distance=max(one.score - best, 0.0))
-        for one in tried
-        if one.score - best <= setup.plan.settings.set_distance and one.gain > 0.5 * limit
+        replace(effect, threshold=limit, distance=max(effect.score - best, 0.0))
+        for effect in tried
+        if effect.score - best <= setup.plan.settings.set_distance and effect.gain > 0.5 * limit
     ]
-    return tuple(sorted(near, key=lambda one: one.distance))
+    return tuple(sorted(near, key=lambda effect: effect.distance))
 
 
-def carrying(setup: Setup, one: Scatter) -> Setup:
+def carrying(setup: Setup, scatter_effect: Scatter) -> Setup:
     """The setup of the model with an effect on the scatter in it, which may move the mean."""
-    plan = replace(setup.plan, active=(*setup.plan.active, one.active))
-    by = one.moves
+    plan = replace(setup.plan, active=(*setup.plan.active, scatter_effect.active))
+    by = scatter_effect.moves
     moved = {name: values + by for name, values in setup.predicted.items()}
     return replace(setup, plan=plan, predicted=moved, residual=setup.residual - by)
 
@@ -288,15 +296,15 @@ def _held_out(units: Units, centred: BatchLikelihood, start: Array) -> Improveme
     return Improvement(float(np.sum(falls)), error)
 
 
-def held_out_units(units: Units, one: Scatter, x: Array) -> Array:
+def held_out_units(units: Units, scatter_effect: Scatter, x: Array) -> Array:
     """Deviations x (n,) of units that the fit never saw, as they stand in the population of the
     final fit: at the rank that they have in that of a fit without their block.
     """
-    used, start = one.likelihood(units.law)
-    found, whole = np.empty_like(x), one.changed(units.law).histogram
+    used, start = scatter_effect.likelihood(units.law)
+    deviations, whole = np.empty_like(x), scatter_effect.changed(units.law).histogram
     for block in np.unique(units.labels):
         out = units.labels == block
-        seen = x[~out] - x[~out].mean() if one.beside else x[~out]
-        law = used.changed(used.best(seen, start)).histogram
-        found[out] = whole.ppf(np.clip(law.cdf(x[out]), CERTAIN, 1.0 - CERTAIN))
-    return found
+        training = x[~out] - x[~out].mean() if scatter_effect.beside else x[~out]
+        law = used.changed(used.best(training, start)).histogram
+        deviations[out] = whole.ppf(np.clip(law.cdf(x[out]), CERTAIN, 1.0 - CERTAIN))
+    return deviations

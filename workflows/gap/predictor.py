@@ -73,8 +73,8 @@ class OfRows(_OfModel):
     """Row by row."""
 
     def _at(self, changes: Mapping[str, Array], rng: np.random.Generator) -> Mapping[str, Array]:
-        found = self._model.predict(self._data.readings.table, rng, changes or NO_CHANGES)
-        return with_zero(found, self._plan.zero)
+        outputs = self._model.predict(self._data.readings.table, rng, changes or NO_CHANGES)
+        return with_zero(outputs, self._plan.zero)
 
 
 class OfMeanUnit(_OfModel):
@@ -89,12 +89,14 @@ class OfMeanUnit(_OfModel):
     def _at(self, changes: Mapping[str, Array], rng: np.random.Generator) -> Mapping[str, Array]:
         """Means with changes, those of several quantities added up."""
         by = carried(self._plan.active, self._data.target)
-        found = {name: np.full(len(self._data), value + by) for name, value in self.means.items()}
+        outputs = {name: np.full(len(self._data), value + by) for name, value in self.means.items()}
         for quantity, values in changes.items():
             at = np.unique(np.linspace(np.min(values), np.max(values), POINTS))
-            means = [self._model.means({quantity: one}) for one in at]
+            means = [self._model.means({quantity: size}) for size in at]
             for name, value in self.means.items():
                 curve = np.array([mean[name] for mean in means]) - value
                 degree = min(3, len(at) - 1)
-                found[name] += make_interp_spline(at, curve, degree)(values) if degree else curve[0]
-        return found
+                outputs[name] += (
+                    make_interp_spline(at, curve, degree)(values) if degree else curve[0]
+                )
+        return outputs

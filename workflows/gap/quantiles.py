@@ -27,19 +27,22 @@ def spread_of_units(plan: GapPlan, data: GapData, end: Ending) -> pd.DataFrame:
         return pd.DataFrame({name: [] for name in COLUMNS})
     free = end.model.free()
     model = plan.rebuild(free) if plan.rebuild and free else plan.model
-    named = [Active(one.candidate.effect, end.model.effect(one.name)) for one in end.model.members]
-    scatter = [one.active for one in end.analysis.scatter[:1]]
+    named = [
+        Active(member.candidate.effect, end.model.effect(member.name))
+        for member in end.model.members
+    ]
+    scatter = [effect.active for effect in end.analysis.scatter[:1]]
     before = _drawn(plan, data, plan.model, plan.active)
     after = _drawn(plan, data, model, (*plan.active, *named, *scatter))
     count = min(MOST, len(data))
-    shares = (np.arange(count) + 0.5) / count
+    fractions = (np.arange(count) + 0.5) / count
     sides = {"measured": data.measured, "before": before, "after": after}
     parts = [
         pd.DataFrame(
-            {"output": one.name, "share": shares}
-            | {side: np.quantile(of[one.name], shares) for side, of in sides.items()}
+            {"output": output.name, "share": fractions}
+            | {side: np.quantile(values[output.name], fractions) for side, values in sides.items()}
         )
-        for one in data.outputs
+        for output in data.outputs
     ]
     return pd.concat(parts, ignore_index=True)
 
@@ -60,4 +63,6 @@ def _drawn(
         )
         for number in range(-(-DRAWN // len(data)))
     ]
-    return {one.name: np.concatenate([run[one.name] for run in runs]) for one in data.outputs}
+    return {
+        output.name: np.concatenate([run[output.name] for run in runs]) for output in data.outputs
+    }

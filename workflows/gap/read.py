@@ -67,38 +67,38 @@ def checked_table(
     if plan is None or table is None:
         return None, faults
     fitted = tables.fitted(table, place, _units(plan), plan.uses)
-    given, faults = fitted.cells, [*faults, *fitted.faults]
-    columns, outputs, predictions, stds = _layout(plan, given)
+    cells, faults = fitted.cells, [*faults, *fitted.faults]
+    columns, outputs, predictions, stds = _layout(plan, cells)
     notes: list[str] = []
     if plan.model is not None and plan.model.population:
-        given = numbered(given, columns, place, notes)
-    faults += _missing_outputs(plan, given, outputs, place)
+        cells = numbered(cells, columns, place, notes)
+    faults += _missing_outputs(plan, cells, outputs, place)
     wanted = [*(c.name for c in columns), *(o.name for o in outputs)]
     wanted += [*predictions.values(), *stds.values()]
-    extra = [] if plan.blocks in ("auto", *wanted) or plan.blocks not in given else [plan.blocks]
+    extra = [] if plan.blocks in ("auto", *wanted) or plan.blocks not in cells else [plan.blocks]
     spare = [SESSION] if SESSION not in (*extra, *wanted) else []
-    unused = _unused(plan, given, [*_needed(plan, columns, predictions), *wanted, *extra, *spare])
-    frame, found = tables.parsed(
-        given.drop(columns=[*_ignored(plan, given), *unused]),
+    unused = _unused(plan, cells, [*_needed(plan, columns, predictions), *wanted, *extra, *spare])
+    frame, new_faults = tables.parsed(
+        cells.drop(columns=[*_ignored(plan, cells), *unused]),
         place,
         needed=_needed(plan, columns, predictions),
         optional=[*wanted, *extra, *spare],
         text={c.name for c in columns if c.text} | set(extra) | set(spare),
     )
-    frame, found = _dropped(plan, frame, found, notes)
-    faults += found + _block_faults(plan, given, frame, place)
+    frame, new_faults = _dropped(plan, frame, new_faults, notes)
+    faults += new_faults + _block_faults(plan, cells, frame, place)
     if not faults and plan.model is not None:
         if plan.model.population:
-            frame, found = one_per_unit(frame, columns, place, notes)
-            faults += found
+            frame, new_faults = one_per_unit(frame, columns, place, notes)
+            faults += new_faults
         else:
             faults += too_few(frame, columns, place)
-    if len(given):
+    if len(cells):
         faults += _content_faults(plan, frame, columns, outputs, predictions, stds, place)
         faults += clock_faults(frame, columns, place)
     if faults:
         return None, faults
-    there = tuple(c for c in columns if c.name in frame)
+    present = tuple(c for c in columns if c.name in frame)
     notes += [
         f"no column {c.name} ({c.meaning}): what depends on it cannot be seen, and "
         "where it varied another effect may be named instead"
@@ -110,8 +110,8 @@ def checked_table(
             f"a {SESSION} may have a level of its own; [validation] blocks = "
             f'"{SESSION}" would hold out one after the other'
         )
-    notes += [*told_apart(frame, there), *late(frame, there), *_said_of(unused)]
-    data = assembled(plan, frame, there, outputs, predictions, stds, notes)
+    notes += [*told_apart(frame, present), *late(frame, present), *_said_of(unused)]
+    data = assembled(plan, frame, present, outputs, predictions, stds, notes)
     if faults := range_faults(plan, data, place):
         return None, faults
     understood = (*table.lines(place), *(f"{place}: {note}" for note in fitted.notes))
@@ -122,18 +122,18 @@ def checked_table(
 def _units(plan: GapPlan) -> dict[str, str]:
     """The unit of every column that the data can have, by name; those of a table as configured."""
     if plan.model is None:
-        return {name: one.unit for name, one in plan.columns.items()}
-    outputs = {one.name: one.unit for one in plan.model.outputs}
+        return {name: column.unit for name, column in plan.columns.items()}
+    outputs = {output.name: output.unit for output in plan.model.outputs}
     stds = {f"{name}_std": unit for name, unit in outputs.items()}
-    columns = {one.name: one.unit for one in (TIME, REPEAT, *plan.model.columns)}
+    columns = {column.name: column.unit for column in (TIME, REPEAT, *plan.model.columns)}
     return {SESSION: "", plan.blocks: ""} | columns | stds | outputs
 
 
-def _unused(plan: GapPlan, given: pd.DataFrame, known: Sequence[str]) -> list[str]:
+def _unused(plan: GapPlan, cells: pd.DataFrame, known: Sequence[str]) -> list[str]:
     """Columns of the file that have no role, but those whose name may be a slip of one that has."""
-    others = set(_ignored(plan, given)) | set(known)
-    free = [] if plan.model is None else [name for name in known if name not in given]
-    spare = [str(name) for name in given.columns if name not in others]
+    others = set(_ignored(plan, cells)) | set(known)
+    free = [] if plan.model is None else [name for name in known if name not in cells]
+    spare = [str(name) for name in cells.columns if name not in others]
     return [name for name in spare if not nearest(name, free)]
 
 
@@ -154,14 +154,14 @@ def _digest(table: tables.Table, path: Path | None) -> str:
 
 
 def _block_faults(
-    plan: GapPlan, given: pd.DataFrame, frame: pd.DataFrame, place: str
+    plan: GapPlan, cells: pd.DataFrame, frame: pd.DataFrame, place: str
 ) -> list[Fault]:
     """A column to validate by that is not there, or that holds one label only."""
     name, key = plan.blocks, "validation.blocks"
     if name == "auto":
         return []
-    if name not in given:
-        close = nearest(name, map(str, given.columns))
+    if name not in cells:
+        close = nearest(name, map(str, cells.columns))
         return [Fault(key, f'{place} has no column "{name}"{close}; name one, or "auto"')]
     if name in frame and len(frame) and len(set(frame[name])) == 1:
         return [
@@ -175,12 +175,12 @@ def _block_faults(
 
 
 def _layout(
-    plan: GapPlan, given: pd.DataFrame
+    plan: GapPlan, cells: pd.DataFrame
 ) -> tuple[tuple[Column, ...], tuple[Output, ...], dict[str, str], dict[str, str]]:
     """Input columns, outputs, and the columns of predictions and of known noise by output."""
     if plan.model is not None:
-        outputs = tuple(o for o in plan.model.outputs if o.name in given)
-        stds = {o.name: f"{o.name}_std" for o in outputs if f"{o.name}_std" in given}
+        outputs = tuple(o for o in plan.model.outputs if o.name in cells)
+        stds = {o.name: f"{o.name}_std" for o in outputs if f"{o.name}_std" in cells}
         return (*plan.model.columns, TIME, REPEAT), outputs, {}, stds
     roles = plan.columns
     outputs = tuple(Output(n, c.unit, "measured") for n, c in roles.items() if c.role == "measured")
@@ -196,7 +196,7 @@ def _layout(
         for role in ("predicted", "std")
     }
     unlisted = {o.name: f"{o.name}_std" for o in outputs if f"{o.name}_std" not in roles}
-    stds = {name: std for name, std in unlisted.items() if std in given} | by["std"]
+    stds = {name: std for name, std in unlisted.items() if std in cells} | by["std"]
     return inputs, outputs, by["predicted"], stds
 
 
@@ -206,36 +206,38 @@ def _needed(
     return [c.name for c in columns if c.needed] + list(predictions.values())
 
 
-def _ignored(plan: GapPlan, given: pd.DataFrame) -> list[str]:
+def _ignored(plan: GapPlan, cells: pd.DataFrame) -> list[str]:
     """Columns of a table whose role is `ignore`, but the one that it is validated by."""
     return [
-        n for n, c in plan.columns.items() if c.role == "ignore" and n in given and n != plan.blocks
+        n for n, c in plan.columns.items() if c.role == "ignore" and n in cells and n != plan.blocks
     ]
 
 
 def _missing_outputs(
-    plan: GapPlan, given: pd.DataFrame, outputs: tuple[Output, ...], place: str
+    plan: GapPlan, cells: pd.DataFrame, outputs: tuple[Output, ...], place: str
 ) -> list[Fault]:
     """Measured columns that are not there."""
-    found = []
+    faults = []
     if plan.model is not None and not outputs:
         names = ", ".join(o.name for o in plan.model.outputs)
-        found.append(Fault(place, f"holds none of the measured outputs: {names}"))
+        faults.append(Fault(place, f"holds none of the measured outputs: {names}"))
     if plan.model is None:
-        found += [
-            Fault(place, f"column {o.name} is missing") for o in outputs if o.name not in given
+        faults += [
+            Fault(place, f"column {o.name} is missing") for o in outputs if o.name not in cells
         ]
-    return found
+    return faults
 
 
 def _dropped(
     plan: GapPlan, frame: pd.DataFrame, faults: list[Fault], notes: list[str]
 ) -> tuple[pd.DataFrame, list[Fault]]:
     """Rows with a cell that is no finite number: faults, or dropped where that was asked for."""
-    cells = [one for one in faults if ": row " in one.place or one.message.endswith("bad cells")]
+    cells = [
+        fault for fault in faults if ": row " in fault.place or fault.message.endswith("bad cells")
+    ]
     if not cells:
         return frame, faults
-    others = [one for one in faults if one not in cells]
+    others = [fault for fault in faults if fault not in cells]
     if not plan.drop_bad_rows:
         return frame, [
             *faults,
@@ -261,10 +263,10 @@ def _content_faults(
     place: str,
 ) -> list[Fault]:
     """What the numbers themselves cannot be."""
-    found = []
+    faults = []
     count = 1 + len(plan.free) + len(outputs)
     if len(frame) < max(LEAST, 2 * count):
-        found.append(
+        faults.append(
             Fault(
                 place,
                 f"has {len(frame)} rows; {count - 1} free numbers of the model "
@@ -274,24 +276,24 @@ def _content_faults(
     for column in columns:
         if column.role is Role.DIRECTION and column.name in frame:
             bad = ~frame[column.name].isin([-1.0, 1.0]) & frame[column.name].notna()
-            found += _cells(frame, column.name, bad, place, NO_DIRECTION)
+            faults += _cells(frame, column.name, bad, place, NO_DIRECTION)
     for name in stds.values():
         text = "must be above 0; leave the column out where the noise is not known"
         if name in frame:
-            found += _cells(frame, name, frame[name] <= 0.0, place, text)
-    found += _range_faults(plan, frame, columns, place)
+            faults += _cells(frame, name, frame[name] <= 0.0, place, text)
+    faults += _range_faults(plan, frame, columns, place)
     for output in outputs:
         if output.name in frame:
-            found += _measured_faults(frame, output.name, predictions.get(output.name), place)
-    if not found and not _varies(plan, frame, columns):
-        found.append(
+            faults += _measured_faults(frame, output.name, predictions.get(output.name), place)
+    if not faults and not _varies(plan, frame, columns):
+        faults.append(
             Fault(
                 place,
                 "no input varies: every row is the same reading again, and no "
                 "cause can be told; vary an input, or add time_s",
             )
         )
-    return found
+    return faults
 
 
 def _varies(plan: GapPlan, frame: pd.DataFrame, columns: tuple[Column, ...]) -> bool:
@@ -306,18 +308,18 @@ def _range_faults(
     plan: GapPlan, frame: pd.DataFrame, columns: tuple[Column, ...], place: str
 ) -> list[Fault]:
     """Cells beyond what is physical, or beyond the range of the model."""
-    found = []
+    faults = []
     for column in columns:
         if column.role is Role.TEMPERATURE and column.name in frame:
             cold = frame[column.name] < converted(ABSOLUTE_ZERO, "degC", column.unit)
-            found += _cells(frame, column.name, cold, place, "is below absolute zero")
+            faults += _cells(frame, column.name, cold, place, "is below absolute zero")
     if plan.model is None or any(c.needed and c.name not in frame for c in columns):
-        return found
+        return faults
     table = {c.name: frame[c.name].to_numpy() for c in columns if c.name in frame}
     for name, (wrong, text) in plan.model.outside(table).items():
-        said = f"{text}: the model does not reach there; remove the row"
-        found += _cells(frame, name, pd.Series(wrong, index=frame.index), place, said)
-    return found
+        message = f"{text}: the model does not reach there; remove the row"
+        faults += _cells(frame, name, pd.Series(wrong, index=frame.index), place, message)
+    return faults
 
 
 def _cells(
@@ -332,24 +334,24 @@ def _measured_faults(
 ) -> list[Fault]:
     """A measurement that never changes, or that the prediction is a copy of."""
     text = "is beyond anything that is measured"
-    found = _cells(frame, name, frame[name].abs() > LARGEST, place, text)
+    faults = _cells(frame, name, frame[name].abs() > LARGEST, place, text)
     values = frame[name].dropna().to_numpy()
     if len(values) > 1 and np.ptp(values) <= SAME * np.abs(values).max():
         text = "is the same in every row: nothing was measured"
-        found.append(Fault(f"{place}: column {name}", text))
+        faults.append(Fault(f"{place}: column {name}", text))
     if prediction in frame:
         both = frame[[name, prediction]].dropna()
-        left = (both[name] - both[prediction]).to_numpy()
-        moved = len(both) > 1 and np.ptp(left) <= SAME * np.abs(values).max()
+        residual = (both[name] - both[prediction]).to_numpy()
+        moved = len(both) > 1 and np.ptp(residual) <= SAME * np.abs(values).max()
         if moved or (len(both) and alike(both[name], both[prediction])):
             text = f"is a copy of {name}: a prediction comes from the simulation, not from the data"
-            found.append(Fault(f"{place}: column {prediction}", text))
-    return found
+            faults.append(Fault(f"{place}: column {prediction}", text))
+    return faults
 
 
 def finite_faults(predicted: Mapping[str, Any], rows: Any, place: str = "data") -> list[Fault]:
     """Rows at which the model has no finite prediction: outside of its range."""
-    found = []
+    faults = []
     for name, values in predicted.items():
         bad = np.flatnonzero(~np.isfinite(values))
         text = {
@@ -357,5 +359,5 @@ def finite_faults(predicted: Mapping[str, Any], rows: Any, place: str = "data") 
             "remove the row"
             for at in bad
         }
-        found += tables.cell_faults(place, name, text)
-    return found
+        faults += tables.cell_faults(place, name, text)
+    return faults

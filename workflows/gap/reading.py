@@ -28,13 +28,13 @@ def as_read(setup: Setup, fit: Fit | None = None) -> Setup:
     Without a fit the zero of an output is the median of its residual. The setup itself where no
     effect of its library is in the reading.
     """
-    if not any(_reads(setup, one) for one in setup.library):
+    if not any(_reads(setup, candidate) for candidate in setup.library):
         return setup
     outputs = setup.data.outputs
     if fit is None:
         parts = np.split(setup.residual, len(outputs))
         notes = [_coarse(setup, o, x) for o, x in zip(outputs, parts, strict=True)]
-        setup = replace(setup, notes=(*setup.notes, *(one for one in notes if one)))
+        setup = replace(setup, notes=(*setup.notes, *(note for note in notes if note)))
         more = {
             o.name: np.full(len(x), np.median(x) if o.name in setup.data.zeros else 0.0)
             for o, x in zip(outputs, parts, strict=True)
@@ -57,7 +57,7 @@ def read_again(setup: Setup, space: Space, fit: Fit) -> tuple[Setup, Fit]:
         fitter = Fitter(space, setup.residual, setup.base, setup.columns, setup.offset)
         fit = fitter.refined(fit.members)
         if before - fit.rss < CLOSER * fit.rss or not any(
-            _reads(setup, one.candidate) for one in fit.members
+            _reads(setup, member.candidate) for member in fit.members
         ):
             break
         setup, before = as_read(setup, fit), fit.rss
@@ -74,15 +74,17 @@ def _coarse(setup: Setup, output: Output, residual: Array) -> str:
     scatter, whole = resolution(setup, output.name), float(np.std(residual))
     if scatter <= COARSE * whole:
         return ""
-    step, share = scatter * np.sqrt(12.0), 100.0 * min(scatter / whole, 1.0)
+    step, percent = scatter * np.sqrt(12.0), 100.0 * min(scatter / whole, 1.0)
     return (
         f"{output.name} is read in steps of {step:.4g} {output.unit}: their scatter alone is "
-        f"{share:.0f} % of what the model leaves"
+        f"{percent:.0f} % of what the model leaves"
     )
 
 
-def _reads(setup: Setup, one: Candidate) -> bool:
+def _reads(setup: Setup, candidate: Candidate) -> bool:
     """Whether a candidate acts on the reading itself."""
-    values = {number.name: max(number.choices, default=1.0) for number in one.shape}
+    values = {number.name: max(number.choices, default=1.0) for number in candidate.shape}
     data = setup.data
-    return one.alone and bool(one.effect.act(data.readings, values, data.target).reading)
+    return candidate.alone and bool(
+        candidate.effect.act(data.readings, values, data.target).reading
+    )

@@ -16,10 +16,15 @@ def moved_far(end: Ending) -> str:
     """What to say of parameters that moved far, beyond their errors; empty where none has."""
     model = end.model
     pairs = zip(model.numbers, model.errors.tolist(), strict=True)
-    errors = {one.name: float(error) for one, error in pairs if one.kind == "free"}
+    errors = {number.name: float(error) for number, error in pairs if number.kind == "free"}
     return said(
-        (one.name, one.after - one.before, one.tolerance, errors[one.name])
-        for one in recalibrated(end)
+        (
+            parameter.name,
+            parameter.after - parameter.before,
+            parameter.tolerance,
+            errors[parameter.name],
+        )
+        for parameter in recalibrated(end)
     )
 
 

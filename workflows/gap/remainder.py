@@ -28,19 +28,19 @@ def struck_of(analysis: Analysis) -> tuple[str, ...]:
 
 def terms_of(end: Ending) -> tuple[UnresolvedTerm, ...]:
     """The terms without a name that are in the corrected model."""
-    fitter, found = end.analysis.search.fitter, []
-    for at, one in enumerate(end.fit.members):
-        if not is_term(one):
+    fitter, terms = end.analysis.search.fitter, []
+    for at, member in enumerate(end.fit.members):
+        if not is_term(member):
             continue
-        effect = _effect(one)
-        table = effect.term.table(effect.coefficients(end.model.effect(one.name)))
+        effect = _effect(member)
+        table = effect.term.table(effect.coefficients(end.model.effect(member.name)))
         gain = fitter.fit(end.fit.without(at)).rss - end.fit.rss
-        found.append(
+        terms.append(
             UnresolvedTerm(
                 effect.term.output, effect.term.variables, shape(effect.term), gain, table
             )
         )
-    return tuple(found)
+    return tuple(terms)
 
 
 def remainder_of(end: Ending) -> tuple[Remainder, ...]:
@@ -50,11 +50,11 @@ def remainder_of(end: Ending) -> tuple[Remainder, ...]:
     if not end.rows:
         return _of_scatter(end)
     together: dict[tuple[str, frozenset[str]], list[Member]] = {}
-    for one in end.fit.members:
-        if is_term(one):
-            term = _effect(one).term
-            together.setdefault((term.output, frozenset(term.variables)), []).append(one)
-    return (*(_of_terms(end, of) for of in together.values()), *_of_forms(end))
+    for member in end.fit.members:
+        if is_term(member):
+            term = _effect(member).term
+            together.setdefault((term.output, frozenset(term.variables)), []).append(member)
+    return (*(_of_terms(end, members) for members in together.values()), *_of_forms(end))
 
 
 def _of_scatter(end: Ending) -> tuple[Remainder, ...]:
@@ -67,7 +67,7 @@ def _of_scatter(end: Ending) -> tuple[Remainder, ...]:
     whole = gaps(end).before[output.name]
     text = f"{odd.ratio:.2f} times the standard deviation of the population"
     text = f"another shape than the population's, {text}" if odd.stretched else text
-    share = min(1.0, (odd.distance / max(whole, 1e-300)) ** 2)
+    fraction = min(1.0, (odd.distance / max(whole, 1e-300)) ** 2)
     return (
         Remainder(
             output.name,
@@ -76,7 +76,7 @@ def _of_scatter(end: Ending) -> tuple[Remainder, ...]:
             odd.distance,
             output.unit,
             odd.distance / odd.limit,
-            share,
+            fraction,
         ),
     )
 
@@ -87,23 +87,25 @@ def _beyond(end: Ending) -> float:
     return max(empty.rss - end.analysis.search.fitter.space.count, 1e-300)
 
 
-def _of_terms(end: Ending, of: Sequence[Member]) -> Remainder:
+def _of_terms(end: Ending, members: Sequence[Member]) -> Remainder:
     """Terms of the same variables as one: each may be many times what they are together."""
-    terms, setup = [_effect(one).term for one in of], end.setup
+    terms, setup = [_effect(member).term for member in members], end.setup
     first = terms[0]
     at = [o.name for o in setup.data.outputs].index(first.output)
     n, fitter = len(setup.data), end.analysis.search.fitter
     added, white = np.zeros(n), np.zeros(len(fitter.y))
-    for one in of:
-        coefficients = end.fit.coefficients[end.fit.members.index(one)]
-        whole = setup.columns.of(one.candidate, one.shape) @ coefficients
+    for member in members:
+        coefficients = end.fit.coefficients[end.fit.members.index(member)]
+        whole = setup.columns.of(member.candidate, member.shape) @ coefficients
         added = added + whole[at * n : (at + 1) * n]
-        white = white + fitter.white(one) @ coefficients
+        white = white + fitter.white(member) @ coefficients
     rms, unit = float(np.std(added)), setup.data.outputs[at].unit
     white = beside(white, fitter.q)  # not what the zero and what is free would do
-    share = min(1.0, float(white @ white) / _beyond(end))
-    text = ", and ".join(dict.fromkeys(shape(one) for one in terms))
-    return Remainder(first.output, first.variables, text, rms, unit, rms / _level(end, at), share)
+    fraction = min(1.0, float(white @ white) / _beyond(end))
+    text = ", and ".join(dict.fromkeys(shape(term) for term in terms))
+    return Remainder(
+        first.output, first.variables, text, rms, unit, rms / _level(end, at), fraction
+    )
 
 
 def _level(end: Ending, output: int) -> float:
@@ -112,34 +114,36 @@ def _level(end: Ending, output: int) -> float:
 
 def _of_forms(end: Ending) -> tuple[Remainder, ...]:
     """Of forms that are significant still beside the terms, the strongest of each variable."""
-    generic, left = end.analysis.ground.generic, end.analysis.judged.left
-    found: dict[tuple[int, str], Remainder] = {}
+    generic, remaining = end.analysis.ground.generic, end.analysis.judged.left
+    remainders: dict[tuple[int, str], Remainder] = {}
     for at in end.analysis.judged.significant:
         form, output = generic.forms[at], int(generic.outputs[at])
         key = (output, form.variable)
-        if key in found or len(found) >= MOST:
+        if key in remainders or len(remainders) >= MOST:
             continue
-        one = end.setup.data.outputs[output]
-        ratio = float(np.sqrt(max(left.gains[at], 0.0) / end.analysis.search.fitter.space.readings))
+        declared_output = end.setup.data.outputs[output]
+        ratio = float(
+            np.sqrt(max(remaining.gains[at], 0.0) / end.analysis.search.fitter.space.readings)
+        )
         name = f"order {form.order:g}" if form.kind == "order" else form.kind
         text = f"an {name}" if name[0] in "aeiou" else f"a {name}"
         text += f" of {form.variable}" + (f", {form.detail}" if form.detail else "")
         text = f"a level of its own in each {form.variable}" if form.shape == LEVELS else text
         text += ", opposite in the two directions" if form.direction else ""
-        found[key] = Remainder(
-            one.name,
+        remainders[key] = Remainder(
+            declared_output.name,
             (form.variable, *form.more),
             text,
             ratio * _level(end, output),
-            one.unit,
+            declared_output.unit,
             ratio,
-            min(1.0, float(left.gains[at]) / _beyond(end)),
+            min(1.0, float(remaining.gains[at]) / _beyond(end)),
         )
-    return tuple(found.values())
+    return tuple(remainders.values())
 
 
-def _effect(one: Member) -> Unresolved:
-    effect = one.candidate.effect
+def _effect(member: Member) -> Unresolved:
+    effect = member.candidate.effect
     assert isinstance(effect, Unresolved)
     return effect
 
@@ -158,11 +162,11 @@ def shape(term: Term) -> str:
         "curve": f"a curve over {term.variable}",
         "levels": f"a level of its own in each {term.variable}",
     }
-    found = kinds[term.shape].removesuffix(" to the power 1")
+    text = kinds[term.shape].removesuffix(" to the power 1")
     if term.shape == "power":
         signs = (term.exponent % 2 == 1) == term.signed
-        found += "" if signs or term.zero else ", odd" if term.signed else ", of the magnitude"
+        text += "" if signs or term.zero else ", odd" if term.signed else ", of the magnitude"
     if term.times and term.shape != "product":
         power = f"^{term.times_exponent:g}" if term.times_exponent != 1.0 else ""
-        found += f" times {term.times}{power}"
-    return found + (", opposite in the two directions" if term.turns else "")
+        text += f" times {term.times}{power}"
+    return text + (", opposite in the two directions" if term.turns else "")

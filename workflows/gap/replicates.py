@@ -66,25 +66,29 @@ class Replicates:
         self._retire()
         write_text(self.path.with_name(CONFIGURATION), self.identity.configuration)
         lines = [_head(self.identity)]
-        lines += [self._line(number, one) for number, one in sorted(self.found.items())]
+        lines += [self._line(number, replicate) for number, replicate in sorted(self.found.items())]
         write_text(self.path, "".join(f"{line}\n" for line in lines))
 
-    def keep(self, found: Mapping[int, Replicate]) -> None:
+    def keep(self, replicates: Mapping[int, Replicate]) -> None:
         """Add some that have ended."""
-        self.found |= found
+        self.found |= replicates
         if self.path is not None:
             with self.path.open("a", encoding="utf-8") as file:
-                file.write("".join(f"{self._line(at, one)}\n" for at, one in found.items()))
+                file.write(
+                    "".join(
+                        f"{self._line(at, replicate)}\n" for at, replicate in replicates.items()
+                    )
+                )
                 file.flush()
 
     def missing(self, count: int) -> list[int]:
         """Numbers of those that have not ended, out of so many."""
         return [number for number in range(count) if number not in self.found]
 
-    def _line(self, number: int, one: Replicate) -> str:
+    def _line(self, number: int, replicate: Replicate) -> str:
         """A replicate with its digest, by which it belongs to this analysis alone."""
         assert self.identity is not None
-        record = {"number": number, "effects": one}
+        record = {"number": number, "effects": replicate}
         return json.dumps(sealed_record(record, of=_name(self.identity)))
 
 
@@ -111,7 +115,7 @@ def is_whole(place: Ownership, identity: Identity) -> bool:
     version.
     """
     files = (place.folder / FILE, place.folder / WHOLE)
-    if place.standing.unfinished is not None or not all(one.is_file() for one in files):
+    if place.standing.unfinished is not None or not all(file.is_file() for file in files):
         return False
     if (place.folder / MANIFEST).exists() and not place.standing.complete:
         return False
@@ -133,22 +137,22 @@ def _read(path: Path) -> tuple[Identity, dict[int, Replicate]]:
     try:
         first, *lines = path.read_bytes().decode("utf-8").split("\n")
         identity = Identity(**unsealed_record(loads(first)))
-        name, found = _name(identity), dict[int, Replicate]()
+        name, replicates = _name(identity), dict[int, Replicate]()
         for number, line in enumerate(lines[:-1], start=2):
             place = f"{path}, line {number}"
             row = unsealed_record(loads(line), of=name)
-            found[int(row["number"])] = row["effects"]
+            replicates[int(row["number"])] = row["effects"]
     except (ValueError, TypeError, KeyError, OSError) as error:
         text = f"cannot be read: {error}; start again with --overwrite"
         raise refuse(place, text) from None
-    return identity, found
+    return identity, replicates
 
 
 def _faults(old: Identity, new: Identity) -> list[Fault]:
     """What makes this another analysis than that to be gone on with."""
     undo = "undo the change, or start again with --overwrite"
-    was, now = (flat(tomllib.loads(one.configuration)) for one in (old, new))
-    found = [
+    was, now = (flat(tomllib.loads(identity.configuration)) for identity in (old, new))
+    faults = [
         Fault(
             key, f"is {_shown(now, key)}, but the analysis to resume has {_shown(was, key)}; {undo}"
         )
@@ -156,7 +160,7 @@ def _faults(old: Identity, new: Identity) -> list[Fault]:
         if key != BUDGET and now.get(key) != was.get(key)
     ]
     if now[BUDGET] < was[BUDGET]:
-        found.append(
+        faults.append(
             Fault(
                 BUDGET,
                 f"is {now[BUDGET]}, but the analysis to resume had "
@@ -164,11 +168,11 @@ def _faults(old: Identity, new: Identity) -> list[Fault]:
             )
         )
     if old.data != new.data:
-        found.append(Fault("data", f"are not those of the analysis to resume; {undo}"))
+        faults.append(Fault("data", f"are not those of the analysis to resume; {undo}"))
     if old.version != new.version:
         text = f"{new.version} goes on with no analysis of {old.version}; start again with"
-        found.append(Fault("tolevo", f"{text} --overwrite"))
-    return found
+        faults.append(Fault("tolevo", f"{text} --overwrite"))
+    return faults
 
 
 def _shown(values: Mapping[str, Any], key: str) -> str:

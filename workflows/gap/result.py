@@ -95,13 +95,13 @@ class Ending:
         way that has none.
         """
         terms = len(self.named) < len(self.fit.members)
-        left = self.rows and bool(self.analysis.judged.significant)
-        return terms or left or self.analysis.misfit is not None
+        forms_remain = self.rows and bool(self.analysis.judged.significant)
+        return terms or forms_remain or self.analysis.misfit is not None
 
     @property
     def twin(self) -> bool:
         """Whether lots are off, which a second supplier would do as well."""
-        names = {one.name for one in self.setup.on_scatter}
+        names = {candidate.name for candidate in self.setup.on_scatter}
         return "lot_offset" in self.fit.names and "lot_mixture" in names
 
 
@@ -110,16 +110,16 @@ def ended(analysis: Analysis) -> Ending:
     beside the others, by their joint interval, is none, and the rest is fitted and tested again. So
     is one that may be the form of a larger name, unless held-out rows are predicted worse then.
     """
-    found, needed = _ended(analysis), set[str]()
-    while found.rows and (weak := _weak(found, needed)) is not None:
+    ending, needed = _ended(analysis), set[str]()
+    while ending.rows and (weak := _weak(ending, needed)) is not None:
         name, larger = weak
-        less = without(analysis, name, larger)
-        after = _ended(less)
+        reduced = without(analysis, name, larger)
+        after = _ended(reduced)
         if larger and not _predicts_as_well(after):
             needed.add(name)
         else:
-            analysis, found = less, after
-    return found
+            analysis, ending = reduced, after
+    return ending
 
 
 def _weak(end: Ending, needed: Collection[str]) -> tuple[str, str] | None:
@@ -136,7 +136,7 @@ def _weak(end: Ending, needed: Collection[str]) -> tuple[str, str] | None:
 
 def _predicts_as_well(end: Ending) -> bool:
     """Whether held-out rows are predicted as well as by every accepted step."""
-    steps = [one for _, one in end.analysis.selection.accepted]
+    steps = [held_out for _, held_out in end.analysis.selection.accepted]
     return predicts_as_well(end.after, steps, end.analysis.search.labels)
 
 
@@ -160,40 +160,45 @@ def _is_form(end: Ending, small: int, large: int) -> bool:
     a, b = (
         beside(fitter.white(fit.members[k]) @ fit.coefficients[k], fitter.q) for k in (small, large)
     )
-    own, other = float(np.linalg.norm(a)), float(np.linalg.norm(b))
-    alike = abs(float(a @ b)) / max(own * other, 1e-300)
-    apart = own * np.sqrt(max(1.0 - alike**2, 0.0))
-    return bool(own < other and alike > FORM_ALIKE and apart < FORM_OFF * other)
+    small_norm, large_norm = float(np.linalg.norm(a)), float(np.linalg.norm(b))
+    alike = abs(float(a @ b)) / max(small_norm * large_norm, 1e-300)
+    apart = small_norm * np.sqrt(max(1.0 - alike**2, 0.0))
+    return bool(small_norm < large_norm and alike > FORM_ALIKE and apart < FORM_OFF * large_norm)
 
 
 def _ended(analysis: Analysis) -> Ending:
     search = analysis.search
     lost = analysis.judged.lost
-    kept = [one for at, one in enumerate(analysis.fit.members) if at not in lost]
+    kept = [member for at, member in enumerate(analysis.fit.members) if at not in lost]
     fit = search.fitter.refined(kept) if kept else analysis.ground.empty
     if not lost and not analysis.scatter and not analysis.setup.data.target.population:
         fit = analysis.fit  # as it was tested
     model = corrected(analysis.setup, search.fitter.space, fit)
-    bare = analysis.bare
-    end = Ending(analysis, fit, model, bare.search.tested(bare.empty), search.tested(fit))
-    more = misfit_of(analysis, fit)
+    null_model = analysis.bare
+    end = Ending(
+        analysis, fit, model, null_model.search.tested(null_model.empty), search.tested(fit)
+    )
+    extra_widths = misfit_of(analysis, fit)
     if end.named and end.rows and not analysis.setup.free and not search.fitter.space.is_plain:
         weighed = of_weights(model, corrected(analysis.setup, search.fitter.space, fit, plain=True))
-        more = {key: more.get(key, 0.0) + weighed.get(key, 0.0) for key in {**more, **weighed}}
-    return replace(end, model=model.widened(more))
+        extra_widths = {
+            key: extra_widths.get(key, 0.0) + weighed.get(key, 0.0)
+            for key in {**extra_widths, **weighed}
+        }
+    return replace(end, model=model.widened(extra_widths))
 
 
 def gate(end: Ending) -> Gate:
     """Stage 1 as a record."""
-    analysis, bare = end.analysis, end.analysis.bare
-    setup, count = bare.setup, len(bare.setup.data)
-    found = []
-    for at, (output, noise) in enumerate(zip(setup.data.outputs, bare.noises, strict=True)):
-        level = bare.left.evidence[bare.generic.outputs == at].max(initial=0.0)
+    analysis, null_model = end.analysis, end.analysis.bare
+    setup, count = null_model.setup, len(null_model.setup.data)
+    output_gates = []
+    for at, (output, noise) in enumerate(zip(setup.data.outputs, null_model.noises, strict=True)):
+        level = null_model.left.evidence[null_model.generic.outputs == at].max(initial=0.0)
         rows = slice(at * count, (at + 1) * count)
         raw = setup.residual[rows] - end.before.fitted[rows]
         limit = analysis.search.thresholds.generic
-        found.append(
+        output_gates.append(
             OutputGate(
                 output=output.name,
                 unit=output.unit,
@@ -202,7 +207,8 @@ def gate(end: Ending) -> Gate:
                 rmse=rmse(raw, noise.good),
                 statistic=float(level),
                 threshold=limit,
-                significant=bool(level > limit) or (analysis.significant and len(bare.noises) == 1),
+                significant=bool(level > limit)
+                or (analysis.significant and len(null_model.noises) == 1),
                 autocorrelation=noise.rho,
                 heteroscedastic=noise.varies_with,
                 outliers=noise.outliers,
@@ -210,7 +216,7 @@ def gate(end: Ending) -> Gate:
                 uncertainty=noise.level * 2.0 / np.sqrt(count),
             )
         )
-    return Gate(tuple(found), recalibrated(end), *detectable(end))
+    return Gate(tuple(output_gates), recalibrated(end), *detectable(end))
 
 
 def rmse(values: Array, good: object = None) -> float:
@@ -246,23 +252,25 @@ def detectable(end: Ending) -> tuple[tuple[Detectable, ...], tuple[str, ...]]:
     squares = total - np.sum((search.fitter.q.T @ white) ** 2, axis=0)
     squares[squares < OWN**2 * total] = 0.0
     size, of_raw = np.sqrt(squares), np.sqrt(np.einsum("ij,ij->j", raw, raw) / len(raw))
-    found: dict[str, Detectable] = {}
+    smallest: dict[str, Detectable] = {}
     names: dict[str, None] = {}
     for start, member in zip(search.white.starts, search.book.members, strict=True):
         if member.candidate.alone:
             continue
         names.setdefault(member.name)
-        own = size[start : start + len(member.candidate.linear)]
-        column = int(np.argmax(own))
-        if own[column] <= 0.0:
+        member_sizes = size[start : start + len(member.candidate.linear)]
+        column = int(np.argmax(member_sizes))
+        if member_sizes[column] <= 0.0:
             continue
-        value = float(wanted / own[column])
+        value = float(wanted / member_sizes[column])
         rms = value * float(of_raw[start + column])
-        if member.name not in found or rms < found[member.name].rms:
-            one = member.candidate.linear[column]
+        if member.name not in smallest or rms < smallest[member.name].rms:
+            parameter = member.candidate.linear[column]
             family, unit = member.candidate.effect.family, setup.data.outputs[0].unit
-            found[member.name] = Detectable(member.name, family, rms, unit, one.name, value)
-    return tuple(found.values()), tuple(name for name in names if name not in found)
+            smallest[member.name] = Detectable(
+                member.name, family, rms, unit, parameter.name, value
+            )
+    return tuple(smallest.values()), tuple(name for name in names if name not in smallest)
 
 
 def scores(end: Ending) -> tuple[Score, ...]:
@@ -270,68 +278,83 @@ def scores(end: Ending) -> tuple[Score, ...]:
     search = end.analysis.bare.search
     return tuple(
         Score(
-            one.member.name,
-            one.member.candidate.effect.family,
-            one.gain,
+            candidate.member.name,
+            candidate.member.candidate.effect.family,
+            candidate.gain,
             search.thresholds.library,
-            dict(one.member.shape),
+            dict(candidate.member.shape),
         )
-        for one in scan(search.fitter, search.white, search.book, ())
+        for candidate in scan(search.fitter, search.white, search.book, ())
     )
 
 
 def effects(end: Ending, spread: Spread | None) -> tuple[FoundEffect, ...]:
     """The effects that keep their name, with intervals and evidence."""
     moving = [_effect(end, at, spread) for at in end.named]
-    return (*moving, *(_of_scatter(one) for one in end.analysis.scatter[:1]))
+    return (*moving, *(_of_scatter(scatter_effect) for scatter_effect in end.analysis.scatter[:1]))
 
 
-def _of_scatter(one: Scatter) -> FoundEffect:
+def _of_scatter(scatter_effect: Scatter) -> FoundEffect:
     """An effect on the scatter of a batch as a record; held out is twice its log likelihood."""
-    effect = one.candidate.effect
-    numbers = (*one.candidate.linear, *one.candidate.shape)
+    effect = scatter_effect.candidate.effect
+    numbers = (*scatter_effect.candidate.linear, *scatter_effect.candidate.shape)
     return FoundEffect(
         name=effect.name,
         family=effect.family,
         cause=effect.cause,
         parameters=tuple(
-            FoundParameter(p.name, one.numbers[p.name], *one.intervals[p.name], p.unit, p.meaning)
+            FoundParameter(
+                p.name,
+                scatter_effect.numbers[p.name],
+                *scatter_effect.intervals[p.name],
+                p.unit,
+                p.meaning,
+            )
             for p in numbers
         ),
-        gain=one.gain,
-        threshold=one.threshold,
-        held_out_gain=one.held_out.gain,
-        held_out_error=one.held_out.error,
+        gain=scatter_effect.gain,
+        threshold=scatter_effect.threshold,
+        held_out_gain=scatter_effect.held_out.gain,
+        held_out_error=scatter_effect.held_out.error,
     )
 
 
 def _effect(end: Ending, at: int, spread: Spread | None) -> FoundEffect:
     search, member = end.analysis.search, end.fit.members[at]
-    less = search.fitter.fit(end.fit.without(at))
-    better = improvement(search.tested(less), end.after, search.labels)
+    reduced = search.fitter.fit(end.fit.without(at))
+    better = improvement(search.tested(reduced), end.after, search.labels)
     values = end.model.effect(member.name)
     several = len(member.candidate.linear) > 1
     numbers = (*member.candidate.linear, *member.candidate.shape)
-    ends = {one.name: _ends(end, member.name, one, values, spread) for one in numbers}
+    intervals = {
+        parameter.name: _ends(end, member.name, parameter, values, spread) for parameter in numbers
+    }
     total = max(end.analysis.ground.empty.rss - end.fit.rss, 1e-300)
     return FoundEffect(
         name=member.name,
         family=member.candidate.effect.family,
         cause=member.candidate.effect.cause,
         parameters=tuple(
-            FoundParameter(one.name, values[one.name], *ends[one.name], one.unit, _meaning(one))
-            for one in numbers
+            FoundParameter(
+                parameter.name,
+                values[parameter.name],
+                *intervals[parameter.name],
+                parameter.unit,
+                _meaning(parameter),
+            )
+            for parameter in numbers
         ),
-        gain=less.rss - end.fit.rss,
+        gain=reduced.rss - end.fit.rss,
         threshold=search.thresholds.library,
         held_out_gain=better.gain,
         held_out_error=better.error,
-        share=min(1.0, (less.rss - end.fit.rss) / total),
+        share=min(1.0, (reduced.rss - end.fit.rss) / total),
         frequency=float("nan") if spread is None else spread.frequency(member.name),
         at_bound=tuple(
-            o.name
-            for o in numbers
-            if not o.choices and _at_bound(values[o.name], o.low, o.high, several)
+            parameter.name
+            for parameter in numbers
+            if not parameter.choices
+            and _at_bound(values[parameter.name], parameter.low, parameter.high, several)
         ),
     )
 
@@ -342,24 +365,28 @@ def _at_bound(value: float, low: float, high: float, several: bool = False) -> b
     return bool((np.isfinite(high) and value >= high - width) or (stops and value <= low + width))
 
 
-def _meaning(one: EffectParameter) -> str:
+def _meaning(parameter: EffectParameter) -> str:
     """What a parameter means, and whether it was chosen instead of fitted."""
-    choices = ", ".join(f"{choice:g}" for choice in one.choices)
-    return f"{one.meaning} (chosen out of {choices}, not fitted)" if choices else one.meaning
+    choices = ", ".join(f"{choice:g}" for choice in parameter.choices)
+    return (
+        f"{parameter.meaning} (chosen out of {choices}, not fitted)"
+        if choices
+        else parameter.meaning
+    )
 
 
 def _ends(
     end: Ending,
     owner: str,
-    one: EffectParameter,
+    parameter: EffectParameter,
     values: Mapping[str, float],
     spread: Spread | None,
 ) -> tuple[float, float]:
     """The interval of a number; one that was chosen has no width."""
-    if one.choices:
-        return values[one.name], values[one.name]
-    linear = end.model.interval(owner, one.name)
-    return linear if spread is None else spread.interval(owner, one.name, linear)
+    if parameter.choices:
+        return values[parameter.name], values[parameter.name]
+    linear = end.model.interval(owner, parameter.name)
+    return linear if spread is None else spread.interval(owner, parameter.name, linear)
 
 
 def rival_records(
@@ -367,34 +394,36 @@ def rival_records(
 ) -> tuple[Rival, ...]:
     """Stage 5 as records; `planned` are the measurements by names and those they stand for."""
     levels = end.analysis.search.fitter.space.level()
-    found: list[Rival] = []
-    for at, one in enumerate(end.analysis.others):
-        measurement = planned.get((one.names, one.instead_of))
+    rivals: list[Rival] = []
+    for at, rival in enumerate(end.analysis.others):
+        measurement = planned.get((rival.names, rival.instead_of))
         if measurement is None:
             measurement = (
-                separating(end.setup, levels, end.fit, one.fit)
+                separating(end.setup, levels, end.fit, rival.fit)
                 if at < SEPARATED
-                else found[0].measurement
+                else rivals[0].measurement
             )
-        distance = round(one.distance, 9) + 0.0
-        found.append(
+        distance = round(rival.distance, 9) + 0.0
+        rivals.append(
             Rival(
-                one.names,
-                one.instead_of,
+                rival.names,
+                rival.instead_of,
                 distance,
                 measurement,
-                correlation(end.analysis.search.fitter, end.fit, one),
+                correlation(end.analysis.search.fitter, end.fit, rival),
             )
         )
     if end.twin:
-        found.append(Rival(("lot_mixture",), ("lot_offset",), 0.0, Measurement(SUPPLIERS)))
-    for other in end.analysis.scatter[1:]:
-        mine = end.analysis.scatter[0].names
-        both = set(mine) & set(other.names)
-        names, instead = (tuple(n for n in of if n not in both) for of in (other.names, mine))
+        rivals.append(Rival(("lot_mixture",), ("lot_offset",), 0.0, Measurement(SUPPLIERS)))
+    for scatter_rival in end.analysis.scatter[1:]:
+        best_names = end.analysis.scatter[0].names
+        both = set(best_names) & set(scatter_rival.names)
+        names, instead = (
+            tuple(n for n in of if n not in both) for of in (scatter_rival.names, best_names)
+        )
         measurement = planned.get((names, instead), Measurement(MORE))
-        found.append(Rival(names, instead, other.distance, measurement))
-    return tuple(found)
+        rivals.append(Rival(names, instead, scatter_rival.distance, measurement))
+    return tuple(rivals)
 
 
 def residual_table(end: Ending, full: GapData) -> pd.DataFrame:
@@ -404,8 +433,8 @@ def residual_table(end: Ending, full: GapData) -> pd.DataFrame:
     frame = pd.DataFrame({"row": full.rows, **inputs})
     used = np.flatnonzero(np.isin(full.rows, setup.data.rows))
     start = end.analysis.bare
-    bare = corrected(start.setup, start.search.fitter.space, start.empty)
-    before, after = bare.predicted(full), end.model.predicted(full)
+    null_model = corrected(start.setup, start.search.fitter.space, start.empty)
+    before, after = null_model.predicted(full), end.model.predicted(full)
     for at, (output, noise) in enumerate(zip(setup.data.outputs, start.noises, strict=True)):
         name, measured = output.name, full.measured[output.name]
         frame[name] = measured
@@ -425,6 +454,6 @@ def residual_table(end: Ending, full: GapData) -> pd.DataFrame:
 
 
 def _at_rows(values: Array, rows: NDArray[np.int64], count: int) -> Array:
-    found = np.full(count, np.nan)
-    found[rows] = values
-    return found
+    column = np.full(count, np.nan)
+    column[rows] = values
+    return column

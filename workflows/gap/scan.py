@@ -36,10 +36,10 @@ class Dictionary:
     @cached_property
     def places(self) -> dict[str, tuple[int, int]]:
         """Where the grid of each name begins, and where it has ended."""
-        names = [one.name for one in self.members]
+        names = [member.name for member in self.members]
         return {
-            one: (names.index(one), names.index(one) + names.count(one))
-            for one in dict.fromkeys(names)
+            name: (names.index(name), names.index(name) + names.count(name))
+            for name in dict.fromkeys(names)
         }
 
     def white(self, space: Space) -> Groups:
@@ -49,8 +49,10 @@ class Dictionary:
 
 def dictionary(library: Sequence[Candidate], columns: Columns, spread: float) -> Dictionary:
     """Every candidate on its grid."""
-    members = [Member(one, shape) for one in library for shape in grid(one, spread)]
-    parts = [columns.of(one.candidate, one.shape) for one in members]
+    members = [
+        Member(candidate, shape) for candidate in library for shape in grid(candidate, spread)
+    ]
+    parts = [columns.of(member.candidate, member.shape) for member in members]
     rows = len(columns.data) * len(columns.data.outputs)
     sided = [m.candidate.one_sided for m in members]
     return Dictionary(tuple(members), joined(parts, sided, rows))
@@ -126,14 +128,14 @@ def scan(fitter: Fitter, white: Groups, book: Dictionary, members: Sequence[Memb
     that differ by rounding alone it is the first one of the library, whatever computes them.
     """
     gains = fitter.gains(white, members)
-    taken = {one.name for one in members}
+    taken = {member.name for member in members}
     best: dict[str, Found] = {}
     for member, gain in zip(book.members, gains.tolist(), strict=True):
         if member.name in taken:
             continue
         if member.name not in best or gain > (1.0 + ALIKE) * best[member.name].gain:
             best[member.name] = Found(member, gain)
-    return sorted(best.values(), key=lambda one: -float(f"{one.gain:.9g}"))
+    return sorted(best.values(), key=lambda candidate: -float(f"{candidate.gain:.9g}"))
 
 
 @dataclass(frozen=True)

@@ -60,7 +60,7 @@ def noise_of(setup: Setup, contributions: Sequence[Array]) -> tuple[Noise, ...]:
         np.column_stack(parts)
         for parts in zip(*(np.split(x, q) for x in (setup.base, *contributions)), strict=True)
     ]
-    of = remainders(
+    remaining = remainders(
         np.split(setup.residual, q),
         kept,
         setup.forms,
@@ -72,7 +72,7 @@ def noise_of(setup: Setup, contributions: Sequence[Array]) -> tuple[Noise, ...]:
         [setup.laws[o.name].std if setup.laws else 0.0 for o in outputs],
         [0.0 if setup.laws else resolution(setup, o.name) for o in outputs],
     )
-    return tuple(estimated(one) for one in of)
+    return tuple(estimated(remainder) for remainder in remaining)
 
 
 def _known(setup: Setup, name: str) -> tuple[Array, str] | None:
@@ -86,20 +86,20 @@ def _known(setup: Setup, name: str) -> tuple[Array, str] | None:
 
 def contributions(setup: Setup, fit: Fit) -> list[Array]:
     """Columns of the members in the outputs' units."""
-    return [setup.columns.of(one.candidate, one.shape) for one in fit.members]
+    return [setup.columns.of(member.candidate, member.shape) for member in fit.members]
 
 
 def spread_of(noises: Sequence[Noise]) -> float:
     """The largest level of the noise of the outputs."""
-    return float(max(one.level for one in noises))
+    return float(max(noise.level for noise in noises))
 
 
-def alike(one: Sequence[Noise], other: Sequence[Noise]) -> bool:
+def alike(first: Sequence[Noise], second: Sequence[Noise]) -> bool:
     """Whether two estimates of the noise are as good as the same."""
     return all(
         abs(a.level / b.level - 1.0) < SAME
         and abs(a.rho - b.rho) < SAME
         and a.outliers == b.outliers
         and a.varies_with == b.varies_with
-        for a, b in zip(one, other, strict=True)
+        for a, b in zip(first, second, strict=True)
     )

@@ -50,33 +50,39 @@ class Search:
 
     def open(self, members: Sequence[Member]) -> list[Found]:
         """The candidates beside `members` that may be named, best first."""
-        key = tuple(one.key for one in members)
+        key = tuple(member.key for member in members)
         if key not in self._open:
-            found = scan(self.fitter, self.white, self.book, members)
-            self._open[key] = [one for one in found if not one.member.candidate.unread]
+            candidates = scan(self.fitter, self.white, self.book, members)
+            self._open[key] = [
+                candidate for candidate in candidates if not candidate.member.candidate.unread
+            ]
         return self._open[key]
 
-    def refined(self, members: Sequence[Member], found: Sequence[Found]) -> list[Fit]:
+    def refined(self, members: Sequence[Member], candidates: Sequence[Found]) -> list[Fit]:
         """Fits with one candidate more each, their nonlinear parameters fitted, best first."""
-        if not found:
+        if not candidates:
             return []
-        best = self._reached(members, found[:REFINED])
-        near = [one for one in found[:REFINED] if one.gain > best - WITHIN and one.gain > 0]
-        fits = [self._grown(members, one.member) for one in near]
+        best = self._reached(members, candidates[:REFINED])
+        near = [
+            candidate
+            for candidate in candidates[:REFINED]
+            if candidate.gain > best - WITHIN and candidate.gain > 0
+        ]
+        fits = [self._grown(members, candidate.member) for candidate in near]
         return sorted(fits, key=lambda fit: fit.score)
 
-    def _reached(self, members: Sequence[Member], found: Sequence[Found]) -> float:
+    def _reached(self, members: Sequence[Member], candidates: Sequence[Found]) -> float:
         """The largest gain with the signs that physics allows; a scan knows those of single
         columns alone.
         """
         before, best = 0.0, -np.inf
-        for one in found:
-            if one.gain <= best:
+        for scored_candidate in candidates:
+            if scored_candidate.gain <= best:
                 break
-            gain, candidate = one.gain, one.member.candidate
+            gain, candidate = scored_candidate.gain, scored_candidate.member.candidate
             if len(candidate.linear) > 1 and np.isfinite(candidate.bounds[0]).any():
                 before = before or self.fitter.fit(members).rss
-                gain = before - self.fitter.fit((*members, one.member)).rss
+                gain = before - self.fitter.fit((*members, scored_candidate.member)).rss
             best = max(best, gain)
         return best
 
@@ -89,7 +95,7 @@ class Search:
 
     def tested(self, fit: Fit) -> HeldOut:
         """Held-out residuals of a fit."""
-        key = tuple(one.key for one in fit.members)
+        key = tuple(member.key for member in fit.members)
         if key not in self._tested:
             self._tested[key] = held_out(self._training, fit.members)
         return self._tested[key]
@@ -169,7 +175,7 @@ def select(search: Search, quick: bool = False) -> Selection:
             stood.add(frozenset(fit.names))
         before = search.tested(fit)
     fit = search.fitter.refined(fit.members)
-    gone = sorted(name for one in rejected for name in one)
+    gone = sorted(name for names in rejected for name in names)
     return Selection(fit, tuple(steps), tuple(gone), real, tuple(accepted), fit.names)
 
 
@@ -189,8 +195,8 @@ def beside(
     tested = search.tested(after.fit)
     _note(steps, search, before.fit, tested, "add", name, True, UNITS, gain, better)
     steps[-1] = replace(steps[-1], names=(*before.fit.names, name), threshold=limit)
-    gone = [one for one in before.fit.names if one not in after.fit.names]
-    come = [one for one in after.fit.names if one not in before.fit.names]
+    gone = [effect_name for effect_name in before.fit.names if effect_name not in after.fit.names]
+    come = [effect_name for effect_name in after.fit.names if effect_name not in before.fit.names]
     for action, names in (("drop", gone), ("add", come)):
         if names:
             _note(
@@ -215,13 +221,19 @@ def _matters(search: Search, gain: float, names: int) -> bool:
 
 def _next(search: Search, fit: Fit, rejected: set[frozenset[str]]) -> Fit | None:
     """The best fit with one name more that passes the threshold; None where there is none."""
-    found = search.open(fit.members)
+    candidates = search.open(fit.members)
     limit = search.thresholds.library
     # the threshold is that of the dictionary: what a finer fit adds is no evidence
-    alone = {name for one in rejected if len(one) == 1 for name in one}
-    found = [one for one in found if one.member.name not in alone and one.gain > limit]
-    fits = [one for one in search.refined(fit.members, found) if fit.rss - one.rss > limit]
-    fits = [one for one in fits if one.score < fit.score]
+    alone = {name for names in rejected if len(names) == 1 for name in names}
+    candidates = [
+        candidate
+        for candidate in candidates
+        if candidate.member.name not in alone and candidate.gain > limit
+    ]
+    fits = [
+        larger for larger in search.refined(fit.members, candidates) if fit.rss - larger.rss > limit
+    ]
+    fits = [larger for larger in fits if larger.score < fit.score]
     return fits[0] if fits else None
 
 
@@ -236,16 +248,16 @@ def masked(search: Search, fit: Fit, rejected: set[frozenset[str]]) -> Fit | Non
     for first in firsts:
         members = (*fit.members, first.member)
         seconds = [
-            one
-            for one in search.open(members)
-            if frozenset([first.member.name, one.member.name]) not in rejected
+            second
+            for second in search.open(members)
+            if frozenset([first.member.name, second.member.name]) not in rejected
         ]
         if not seconds or first.gain + seconds[0].gain < TWO * limit:
             continue
         pairs.append(search.fitter.fit([*members, seconds[0].member]))
-    nearest = sorted(pairs, key=lambda one: one.score)[:PAIRS]
-    fits = [search.fitter.refined(one.members) for one in nearest]
-    best = min(fits, key=lambda one: one.score, default=None)
+    nearest = sorted(pairs, key=lambda pair: pair.score)[:PAIRS]
+    fits = [search.fitter.refined(pair.members) for pair in nearest]
+    best = min(fits, key=lambda pair_fit: pair_fit.score, default=None)
     if best is None or fit.rss - best.rss < TWO * limit or best.score > fit.score:
         return None
     alone = [
@@ -282,9 +294,9 @@ def _swapped(search: Search, fit: Fit) -> Fit | None:
     best = fit
     for at in range(len(fit.members)):
         others = fit.without(at)
-        for one in search.refined(others, search.open(others))[:1]:
-            if one.score < best.score - 1e-3:
-                best = one
+        for swapped in search.refined(others, search.open(others))[:1]:
+            if swapped.score < best.score - 1e-3:
+                best = swapped
     return None if best is fit else best
 
 
@@ -334,14 +346,19 @@ def concluding(
     came, and terms without a name (`labels` by their names); held-out errors all in one noise.
     """
     count = max(search.fitter.space.count, 1)
-    errors = iter([float(np.sqrt(np.sum(one.white**2) / count)) for _, one in selection.accepted])
-    path = [one for one in selection.steps if one.reason not in (NO_FORM, BESIDE, TERM)]
-    steps = [replace(one, held_out=next(errors)) if one.accepted else one for one in path]
-    named = tuple(one for one in fit.names if one not in labels)
+    errors = iter(
+        [
+            float(np.sqrt(np.sum(held_out_rows.white**2) / count))
+            for _, held_out_rows in selection.accepted
+        ]
+    )
+    path = [step for step in selection.steps if step.reason not in (NO_FORM, BESIDE, TERM)]
+    steps = [replace(step, held_out=next(errors)) if step.accepted else step for step in path]
+    named = tuple(name for name in fit.names if name not in labels)
     tested = search.tested(fit)
-    gone = [one for one in selection.named if one not in named]
-    come = [one for one in named if one not in selection.named]
-    terms = [labels[one] for one in fit.names if one in labels]
+    gone = [name for name in selection.named if name not in named]
+    come = [name for name in named if name not in selection.named]
+    terms = [labels[name] for name in fit.names if name in labels]
     for action, names, why in (
         ("drop", gone, NO_FORM),
         ("add", come, BESIDE),
@@ -355,4 +372,4 @@ def concluding(
 
 def renumbered(steps: Sequence[Step]) -> tuple[Step, ...]:
     """Steps numbered from 0."""
-    return tuple(replace(one, number=at) for at, one in enumerate(steps))
+    return tuple(replace(step, number=at) for at, step in enumerate(steps))

@@ -60,21 +60,21 @@ def turned(
         return []
     rows = np.unique(np.linspace(0, len(data) - 1, min(len(data), ROWS)).astype(np.int64))
     blocks = list(_blocks(data, library, columns))
-    found = []
+    sentences = []
     for at, output in enumerate(data.outputs):
         mine = rows + at * len(data)
         q = basis(base[mine])
-        own = [(one, beside(block[mine], q)) for one, block in blocks]
+        output_blocks = [(candidate, beside(block[mine], q)) for candidate, block in blocks]
         y = beside(data.measured[output.name][rows], q)
         p = beside(predicted[output.name][rows], q)
-        given = _best(y - p, own)
-        ways = {"reading": _best(-y - p, own), "gap": _best(p - y, own)}
-        way = min(ways, key=lambda one: ways[one].left)
-        if ways[way].left < FAR * given.left:
-            found.append(_said(data, output.name, way, ways[way], given, library))
+        as_given = _best(y - p, output_blocks)
+        ways = {"reading": _best(-y - p, output_blocks), "gap": _best(p - y, output_blocks)}
+        way = min(ways, key=lambda name: ways[name].left)
+        if ways[way].left < FAR * as_given.left:
+            sentences.append(_said(data, output.name, way, ways[way], as_given, library))
         elif text := _falls(data, output, predicted[output.name]):
-            found.append(text)
-    return found
+            sentences.append(text)
+    return sentences
 
 
 def _falls(data: GapData, output: Output, predicted: Array) -> str:
@@ -95,36 +95,42 @@ def _blocks(
     data: GapData, library: Sequence[Candidate], columns: Columns
 ) -> Iterator[tuple[Candidate, Array]]:
     """Columns (N, m) of effects that act at the output, at some of their shapes."""
-    for one in library:
-        inside = one.effect.place(data.target) is not None or isinstance(one.effect, InsideSeveral)
-        if one.alone or inside:
+    for candidate in library:
+        inside = candidate.effect.place(data.target) is not None or isinstance(
+            candidate.effect, InsideSeveral
+        )
+        if candidate.alone or inside:
             continue
-        shapes = grid(one, 1.0)
+        shapes = grid(candidate, 1.0)
         every = max(1, len(shapes) // SHAPES)
         for shape in shapes[::every]:
-            yield one, columns.of(one, shape)
+            yield candidate, columns.of(candidate, shape)
 
 
 def _best(gap: Array, blocks: Sequence[tuple[Candidate, Array]]) -> _Best:
     """A few effects on a gap (n,), each the best on what those before it left, bounds kept."""
     whole, name, taken = float(gap @ gap), "", set[str]()
     for _ in range(STEPS):
-        tried = [(*_left(gap, one, x), one) for one, x in blocks if one.name not in taken]
+        tried = [
+            (*_left(gap, candidate, x), candidate)
+            for candidate, x in blocks
+            if candidate.name not in taken
+        ]
         if not tried:
             break
-        left, rest, one = min(tried, key=lambda each: each[0])
-        if left > ENOUGH * whole:
+        rss, rest, candidate = min(tried, key=lambda attempt: attempt[0])
+        if rss > ENOUGH * whole:
             break
-        whole, gap = left, rest
-        taken.add(one.name)
-        name = name or (one.name if (one.bounds[0] > -np.inf).any() else "")
+        whole, gap = rss, rest
+        taken.add(candidate.name)
+        name = name or (candidate.name if (candidate.bounds[0] > -np.inf).any() else "")
     return _Best(whole, name)
 
 
-def _left(gap: Array, one: Candidate, x: Array) -> tuple[float, Array]:
+def _left(gap: Array, candidate: Candidate, x: Array) -> tuple[float, Array]:
     """What the columns (n, m) of an effect leave of a gap, within their bounds."""
     kept = np.linalg.norm(x, axis=0) > 0.0
-    low, high = (ends[kept] for ends in one.bounds)
+    low, high = (ends[kept] for ends in candidate.bounds)
     x = x[:, kept]
     sizes, *_ = np.linalg.lstsq(x, gap, rcond=1e-9)
     if (sizes < low).any() or (sizes > high).any():
@@ -149,10 +155,10 @@ def _within(x: Array, gap: Array, low: Array, high: Array) -> Array:
 
 
 def _said(
-    data: GapData, output: str, way: str, best: _Best, given: _Best, library: Sequence[Candidate]
+    data: GapData, output: str, way: str, best: _Best, as_given: _Best, library: Sequence[Candidate]
 ) -> str:
     """The note about one output."""
-    ratio = np.sqrt(given.left / max(best.left, 1e-300))
+    ratio = np.sqrt(as_given.left / max(best.left, 1e-300))
     head = f"is the sign of {output} the other way round? "
     if way == "reading":
         what = f"Turned, it is {ratio:.3g} times nearer to its prediction"
@@ -161,7 +167,12 @@ def _said(
             f"{head}{what}{more}; give it sense = -1 if a positive reading means the opposite "
             "of docs/conventions.md"
         )
-    needs = {role for one in library if one.name == best.name for role in one.effect.needs}
+    needs = {
+        role
+        for candidate in library
+        if candidate.name == best.name
+        for role in candidate.effect.needs
+    }
     acting = [c.name for c in data.target.columns if c.role in needs]
     of = f", or {' or '.join(acting)}," if acting else ""
     of_what = f" ({best.name} first)" if best.name else ""

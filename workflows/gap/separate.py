@@ -45,16 +45,16 @@ class Design:
     inputs: Mapping[str, tuple[float, float]]
 
 
-def separating(setup: Setup, levels: Array, fit: Fit, other: Fit) -> Measurement:
+def separating(setup: Setup, levels: Array, fit: Fit, rival: Fit) -> Measurement:
     """The best of a few designs: each input on its own, or further out; `levels` (q,): noise."""
-    names = frozenset(set(fit.names) ^ set(other.names))
+    names = frozenset(set(fit.names) ^ set(rival.names))
     if names in UNSEEN:
         return Measurement(UNSEEN[names])
     best: tuple[float, Design] | None = None
     for design in _designs(setup.data, np.random.default_rng([setup.plan.seed, 3])):
         if not _within(setup, design):
             continue
-        size = _difference(setup, levels, design, fit, other)
+        size = _difference(setup, levels, design, fit, rival)
         if np.isfinite(size) and (best is None or size > 1.05 * best[0]):
             best = (size, design)
     if best is None or best[0] < 1e-3:
@@ -111,7 +111,7 @@ def _apart(
     return {**table, column.name: new}, {column.name: (low, high)}
 
 
-def _difference(setup: Setup, levels: Array, design: Design, fit: Fit, other: Fit) -> float:
+def _difference(setup: Setup, levels: Array, design: Design, fit: Fit, rival: Fit) -> float:
     """Rms per reading [noise] of what the one explanation says and the other cannot follow."""
     data = _at(setup.data, design.table)
     columns = Columns(data, predictor(setup.plan, data) if setup.plan.model else _nothing(data))
@@ -123,13 +123,13 @@ def _difference(setup: Setup, levels: Array, design: Design, fit: Fit, other: Fi
         ),
         np.zeros(len(level)),
     )
-    free = [columns.of(m.candidate, m.shape) for m in other.members]
+    free = [columns.of(m.candidate, m.shape) for m in rival.members]
     ones = np.zeros((len(level), len(data.outputs)))
     for k in range(len(data.outputs)):
         ones[k * len(data) : (k + 1) * len(data), k] = 1.0
     q = basis(np.hstack([ones, *free]) / level[:, None])
-    left = beside(np.asarray(mine) / level, q)
-    return float(np.sqrt(np.mean(left**2)))
+    residual = beside(np.asarray(mine) / level, q)
+    return float(np.sqrt(np.mean(residual**2)))
 
 
 def _nothing(data: GapData) -> Any:

@@ -68,22 +68,22 @@ class Settling:
         answers = [self.grown(fit, frozenset())]
         if lost := displaced(self.search, fit, self.generic):
             names = frozenset(fit.names[at] for at in lost)
-            kept = [one for one in fit.members if one.name not in names]
+            kept = [member for member in fit.members if member.name not in names]
             answers.append(self.grown(self.search.fitter.refined(kept), names))
         if len(answers) > 1 and answers[1].score < answers[0].score - FREER:
             answers.reverse()
         best = self._chosen(answers, frozenset())
-        left = left_over(best, self.search.fitter, self.generic)
+        remaining = left_over(best, self.search.fitter, self.generic)
         struck = tuple(name for name in fit.names if name not in best.names)
-        return Settled(best, struck, left, significant_forms(self.search, left))
+        return Settled(best, struck, remaining, significant_forms(self.search, remaining))
 
     def again(self, fit: Fit, barred: frozenset[str], more: Sequence[Member] = ()) -> Settled:
         """The answer without some names, with more terms to begin with."""
-        kept = [*(one for one in fit.members if one.name not in barred), *more]
+        kept = [*(member for member in fit.members if member.name not in barred), *more]
         grown = self.grown(self.search.fitter.refined(kept), barred)
         best = self._chosen([grown], barred)
-        left = left_over(best, self.search.fitter, self.generic)
-        return Settled(best, (), left, significant_forms(self.search, left))
+        remaining = left_over(best, self.search.fitter, self.generic)
+        return Settled(best, (), remaining, significant_forms(self.search, remaining))
 
     def _chosen(self, answers: Sequence[Fit], barred: frozenset[str]) -> Fit:
         """The first answer that holds; without any name where its names are beneath its terms: in
@@ -92,15 +92,15 @@ class Settling:
         best = self._first_that_holds(answers, barred)
         if not self._beneath(best):
             return best
-        terms = [one for one in best.members if is_term(one)]
+        terms = [member for member in best.members if is_term(member)]
         barred |= {*self.search.book.places}
         alone = self.grown(self.search.fitter.refined(terms), barred)
         return self._first_that_holds([alone], barred)
 
     def _beneath(self, fit: Fit) -> bool:
         """Whether a fit has names, and they explain next to nothing of what its terms do."""
-        terms = [one for one in fit.members if is_term(one)]
-        names = [one for one in fit.members if not is_term(one)]
+        terms = [member for member in fit.members if is_term(member)]
+        names = [member for member in fit.members if not is_term(member)]
         if not (terms and names):
             return False
         without, only = self.search.fitter.fit(terms).rss, self.search.fitter.fit(names).rss
@@ -114,32 +114,34 @@ class Settling:
         return self._held(self.search.tested(fit))
 
     def _held(self, tested: HeldOut) -> bool:
-        return predicts_as_well(tested, [one for _, one in self.tried], self.search.labels)
+        return predicts_as_well(
+            tested, [held_out for _, held_out in self.tried], self.search.labels
+        )
 
     def _first_that_holds(self, answers: Sequence[Fit], barred: frozenset[str]) -> Fit:
         """The first answer that holds, names first, terms behind them, perhaps with forms that were
         not significant; else what predicts best, of the accepted steps without barred names as
         well.
         """
-        open_ = [one for one in self.tried if not barred & {*one[0].names}]
-        for one in answers:
-            fit = self.search.fitter.refined(sorted(one.members, key=is_term))
+        attempts = [attempt for attempt in self.tried if not barred & {*attempt[0].names}]
+        for answer in answers:
+            fit = self.search.fitter.refined(sorted(answer.members, key=is_term))
             for _ in range(FORMS_MORE + 1):
                 tested = self.search.tested(fit)
                 if self._held(tested):
                     return fit
-                open_.append((fit, tested))
+                attempts.append((fit, tested))
                 fit = self._with_best_form(fit, tested, barred) or fit
-        return min(open_, key=lambda one: float(np.sum(one[1].white ** 2)))[0]
+        return min(attempts, key=lambda attempt: float(np.sum(attempt[1].white ** 2)))[0]
 
     def _with_best_form(self, fit: Fit, tested: HeldOut, barred: frozenset[str]) -> Fit | None:
         """The fit with the form more that predicts best, None where none predicts better."""
-        left = left_over(fit, self.search.fitter, self.generic)
+        remaining = left_over(fit, self.search.fitter, self.generic)
         best, least = None, float(np.sum(tested.white**2))
-        for one in self._with_forms(fit, barred, left, [int(at) for at in left.best]):
-            error = float(np.sum(self.search.tested(one).white ** 2))
+        for larger in self._with_forms(fit, barred, remaining, [int(at) for at in remaining.best]):
+            error = float(np.sum(self.search.tested(larger).white ** 2))
             if error < least:
-                best, least = one, error
+                best, least = larger, error
         return best
 
     def grown(self, fit: Fit, never: frozenset[str]) -> Fit:
@@ -160,12 +162,12 @@ class Settling:
         """
         fitter, limit = self.search.fitter, self.search.thresholds.library
         worst: tuple[float, int] = (0.0, -1)
-        for at, one in enumerate(fit.members):
-            own = fitter.fit(fit.without(at)).rss - fit.rss
-            needed = one.candidate.price(fitter.penalty) if is_term(one) else limit
+        for at, member in enumerate(fit.members):
+            gain = fitter.fit(fit.without(at)).rss - fit.rss
+            needed = member.candidate.price(fitter.penalty) if is_term(member) else limit
             needed = max(needed, self.least)
-            if own < needed and (worst[1] < 0 or own - needed < worst[0]):
-                worst = (own - needed, at)
+            if gain < needed and (worst[1] < 0 or gain - needed < worst[0]):
+                worst = (gain - needed, at)
         at = worst[1] if worst[1] >= 0 else self._disbelieved(fit)
         if at < 0:
             return None
@@ -182,9 +184,9 @@ class Settling:
         where there is none.
         """
         fitter = self.search.fitter
-        terms = [k for k, one in enumerate(fit.members) if is_term(one)]
-        for at, one in enumerate(fit.members):
-            if is_term(one) or one.name in self.believed:
+        terms = [k for k, member in enumerate(fit.members) if is_term(member)]
+        for at, member in enumerate(fit.members):
+            if is_term(member) or member.name in self.believed:
                 continue
             without = fitter.fit([m for k, m in enumerate(fit.members) if k != at])
             forms = [k for k in terms if self._holds_name(fit, at, k)]
@@ -213,58 +215,61 @@ class Settling:
         before forms that fit no better. None where there is none.
         """
         before = self.search.tested(fit)
-        found = [*self._names(fit, barred), *self._forms(fit, barred)]
-        for one in sorted(found, key=lambda one: one.score)[: 2 * TRIED]:
-            tested = self.search.tested(one)
+        larger_fits = [*self._names(fit, barred), *self._forms(fit, barred)]
+        for larger in sorted(larger_fits, key=lambda larger: larger.score)[: 2 * TRIED]:
+            tested = self.search.tested(larger)
             if improvement(before, tested, self.search.labels).real:
-                return one
+                return larger
         return None
 
     def _names(self, fit: Fit, barred: set[str]) -> Iterator[Fit]:
         """Fits with one name more, or with one in place of a term."""
         search, limit = self.search, self.search.thresholds.library
-        named = [one for one in fit.members if not is_term(one)]
+        named = [member for member in fit.members if not is_term(member)]
         if len(named) >= search.settings.effects_at_most:
             return
         starts = [(fit, limit)]
         starts += [
             (search.fitter.fit(fit.without(k)), limit)
-            for k, one in enumerate(fit.members)
-            if is_term(one)
+            for k, member in enumerate(fit.members)
+            if is_term(member)
         ]
         for start, needed in starts:
-            found = [
-                one
-                for one in search.open(start.members)
-                if one.gain > needed and one.member.name not in barred
+            candidates = [
+                candidate
+                for candidate in search.open(start.members)
+                if candidate.gain > needed and candidate.member.name not in barred
             ]
-            for one in search.refined(start.members, found)[:TRIED]:
-                if start.rss - one.rss > max(needed, self.least) and one.score < fit.score - 1e-3:
-                    yield one
+            for larger in search.refined(start.members, candidates)[:TRIED]:
+                if (
+                    start.rss - larger.rss > max(needed, self.least)
+                    and larger.score < fit.score - 1e-3
+                ):
+                    yield larger
 
     def _forms(self, fit: Fit, barred: set[str]) -> Iterator[Fit]:
         """Fits with one term more, of the forms that are significant, the likeliest first."""
-        left = left_over(fit, self.search.fitter, self.generic)
-        at = significant_forms(self.search, left)
-        if sum(is_term(one) for one in fit.members) < TERMS:
-            yield from self._with_forms(fit, barred, left, at)
+        remaining = left_over(fit, self.search.fitter, self.generic)
+        at = significant_forms(self.search, remaining)
+        if sum(is_term(member) for member in fit.members) < TERMS:
+            yield from self._with_forms(fit, barred, remaining, at)
 
     def _with_forms(
-        self, fit: Fit, barred: Collection[str], left: Left, at: Sequence[int]
+        self, fit: Fit, barred: Collection[str], remaining: Left, at: Sequence[int]
     ) -> Iterator[Fit]:
         """Fits with one of these forms more, the likeliest first, some of them."""
         penalty, sizes = self.search.fitter.penalty, self.generic.white.sizes
         count, outputs = 0, self.data.outputs
         price = {k: penalty * (sizes[k] + more_numbers(self.generic.forms[k])) for k in at}
-        named = [one for one in fit.members if not is_term(one)]
-        for k in sorted(at, key=lambda k: price[k] - left.gains[k]):
+        named = [member for member in fit.members if not is_term(member)]
+        for k in sorted(at, key=lambda k: price[k] - remaining.gains[k]):
             term = term_of(self.generic.forms[k], self.data, outputs[self.generic.outputs[k]].name)
             if term is None:
                 continue
-            one = member_of(term, self.data, self.search.fitter, named)
-            if one is None or one.name in barred or one.name in fit.names:
+            member = member_of(term, self.data, self.search.fitter, named)
+            if member is None or member.name in barred or member.name in fit.names:
                 continue
-            larger = self.search.fitter.fit((*fit.members, one))
+            larger = self.search.fitter.fit((*fit.members, member))
             if larger.score < fit.score and fit.rss - larger.rss > self.least:
                 yield larger
                 count += 1
@@ -276,8 +281,8 @@ def predicts_as_well(tested: HeldOut, steps: Sequence[HeldOut], labels: NDArray[
     """Whether an answer is no worse on held-out rows than the model alone, the first of the steps,
     and than every other step but for its standard error.
     """
-    for at, other in enumerate(steps):
-        better = improvement(other, tested, labels)
+    for at, step in enumerate(steps):
+        better = improvement(step, tested, labels)
         if better.gain < (0.0 if at == 0 else -better.error):
             return False
     return True
@@ -285,4 +290,4 @@ def predicts_as_well(tested: HeldOut, steps: Sequence[HeldOut], labels: NDArray[
 
 def names_of(members: Sequence[Member]) -> tuple[int, ...]:
     """The places of the members that have a name."""
-    return tuple(k for k, one in enumerate(members) if not is_term(one))
+    return tuple(k for k, member in enumerate(members) if not is_term(member))

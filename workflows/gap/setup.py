@@ -65,8 +65,8 @@ class Setup:
     def offset(self) -> Array:
         """How far (prior,) the parameters' own values lie from where they are, in tolerances."""
         plan = self.plan
-        found = [(nominal(plan, name) - self.at[name]) / plan.free[name] for name in self.free]
-        return np.array(found, dtype=float)
+        offsets = [(nominal(plan, name) - self.at[name]) / plan.free[name] for name in self.free]
+        return np.array(offsets, dtype=float)
 
 
 def prepared(plan: GapPlan, full: GapData) -> Setup:
@@ -87,8 +87,8 @@ def prepared(plan: GapPlan, full: GapData) -> Setup:
     return Setup(
         plan=plan,
         data=data,
-        library=tuple(one for one in library if not one.on_scatter),
-        on_scatter=tuple(one for one in library if one.on_scatter)
+        library=tuple(candidate for candidate in library if not candidate.on_scatter),
+        on_scatter=tuple(candidate for candidate in library if candidate.on_scatter)
         if plan.settings.effects_at_most
         else (),
         forms=tuple(forms),
@@ -102,11 +102,11 @@ def prepared(plan: GapPlan, full: GapData) -> Setup:
 
 def left_of(setup: Setup, fit: Fit, but: Sequence[str] = ()) -> Array:
     """Residual (N,) beside what is fitted, in the outputs' units; effects named in `but` stay."""
-    left = setup.residual - setup.base @ fit.free
+    residual = setup.residual - setup.base @ fit.free
     for member, coefficients in zip(fit.members, fit.coefficients, strict=True):
         if member.name not in but:
-            left = left - setup.columns.of(member.candidate, member.shape) @ coefficients
-    return np.asarray(left)
+            residual = residual - setup.columns.of(member.candidate, member.shape) @ coefficients
+    return np.asarray(residual)
 
 
 def nameless(data: GapData, laws: Mapping[str, Law]) -> str:
@@ -188,21 +188,21 @@ def recalibrated(plan: GapPlan, data: GapData, predicted: Mapping[str, Array]) -
 
     population = data.target.population
 
-    def left(x: Array) -> Array:
+    def residual(x: Array) -> Array:
         moved = _moved(plan, data, dict(zip(names, (middle + x * half).tolist(), strict=True)))
         if population:
             return np.append(np.sqrt(len(data)) * np.mean((measured - moved) / scale), x)
         return beside((measured - moved) / scale, q)
 
-    found = optimize.least_squares(
-        left,
+    solution = optimize.least_squares(
+        residual,
         np.zeros(len(names)),
         bounds=(-1.0, 1.0),
         max_nfev=25,
         diff_step=[1e-3],
         loss="linear" if population else "soft_l1",
     )
-    return dict(zip(names, (middle + found.x * half).tolist(), strict=True))
+    return dict(zip(names, (middle + solution.x * half).tolist(), strict=True))
 
 
 def _gradient(
@@ -213,7 +213,7 @@ def _gradient(
 ) -> tuple[tuple[str, ...], Array]:
     """Free parameters that do anything here, and what the tolerance of each one does (N, p)."""
     count = len(data) * len(data.outputs)
-    names, found = [], []
+    names, columns = [], []
     for name, tolerance in plan.free.items() if plan.rebuild is not None else ():
         up, down = (
             _moved(plan, data, {**at, name: at[name] + s * STEP * tolerance}, changes)
@@ -222,8 +222,8 @@ def _gradient(
         column = (up - down) / (2.0 * STEP)
         if np.isfinite(column).all() and np.abs(column).max(initial=0.0) > 0.0:
             names.append(name)
-            found.append(column)
-    return tuple(names), np.column_stack(found) if found else np.zeros((count, 0))
+            columns.append(column)
+    return tuple(names), np.column_stack(columns) if columns else np.zeros((count, 0))
 
 
 def nominal(plan: GapPlan, name: str) -> float:
@@ -250,23 +250,23 @@ def _moved(
 def zeros_of(data: GapData) -> Array:
     """A column of ones for each output whose zero is free (N, zeros)."""
     n, outputs = len(data), data.outputs
-    found = np.zeros((n * len(outputs), len(data.zeros)))
+    columns = np.zeros((n * len(outputs), len(data.zeros)))
     for at, name in enumerate(data.zeros):
         which = [o.name for o in outputs].index(name)
-        found[which * n : (which + 1) * n, at] = 1.0
-    return found
+        columns[which * n : (which + 1) * n, at] = 1.0
+    return columns
 
 
 def values_of(data: GapData) -> dict[str, Array]:
     """Inputs that the size of the noise may follow: numbers that vary, and magnitudes of signed
     ones.
     """
-    found: dict[str, Array] = {}
+    inputs: dict[str, Array] = {}
     for column in data.inputs:
         if column.role in (Role.DIRECTION, Role.REPEAT):
             continue
         values = np.asarray(data.readings.table[column.name], dtype=float)
-        found[column.name] = values
+        inputs[column.name] = values
         if (values < 0).any() and (values > 0).any():
-            found[f"|{column.name}|"] = np.abs(values)
-    return found
+            inputs[f"|{column.name}|"] = np.abs(values)
+    return inputs

@@ -26,21 +26,21 @@ def shape_records(end: Ending) -> tuple[Shape, ...]:
     if not analysis.significant or (end.named and settled):
         return odd
     fit = search.fitter.fit([end.fit.members[at] for at in end.named])
-    left = left_over(fit, search.fitter, generic)
+    remaining = left_over(fit, search.fitter, generic)
     lost = struck_of(analysis)
-    found = shapes(
+    records = shapes(
         end.setup,
         search.fitter,
         generic,
         analysis.judged,
-        left,
+        remaining,
         fit,
         search.thresholds.generic,
         lost,
     )
     if end.verdict == "unnamed" and end.setup.plan.settings.empirical:
-        found = tuple(_with_formula(end, one, fit) for one in found)
-    return (*odd, *found)
+        records = tuple(_with_formula(end, shape, fit) for shape in records)
+    return (*odd, *records)
 
 
 def _with_formula(end: Ending, shape: Shape, fit: Fit) -> Shape:

@@ -29,16 +29,16 @@ class Space:
     @property
     def count(self) -> int:
         """Readings that count."""
-        return self.readings * len(self.noises) - sum(one.outliers for one in self.noises)
+        return self.readings * len(self.noises) - sum(noise.outliers for noise in self.noises)
 
     @property
     def is_plain(self) -> bool:
         """Whether every reading of an output counts the same."""
-        return all(one.is_plain for one in self.noises)
+        return all(noise.is_plain for noise in self.noises)
 
     def plain(self) -> Space:
         """A space in which every reading of an output counts the same."""
-        return Space(tuple(one.plain() for one in self.noises), self.prior)
+        return Space(tuple(noise.plain() for noise in self.noises), self.prior)
 
     def whiten(self, columns: Array) -> Array:
         """Columns (N,) or (N, m) whitened, with zeros in the rows of the prior."""
@@ -53,10 +53,10 @@ class Space:
         """Columns (N, prior + zeros) of the free parameters, each for its whole tolerance; the
         last ones are zeros of outputs, which have none.
         """
-        found = self.whiten(free)
-        found[len(found) - self.prior :, : self.prior] = np.eye(self.prior)
-        return found
+        white = self.whiten(free)
+        white[len(white) - self.prior :, : self.prior] = np.eye(self.prior)
+        return white
 
     def level(self) -> Array:
         """Noise level (q,) of each output, in its unit."""
-        return np.array([one.level for one in self.noises])
+        return np.array([noise.level for noise in self.noises])

@@ -57,20 +57,20 @@ def amplitudes(angle: Array, orders: Array, residual: Array) -> Array:
 
     Least squares at each order (Lomb, Astrophys. Space Sci. 39, 1976): angles need not be even.
     """
-    left = residual - residual.mean()
+    centred = residual - residual.mean()
     parts = np.array_split(orders, -(-len(orders) * len(angle) // AT_ONCE))
-    return np.concatenate([_amplitudes(angle, part, left) for part in parts])
+    return np.concatenate([_amplitudes(angle, part, centred) for part in parts])
 
 
-def _amplitudes(angle: Array, orders: Array, left: Array) -> Array:
+def _amplitudes(angle: Array, orders: Array, residual: Array) -> Array:
     """Of a few orders: normal equations of cosine and sine, by sums of waves and of their squares.
 
     Where all angles lie on the nodes of a wave, the shortest solution.
     """
     wave = np.exp(1j * np.outer(orders, angle))
-    squares, sums = np.sum(wave**2, axis=1), wave @ left
-    cross, own = squares.imag, squares.real
-    equations = np.array([[len(angle) + own, cross], [cross, len(angle) - own]]) / 2.0
+    squares, sums = np.sum(wave**2, axis=1), wave @ residual
+    cross, real = squares.imag, squares.real
+    equations = np.array([[len(angle) + real, cross], [cross, len(angle) - real]]) / 2.0
     inverse = np.linalg.pinv(equations.transpose(2, 0, 1), rcond=NODES, hermitian=True)
     both = inverse @ np.stack([sums.real, sums.imag], axis=1)[:, :, None]
     return np.asarray(np.hypot(both[:, 0, 0], both[:, 1, 0]))

@@ -34,11 +34,11 @@ class Spread:
 
     def frequency(self, name: str) -> float:
         """Share of the replicates that name an effect."""
-        return float(np.mean([name in one for one in self.replicates]))
+        return float(np.mean([name in replicate for replicate in self.replicates]))
 
     def interval(self, owner: str, name: str, linear: tuple[float, float]) -> tuple[float, float]:
         """Percentiles of a number over the replicates that have it; of fewer than 20, `linear`."""
-        values = [one[owner][name] for one in self.replicates if owner in one]
+        values = [replicate[owner][name] for replicate in self.replicates if owner in replicate]
         if len(values) < 20 or not np.all(np.isfinite(linear)):
             return linear
         tail = 0.5 * (1.0 - self.level)
@@ -77,25 +77,29 @@ def bootstrap(
     """
     plan = analysis.setup.plan
     count = plan.settings.bootstrap
-    open_ = kept.missing(count)
+    missing = kept.missing(count)
     task = partial(_replicates, analysis.search, fit, plan.seed)
-    begin, had = time.monotonic(), len(kept.found)
-    tell(GapProgress(PHASE, count - len(open_), count))
+    begin, already_kept = time.monotonic(), len(kept.found)
+    tell(GapProgress(PHASE, count - len(missing), count))
     with executor_of(workers) as executor:
-        size = max(1, min(CHUNK, len(open_) // (4 * max(1, executor.workers))))
+        size = max(1, min(CHUNK, len(missing) // (4 * max(1, executor.workers))))
         name = secrets.token_hex(8)
         chunks = iter(
-            [Chunk(tuple(open_[at : at + size]), name) for at in range(0, len(open_), size)]
+            [Chunk(tuple(missing[at : at + size]), name) for at in range(0, len(missing), size)]
         )
-        for chunk, found in executor.completed(task, lambda: next(chunks, None)):
-            if isinstance(found, Lost):
+        for chunk, outcome in executor.completed(task, lambda: next(chunks, None)):
+            if isinstance(outcome, Lost):
                 raise RunError(
-                    f"{chunk.called}: {found.reason}; what has ended is kept in "
+                    f"{chunk.called}: {outcome.reason}; what has ended is kept in "
                     f"{kept.path}, go on with --resume"
                 )
-            kept.keep(found)
-            done, left = len(kept.found) - had, len(kept.missing(count))
-            tell(GapProgress(PHASE, count - left, count, (time.monotonic() - begin) * left / done))
+            kept.keep(outcome)
+            done, remaining = len(kept.found) - already_kept, len(kept.missing(count))
+            tell(
+                GapProgress(
+                    PHASE, count - remaining, count, (time.monotonic() - begin) * remaining / done
+                )
+            )
     return Spread(tuple(kept.found[number] for number in range(count)), plan.settings.interval)
 
 
@@ -106,14 +110,14 @@ def _replicates(search: Search, fit: Fit, seed: int, chunk: Chunk) -> dict[int, 
 def _replicate(search: Search, fit: Fit, seed: int, number: int) -> Replicate:
     rng = np.random.default_rng([seed, 4, number])
     again = replace(search, fitter=search.fitter.of_record(_drawn(search, fit, rng)))
-    found = select(again, quick=True).fit
+    selected = select(again, quick=True).fit
     if terms := [
-        one for one in fit.members if is_term(one)
+        member for member in fit.members if is_term(member)
     ]:  # in every replicate, as in the answer
-        found = again.fitter.refined([*found.members, *terms])
+        selected = again.fitter.refined([*selected.members, *terms])
     return {
         member.name: member.candidate.values(member.shape, coefficients)
-        for member, coefficients in zip(found.members, found.coefficients, strict=True)
+        for member, coefficients in zip(selected.members, selected.coefficients, strict=True)
         if not is_term(member)
     }
 

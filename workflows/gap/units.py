@@ -33,12 +33,14 @@ def numbered(
     if unit.text:
         return cells
     labels = cells[name].astype(object)
-    given = labels[labels.notna() & (labels.astype(str) != "")]
-    if pd.to_numeric(given, errors="coerce").notna().all():
+    filled = labels[labels.notna() & (labels.astype(str) != "")]
+    if pd.to_numeric(filled, errors="coerce").notna().all():
         return cells
-    number, each = pd.factorize(given)
-    notes.append(f"{place}: {len(each)} labels of units ({each[0]}, ...) are numbered as they come")
-    return cells.assign(**{name: pd.Series(number + 1, index=given.index).reindex(cells.index)})
+    number, names = pd.factorize(filled)
+    notes.append(
+        f"{place}: {len(names)} labels of units ({names[0]}, ...) are numbered as they come"
+    )
+    return cells.assign(**{name: pd.Series(number + 1, index=filled.index).reindex(cells.index)})
 
 
 def one_per_unit(
@@ -73,10 +75,10 @@ def one_per_unit(
     if units < rows:
         notes.append(f"{rows} readings of {units} units: each unit is the mean of its readings")
     merged = frame.drop(columns=repeat).groupby(number, sort=True)
-    found = merged.agg(
+    means = merged.agg(
         {name: "first" if name in labels else "mean" for name in frame.columns if name != repeat}
     )
-    return found.set_axis(frame.index[~pd.Series(number).duplicated().to_numpy()]), []
+    return means.set_axis(frame.index[~pd.Series(number).duplicated().to_numpy()]), []
 
 
 def _readings_of_parts(frame: pd.DataFrame, columns: Sequence[Column], place: str) -> list[Fault]:

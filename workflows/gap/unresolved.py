@@ -78,20 +78,20 @@ def _spline(base: Term, column: Column, x: Array) -> Term:
 
 
 def _power(base: Term, form: Form, x: Array) -> Term:
-    found = replace(base, shape="power", exponent=float(form.order), scale=float(np.abs(x).max()))
+    term = replace(base, shape="power", exponent=float(form.order), scale=float(np.abs(x).max()))
     if form.shape == FROM_LEAST:
-        return replace(found, zero=float(x.min()), scale=float(np.ptp(x)))
-    return replace(found, signed=form.shape == ODD)
+        return replace(term, zero=float(x.min()), scale=float(np.ptp(x)))
+    return replace(term, signed=form.shape == ODD)
 
 
 def _product(base: Term, form: Form, data: GapData, columns: dict[str, Column]) -> Term:
-    other = form.more[0]
-    x, y = (np.asarray(data.readings.table[n], dtype=float) for n in (form.variable, other))
+    second = form.more[0]
+    x, y = (np.asarray(data.readings.table[n], dtype=float) for n in (form.variable, second))
     if form.powers is None:
-        found = replace(base, shape="product", zero=float(x.mean()), scale=float(x.std()))
-        return replace(found, times=other, times_zero=float(y.mean()), times_scale=float(y.std()))
+        term = replace(base, shape="product", zero=float(x.mean()), scale=float(x.std()))
+        return replace(term, times=second, times_zero=float(y.mean()), times_scale=float(y.std()))
     p, q = form.powers
-    ends = [origin(columns[n]) for n in (form.variable, other)]
+    ends = [origin(columns[n]) for n in (form.variable, second)]
     sizes = [float(np.abs(v - z).max()) for v, z in zip((x, y), ends, strict=True)]
     return replace(
         base,
@@ -100,7 +100,7 @@ def _product(base: Term, form: Form, data: GapData, columns: dict[str, Column]) 
         signed=p == 1,
         zero=ends[0],
         scale=sizes[0],
-        times=other,
+        times=second,
         times_exponent=float(q),
         times_zero=ends[1],
         times_scale=sizes[1],
@@ -108,12 +108,12 @@ def _product(base: Term, form: Form, data: GapData, columns: dict[str, Column]) 
 
 
 def _wave(base: Term, form: Form, data: GapData) -> Term:
-    found = replace(base, shape="wave", order=float(form.order))
+    term = replace(base, shape="wave", order=float(form.order))
     if not form.by:
-        return found
+        return term
     by = (*form.more, *(c.name for c in data.inputs if str(c.role) == form.by))[0]
     size = float(np.abs(np.asarray(data.readings.table[by], dtype=float)).max())
-    return replace(found, times=by, times_exponent=float(form.by_power), times_scale=size)
+    return replace(term, times=by, times_exponent=float(form.by_power), times_scale=size)
 
 
 def member_of(term: Term, data: GapData, fitter: Fitter, named: Sequence[Member]) -> Member | None:
@@ -126,7 +126,7 @@ def member_of(term: Term, data: GapData, fitter: Fitter, named: Sequence[Member]
     good = np.abs(np.diag(r)) > 1e-5 * max(float(np.abs(r[0, 0])), 1e-300)
     rank = int(good.sum())
     q, r, kept = q[:, :rank], r[:rank, :rank], order[:rank]
-    inside = [q.T @ one for one in _within(q, fitter, named)]
+    inside = [q.T @ column for column in _within(q, fitter, named)]
     if len(kept) == 1:
         return None if inside else _mixed(term, data, np.eye(term.count)[:, kept])
     spanned = basis(np.column_stack(inside)) if inside else np.zeros((rank, 0))
@@ -148,15 +148,15 @@ def whole_of(member: Member, data: GapData) -> Member:
 
 def _within(q: NDArray[Any], fitter: Fitter, named: Sequence[Member]) -> list[Array]:
     """Columns of named effects that lie in the span of a form with basis q (N, r)."""
-    found = []
-    for one in named:
-        if is_term(one):
+    inside = []
+    for member in named:
+        if is_term(member):
             continue
-        columns = beside(fitter.white(one), fitter.q)
+        columns = beside(fitter.white(member), fitter.q)
         for column in columns.T:
             if float(np.sum((q.T @ column) ** 2)) > WITHIN * float(column @ column) > 0.0:
-                found.append(column)
-    return found
+                inside.append(column)
+    return inside
 
 
 def _mixed(term: Term, data: GapData, mix: Array) -> Member:

@@ -33,16 +33,16 @@ FAMILIES = {
 
 def of_inside(setup: Setup, fit: Fit, table: pd.DataFrame) -> tuple[Region, ...]:
     """Where effects that act inside of the model change what it predicts, along the prediction."""
-    if not any(one.candidate.alone for one in fit.members):
+    if not any(member.candidate.alone for member in fit.members):
         return ()
-    found = []
+    regions = []
     for output in setup.data.outputs:
         after = table[f"{output.name}_corrected"].to_numpy()
         change = after - table[f"{output.name}_predicted"].to_numpy()
         low, high = densest(after, change)
         squares = float(np.mean(table[f"{output.name}_before"] ** 2))
-        left = float(np.mean(table[f"{output.name}_after"] ** 2))
-        found.append(
+        remaining_squares = float(np.mean(table[f"{output.name}_after"] ** 2))
+        regions.append(
             Region(
                 output.name,
                 f"{PREDICTED}{output.name}",
@@ -50,10 +50,10 @@ def of_inside(setup: Setup, fit: Fit, table: pd.DataFrame) -> tuple[Region, ...]
                 output.unit,
                 low,
                 high,
-                share=1.0 - left / max(squares, 1e-300),
+                share=1.0 - remaining_squares / max(squares, 1e-300),
             )
         )
-    return tuple(found)
+    return tuple(regions)
 
 
 def along(setup: Setup, variable: str) -> Array | None:
@@ -72,8 +72,8 @@ def curve_of(setup: Setup, generic: Remaining, at: int, q: Array, residual: Arra
     which = int(generic.outputs[at])
     forms = len(generic.forms) // len(setup.data.outputs)
     raw = setup.generic.of(at - which * forms)
-    found = np.linalg.lstsq(beside(generic.white.of(at), q), residual, rcond=1e-7)[0]
-    curve = raw @ found
+    coefficients = np.linalg.lstsq(beside(generic.white.of(at), q), residual, rcond=1e-7)[0]
+    curve = raw @ coefficients
     zero = setup.data.outputs[which].name in setup.data.zeros
     return np.asarray(curve - curve.mean() if zero else curve)
 
@@ -98,21 +98,21 @@ def shapes(
     fitter: Fitter,
     generic: Remaining,
     verdict: Judged,
-    left: Left,
+    remaining: Left,
     fit: Fit,
     limit: float,
     near: tuple[str, ...],
 ) -> tuple[Shape, ...]:
     """What is left without a name beside the fit of what keeps its name."""
-    found: dict[tuple[int, str], Shape] = {}
-    for at in left.best:
-        if left.evidence[at] <= limit or len(found) >= 3:
+    records: dict[tuple[int, str], Shape] = {}
+    for at in remaining.best:
+        if remaining.evidence[at] <= limit or len(records) >= 3:
             break
         form, output = generic.forms[at], int(generic.outputs[at])
         key = (output, form.variable)
-        if key not in found and not (found and form.kind == "distribution"):
-            found[key] = _shape(setup, fitter, generic, form, int(at), fit, near)
-    return tuple(found.values())
+        if key not in records and not (records and form.kind == "distribution"):
+            records[key] = _shape(setup, fitter, generic, form, int(at), fit, near)
+    return tuple(records.values())
 
 
 def _shape(
@@ -168,8 +168,10 @@ def _parity(setup: Setup, curve: Array) -> str:
 
 
 def _explained(columns: Array, curve: Array) -> float:
-    found = np.linalg.lstsq(columns, curve, rcond=1e-9)[0]
-    return float(1.0 - np.sum((curve - columns @ found) ** 2) / max(np.sum(curve**2), 1e-300))
+    coefficients = np.linalg.lstsq(columns, curve, rcond=1e-9)[0]
+    return float(
+        1.0 - np.sum((curve - columns @ coefficients) ** 2) / max(np.sum(curve**2), 1e-300)
+    )
 
 
 def _text(form: Form, amplitude: float, unit: str, torque: str, near: tuple[str, ...]) -> str:

@@ -50,21 +50,21 @@ def record(result: GapResult) -> dict[str, Any]:
     return {
         **({"simulated": asdict(drawing)} if drawing else {}),
         "verdict": result.verdict,
-        "effects": [_effect(one) for one in result.effects],
-        "alternatives": [_rival(one) for one in result.rivals],
+        "effects": [_effect(effect) for effect in result.effects],
+        "alternatives": [_rival(rival) for rival in result.rivals],
         "next_measurement": asdict(planned) if (planned := result.next_measurement) else None,
-        "unresolved": [asdict(one) for one in result.unresolved],
-        "remainder": [asdict(one) for one in result.remainder],
-        "unnamed": [asdict(one) for one in result.shapes],
-        "where": [_region(one) for one in result.where],
-        "population": [asdict(one) for one in result.population],
-        "attribution": [asdict(one) for one in result.attribution],
+        "unresolved": [asdict(term) for term in result.unresolved],
+        "remainder": [asdict(remainder) for remainder in result.remainder],
+        "unnamed": [asdict(shape) for shape in result.shapes],
+        "where": [_region(region) for region in result.where],
+        "population": [asdict(line) for line in result.population],
+        "attribution": [asdict(attribution) for attribution in result.attribution],
         "noise_floor": _numbers(result.noise_floor),
         "gap_before": _numbers(result.gap_before),
         "gap_after": _numbers(result.gap_after),
         "gate": asdict(result.gate),
-        "scores": [asdict(one) for one in result.scores],
-        "steps": [asdict(one) for one in result.steps],
+        "scores": [asdict(score) for score in result.scores],
+        "steps": [asdict(step) for step in result.steps],
         **result.summary,
         "notes": list(result.notes),
     }
@@ -76,16 +76,16 @@ def _numbers(by_output: Mapping[str, float]) -> float | dict[str, float]:
     return by_output[outputs[0]] if len(outputs) == 1 else dict(by_output)
 
 
-def _region(one: Region) -> dict[str, Any]:
-    region = [one.low, one.high] if isfinite(one.low) and isfinite(one.high) else None
-    return {**asdict(one), "region": region, "text": str(one)}
+def _region(region: Region) -> dict[str, Any]:
+    ends = [region.low, region.high] if isfinite(region.low) and isfinite(region.high) else None
+    return {**asdict(region), "region": ends, "text": str(region)}
 
 
-def _effect(one: FoundEffect) -> dict[str, Any]:
+def _effect(effect: FoundEffect) -> dict[str, Any]:
     return {
-        "name": one.name,
-        "family": one.family,
-        "cause": one.cause,
+        "name": effect.name,
+        "family": effect.family,
+        "cause": effect.cause,
         "parameters": {
             p.name: {
                 "value": p.value,
@@ -93,27 +93,27 @@ def _effect(one: FoundEffect) -> dict[str, Any]:
                 "unit": p.unit,
                 "meaning": p.meaning,
             }
-            for p in one.parameters
+            for p in effect.parameters
         },
-        "in_problem": one.in_problem,
-        "counterpart": one.counterpart,
+        "in_problem": effect.in_problem,
+        "counterpart": effect.counterpart,
         "evidence": {
-            "gain": one.gain,
-            "threshold": one.threshold,
-            "held_out_gain": one.held_out_gain,
-            "held_out_error": one.held_out_error,
-            "share": one.share,
-            "bootstrap_frequency": one.frequency,
-            "at_bound": list(one.at_bound),
+            "gain": effect.gain,
+            "threshold": effect.threshold,
+            "held_out_gain": effect.held_out_gain,
+            "held_out_error": effect.held_out_error,
+            "share": effect.share,
+            "bootstrap_frequency": effect.frequency,
+            "at_bound": list(effect.at_bound),
         },
     }
 
 
-def _rival(one: Rival) -> dict[str, Any]:
+def _rival(rival: Rival) -> dict[str, Any]:
     return {
-        "names": list(one.names),
-        "instead_of": list(one.instead_of),
-        "distance": one.distance,
-        "correlation": one.correlation,
-        "separating_measurement": asdict(one.measurement),
+        "names": list(rival.names),
+        "instead_of": list(rival.instead_of),
+        "distance": rival.distance,
+        "correlation": rival.correlation,
+        "separating_measurement": asdict(rival.measurement),
     }

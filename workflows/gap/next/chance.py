@@ -55,13 +55,16 @@ class Duel:
 
     def _ahead(self, times: float, by: float, right: int, wrong: int) -> float:
         """The chance that `right`, being so, ends up ahead."""
-        own, other = (
+        right_covariance, wrong_covariance = (
             np.eye(len(self.apart)) + times * self.wide[k] @ self.wide[k].T for k in (right, wrong)
         )
         draws = np.random.default_rng(0).standard_normal((len(self.apart), DRAWN))
         sign = 1.0 if right == 0 else -1.0
         apart = sign * np.sqrt(times) * self.apart[:, None]
-        roots = [linalg.cholesky(one, lower=True) for one in (own, other)]
+        roots = [
+            linalg.cholesky(covariance, lower=True)
+            for covariance in (right_covariance, wrong_covariance)
+        ]
         theirs = linalg.solve_triangular(roots[1], apart + roots[0] @ draws, lower=True)
         gained = np.sum(theirs**2, axis=0) - np.sum(draws**2, axis=0)
         return float(np.mean(gained + sign * self.ahead > by))

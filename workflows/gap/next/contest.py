@@ -44,12 +44,12 @@ class Contest:
         x, new = rival.columns[:, kept] * scale, points[1].columns[:, kept] * scale
         y = mine.values - rival.values
         start, *_ = np.linalg.lstsq(x, y, rcond=1e-9)
-        y, left = y - x @ start, points[0].values - points[1].values - new @ start
+        y, residual = y - x @ start, points[0].values - points[1].values - new @ start
         return cls(
             gram=x.T @ x + RIDGE * np.eye(len(scale)),
             cross=x.T @ y,
             square=float(y @ y),
-            left=left.reshape(-1, readings),
+            left=residual.reshape(-1, readings),
             columns=new.reshape(-1, readings, len(scale)),
         )
 
@@ -61,17 +61,21 @@ class Contest:
         y = self.left[chosen].ravel()
         inverse = np.asarray(np.linalg.inv(self.gram + x.T @ x), dtype=np.float64)
         cross = self.cross + x.T @ y
-        found = inverse @ cross
-        return max(self.square + float(y @ y) - float(cross @ found), 0.0), found, inverse
+        coefficients = inverse @ cross
+        return (
+            max(self.square + float(y @ y) - float(cross @ coefficients), 0.0),
+            coefficients,
+            inverse,
+        )
 
     def with_each(self, chosen: Chosen) -> Array:
         """Discrimination (C,) with these candidates and one more."""
-        level, found, inverse = self.level(chosen)
-        left = self.left - self.columns @ found
+        level, coefficients, inverse = self.level(chosen)
+        residual = self.left - self.columns @ coefficients
         spread = self.columns @ inverse
-        if left.shape[1] == 1:
+        if residual.shape[1] == 1:
             lever = np.einsum("ckp,ckp->c", spread, self.columns)
-            return np.asarray(level + left[:, 0] ** 2 / (1.0 + lever))
-        own = np.eye(left.shape[1]) + spread @ np.swapaxes(self.columns, 1, 2)
-        solved = np.linalg.solve(own, left[..., None])[..., 0]
-        return np.asarray(level + np.einsum("ck,ck->c", left, solved))
+            return np.asarray(level + residual[:, 0] ** 2 / (1.0 + lever))
+        covariance = np.eye(residual.shape[1]) + spread @ np.swapaxes(self.columns, 1, 2)
+        solved = np.linalg.solve(covariance, residual[..., None])[..., 0]
+        return np.asarray(level + np.einsum("ck,ck->c", residual, solved))

@@ -36,26 +36,26 @@ def cycles(data: GapData, axes: Iterable[Axis], each: int, seed: int) -> Table:
     other inputs as they are throughout; the first cycles take the whole range, or one side.
     """
     axes = tuple(axes)
-    moving = [one for one in axes if one.column.role not in (Role.TORQUE, Role.DIRECTION)]
+    moving = [axis for axis in axes if axis.column.role not in (Role.TORQUE, Role.DIRECTION)]
     ends, others = _drawn(len(moving), seed)
-    torque = next(one for one in axes if one.column.role is Role.TORQUE)
+    torque = next(axis for axis in axes if axis.column.role is Role.TORQUE)
     low, high = torque.at(ends[:, 0]), torque.at(ends[:, 1])
-    share = (np.arange(each) + 1.0) / each
-    wave = 1.0 - np.abs(2.0 * share - 1.0)
-    found = {torque.column.name: (low[:, None] + (high - low)[:, None] * wave).ravel()}
-    for at, one in enumerate(moving):
-        found[one.column.name] = np.repeat(one.at(others[:, at]), each)
-    for one in axes:
-        if one.column.role is Role.DIRECTION:
-            found[one.column.name] = np.tile(np.where(share <= 0.5, 1.0, -1.0), len(ends))
-    whole = with_labels(data, found)
+    fraction = (np.arange(each) + 1.0) / each
+    wave = 1.0 - np.abs(2.0 * fraction - 1.0)
+    table = {torque.column.name: (low[:, None] + (high - low)[:, None] * wave).ravel()}
+    for at, axis in enumerate(moving):
+        table[axis.column.name] = np.repeat(axis.at(others[:, at]), each)
+    for axis in axes:
+        if axis.column.role is Role.DIRECTION:
+            table[axis.column.name] = np.tile(np.where(fraction <= 0.5, 1.0, -1.0), len(ends))
+    whole = with_labels(data, table)
     return {**whole, PATH.name: np.repeat(np.arange(len(ends), dtype=float), each)}
 
 
 def _drawn(others: int, seed: int) -> tuple[Array, Array]:
     """Lower and upper ends of the torque (C, 2) and shares (C, others) of the other inputs."""
     sobol = scipy.stats.qmc.Sobol(2 + others, rng=np.random.default_rng([seed, 9]))
-    shares = np.asarray(sobol.random_base2(CYCLES))
-    ends = np.sort(shares[:, :2], axis=1)
+    fractions = np.asarray(sobol.random_base2(CYCLES))
+    ends = np.sort(fractions[:, :2], axis=1)
     ends[:32], ends[32:48, 0], ends[48:64, 1] = (0.0, 1.0), 0.0, 1.0
-    return ends, shares[:, 2:]
+    return ends, fractions[:, 2:]

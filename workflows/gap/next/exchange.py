@@ -27,10 +27,10 @@ def exchanged(contests: Sequence[Contest], count: int) -> Chosen:
     """
     starts = [added(contests, count)]
     if len(contests) > 1:
-        own = np.concatenate([np.sort(added([one], count)) for one in contests])
-        starts.append(own[:: len(contests)][:count])
-    found = [_settled(contests, start) for start in starts]
-    return max(found, key=lambda one: _worst([c.level(one)[0] for c in contests]))
+        alternating = np.concatenate([np.sort(added([contest], count)) for contest in contests])
+        starts.append(alternating[:: len(contests)][:count])
+    designs = [_settled(contests, start) for start in starts]
+    return max(designs, key=lambda design: _worst([c.level(design)[0] for c in contests]))
 
 
 def added(contests: Sequence[Contest], count: int) -> Chosen:
@@ -44,10 +44,10 @@ def added(contests: Sequence[Contest], count: int) -> Chosen:
 def _settled(contests: Sequence[Contest], chosen: Chosen) -> Chosen:
     """A design whose points were exchanged in turn until that gains nothing."""
     for _ in range(PASSES):
-        before = _worst([one.level(chosen)[0] for one in contests])
+        before = _worst([contest.level(chosen)[0] for contest in contests])
         for at in range(len(chosen)):
             chosen = _improved(contests, chosen, at)
-        if _worst([one.level(chosen)[0] for one in contests]) < (1.0 + BETTER) * before:
+        if _worst([contest.level(chosen)[0] for contest in contests]) < (1.0 + BETTER) * before:
             break
     return chosen
 
@@ -56,7 +56,7 @@ def _improved(contests: Sequence[Contest], chosen: Chosen, at: int) -> Chosen:
     """The design with one of its points exchanged, where that is better."""
     rest = np.delete(chosen, at)
     point, level = _best(contests, rest)
-    now = _worst([one.level(chosen)[0] for one in contests])
+    now = _worst([contest.level(chosen)[0] for contest in contests])
     if level <= (1.0 + BETTER) * now:
         return chosen
     return np.insert(rest, at, point)
@@ -64,7 +64,7 @@ def _improved(contests: Sequence[Contest], chosen: Chosen, at: int) -> Chosen:
 
 def _best(contests: Sequence[Contest], chosen: Chosen) -> tuple[int, float]:
     """The candidate that is best beside these, and what both come to."""
-    levels = np.array([one.with_each(chosen) for one in contests])
+    levels = np.array([contest.with_each(chosen) for contest in contests])
     merit = (1.0 - MEAN) * levels.min(axis=0) + MEAN * levels.mean(axis=0)
     best = int(np.argmax(merit))
     return best, float(merit[best])

@@ -19,7 +19,7 @@ def range_faults(plan: GapPlan, data: GapData, place: str) -> list[Fault]:
     if wanted is None:
         return []
     known = {column.name: column for column in data.target.columns}
-    found = []
+    faults = []
     for name, span in wanted.ranges.items():
         text = ""
         if name not in known:
@@ -28,8 +28,8 @@ def range_faults(plan: GapPlan, data: GapData, place: str) -> list[Fault]:
             last = float(np.max(data.readings.table[name]))
             text = f"ends before the record does, at {last:g}" if span.high <= last else ""
         if text:
-            found.append(Fault(f"{RANGE}.{name}", text))
-    if not found and not data.target.population:
+            faults.append(Fault(f"{RANGE}.{name}", text))
+    if not faults and not data.target.population:
         points = candidates(data, axes_of(data, wanted.ranges, wanted.readings), plan.seed)
-        found += [] if inside(plan.model, points).any() else [Fault(RANGE, NO_POINT)]
-    return found
+        faults += [] if inside(plan.model, points).any() else [Fault(RANGE, NO_POINT)]
+    return faults

@@ -54,7 +54,9 @@ class Ahead:
         self.table, self.base = table, base
         self.columns: Columns = _Onward(setup, table)
         self._space = Space(
-            tuple(replace(one, sigma=np.full(len(self), one.level), good=None) for one in noises)
+            tuple(
+                replace(noise, sigma=np.full(len(self), noise.level), good=None) for noise in noises
+            )
         )
 
     def __len__(self) -> int:
@@ -64,9 +66,9 @@ class Ahead:
         """What a fit says of them, whitened along their path."""
         return self.white(said(self.columns, self.base, fit))
 
-    def white(self, found: Said) -> Said:
+    def white(self, prediction: Said) -> Said:
         """In noise units."""
-        return Said(self._space.whiten(found.values), self._space.whiten(found.columns))
+        return Said(self._space.whiten(prediction.values), self._space.whiten(prediction.columns))
 
 
 @dataclass(frozen=True)
@@ -87,9 +89,9 @@ class Field:
         """What a fit says of every candidate, whitened, the rows of a candidate together."""
         return self.white(said(self.columns, self.base, fit))
 
-    def white(self, found: Said) -> Said:
+    def white(self, prediction: Said) -> Said:
         """In noise units; one reading follows the other within a candidate."""
-        together = np.column_stack([found.values, found.columns])
+        together = np.column_stack([prediction.values, prediction.columns])
         parts = np.split(together, len(self.noises))
         shape = (-1, self.each, together.shape[1])
         blocks = [
@@ -121,9 +123,9 @@ def _chained(blocks: Array, rho: float) -> Array:
     """Readings (C, k, p) whose noise is autocorrelated, such that it is independent."""
     if rho == 0.0:
         return blocks
-    found = blocks.copy()
-    found[:, 1:] = (blocks[:, 1:] - rho * blocks[:, :-1]) / np.sqrt(1.0 - rho**2)
-    return found
+    white = blocks.copy()
+    white[:, 1:] = (blocks[:, 1:] - rho * blocks[:, :-1]) / np.sqrt(1.0 - rho**2)
+    return white
 
 
 def field_of(setup: Setup, noises: Sequence[Noise], wanted: NextPlan) -> Field:
@@ -162,7 +164,7 @@ def timed(setup: Setup, axes: Sequence[Axis], table: Table) -> Table:
     if name is None:
         return table
     old = np.asarray(setup.data.readings.table[name], dtype=float)
-    span = next(one.span for one in axes if one.column.name == name)
+    span = next(axis.span for axis in axes if axis.column.name == name)
     count = len(table[name])
     usual = float(np.median(np.diff(old))) if len(old) > 1 else 1.0
     step = min(usual, (span.high - span.low) / max(count - 1, 1))

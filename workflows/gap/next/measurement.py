@@ -54,22 +54,24 @@ def next_measurement(end: Ending) -> Planned | None:
 
 def _of_rivals(end: Ending, wanted: NextPlan) -> Planned:
     """Points that separate the best name from each of its rivals."""
-    open_, said = [], dict[Key, Measurement]()
+    open_, measurements = [], dict[Key, Measurement]()
     for other in end.analysis.others:
         if _reads(end, end.fit) or _reads(end, other.fit):
-            said[_key(other)] = Measurement(READING)
+            measurements[_key(other)] = Measurement(READING)
         else:
             open_.append(other)
     batch = end.setup.data.target.population
-    found, new, inputs = (_of_batch if batch else _of_points)(end, wanted, open_)
-    for one in found:
-        said[one.names, one.instead_of] = _measurement(one, new, inputs)
+    records, new, inputs = (_of_batch if batch else _of_points)(end, wanted, open_)
+    for record in records:
+        measurements[record.names, record.instead_of] = _measurement(record, new, inputs)
     for wider in end.analysis.scatter[1:]:
-        one = of_scatter(end, end.analysis.scatter[0], wider, wanted.readings)
-        found.append(one)
-        said[one.names, one.instead_of] = Measurement(one.text, readings=one.needed)
-    planned = new is not None and any(one.possible for one in found)
-    return _planned(end, new if planned else None, inputs, tuple(found), (), (), said)
+        record = of_scatter(end, end.analysis.scatter[0], wider, wanted.readings)
+        records.append(record)
+        measurements[record.names, record.instead_of] = Measurement(
+            record.text, readings=record.needed
+        )
+    planned = new is not None and any(record.possible for record in records)
+    return _planned(end, new if planned else None, inputs, tuple(records), (), (), measurements)
 
 
 def _of_points(
@@ -84,18 +86,18 @@ def _of_points(
     count = _count(place, wanted)
     gains = np.array([most(pair, count) for pair in pairs])
     good = [pair for pair, gain in zip(pairs, gains, strict=True) if gain > HOPELESS * count]
-    worth = [pair for pair, gain in zip(pairs, gains, strict=True) if gain > LITTLE] or good
-    chosen, better = design(end, place, worth or pairs[:1], count)
+    useful = [pair for pair, gain in zip(pairs, gains, strict=True) if gain > LITTLE] or good
+    chosen, better = design(end, place, useful or pairs[:1], count)
     pairs = [next((b for b in better if b.other is p.other), p) for p in pairs]
     new = ahead(place, chosen)
     alike = like_now(end.setup, noises, len(new))
     kept = {id(pair.other) for pair in good}
-    found = [separation(end, pair, new, alike) for pair in pairs]
-    found = [
-        one if id(pair.other) in kept else _none(one, pair.other)
-        for one, pair in zip(found, pairs, strict=True)
+    records = [separation(end, pair, new, alike) for pair in pairs]
+    records = [
+        record if id(pair.other) in kept else _none(record, pair.other)
+        for record, pair in zip(records, pairs, strict=True)
     ]
-    return found, new, telling(place, (worth or pairs)[0].contests[0], chosen)
+    return records, new, telling(place, (useful or pairs)[0].contests[0], chosen)
 
 
 def _of_batch(
@@ -106,27 +108,27 @@ def _of_batch(
         return [], None, ()
     noises = end.analysis.search.fitter.space.noises
     new, alike = (further_units(end.setup, noises, wanted, spread) for spread in (True, False))
-    found = []
+    records = []
     for other in others:
-        one = separation(end, paired(end, other), new, alike)
-        gained = one.expected - one.now
-        found.append(one if gained > HOPELESS * len(new) else _none(one, other))
-    return found, new, tuple(name for name in wanted.ranges)
+        record = separation(end, paired(end, other), new, alike)
+        gained = record.expected - record.now
+        records.append(record if gained > HOPELESS * len(new) else _none(record, other))
+    return records, new, tuple(name for name in wanted.ranges)
 
 
-def _none(one: Separation, other: Other) -> Separation:
+def _none(record: Separation, other: Other) -> Separation:
     """Of a pair that no design tells apart, and what would."""
     names = frozenset(set(other.names) ^ set(other.instead_of))
     text = f"{NONE}: {UNSEEN[names]}" if names in UNSEEN else f"{NONE}: another quantity is needed"
-    return replace(one, needed=0, text=text, possible=False)
+    return replace(record, needed=0, text=text, possible=False)
 
 
 def _of_effects(end: Ending, wanted: NextPlan) -> Planned:
     """Points that would show the effects nearest to the threshold, or those that were listed."""
-    bare = end.analysis.bare
-    noises, setup = bare.search.fitter.space.noises, bare.setup
+    null_model = end.analysis.bare
+    noises, setup = null_model.search.fitter.space.noises, null_model.setup
     sought, notes = wanted_effects(end, wanted)
-    sought = [one for one in sought if not _reads(end, one.fit)]
+    sought = [effect for effect in sought if not _reads(end, effect.fit)]
     if not sought:
         text = NO_FORM if end.verdict == "unnamed" else "no effect can be planned for"
         return Planned(NextMeasurement(text, notes=tuple(notes)))
@@ -136,13 +138,13 @@ def _of_effects(end: Ending, wanted: NextPlan) -> Planned:
     else:
         place = field_of(setup, noises, wanted)
         count = _count(place, wanted)
-        contests = [contest(place, one) for one in sought]
+        contests = [contest(place, effect) for effect in sought]
         chosen = exchanged(contests, min(count, SUPPORT))
         chosen = np.resize(chosen, count)
         new, inputs = ahead(place, chosen), telling(place, contests[0], chosen)
         alike = like_now(setup, noises, len(new))
-    found = tuple(sensitivity(end, one, new, alike) for one in sought)
-    return _planned(end, new, inputs, (), found, tuple(notes), {})
+    sensitivities = tuple(sensitivity(end, effect, new, alike) for effect in sought)
+    return _planned(end, new, inputs, (), sensitivities, tuple(notes), {})
 
 
 def _planned(
@@ -152,28 +154,30 @@ def _planned(
     pairs: tuple[Separation, ...],
     effects: tuple[Sensitivity, ...],
     notes: tuple[str, ...],
-    said: Mapping[Key, Measurement],
+    measurements: Mapping[Key, Measurement],
 ) -> Planned:
     if new is None:
-        text = "; ".join(dict.fromkeys(one.text for one in pairs)) or NONE
-        return Planned(NextMeasurement(text, pairs=pairs, effects=effects, notes=notes), None, said)
+        text = "; ".join(dict.fromkeys(pair.text for pair in pairs)) or NONE
+        return Planned(
+            NextMeasurement(text, pairs=pairs, effects=effects, notes=notes), None, measurements
+        )
     text = f"{len(new)} readings at the points in {FILE}"
     if effects:
         text += f": {effects[0]}"
     notes = (*notes, LIKE, *((PREDICT,) if end.setup.plan.model is None else ()))
     record = NextMeasurement(text, len(new), pairs, effects, notes, inputs, FILE)
-    return Planned(record, pd.DataFrame(dict(new.table)), said)
+    return Planned(record, pd.DataFrame(dict(new.table)), measurements)
 
 
-def _measurement(one: Separation, new: Ahead | None, inputs: Sequence[str]) -> Measurement:
+def _measurement(record: Separation, new: Ahead | None, inputs: Sequence[str]) -> Measurement:
     """What stands beside a rival."""
-    if new is None or not one.possible:
-        return Measurement(one.text)
+    if new is None or not record.possible:
+        return Measurement(record.text)
     ends = {
         name: (float(np.min(new.table[name])), float(np.max(new.table[name]))) for name in inputs
     }
-    rms = float(np.sqrt(max(one.expected - one.now, 0.0) / len(new)))
-    return Measurement(f"{one.text} ({FILE})", ends, rms, one.needed)
+    rms = float(np.sqrt(max(record.expected - record.now, 0.0) / len(new)))
+    return Measurement(f"{record.text} ({FILE})", ends, rms, record.needed)
 
 
 def _key(other: Other) -> Key:

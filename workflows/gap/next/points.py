@@ -38,12 +38,12 @@ class Axis:
     column: Column
     span: Span
 
-    def at(self, shares: Array) -> Array:
+    def at(self, fractions: Array) -> Array:
         """Values (n,) at shares (n,) of its range."""
         if self.span.values:
-            steps = (shares * len(self.span.values)).astype(np.int64)
+            steps = (fractions * len(self.span.values)).astype(np.int64)
             return np.asarray(self.span.values)[np.minimum(steps, len(self.span.values) - 1)]
-        return self.settable(self.span.low + shares * (self.span.high - self.span.low))
+        return self.settable(self.span.low + fractions * (self.span.high - self.span.low))
 
     def settable(self, values: Array) -> Array:
         """Values (n,) rounded as one can set them, within the range."""
@@ -63,14 +63,14 @@ def axes_of(data: GapData, ranges: Mapping[str, Span], readings: int) -> tuple[A
     )
 
 
-def _span(data: GapData, column: Column, given: Span | None, readings: int) -> Span:
+def _span(data: GapData, column: Column, wanted: Span | None, readings: int) -> Span:
     """What a column may be; a time that is past is over."""
     now = _now(data, column, readings)
-    if given is None:
+    if wanted is None:
         return now
     if column.role is Role.TIME:
-        return Span(min(max(given.low, now.low), given.high), given.high)
-    return given
+        return Span(min(max(wanted.low, now.low), wanted.high), wanted.high)
+    return wanted
 
 
 def _now(data: GapData, column: Column, readings: int) -> Span:
@@ -90,12 +90,12 @@ def candidates(data: GapData, axes: Iterable[Axis], seed: int) -> Table:
     the record inside of it.
     """
     axes = tuple(axes)
-    moving = [one for one in axes if one.span.high > one.span.low]
-    shares = np.vstack([_inside(len(moving), seed), _corners(len(moving)), _edges(len(moving))])
-    found = {one.column.name: np.full(len(shares), one.span.low) for one in axes}
-    found |= {one.column.name: one.at(shares[:, at]) for at, one in enumerate(moving)}
+    moving = [axis for axis in axes if axis.span.high > axis.span.low]
+    fractions = np.vstack([_inside(len(moving), seed), _corners(len(moving)), _edges(len(moving))])
+    table = {axis.column.name: np.full(len(fractions), axis.span.low) for axis in axes}
+    table |= {axis.column.name: axis.at(fractions[:, at]) for at, axis in enumerate(moving)}
     visited = _visited(data, axes)
-    return with_labels(data, {n: np.concatenate([v, visited[n]]) for n, v in found.items()})
+    return with_labels(data, {n: np.concatenate([v, visited[n]]) for n, v in table.items()})
 
 
 def with_labels(data: GapData, table: Table) -> dict[str, NDArray[Any]]:
@@ -103,16 +103,16 @@ def with_labels(data: GapData, table: Table) -> dict[str, NDArray[Any]]:
     was, and the number of the repeat.
     """
     count = len(next(iter(table.values()))) if table else 1
-    found: dict[str, NDArray[Any]] = dict(table)
+    labelled: dict[str, NDArray[Any]] = dict(table)
     for column in data.target.columns:
         values = data.readings.table[column.name]
         if column.role is Role.UNIT:
-            found[column.name] = np.array([f"next {k + 1}" for k in range(count)])
+            labelled[column.name] = np.array([f"next {k + 1}" for k in range(count)])
         elif column.role is Role.REPEAT:
-            found[column.name] = np.full(count, float(np.max(values)) + 1.0)
+            labelled[column.name] = np.full(count, float(np.max(values)) + 1.0)
         elif column.text:
-            found[column.name] = np.resize(np.unique(values.astype(str)), count)
-    return {c.name: found[c.name] for c in data.target.columns}
+            labelled[column.name] = np.resize(np.unique(values.astype(str)), count)
+    return {c.name: labelled[c.name] for c in data.target.columns}
 
 
 def inside(model: MeasurableModel | None, table: Table) -> NDArray[np.bool_]:
@@ -120,24 +120,24 @@ def inside(model: MeasurableModel | None, table: Table) -> NDArray[np.bool_]:
     unknown.
     """
     count = len(next(iter(table.values())))
-    found = np.ones(count, dtype=bool)
+    within = np.ones(count, dtype=bool)
     if model is not None:
         unknown = {c.name: np.full(count, np.nan) for c in model.columns if not c.text}
         for wrong, _ in model.outside({**unknown, **table}).values():
-            found &= ~wrong
-    return found
+            within &= ~wrong
+    return within
 
 
 def turning(axes: Iterable[Axis], table: Table) -> NDArray[np.bool_]:
     """Points (n,) where a load is about to turn: what jumps there in a formula is blurred in
     truth, and so is the load that one can set.
     """
-    found = np.zeros(len(next(iter(table.values()))), dtype=bool)
-    for one in axes:
-        if one.column.role in (Role.TORQUE, Role.FORCE):
-            most = max(abs(one.span.low), abs(one.span.high))
-            found |= np.abs(table[one.column.name]) < TURNS * most
-    return found
+    turns = np.zeros(len(next(iter(table.values()))), dtype=bool)
+    for axis in axes:
+        if axis.column.role in (Role.TORQUE, Role.FORCE):
+            most = max(abs(axis.span.low), abs(axis.span.high))
+            turns |= np.abs(table[axis.column.name]) < TURNS * most
+    return turns
 
 
 def _inside(inputs: int, seed: int) -> Array:
@@ -158,39 +158,39 @@ def _corners(inputs: int) -> Array:
         for a in (0.0, 1.0)
         for b in (0.0, 1.0)
     ]
-    found = np.full((len(pairs), inputs), 0.5)
-    for row, (i, j, a, b) in zip(found, pairs, strict=True):
+    points = np.full((len(pairs), inputs), 0.5)
+    for row, (i, j, a, b) in zip(points, pairs, strict=True):
         row[i], row[j] = a, b
-    return found
+    return points
 
 
 def _edges(inputs: int) -> Array:
     """Each input from end to end, the others in the middle or at one end together."""
     steps = np.linspace(0.0, 1.0, 17)
-    found = [np.full((0, inputs), 0.5)]
+    lines = [np.full((0, inputs), 0.5)]
     for at in range(inputs):
         for others in (0.0, 0.5, 1.0):
             line = np.full((len(steps), inputs), others)
             line[:, at] = steps
-            found.append(line)
-    return np.vstack(found)
+            lines.append(line)
+    return np.vstack(lines)
 
 
 def _visited(data: GapData, axes: tuple[Axis, ...]) -> dict[str, Array]:
     """Points of the record that lie in the box, evenly along it."""
     table = {
-        one.column.name: np.asarray(data.readings.table[one.column.name], dtype=float)
-        for one in axes
+        axis.column.name: np.asarray(data.readings.table[axis.column.name], dtype=float)
+        for axis in axes
     }
     within = np.ones(len(data), dtype=bool)
-    for one in axes:
-        values = table[one.column.name]
-        if one.column.role is Role.TIME:
-            table[one.column.name] = np.full(len(data), one.span.low)
-        elif one.span.values:
-            within &= np.isin(values, one.span.values)
+    for axis in axes:
+        values = table[axis.column.name]
+        if axis.column.role is Role.TIME:
+            table[axis.column.name] = np.full(len(data), axis.span.low)
+        elif axis.span.values:
+            within &= np.isin(values, axis.span.values)
         else:
-            within &= (values >= one.span.low) & (values <= one.span.high)
+            within &= (values >= axis.span.low) & (values <= axis.span.high)
     rows = np.flatnonzero(within)
     rows = rows[:: max(1, -(-len(rows) // VISITED))]
-    return {one.column.name: one.settable(table[one.column.name][rows]) for one in axes}
+    return {axis.column.name: axis.settable(table[axis.column.name][rows]) for axis in axes}

@@ -84,38 +84,40 @@ def said(columns: Columns, base: Array, fit: Fit) -> Said:
     """By a fit, at the rows of `columns`, in the outputs' units."""
     values, parts = base @ fit.free, [base]
     for member, coefficients in zip(fit.members, fit.coefficients, strict=True):
-        own = columns.of(member.candidate, member.shape)
-        values = values + own @ coefficients
+        member_columns = columns.of(member.candidate, member.shape)
+        values = values + member_columns @ coefficients
         if not member.candidate.alone:
-            parts.append(own)
-        parts += [one[:, None] for one in _moving(columns, member, coefficients)]
+            parts.append(member_columns)
+        parts += [column[:, None] for column in _moving(columns, member, coefficients)]
     return Said(np.asarray(values), np.hstack(parts))
 
 
 def _moving(columns: Columns, member: Member, coefficients: Array) -> Iterator[Array]:
     """What each nonlinear parameter that was fitted does (N,), per unit of it."""
-    for one in member.candidate.shape:
-        if one.choices:
+    for parameter in member.candidate.shape:
+        if parameter.choices:
             continue
-        value = member.shape[one.name]
+        value = member.shape[parameter.name]
         step = STRIDE * (abs(value) or 1.0)
-        ends = max(value - step, one.low), min(value + step, one.high)
-        low, high = (columns.of(member.candidate, {**member.shape, one.name: end}) for end in ends)
+        ends = max(value - step, parameter.low), min(value + step, parameter.high)
+        low, high = (
+            columns.of(member.candidate, {**member.shape, parameter.name: end}) for end in ends
+        )
         yield (high - low) @ coefficients / max(ends[1] - ends[0], 1e-300)
 
 
 def of_record(fitter: Fitter, fit: Fit) -> Said:
     """By a fit, at the readings of the record, whitened, the tolerances below (N,)."""
-    found = said(fitter.columns, fitter.raw_base, fit)
+    prediction = said(fitter.columns, fitter.raw_base, fit)
     free = fitter.base.shape[1]
-    columns = fitter.space.whiten(found.columns)
+    columns = fitter.space.whiten(prediction.columns)
     columns[:, :free] = fitter.base
-    values = fitter.space.whiten(found.values)
+    values = fitter.space.whiten(prediction.values)
     tail = slice(len(values) - fitter.space.prior, None)
     values[tail] = fitter.base[tail] @ fit.free
     return Said(values, columns)
 
 
-def distance(one: Said, other: Said) -> float:
+def distance(explanation: Said, rival: Said) -> float:
     """Squared norm of what the one says and the other cannot follow."""
-    return float(np.sum(beside(one.values - other.values, basis(other.columns)) ** 2))
+    return float(np.sum(beside(explanation.values - rival.values, basis(rival.columns)) ** 2))

@@ -44,36 +44,37 @@ class Sought:
 def wanted_effects(end: Ending, wanted: NextPlan) -> tuple[list[Sought], list[str]]:
     """The effects that were listed, or those nearest to the threshold; why others cannot be."""
     search = end.analysis.bare.search
-    found = {
-        one.member.name: one.member for one in scan(search.fitter, search.white, search.book, ())
+    members = {
+        candidate.member.name: candidate.member
+        for candidate in scan(search.fitter, search.white, search.book, ())
     }
-    names = wanted.effects or tuple(wanted.amounts) or tuple(found)
+    names = wanted.effects or tuple(wanted.amounts) or tuple(members)
     sought, notes = [], []
     listed = bool(wanted.effects or wanted.amounts)
     for name in names:
-        member = found.get(name)
+        member = members.get(name)
         if member is None or member.candidate.alone:
             why = "it has no place in these data" if member is None else "its size bends its form"
             notes.append(f"{name}: no points can be planned, {why}")
             continue
-        one = _sought(end, member, wanted.amounts.get(name))
-        if one is not None and not listed and _seen(end, one):
+        effect = _sought(end, member, wanted.amounts.get(name))
+        if effect is not None and not listed and _seen(end, effect):
             continue
-        if one is None:
+        if effect is None:
             notes.append(
                 f"{name}: cannot be seen in these data, because what is free does the same"
             )
             continue
-        sought.append(one)
+        sought.append(effect)
         if not listed and len(sought) == NEAREST:
             break
     return sought, notes if listed else []
 
 
-def _seen(end: Ending, one: Sought) -> bool:
+def _seen(end: Ending, effect: Sought) -> bool:
     """Whether the record shows it already: then its form is in question, not its presence."""
-    seen = float(np.sqrt(end.analysis.bare.search.thresholds.library)) + NINE_OF_TEN
-    return distance(*one.record) > seen**2
+    detectable_norm = float(np.sqrt(end.analysis.bare.search.thresholds.library)) + NINE_OF_TEN
+    return distance(*effect.record) > detectable_norm**2
 
 
 def _sought(end: Ending, member: Member, amount: float | None) -> Sought | None:
@@ -119,8 +120,8 @@ def _at(sought: Sought, at: Ahead | Field) -> tuple[Said, Said]:
     """The same of further readings."""
     candidate, shape = sought.member.candidate, sought.member.shape
     values = at.columns.of(candidate, shape) @ sought.size
-    found = at.white(Said(values, at.base))
-    return found, Said(np.zeros_like(found.values), found.columns)
+    prediction = at.white(Said(values, at.base))
+    return prediction, Said(np.zeros_like(prediction.values), prediction.columns)
 
 
 def contest(field: Field, sought: Sought) -> Contest:
@@ -135,12 +136,20 @@ def sensitivity(end: Ending, sought: Sought, new: Ahead, alike: Ahead) -> Sensit
     levels += [joined(*sought.record, *_at(sought, at)) for at in (new, alike)]
     size, candidate = sought.size, sought.member.candidate
     now, then, like = (
-        1.0 - float(chndtr(limit, max(len(size), 1), max(one, TINY))) for one in levels
+        1.0 - float(chndtr(limit, max(len(size), 1), max(level, TINY))) for level in levels
     )
     column = int(np.argmax(np.abs(size)))
-    seen = abs(float(size[column])) * (np.sqrt(limit) + NINE_OF_TEN)
-    least = [seen / float(np.sqrt(max(one, TINY))) for one in levels]
-    one = candidate.linear[column]
+    detectable_size = abs(float(size[column])) * (np.sqrt(limit) + NINE_OF_TEN)
+    least = [detectable_size / float(np.sqrt(max(level, TINY))) for level in levels]
+    parameter = candidate.linear[column]
     return Sensitivity(
-        candidate.name, one.name, one.unit, float(size[column]), now, then, like, least[0], least[1]
+        candidate.name,
+        parameter.name,
+        parameter.unit,
+        float(size[column]),
+        now,
+        then,
+        like,
+        least[0],
+        least[1],
     )

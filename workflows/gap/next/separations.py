@@ -59,7 +59,7 @@ class Pair:
 
     def least(self, chosen: Chosen) -> float:
         """Discrimination with these candidates, at the value that follows best."""
-        return min(one.level(chosen)[0] for one in self.contests)
+        return min(contest.level(chosen)[0] for contest in self.contests)
 
 
 def paired(end: Ending, other: Other, field: Field | None = None) -> Pair:
@@ -87,18 +87,18 @@ def design(
     """The candidates that separate the worst of these pairs best, and the pairs with the values of
     nonlinear parameters that follow best.
     """
-    found = list(pairs)
+    current = list(pairs)
     for _ in range(ROUNDS):
-        chosen = _exchanged(found, count)
-        wider = [_with_worst(end, field, pair, chosen) for pair in found]
-        if all(one is other for one, other in zip(wider, found, strict=True)):
-            return np.resize(chosen, count), found
-        found = wider
-    return np.resize(_exchanged(found, count), count), found
+        chosen = _exchanged(current, count)
+        wider = [_with_worst(end, field, pair, chosen) for pair in current]
+        if all(new is old for new, old in zip(wider, current, strict=True)):
+            return np.resize(chosen, count), current
+        current = wider
+    return np.resize(_exchanged(current, count), count), current
 
 
 def _exchanged(pairs: Sequence[Pair], count: int) -> Chosen:
-    return exchanged([one for pair in pairs for one in pair.contests], min(count, SUPPORT))
+    return exchanged([contest for pair in pairs for contest in pair.contests], min(count, SUPPORT))
 
 
 def _with_worst(end: Ending, field: Field, pair: Pair, chosen: Chosen) -> Pair:
@@ -117,7 +117,7 @@ def variants(search: Search, fit: Fit) -> list[Fit]:
     last, others = fit.members[-1], fit.members[:-1]
     if not last.shape or last.candidate.alone:
         return []
-    at = np.array([k for k, one in enumerate(search.book.members) if one.name == last.name])
+    at = np.array([k for k, member in enumerate(search.book.members) if member.name == last.name])
     q = search.fitter.spanned(others)
     gains = search.white.some(at).orthonormal(q).gains(beside(search.fitter.y, q))
     allowed = at[gains >= gains.max() - search.settings.set_distance]
@@ -130,8 +130,8 @@ def separation(end: Ending, pair: Pair, new: Ahead, alike: Ahead) -> Separation:
     """What the planned readings tell of a pair, and as many like the present ones."""
     fit, mine = end.fit, new.says(end.fit)
     levels = [
-        joined(pair.mine, record, mine, new.says(one))
-        for one, record in zip(pair.fits, pair.records, strict=True)
+        joined(pair.mine, record, mine, new.says(rival_fit))
+        for rival_fit, record in zip(pair.fits, pair.records, strict=True)
     ]
     planned, like = (
         Duel.of(
@@ -139,7 +139,7 @@ def separation(end: Ending, pair: Pair, new: Ahead, alike: Ahead) -> Separation:
         )
         for at in (new, alike)
     )
-    now = min(distance(pair.mine, one) for one in pair.records)
+    now = min(distance(pair.mine, record) for record in pair.records)
     apart = end.analysis.search.settings.set_distance
     return told(pair.other, (now, min(levels)), (planned, like), len(new), apart)
 
@@ -169,7 +169,7 @@ def told(
 
 def joined(mine: Said, rival: Said, new_mine: Said, new_rival: Said) -> float:
     """The discrimination of the record and new readings together."""
-    one = np.concatenate([mine.values, new_mine.values])
-    other = np.concatenate([rival.values, new_rival.values])
+    values = np.concatenate([mine.values, new_mine.values])
+    rival_values = np.concatenate([rival.values, new_rival.values])
     columns = np.vstack([rival.columns, new_rival.columns])
-    return distance(Said(one, columns), Said(other, columns))
+    return distance(Said(values, columns), Said(rival_values, columns))

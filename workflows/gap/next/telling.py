@@ -18,20 +18,22 @@ def telling(field: Field, contest: Contest, chosen: Chosen) -> tuple[str, ...]:
     """The two inputs that the difference of the explanations follows most: by the correlation ratio
     of it, or of its square, over all candidates.
     """
-    _, found, _ = contest.level(chosen)
-    left = (contest.left - contest.columns @ found).reshape(len(contest.left), -1, field.each)
-    signed = left.sum(axis=1).ravel()
+    _, coefficients, _ = contest.level(chosen)
+    residual = (contest.left - contest.columns @ coefficients).reshape(
+        len(contest.left), -1, field.each
+    )
+    signed = residual.sum(axis=1).ravel()
 
-    def told(one: Axis) -> float:
-        values = np.asarray(field.data.readings.table[one.column.name], dtype=float)
+    def strength(axis: Axis) -> float:
+        values = np.asarray(field.data.readings.table[axis.column.name], dtype=float)
         return max(_ratio(values, signed), _ratio(values, signed**2))
 
     moving = [
-        one
-        for one in field.axes
-        if one.span.high > one.span.low and one.column.role is not Role.TIME
+        axis
+        for axis in field.axes
+        if axis.span.high > axis.span.low and axis.column.role is not Role.TIME
     ]
-    return tuple(one.column.name for one in sorted(moving, key=told, reverse=True)[:2])
+    return tuple(axis.column.name for axis in sorted(moving, key=strength, reverse=True)[:2])
 
 
 def _ratio(values: Array, of: Array) -> float:

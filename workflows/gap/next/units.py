@@ -33,31 +33,31 @@ def further_units(setup: Setup, noises: Sequence[Noise], wanted: NextPlan, sprea
     count, table = wanted.readings, setup.data.readings.table
     rng = np.random.default_rng([setup.plan.seed, 11])
     rows = rng.integers(len(setup.data), size=count)
-    found: dict[str, NDArray[Any]] = {}
+    columns: dict[str, NDArray[Any]] = {}
     for column in setup.data.target.columns:
         if column.text or column.role is Role.REPEAT:
             continue
-        found[column.name] = np.asarray(table[column.name])[rows]
+        columns[column.name] = np.asarray(table[column.name])[rows]
         span = wanted.ranges.get(column.name)
         if spread and span is not None:
-            found[column.name] = np.resize(span.values or (span.low, span.high), count)
-    if not found:
-        found = {"": np.zeros(count)}
-    whole = with_labels(setup.data, found)
+            columns[column.name] = np.resize(span.values or (span.low, span.high), count)
+    if not columns:
+        columns = {"": np.zeros(count)}
+    whole = with_labels(setup.data, columns)
     return Ahead(setup, noises, whole, base_at(setup, placed(setup.data, whole)))
 
 
-def of_scatter(end: Ending, mine: Scatter, other: Scatter, count: int) -> Separation:
+def of_scatter(end: Ending, mine: Scatter, rival: Scatter, count: int) -> Separation:
     """What further units tell of two effects on the scatter: the log of the likelihood ratio of a
     unit has a mean and a variance, those of many add up.
     """
     law = end.analysis.bare.batch.law
-    laws = [one.changed(law) for one in (mine, other)]
-    kinds = [one.likelihood(law)[0] for one in (mine, other)]
+    laws = [effect.changed(law) for effect in (mine, rival)]
+    kinds = [effect.likelihood(law)[0] for effect in (mine, rival)]
     moments = [_moments(right, wrong) for right, wrong in zip(laws, kinds[::-1], strict=True)]
-    both = set(mine.names) & set(other.names)
-    names, instead = (tuple(n for n in of.names if n not in both) for of in (other, mine))
-    ahead, n = other.distance, len(end.setup.data)
+    both = set(mine.names) & set(rival.names)
+    names, instead = (tuple(n for n in of.names if n not in both) for of in (rival, mine))
+    ahead, n = rival.distance, len(end.setup.data)
     chance = _chance(moments, ahead, count)
     tried = np.unique(np.geomspace(FEWEST, MOST, 400).astype(int)).tolist()
     short = [k for k in tried if _chance(moments, ahead, k) < CERTAIN]
@@ -74,8 +74,8 @@ def _moments(right: Law, wrong: BatchLikelihood) -> tuple[float, float]:
     """Mean and variance of the log likelihood ratio of a unit of the right law, against the wrong
     effect where it follows that law best.
     """
-    shares = (np.arange(QUANTILES) + 0.5) / QUANTILES
-    x = np.asarray(right.histogram.ppf(shares), dtype=np.float64)
+    fractions = (np.arange(QUANTILES) + 0.5) / QUANTILES
+    x = np.asarray(right.histogram.ppf(fractions), dtype=np.float64)
     ratio = right(x) - wrong.changed(wrong.best(x))(x)
     return float(max(ratio.mean(), 0.0)), float(ratio.var())
 
@@ -87,10 +87,10 @@ def _chance(
     now.
     """
     mine = 1.0 / (1.0 + np.exp(-0.5 * ahead))
-    found = 0.0
+    chance = 0.0
     for weight, (mean, variance), start in zip(
         (mine, 1.0 - mine), moments, (ahead, -ahead), strict=True
     ):
         gained = start + 2.0 * count * mean - by
-        found += weight * ndtr(gained / np.sqrt(max(4.0 * count * variance, 1e-12)))
-    return float(found)
+        chance += weight * ndtr(gained / np.sqrt(max(4.0 * count * variance, 1e-12)))
+    return float(chance)

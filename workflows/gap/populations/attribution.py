@@ -34,10 +34,13 @@ def of_batch(end: Ending) -> tuple[Attribution, ...]:
         text = _beside(end) or f"no input of its own: cannot tell with n = {len(y)}"
         verdict = "none" if _beside(end) else "cannot tell"
         return (Attribution(names, output.name, "", (), verdict, (), text),)
-    found = decided(weighed, names, output.name, output.unit)
+    attributions = decided(weighed, names, output.name, output.unit)
     if not sources.basis:
-        return found
-    return tuple(replace(one, text=f"{one.text} ({sources.basis})") for one in found)
+        return attributions
+    return tuple(
+        replace(attribution, text=f"{attribution.text} ({sources.basis})")
+        for attribution in attributions
+    )
 
 
 def decided(weighed: Weighed, effect: str, output: str, unit: str) -> tuple[Attribution, ...]:
@@ -51,41 +54,52 @@ def decided(weighed: Weighed, effect: str, output: str, unit: str) -> tuple[Attr
         if weighed.mixed:
             text = f"{weighed.rival} explain the batch; no change of one input does"
             return (of("", "none", text),)
-        best = max(weighed.tables.changes, key=lambda one: one.best[1])
+        best = max(weighed.tables.changes, key=lambda change: change.best[1])
         text = (
             "no admissible change of one input alone explains the batch; nearest is a "
             f"{best.kind} of {best.name}"
         )
         return (of(best.kind, "none", text),)
     text = told(weighed, unit)
-    if all(one.source is None for one in weighed.standing):
+    if all(change.source is None for change in weighed.standing):
         text = f"no input alone does it within its limits; {text}"
         return (of(weighed.standing[0].kind, "none", text),)
     alone = len(weighed.standing) == 1 and not weighed.mixed
-    names = {kind: tuple(o.name for o in weighed.standing if o.kind == kind) for kind in KINDS}
+    names = {
+        kind: tuple(change.name for change in weighed.standing if change.kind == kind)
+        for kind in KINDS
+    }
     verdict = "attributed" if alone else "cannot tell"
     return tuple(of(kind, verdict, text, those) for kind, those in names.items() if those)
 
 
 def _records(weighed: Weighed, kind: str, unit: str) -> tuple[InputChange, ...]:
-    mine = [one for one in weighed.tables.changes if one.kind == kind]
-    found = [weighed.record(one, unit) for one in mine]
-    return tuple(sorted(found, key=lambda one: (bool(one.excluded_because), one.distance)))
+    mine = [change for change in weighed.tables.changes if change.kind == kind]
+    records = [weighed.record(change, unit) for change in mine]
+    return tuple(
+        sorted(records, key=lambda record: (bool(record.excluded_because), record.distance))
+    )
 
 
 def told(weighed: Weighed, unit: str) -> str:
     """What is left standing, and what would tell, in one sentence."""
-    names = [_way(one) for one in weighed.standing]
+    names = [_way(change) for change in weighed.standing]
     names += [weighed.rival] if weighed.mixed else []
     if len(names) == 1:
-        one = weighed.standing[0]
-        times = one.kind == "widening" and one.source is not None
-        what = "times" if times else one.unit or unit
-        found = f"{names[0]} ({one.shown(one.best[0]):.3g} {what}) alone would explain the batch"
-        return f"{found}; so may several inputs together"
-    said = ", ".join(names[:6]) + (f" and {len(names) - 6} more" if len(names) > 6 else "")
-    text = f"cannot tell with n = {len(weighed.tables.y)} between {said}"
-    parts = {one.source: parts_of(one, one.best[0]) for one in weighed.standing if one.source}
+        change = weighed.standing[0]
+        times = change.kind == "widening" and change.source is not None
+        what = "times" if times else change.unit or unit
+        sentence = (
+            f"{names[0]} ({change.shown(change.best[0]):.3g} {what}) alone would explain the batch"
+        )
+        return f"{sentence}; so may several inputs together"
+    listed = ", ".join(names[:6]) + (f" and {len(names) - 6} more" if len(names) > 6 else "")
+    text = f"cannot tell with n = {len(weighed.tables.y)} between {listed}"
+    parts = {
+        change.source: parts_of(change, change.best[0])
+        for change in weighed.standing
+        if change.source
+    }
     known = {source: k for source, k in parts.items() if k}
     if not known:
         return text
@@ -93,14 +107,16 @@ def told(weighed: Weighed, unit: str) -> str:
     return f"{text}; measure the {first.part} of {known[first]} parts"
 
 
-def _way(one: Change) -> str:
+def _way(change: Change) -> str:
     """What an input, or the gauge, does."""
-    kind = "noise" if one.source is None and one.kind == "widening" else one.kind
-    return f"{kind} of {one.name}"
+    kind = "noise" if change.source is None and change.kind == "widening" else change.kind
+    return f"{kind} of {change.name}"
 
 
 def _names(end: Ending) -> str:
-    return ", ".join([*end.fit.names, *(one.candidate.name for one in end.analysis.scatter[:1])])
+    return ", ".join(
+        [*end.fit.names, *(effect.candidate.name for effect in end.analysis.scatter[:1])]
+    )
 
 
 def _refused(end: Ending) -> str:
@@ -110,8 +126,8 @@ def _refused(end: Ending) -> str:
         return f"cannot tell with n = {count} which input it is due to"
     setup = end.analysis.bare.setup
     if any(
-        on_scatter(one.effect, one.values, setup.data.readings, setup.data.target)
-        for one in setup.plan.active
+        on_scatter(active.effect, active.values, setup.data.readings, setup.data.target)
+        for active in setup.plan.active
     ):
         return "cannot tell to which input: an effect on the scatter is in the model already"
     return ""
@@ -127,7 +143,7 @@ def _rival(end: Ending, tables: Tables) -> tuple[str, float]:
 
 def trends(end: Ending) -> tuple[str, ...]:
     """Effects that move unit after unit: what an input does that wears off."""
-    return tuple(one.name for one in end.fit.members if one.candidate.effect.along_units)
+    return tuple(member.name for member in end.fit.members if member.candidate.effect.along_units)
 
 
 def _beside(end: Ending) -> str:

@@ -38,14 +38,14 @@ def compared(end: Ending) -> tuple[PopulationLine, ...]:
     if population:
         return tuple(line for k, model in enumerate(models) for line in _of_batch(end, model, k))
     plain = predictor(end.setup.plan, end.setup.data)({})
-    left = np.split(left_of(end.setup, end.fit), len(end.setup.data.outputs))
-    found: tuple[PopulationLine, ...] = ()
+    residuals = np.split(left_of(end.setup, end.fit), len(end.setup.data.outputs))
+    lines: tuple[PopulationLine, ...] = ()
     for stream, model in enumerate(models):
         for at, output in enumerate(end.setup.data.outputs):
-            beside = end.setup.data.measured[output.name] - left[at]
+            beside = end.setup.data.measured[output.name] - residuals[at]
             simulated = plain[output.name] if model == "before" else beside
-            found += _of_pairs(end, at, model, stream, simulated)
-    return found
+            lines += _of_pairs(end, at, model, stream, simulated)
+    return lines
 
 
 def _of_batch(end: Ending, model: str, stream: int) -> tuple[PopulationLine, ...]:
@@ -54,8 +54,8 @@ def _of_batch(end: Ending, model: str, stream: int) -> tuple[PopulationLine, ...
     setup, fit = (end.setup, end.fit) if model == "after" else (bare.setup, bare.empty)
     output, kept = setup.data.outputs[0], bare.noises[0].kept
     law, middle = bare.setup.laws[output.name], 0.0
-    for one in end.analysis.scatter[:1] if model == "after" else ():
-        law, middle = one.changed(law), one.moves
+    for effect in end.analysis.scatter[:1] if model == "after" else ():
+        law, middle = effect.changed(law), effect.moves
     x = left_of(setup, fit)[kept] + middle
     readings = setup.data.readings
     order = unit_numbers(readings)[kept].astype(float)
@@ -92,14 +92,14 @@ def _of_pairs(
     looks = _looks(output.unit, s, order)
     if float(np.std(r)) <= EXACT * scale and abs(float(r.mean())) <= EXACT * scale:
         shown = _shown(s, order)
-        return tuple(_same(one, model, output.name, shown.get(one.name, 0.0)) for one in looks)
+        return tuple(_same(look, model, output.name, shown.get(look.name, 0.0)) for look in looks)
     rng = np.random.default_rng([setup.plan.seed, 15, stream, at])
     settings = setup.plan.settings
     count = batches(len(r))
     drawn = rng.permuted(np.tile(r, (count, 1)), axis=1) * rng.choice([-1.0, 1.0], (count, len(r)))
     # one supplier is drawn as such: readings put in another order keep a second one
     normal = float(np.std(r)) * rng.standard_normal((count, len(r)))
-    looks = tuple(_drawn(one, normal) if one.name == "two suppliers" else one for one in looks)
+    looks = tuple(_drawn(look, normal) if look.name == "two suppliers" else look for look in looks)
     whole = Compared(looks, r, drawn, settings.false_rate, LEAST_NAMED)
     return whole.lines(model, output.name, _shown(s, order), rng)
 
@@ -112,9 +112,9 @@ def _looks(unit: str, s: Array, order: Array) -> tuple[Look, ...]:
 
     moved = SHAPES if float(np.std(s)) > 0.0 else ()
     return tuple(
-        replace(one, of=beyond(one.of)) if one.name in moved else one
-        for one in looks_of(unit, order, two_of())
-        if one.name in (*PLAIN, *moved)
+        replace(look, of=beyond(look.of)) if look.name in moved else look
+        for look in looks_of(unit, order, two_of())
+        if look.name in (*PLAIN, *moved)
     )
 
 
@@ -127,19 +127,19 @@ def _shown(s: Array, order: Array) -> dict[str, float]:
     }
 
 
-def _drawn(one: Look, normal: Array) -> Look:
+def _drawn(look: Look, normal: Array) -> Look:
     """The same statistic, simulated batches of which are normal ones."""
-    return replace(one, of=lambda x: one.of(x if len(x) == 1 else normal))
+    return replace(look, of=lambda x: look.of(x if len(x) == 1 else normal))
 
 
-def _same(one: Look, model: str, output: str, value: float) -> PopulationLine:
+def _same(look: Look, model: str, output: str, value: float) -> PopulationLine:
     difference = low = high = chance = would_show = 0.0
     return PopulationLine(
         model,
         output,
-        one.aspect,
-        one.name,
-        one.unit,
+        look.aspect,
+        look.name,
+        look.unit,
         value,
         value,
         difference,

@@ -21,38 +21,47 @@ def attribution_of(end: Ending) -> tuple[Attribution, ...]:
     return of_recorded(end) if has_units(end) else ()
 
 
-def inputs_instead(end: Ending, found: Sequence[Attribution]) -> tuple[Rival, ...]:
+def inputs_instead(end: Ending, attributions: Sequence[Attribution]) -> tuple[Rival, ...]:
     """A process off its middle, where an input that is would make units look like a mixture.
 
     Interference that is cut off changes their shape as a second supplier does.
     """
     levels = end.analysis.bare.batch.levels if end.setup.data.target.population else ()
-    apart = [one.candidate for one in end.analysis.scatter[:1] if one.apart_from_inputs]
-    shifts = [one for one in found if one.kind == "shift" and one.inputs and one.verdict != "none"]
+    apart = [effect.candidate for effect in end.analysis.scatter[:1] if effect.apart_from_inputs]
+    shifts = [
+        attribution
+        for attribution in attributions
+        if attribution.kind == "shift" and attribution.inputs and attribution.verdict != "none"
+    ]
     if not apart or not levels or not shifts or end.verdict not in ("named", "ambiguous"):
         return ()
     nearest = min(
-        (one.distance for one in shifts[0].candidates if not one.excluded_because), default=0.0
+        (change.distance for change in shifts[0].candidates if not change.excluded_because),
+        default=0.0,
     )
     return (Rival(levels[:1], (apart[0].name,), nearest, Measurement(shifts[0].text)),)
 
 
 def said(lines: Sequence[PopulationLine], attribution: Sequence[Attribution]) -> list[str]:
     """The summary: what differs before, and to which input it may be due."""
-    before = [one for one in lines if one.model == "before"]
+    before = [line for line in lines if line.model == "before"]
     differ = [
-        f"{one.output} {one.statistic} ({one.simulated:.4g}, measured {one.measured:.4g} "
-        f"{one.unit}".rstrip()
+        f"{line.output} {line.statistic} ({line.simulated:.4g}, measured {line.measured:.4g} "
+        f"{line.unit}".rstrip()
         + ")"
-        for one in before
-        if one.differs
+        for line in before
+        if line.differs
     ]
-    found = []
+    sentences = []
     if differ:
         more = f" and {len(differ) - SHOWN} more" if len(differ) > SHOWN else ""
-        found.append(f"units differ from the simulated ones in {', '.join(differ[:SHOWN])}{more}")
-    elif any(not one.enough for one in before):
-        found.append(f"units beside the simulated ones: {before[0].verdict}")
+        sentences.append(
+            f"units differ from the simulated ones in {', '.join(differ[:SHOWN])}{more}"
+        )
+    elif any(not line.enough for line in before):
+        sentences.append(f"units beside the simulated ones: {before[0].verdict}")
     elif before:
-        found.append(f"units as simulated: no difference seen in {len(before)} statistics")
-    return found + [f"input: {text}" for text in dict.fromkeys(one.text for one in attribution)]
+        sentences.append(f"units as simulated: no difference seen in {len(before)} statistics")
+    return sentences + [
+        f"input: {text}" for text in dict.fromkeys(record.text for record in attribution)
+    ]

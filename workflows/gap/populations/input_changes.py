@@ -140,46 +140,47 @@ class Tables:
     @cached_property
     def changes(self) -> tuple[Change, ...]:
         """Every input in every way, the gauge last; finely where one may explain the batch."""
-        found = (*self._shifts(), *self._widenings(), *self._trends())
-        top = max(float(one.log.max()) for one in found)
+        coarse = (*self._shifts(), *self._widenings(), *self._trends())
+        top = max(float(change.log.max()) for change in coarse)
         fine: dict[tuple[str, bool, str], tuple[Array, Array]] = {}
         return tuple(
-            one if one.log.max() < top - NEAR else self._finely(one, fine) for one in found
+            change if change.log.max() < top - NEAR else self._finely(change, fine)
+            for change in coarse
         )
 
     def _finely(
-        self, one: Change, kept: dict[tuple[str, bool, str], tuple[Array, Array]]
+        self, change: Change, kept: dict[tuple[str, bool, str], tuple[Array, Array]]
     ) -> Change:
         """The same with more amounts about the likeliest; inputs that act alike share them."""
-        alike = one.kind != "widening"
-        key = (one.kind, one.clipped, "" if alike else one.name)
+        alike = change.kind != "widening"
+        key = (change.kind, change.clipped, "" if alike else change.name)
         if key not in kept:
-            low, high = one.likely
+            low, high = change.likely
             between = np.linspace(low, high, POINTS)
-            outside = (one.grid < low) | (one.grid > high)
-            grid = np.concatenate([one.grid[outside], between])
-            log = np.concatenate([one.log[outside], self._logs(one, between)])
+            outside = (change.grid < low) | (change.grid > high)
+            grid = np.concatenate([change.grid[outside], between])
+            log = np.concatenate([change.log[outside], self._logs(change, between)])
             order = np.argsort(grid)
             kept[key] = grid[order], log[order]
         grid, log = kept[key]
-        return replace(one, grid=grid, log=log)
+        return replace(change, grid=grid, log=log)
 
-    def _logs(self, one: Change, amounts: Array) -> Array:
+    def _logs(self, change: Change, amounts: Array) -> Array:
         """Log likelihoods (m,) at amounts (m,)."""
-        if one.kind == "trend":
-            return self._along(amounts, one.clipped)
-        if one.kind == "widening" or one.clipped:
-            return np.asarray(self._densities(one, amounts) @ self.counts)
+        if change.kind == "trend":
+            return self._along(amounts, change.clipped)
+        if change.kind == "widening" or change.clipped:
+            return np.asarray(self._densities(change, amounts) @ self.counts)
         return self._off(amounts)
 
-    def _densities(self, one: Change, amounts: Array) -> Array:
+    def _densities(self, change: Change, amounts: Array) -> Array:
         """Log densities (m, k) of the model with a zone wider, or a clipped input shifted."""
-        if one.kind != "widening":
+        if change.kind != "widening":
             return self.law.shifted(amounts)
         return (
             self.law.blurred(amounts)
-            if one.source is None
-            else self.law.widened(one.source, amounts)
+            if change.source is None
+            else self.law.widened(change.source, amounts)
         )
 
     def _off(self, amounts: Array, over: Array | float = 1.0) -> Array:
@@ -208,18 +209,23 @@ class Tables:
             yield from self._moved("trend", by, self._along(by, clipped), clipped)
 
     def _moved(self, kind: str, by: Array, log: Array, clipped: bool) -> Iterator[Change]:
-        for one in self.law.sources.inputs:
-            if one.clipped is clipped and one.tolerance > 0.0 and one.moves and one.per_unit != 0.0:
-                per = one.per_unit / self.law.sources.unit
-                most = 2.0 * self.out * one.tolerance * abs(per)
-                yield Change(kind, one, by, log, -most, most, per)
+        for source in self.law.sources.inputs:
+            if (
+                source.clipped is clipped
+                and source.tolerance > 0.0
+                and source.moves
+                and source.per_unit != 0.0
+            ):
+                per = source.per_unit / self.law.sources.unit
+                most = 2.0 * self.out * source.tolerance * abs(per)
+                yield Change(kind, source, by, log, -most, most, per)
         if not clipped:
             yield Change(kind, None, by, log, -np.inf, np.inf)
 
     def _widenings(self) -> Iterator[Change]:
-        for one, table in self.law.wider:
-            most = min(1.0 / (1.0 - self.out), one.widest)
-            yield Change("widening", one, FACTORS, table @ self.counts, 1.0, most)
+        for source, table in self.law.wider:
+            most = min(1.0 / (1.0 - self.out), source.widest)
+            yield Change("widening", source, FACTORS, table @ self.counts, 1.0, most)
         noise = NOISES * self.law.std
         yield Change("widening", None, noise, self.law.noisy @ self.counts, 0.0, np.inf)
 
@@ -234,10 +240,10 @@ class Tables:
         tried = np.vstack(
             [law.shifts[near][::2], *off, *(table[::2] for _, table in law.wider), law.noisy[1::2]]
         )
-        share = np.exp(law.base) * law.step
-        kept = np.flatnonzero(share > LEAST)
-        shares, rng = share[kept] / share[kept].sum(), np.random.default_rng([seed, 13])
-        drawn = rng.multinomial(min(len(self.y), MOST), shares, BATCHES).astype(float)
+        fraction = np.exp(law.base) * law.step
+        kept = np.flatnonzero(fraction > LEAST)
+        fractions, rng = fraction[kept] / fraction[kept].sum(), np.random.default_rng([seed, 13])
+        drawn = rng.multinomial(min(len(self.y), MOST), fractions, BATCHES).astype(float)
         gains = drawn @ (tried[:, kept] - law.base[kept]).T
         still = float(np.quantile(2.0 * gains.max(axis=1).clip(0.0), 1.0 - 0.5 * rate))
         return max(still, float(chdtri(1, 0.25 * rate)))
@@ -260,19 +266,19 @@ class Tables:
         high = table[i + 1, j] * (1.0 - b) + table[i + 1, j + 1] * b
         return np.asarray(low * (1.0 - a) + high * a)
 
-    def shares_below(self, one: Change, amount: float) -> Array:
+    def shares_below(self, change: Change, amount: float) -> Array:
         """Share (n,) of units that the changed model has below each unit; uniform if it is true."""
-        over = np.ones_like(self.y) if one.kind == "shift" else self.u
-        if one.kind == "widening":
-            return np.asarray(np.interp(self.y, self.law.x, below(self.density(one, amount))))
-        if one.clipped:
+        over = np.ones_like(self.y) if change.kind == "shift" else self.u
+        if change.kind == "widening":
+            return np.asarray(np.interp(self.y, self.law.x, below(self.density(change, amount))))
+        if change.clipped:
             return self.between(self.law.shifts_below, amount * over)
         return np.asarray(np.interp(self.y - amount * over, self.law.x, below(self.law.base)))
 
-    def density(self, one: Change, amount: float) -> Array:
+    def density(self, change: Change, amount: float) -> Array:
         """Log density (k,) of the model with that input changed; a trend has none."""
-        if one.kind == "widening" or one.clipped:
-            return np.asarray(self._densities(one, np.array([amount]))[0])
+        if change.kind == "widening" or change.clipped:
+            return np.asarray(self._densities(change, np.array([amount]))[0])
         return self.law.read_off(amount)
 
 
@@ -281,5 +287,5 @@ def counted(law: UnitLaw, y: Array) -> Array:
     at = np.clip((y - law.x[0]) / law.step, 0.0, len(law.x) - 1.001)
     low = at.astype(np.int64)
     part, size = at - low, len(law.x)
-    found = np.bincount(low, 1.0 - part, size) + np.bincount(low + 1, part, size)
-    return found.astype(np.float64)
+    counts = np.bincount(low, 1.0 - part, size) + np.bincount(low + 1, part, size)
+    return counts.astype(np.float64)

@@ -61,34 +61,34 @@ class Compared:
         middle = {name: float(np.mean(value)) for name, value in simulated.items()}
         limits = self._limits(simulated, middle)
         drawn = rng.integers(0, len(self.x), (AGAIN, len(self.x)))
-        again = values_of(tuple(one for one in self.looks if one.signed), self.x[drawn])
+        again = values_of(tuple(look for look in self.looks if look.signed), self.x[drawn])
         return tuple(
             self._line(
-                one,
+                look,
                 model,
                 output,
-                middle[one.name],
-                measured[one.name],
+                middle[look.name],
+                measured[look.name],
                 offset,
-                limits[one.name],
-                simulated[one.name],
-                again.get(one.name),
+                limits[look.name],
+                simulated[look.name],
+                again.get(look.name),
             )
-            for one in self.looks
+            for look in self.looks
         )
 
     def _limits(self, simulated: dict[str, Array], middle: dict[str, float]) -> dict[str, float]:
         """How far each statistic gets from its mean by chance, all of them together (Sidak)."""
         rate = 1.0 - (1.0 - self.rate) ** (1.0 / len(self.looks))
-        found = {}
-        for one in self.looks:
-            far = simulated[one.name] - middle[one.name]
-            found[one.name] = rarely(np.abs(far) if one.signed else far, rate)
-        return found
+        limits = {}
+        for look in self.looks:
+            far = simulated[look.name] - middle[look.name]
+            limits[look.name] = rarely(np.abs(far) if look.signed else far, rate)
+        return limits
 
     def _line(
         self,
-        one: Look,
+        look: Look,
         model: str,
         output: str,
         simulated: float,
@@ -103,19 +103,19 @@ class Compared:
         if again is not None:
             half = float(ndtri(0.5 + 0.5 * LEVEL) * np.std(again))
             low, high = difference - half, difference + half
-        beyond = abs(difference) > limit if one.signed else difference > limit
+        beyond = abs(difference) > limit if look.signed else difference > limit
         shows = limit + float(ndtri(SEEN) * np.std(drawn))
-        text = DIFFERS if beyond else UNSEEN.format(f"{shows:.3g} {one.unit}".rstrip())
+        text = DIFFERS if beyond else UNSEEN.format(f"{shows:.3g} {look.unit}".rstrip())
         enough = beyond or len(self.x) >= self.least
         if not enough:
             text = f"cannot tell with n = {len(self.x)}"
-        by = offset.get(one.name, 0.0)
+        by = offset.get(look.name, 0.0)
         return PopulationLine(
             model,
             output,
-            one.aspect,
-            one.name,
-            one.unit,
+            look.aspect,
+            look.name,
+            look.unit,
             simulated + by,
             measured + by,
             difference,

@@ -82,12 +82,14 @@ class Records:
     @cached_property
     def zeros(self) -> tuple[Wrong, ...]:
         """The gauge of one output off by the same, or drifting."""
-        data, found = self.end.setup.data, list[Wrong]()
+        data, gauge_errors = self.end.setup.data, list[Wrong]()
         for kind, shape in (("bias", np.ones(len(data))), ("trend", self.order)):
             for at, output in enumerate(data.outputs):
                 column = np.kron(np.eye(len(data.outputs))[at], shape)
-                found.append(self._of_column(f"gauge of {output.name}", kind, output.unit, column))
-        return tuple(found)
+                gauge_errors.append(
+                    self._of_column(f"gauge of {output.name}", kind, output.unit, column)
+                )
+        return tuple(gauge_errors)
 
     @cached_property
     def wrong(self) -> tuple[Wrong, ...]:
@@ -107,8 +109,8 @@ class Records:
         white = self._white(column)
         square = max(float(white @ white), 1e-300)
         amount = float(white @ self.y) / square
-        left = float(np.sum((self.y - amount * white) ** 2))
-        return Wrong(name, kind, unit, amount, square**-0.5, left, amount * white, False)
+        rss = float(np.sum((self.y - amount * white) ** 2))
+        return Wrong(name, kind, unit, amount, square**-0.5, rss, amount * white, False)
 
     def _fitted(self, column: Column, kind: str, size: float) -> Wrong:
         """The likeliest admissible amount, by Newton's method."""
@@ -130,8 +132,8 @@ class Records:
         error = square**-0.5 if square > 0.0 else np.inf
         shown = "" if kind == "gain" else column.unit
         why = f"it would need {wanted:.3g} {shown}".rstrip() if wanted != amount else ""
-        left = float(np.sum((self.y - moved) ** 2))
-        return Wrong(column.name, kind, shown, amount, error, left, moved, True, why)
+        rss = float(np.sum((self.y - moved) ** 2))
+        return Wrong(column.name, kind, shown, amount, error, rss, moved, True, why)
 
     def _moved(self, column: Column, kind: str, amount: float) -> Array:
         """What the model predicts of the right input beside the recorded one, whitened."""
@@ -147,24 +149,24 @@ class Records:
         data = setup.data
         table = {**data.readings.table, **changed}
         data = replace(data, readings=readings_of(data.target.columns, table))
-        found = predictor(setup.plan, data)({})
-        return data.whole({o.name: found[o.name] for o in data.outputs})
+        outputs = predictor(setup.plan, data)({})
+        return data.whole({o.name: outputs[o.name] for o in data.outputs})
 
     def _white(self, columns: Array) -> Array:
         return self.end.analysis.search.fitter.space.whiten(columns)
 
-    def explains(self, one: Wrong) -> bool:
+    def explains(self, wrong: Wrong) -> bool:
         """Whether nothing is left beside it but noise, whatever the zeros."""
         analysis = self.end.analysis
-        fitter = analysis.search.fitter.of_record(self.y - one.moved)
-        left = left_over(fitter.fit(()), fitter, analysis.ground.generic)
-        return bool(left.evidence.max(initial=0.0) <= analysis.search.thresholds.generic)
+        fitter = analysis.search.fitter.of_record(self.y - wrong.moved)
+        remaining = left_over(fitter.fit(()), fitter, analysis.ground.generic)
+        return bool(remaining.evidence.max(initial=0.0) <= analysis.search.thresholds.generic)
 
     @cached_property
     def named(self) -> float:
         """The squared residual beside what was named and every zero, and the price of both."""
         fit, fitter = self.end.fit, self.end.analysis.search.fitter
-        count = sum(one.candidate.count for one in fit.members)
+        count = sum(member.candidate.count for member in fit.members)
         return float(fit.rss + self.price * (count + fitter.q.shape[1]))
 
     @property
@@ -176,7 +178,11 @@ class Records:
     def gauges(self) -> float:
         """The same of the gauges alone that pay for themselves."""
         whole = float(self.y @ self.y)
-        pays = (max(whole - one.left - self.price, 0.0) for one in self.zeros if one.kind == "bias")
+        pays = (
+            max(whole - gauge.left - self.price, 0.0)
+            for gauge in self.zeros
+            if gauge.kind == "bias"
+        )
         return whole - sum(pays)
 
 
@@ -188,16 +194,18 @@ def of_recorded(end: Ending) -> tuple[Attribution, ...]:
     every = (*records.wrong, *records.zeros)
     rate = end.setup.plan.settings.false_rate / max(len(every), 1)
     least = float(chdtri(1, rate))
-    best = min(records.wrong, key=lambda one: one.left, default=None)
+    best = min(records.wrong, key=lambda wrong: wrong.left, default=None)
     if best is None or float(records.y @ records.y) - best.left <= least:
         return ()
-    top = min(*(one.left + records.price for one in every), records.named, records.gauges)
+    top = min(*(wrong.left + records.price for wrong in every), records.named, records.gauges)
     far = end.setup.plan.settings.set_distance
-    standing = [one for one in every if not one.why and one.left + records.price - top <= far]
-    standing = [one for one in standing if records.explains(one)]
-    if not any(one.is_input for one in standing):
+    standing = [
+        wrong for wrong in every if not wrong.why and wrong.left + records.price - top <= far
+    ]
+    standing = [wrong for wrong in standing if records.explains(wrong)]
+    if not any(wrong.is_input for wrong in standing):
         return () if end.fit.members or not end.analysis.significant else (_none(end, best),)
-    standing.sort(key=lambda one: one.left)
+    standing.sort(key=lambda wrong: wrong.left)
     return _records_of(end, records, standing, top, far)
 
 
@@ -217,40 +225,41 @@ def _records_of(
     alone = len(standing) == 1 and not (effect and records.named - top <= far)
     verdict = "attributed" if alone else "cannot tell"
     text = _text(end, records, standing, alone)
-    found = []
-    for kind in dict.fromkeys(one.kind for one in standing):
-        mine = [one for one in (*records.wrong, *records.zeros) if one.kind == kind]
-        mine.sort(key=lambda one: one.left)
+    attributions = []
+    for kind in dict.fromkeys(wrong.kind for wrong in standing):
+        mine = [wrong for wrong in (*records.wrong, *records.zeros) if wrong.kind == kind]
+        mine.sort(key=lambda wrong: wrong.left)
         some = tuple(
-            _record(end, one, one in standing, one.left + records.price - top) for one in mine
+            _record(end, wrong, wrong in standing, wrong.left + records.price - top)
+            for wrong in mine
         )
-        names = tuple(one.name for one in standing if one.kind == kind)
-        found.append(Attribution(effect, _outputs(end), kind, names, verdict, some, text))
-    return tuple(found)
+        names = tuple(wrong.name for wrong in standing if wrong.kind == kind)
+        attributions.append(Attribution(effect, _outputs(end), kind, names, verdict, some, text))
+    return tuple(attributions)
 
 
-def _record(end: Ending, one: Wrong, stands: bool, behind: float) -> InputChange:
-    half = float(ndtri(0.5 + 0.5 * end.setup.plan.settings.interval)) * one.error
-    why = "" if stands else one.why or "it leaves the residual unexplained"
+def _record(end: Ending, wrong: Wrong, stands: bool, behind: float) -> InputChange:
+    half = float(ndtri(0.5 + 0.5 * end.setup.plan.settings.interval)) * wrong.error
+    why = "" if stands else wrong.why or "it leaves the residual unexplained"
     return InputChange(
-        one.name,
-        one.amount,
-        one.amount - half,
-        one.amount + half,
-        one.unit,
+        wrong.name,
+        wrong.amount,
+        wrong.amount - half,
+        wrong.amount + half,
+        wrong.unit,
         float("nan"),
         max(behind, 0.0),
         why,
-        READ_AGAIN if stands and one.is_input else 0,
+        READ_AGAIN if stands and wrong.is_input else 0,
     )
 
 
 def _text(end: Ending, records: Records, standing: list[Wrong], alone: bool) -> str:
-    first = next(one for one in standing if one.is_input)
+    first = next(wrong for wrong in standing if wrong.is_input)
     if alone:
         size = f"{first.amount:.3g} {first.unit}".rstrip()
         return f"{first.kind} of {first.name} as it was recorded ({size}) explains these units"
-    names = [f"{one.kind} of {one.name}" for one in standing]
+    names = [f"{wrong.kind} of {wrong.name}" for wrong in standing]
     names += list(end.fit.names)
     return (
         f"cannot tell between {', '.join(names)}; measure {first.name} of {READ_AGAIN} parts again"

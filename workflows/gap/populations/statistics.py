@@ -68,19 +68,21 @@ def between_lots(of_lot: NDArray[np.int64]) -> Statistic | None:
     enough units.
     """
     counts = np.bincount(of_lot)
-    told = np.flatnonzero(counts >= LEAST_UNITS)
-    if len(told) < 2:
+    large_lots = np.flatnonzero(counts >= LEAST_UNITS)
+    if len(large_lots) < 2:
         return None
-    kept = np.isin(of_lot, told)
-    one_of = (of_lot[kept][:, None] == told).astype(float)
-    sizes = one_of.sum(axis=0)
+    kept = np.isin(of_lot, large_lots)
+    indicator = (of_lot[kept][:, None] == large_lots).astype(float)
+    sizes = indicator.sum(axis=0)
 
     def ratio(x: Array) -> Array:
         part = x[:, kept]
-        means = part @ one_of / sizes
+        means = part @ indicator / sizes
         between = (sizes * (means - part.mean(axis=1, keepdims=True)) ** 2).sum(axis=1)
-        within = ((part - means @ one_of.T) ** 2).sum(axis=1)
-        return np.asarray(between / (len(told) - 1) / (within / (sizes.sum() - len(told))))
+        within = ((part - means @ indicator.T) ** 2).sum(axis=1)
+        return np.asarray(
+            between / (len(large_lots) - 1) / (within / (sizes.sum() - len(large_lots)))
+        )
 
     return ratio
 
@@ -91,9 +93,9 @@ def two_of(law: Law = NORMAL) -> Statistic:
     `law` is that of one about its mean. The better of a few fixed mixtures: what it reaches by
     chance is simulated.
     """
-    one, steps = law.standardised(LATTICE), law.std * np.array(STEPS)
+    single, steps = law.standardised(LATTICE), law.std * np.array(STEPS)
     ratios = np.array(
-        [law.mixed(by, p).standardised(LATTICE, p * by) - one for by in steps for p in SHARES]
+        [law.mixed(by, p).standardised(LATTICE, p * by) - single for by in steps for p in SHARES]
     )
 
     def gain(x: Array) -> Array:
@@ -122,9 +124,9 @@ def looks_of(
         Look("trend", "first to last unit", unit, along(order)),
         lots and Look("lots", "scatter of lots", "", lots, signed=False),
     )
-    return tuple(one for one in every if one is not None)
+    return tuple(look for look in every if look is not None)
 
 
 def values_of(looks: tuple[Look, ...], x: Array) -> dict[str, Array]:
     """Every statistic of batches (b, n), by name."""
-    return {one.name: one.of(x) for one in looks}
+    return {look.name: look.of(x) for look in looks}

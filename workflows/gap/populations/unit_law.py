@@ -66,8 +66,8 @@ class UnitLaw:
     @cached_property
     def wider(self) -> tuple[tuple[Source, Array], ...]:
         """Each input, and the log densities (m, k) with its zone wider by FACTORS."""
-        inputs = [one for one in self.sources.inputs if one.tolerance > 0.0]
-        return tuple((one, self.widened(one, FACTORS)) for one in inputs)
+        inputs = [source for source in self.sources.inputs if source.tolerance > 0.0]
+        return tuple((source, self.widened(source, FACTORS)) for source in inputs)
 
     @cached_property
     def noisy(self) -> Array:
@@ -109,26 +109,26 @@ class UnitLaw:
         turn[:, -1] = turn[:, -1].real
         return self._log(transform * turn, np.full(len(by), start[0]), *self._free)
 
-    def widened(self, one: Source, factors: Array) -> Array:
+    def widened(self, source: Source, factors: Array) -> Array:
         """Log density (m, k) with the zone of one input `factors` (m,) as wide."""
-        if one.clipped and self.sources.widened is not None:
-            return self._built_anew(one, factors, self.sources.widened)
-        term = self.sources.term(one)
+        if source.clipped and self.sources.widened is not None:
+            return self._built_anew(source, factors, self.sources.widened)
+        term = self.sources.term(source)
         linear, ones = term.linear * factors, np.ones(len(factors))
         low = term.constant - term.linear
-        constant = low * ones + linear if one.from_zero else term.constant * ones
+        constant = low * ones + linear if source.from_zero else term.constant * ones
         bent = None if term.quadratic is None else term.quadratic * factors**2
         changed = self._sum((replace(term, constant=constant, linear=linear, quadratic=bent),))
-        side = self.sources.total.clipped if one.clipped else self.sources.total.free
-        rest = self._sum((*side[: one.at], *side[one.at + 1 :]))
+        side = self.sources.total.clipped if source.clipped else self.sources.total.free
+        rest = self._sum((*side[: source.at], *side[source.at + 1 :]))
         both = rest[0] * changed[0], rest[1] + changed[1]
-        return self._log(*both, *self._free) if one.clipped else self._log(*self._clipped, *both)
+        return self._log(*both, *self._free) if source.clipped else self._log(*self._clipped, *both)
 
     def _built_anew(
-        self, one: Source, factors: Array, widened: Callable[[Source, float], Term]
+        self, source: Source, factors: Array, widened: Callable[[Source, float], Term]
     ) -> Array:
         """The same where the inputs of the clipped part do not add up."""
-        sums = [self._sum((widened(one, float(factor)),)) for factor in factors]
+        sums = [self._sum((widened(source, float(factor)),)) for factor in factors]
         transform = np.concatenate([transform for transform, _ in sums])
         return self._log(transform, np.concatenate([start for _, start in sums]), *self._free)
 
@@ -175,8 +175,8 @@ class UnitLaw:
         kept = fft.rfft(mass[:, zero:], n=POINTS, axis=1)
         product = kept * free
         begin = np.full(len(product), self.first)
-        found = window(product, np.broadcast_to(free_start, len(product)), begin, POINTS)
-        return np.asarray(np.maximum(found, 0.0) / self.step)
+        values = window(product, np.broadcast_to(free_start, len(product)), begin, POINTS)
+        return np.asarray(np.maximum(values, 0.0) / self.step)
 
 
 def below(log: Array) -> Array:

@@ -36,7 +36,7 @@ class Weighed:
     @cached_property
     def _free(self) -> float:
         """The highest log likelihood of any amount, admissible or not."""
-        return max(one.free[1] for one in self.tables.changes)
+        return max(change.free[1] for change in self.tables.changes)
 
     @property
     def top(self) -> float:
@@ -53,15 +53,15 @@ class Weighed:
         """Whether the rival explains the batch as well."""
         return 2.0 * (self.top - self.likely) <= self.distance
 
-    def behind(self, one: Change) -> float:
+    def behind(self, change: Change) -> float:
         """How much worse than the best the admissible amounts of a change do."""
-        return 2.0 * (self.top - one.best[1])
+        return 2.0 * (self.top - change.best[1])
 
     @cached_property
     def standing(self) -> tuple[Change, ...]:
         """The changes that explain the batch as well as any, the best first."""
-        found = [one for one in self.tables.changes if self.behind(one) <= self.distance]
-        return tuple(sorted(found, key=self.behind))
+        changes = [change for change in self.tables.changes if self.behind(change) <= self.distance]
+        return tuple(sorted(changes, key=self.behind))
 
     @cached_property
     def explained(self) -> bool:
@@ -72,62 +72,62 @@ class Weighed:
         order = scipy.stats.linregress(self.tables.u, ndtri(below)).pvalue
         return bool(min(shape, order) > UNLIKELY)
 
-    def record(self, one: Change, unit: str) -> InputChange:
+    def record(self, change: Change, unit: str) -> InputChange:
         """A change as a record, amounts in the input's unit."""
-        standing = one in self.standing
-        amount = one.best[0] if standing else one.free[0]
-        ends = one.interval(float(chdtri(1, 1.0 - self.level)))
-        low, high = sorted(one.shown(end) for end in ends)
+        standing = change in self.standing
+        amount = change.best[0] if standing else change.free[0]
+        ends = change.interval(float(chdtri(1, 1.0 - self.level)))
+        low, high = sorted(change.shown(end) for end in ends)
         return InputChange(
-            one.name,
-            one.shown(amount),
+            change.name,
+            change.shown(amount),
             low,
             high,
-            one.unit if one.source else unit,
-            one.share(amount),
-            self.behind(one),
-            "" if standing else self._why(one),
-            parts_of(one, amount) if standing else 0,
-            self._readings(one) if standing else 0,
+            change.unit if change.source else unit,
+            change.share(amount),
+            self.behind(change),
+            "" if standing else self._why(change),
+            parts_of(change, amount) if standing else 0,
+            self._readings(change) if standing else 0,
         )
 
-    def _why(self, one: Change) -> str:
+    def _why(self, change: Change) -> str:
         """Why a change is excluded."""
-        amount, log = one.free
+        amount, log = change.free
         if 2.0 * (self.top - log) > self.distance:
             return "the shape of the batch is another"
-        if one.kind != "widening":
+        if change.kind != "widening":
             return (
-                f"it would need {abs(one.share(amount)):.3g} of its tolerance; its parts are "
+                f"it would need {abs(change.share(amount)):.3g} of its tolerance; its parts are "
                 "inspected"
             )
-        if amount < one.low:
+        if amount < change.low:
             return f"it would need {amount:.3g} of its tolerance, and parts are made to all of it"
         return f"it would need {amount:.3g} times its tolerance"
 
-    def _readings(self, one: Change) -> int:
+    def _readings(self, change: Change) -> int:
         """Units that would tell it from the best, by the divergence of their laws."""
         best = self.standing[0]
-        if "trend" in (one.kind, best.kind) or one is best:
+        if "trend" in (change.kind, best.kind) or change is best:
             return 0
-        mine, other = (self.tables.density(o, o.best[0]) for o in (one, best))
-        share = np.exp(other) * self.tables.law.step
-        apart = float(share @ (other - mine))
+        change_density, best_density = (self.tables.density(o, o.best[0]) for o in (change, best))
+        probability = np.exp(best_density) * self.tables.law.step
+        apart = float(probability @ (best_density - change_density))
         # below a distance of 0.01 in 10,000 units they are the same law
         return int(np.ceil(self.distance / (2.0 * apart))) if apart > 5e-7 else 0
 
 
-def parts_of(one: Change, amount: float) -> int:
+def parts_of(change: Change, amount: float) -> int:
     """Parts whose measurement would show the change of an input."""
-    if one.source is None:
+    if change.source is None:
         return 0
-    share = one.share(amount)
-    scatter, peaked = _scatter(one.source)
-    if one.kind == "widening":
-        size = np.log(share) ** 2 if share > 1.0 else 0.0
+    fraction = change.share(amount)
+    scatter, peaked = _scatter(change.source)
+    if change.kind == "widening":
+        size = np.log(fraction) ** 2 if fraction > 1.0 else 0.0
         variance = 0.25 * (peaked - 1.0)
     else:
-        size = share**2 * (1.0 if one.kind == "shift" else 1.0 / 12.0)
+        size = fraction**2 * (1.0 if change.kind == "shift" else 1.0 / 12.0)
         variance = scatter
     return int(max(np.ceil(SURE * variance / size), 3)) if size > 0.0 else 0
 
