@@ -39,11 +39,11 @@ def uneven_delays(fitter: Fitter, fit: Fit, data: GapData) -> list[str]:
         q = basis(np.hstack([fitter.base, *rest]))
         for name, late in member.shape.items():
             if late != 0.0 and (delays := _uneven(fitter, fit, q, member, name, data)) is not None:
-                sentences.append(_said(name, delays))
+                sentences.append(_sentence(name, delays))
     return sentences
 
 
-def _said(name: str, delays: Array) -> str:
+def _sentence(name: str, delays: Array) -> str:
     kinds = ("rise above the median", "fall above it", "rise below it", "fall below it")
     parts = ", ".join(
         f"{delay:.3g} s where readings {kind}"

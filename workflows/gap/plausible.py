@@ -56,7 +56,7 @@ def _beyond(data: GapData) -> Iterator[str]:
         x = np.asarray(data.readings[role], dtype=float)
         size = np.ptp(x) if role in (Role.ANGLE, Role.TIME) else np.abs(x).max(initial=0.0)
         if size > most:
-            yield f"{_said(data, role)} It reaches beyond {text}"
+            yield f"{_doubt(data, role)} It reaches beyond {text}"
 
 
 def _still(data: GapData) -> Iterator[str]:
@@ -64,7 +64,7 @@ def _still(data: GapData) -> Iterator[str]:
     turning = data.target.units.get(Role.ANGLE) == "rad" and Role.POSITION not in data.readings
     span = float(np.ptp(data.readings[Role.ANGLE])) if turning else 0.0
     if 0.0 < span < LITTLE and not data.target.locked:
-        yield f"{_said(data, Role.ANGLE)} It spans {np.degrees(span):.2g} deg in all"
+        yield f"{_doubt(data, Role.ANGLE)} It spans {np.degrees(span):.2g} deg in all"
 
 
 def _scaled(data: GapData) -> Iterator[str]:
@@ -95,7 +95,7 @@ def _stiff(data: GapData) -> Iterator[str]:
             description = unlikely(1.0 / slope, output.unit, "N" if role is Role.FORCE else "Nm")
             if description:
                 yield (
-                    f"{_said(data, role)} Or that of {output.name}? It follows the load as of a "
+                    f"{_doubt(data, role)} Or that of {output.name}? It follows the load as of a "
                     f"stiffness of {description}"
                 )
 
@@ -142,6 +142,6 @@ def _factor(measured: Array, predicted: Array) -> float:
     return covariance / float(np.var(predicted))
 
 
-def _said(data: GapData, role: Role) -> str:
+def _doubt(data: GapData, role: Role) -> str:
     column = next(c for c in data.target.columns if c.role is role)
     return f'is "{column.unit}" the unit of {column.name}?'

@@ -110,7 +110,7 @@ def checked_table(
             f"a {SESSION} may have a level of its own; [validation] blocks = "
             f'"{SESSION}" would hold out one after the other'
         )
-    notes += [*told_apart(frame, present), *late(frame, present), *_said_of(unused)]
+    notes += [*told_apart(frame, present), *late(frame, present), *_unused_note(unused)]
     data = assembled(plan, frame, present, outputs, predictions, stds, notes)
     if faults := range_faults(plan, data, place):
         return None, faults
@@ -137,7 +137,7 @@ def _unused(plan: GapPlan, cells: pd.DataFrame, known: Sequence[str]) -> list[st
     return [name for name in spare if not nearest(name, free)]
 
 
-def _said_of(unused: Sequence[str]) -> list[str]:
+def _unused_note(unused: Sequence[str]) -> list[str]:
     """What to say of columns without a role."""
     if not unused:
         return []

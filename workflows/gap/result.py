@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
 
 import numpy as np
 import pandas as pd
@@ -22,170 +21,40 @@ from ...gap_records import (
 )
 from ...models.effects import EffectParameter
 from ...models.inputs.distribution import Array
-from .abstain import acts_in
 from .ambiguity import correlation
-from .analysis import Analysis, without
-from .blocks import HeldOut, improvement
-from .close import Corrected, corrected
+from .blocks import improvement
+from .close import corrected
 from .data import GapData
-from .fit import Fit
-from .linear import beside
-from .misfit import misfit_of, of_weights
+from .ending import Ending, ended
 from .noise import outliers, whiteness
 from .population import Scatter
 from .scan import scan
 from .separate import separating
-from .settle import names_of, predicts_as_well
-from .setup import Setup, nominal
+from .setup import nominal
 from .uncertainty import Spread
 
+__all__ = [
+    "MORE",
+    "OWN",
+    "SEPARATED",
+    "SUPPLIERS",
+    "Ending",
+    "detectable",
+    "effects",
+    "ended",
+    "gate",
+    "recalibrated",
+    "residual_table",
+    "rival_records",
+    "rmse",
+    "scores",
+]
 SUPPLIERS = "note the supplier of each lot: a second supplier is off by the same in all of its lots"
 MORE = "measure more units of one lot: a mixture has two peaks, or a shoulder, a wider spread one"
 OWN = 0.01
 """Share of a column that what is free cannot do, below which nothing of it can be seen."""
-FORM_OFF, FORM_ALIKE = 0.05, 0.3
-"""What a name does that another one in its variables does not, as a share of what that one does,
-and their correlation: below the one and above the other it may be no more than the form of the
-larger one, which no formula has exactly.
-"""
 SEPARATED = 4
 """Rivals for which the separating measurement is searched."""
-
-
-@dataclass(frozen=True)
-class Ending:
-    """An analysis with its final fit: only the effects that keep their name."""
-
-    analysis: Analysis
-    fit: Fit
-    model: Corrected
-    before: HeldOut
-    after: HeldOut
-
-    @property
-    def setup(self) -> Setup:
-        """What was analysed."""
-        return self.analysis.setup
-
-    @property
-    def verdict(self) -> str:
-        """The one word."""
-        if not self.analysis.significant:
-            return "no_gap"
-        if not self.named and not self.analysis.scatter:
-            return "unnamed"
-        if self.remains:
-            return "partial"
-        rivals = self.analysis.others or len(self.analysis.scatter) > 1 or self.twin
-        return "ambiguous" if rivals else "named"
-
-    @property
-    def named(self) -> tuple[int, ...]:
-        """The places of the members that have a name."""
-        return names_of(self.fit.members)
-
-    @property
-    def rows(self) -> bool:
-        """Whether each row is a reading, not a unit of a population."""
-        return not self.setup.data.target.population
-
-    @property
-    def remains(self) -> bool:
-        """Whether rows show something that has no name beside what is named, or units scatter in a
-        way that has none.
-        """
-        terms = len(self.named) < len(self.fit.members)
-        forms_remain = self.rows and bool(self.analysis.judged.significant)
-        return terms or forms_remain or self.analysis.misfit is not None
-
-    @property
-    def twin(self) -> bool:
-        """Whether lots are off, which a second supplier would do as well."""
-        names = {candidate.name for candidate in self.setup.on_scatter}
-        return "lot_offset" in self.fit.names and "lot_mixture" in names
-
-
-def ended(analysis: Analysis) -> Ending:
-    """The final fit of what keeps its name, in the full model; a name whose numbers may all be 0
-    beside the others, by their joint interval, is none, and the rest is fitted and tested again. So
-    is one that may be the form of a larger name, unless held-out rows are predicted worse then.
-    """
-    ending, needed = _ended(analysis), set[str]()
-    while ending.rows and (weak := _weak(ending, needed)) is not None:
-        name, larger = weak
-        reduced = without(analysis, name, larger)
-        after = _ended(reduced)
-        if larger and not _predicts_as_well(after):
-            needed.add(name)
-        else:
-            analysis, ending = reduced, after
-    return ending
-
-
-def _weak(end: Ending, needed: Collection[str]) -> tuple[str, str] | None:
-    """The first name that is none, and the larger one whose form it may be, empty where its own
-    numbers may be 0; None where all are names. What is `needed` is not a form of another one.
-    """
-    for at in end.named:
-        name = end.fit.names[at]
-        larger = "" if name in needed else _form_of(end, at)
-        if larger or end.model.nothing(end.fit.members[at]):
-            return name, larger
-    return None
-
-
-def _predicts_as_well(end: Ending) -> bool:
-    """Whether held-out rows are predicted as well as by every accepted step."""
-    steps = [held_out for _, held_out in end.analysis.selection.accepted]
-    return predicts_as_well(end.after, steps, end.analysis.search.labels)
-
-
-def _form_of(end: Ending, at: int) -> str:
-    """The larger name in the variables of a name which does little that the larger one does not: as
-    much as the form of that one may be off. Empty where there is none.
-    """
-    members = end.fit.members
-    mine = acts_in(members[at].candidate.effect.needs)
-    others = [
-        k
-        for k in end.named
-        if mine and k != at and mine <= acts_in(members[k].candidate.effect.needs)
-    ]
-    return next((members[k].name for k in others if _is_form(end, at, k)), "")
-
-
-def _is_form(end: Ending, small: int, large: int) -> bool:
-    """Whether what one member does may be the form of another one."""
-    fitter, fit = end.analysis.search.fitter, end.fit
-    a, b = (
-        beside(fitter.white(fit.members[k]) @ fit.coefficients[k], fitter.q) for k in (small, large)
-    )
-    small_norm, large_norm = float(np.linalg.norm(a)), float(np.linalg.norm(b))
-    alike = abs(float(a @ b)) / max(small_norm * large_norm, 1e-300)
-    apart = small_norm * np.sqrt(max(1.0 - alike**2, 0.0))
-    return bool(small_norm < large_norm and alike > FORM_ALIKE and apart < FORM_OFF * large_norm)
-
-
-def _ended(analysis: Analysis) -> Ending:
-    search = analysis.search
-    lost = analysis.judged.lost
-    kept = [member for at, member in enumerate(analysis.fit.members) if at not in lost]
-    fit = search.fitter.refined(kept) if kept else analysis.ground.empty
-    if not lost and not analysis.scatter and not analysis.setup.data.target.population:
-        fit = analysis.fit  # as it was tested
-    model = corrected(analysis.setup, search.fitter.space, fit)
-    null_model = analysis.bare
-    end = Ending(
-        analysis, fit, model, null_model.search.tested(null_model.empty), search.tested(fit)
-    )
-    extra_widths = misfit_of(analysis, fit)
-    if end.named and end.rows and not analysis.setup.free and not search.fitter.space.is_plain:
-        weighed = of_weights(model, corrected(analysis.setup, search.fitter.space, fit, plain=True))
-        extra_widths = {
-            key: extra_widths.get(key, 0.0) + weighed.get(key, 0.0)
-            for key in {**extra_widths, **weighed}
-        }
-    return replace(end, model=model.widened(extra_widths))
 
 
 def gate(end: Ending) -> Gate:

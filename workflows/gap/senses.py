@@ -44,7 +44,7 @@ FALLS = -0.7
 class _Best:
     """The sum of squares that a few effects leave, and the first of them that has a sign."""
 
-    left: float
+    rss: float
     name: str = ""
 
 
@@ -69,9 +69,9 @@ def turned(
         p = beside(predicted[output.name][rows], q)
         as_given = _best(y - p, output_blocks)
         ways = {"reading": _best(-y - p, output_blocks), "gap": _best(p - y, output_blocks)}
-        way = min(ways, key=lambda name: ways[name].left)
-        if ways[way].left < FAR * as_given.left:
-            sentences.append(_said(data, output.name, way, ways[way], as_given, library))
+        way = min(ways, key=lambda name: ways[name].rss)
+        if ways[way].rss < FAR * as_given.rss:
+            sentences.append(_note(data, output.name, way, ways[way], as_given, library))
         elif text := _falls(data, output, predicted[output.name]):
             sentences.append(text)
     return sentences
@@ -112,7 +112,7 @@ def _best(gap: Array, blocks: Sequence[tuple[Candidate, Array]]) -> _Best:
     whole, name, taken = float(gap @ gap), "", set[str]()
     for _ in range(STEPS):
         tried = [
-            (*_left(gap, candidate, x), candidate)
+            (*_residual_of(gap, candidate, x), candidate)
             for candidate, x in blocks
             if candidate.name not in taken
         ]
@@ -127,7 +127,7 @@ def _best(gap: Array, blocks: Sequence[tuple[Candidate, Array]]) -> _Best:
     return _Best(whole, name)
 
 
-def _left(gap: Array, candidate: Candidate, x: Array) -> tuple[float, Array]:
+def _residual_of(gap: Array, candidate: Candidate, x: Array) -> tuple[float, Array]:
     """What the columns (n, m) of an effect leave of a gap, within their bounds."""
     kept = np.linalg.norm(x, axis=0) > 0.0
     low, high = (ends[kept] for ends in candidate.bounds)
@@ -154,11 +154,11 @@ def _within(x: Array, gap: Array, low: Array, high: Array) -> Array:
     return sizes
 
 
-def _said(
+def _note(
     data: GapData, output: str, way: str, best: _Best, as_given: _Best, library: Sequence[Candidate]
 ) -> str:
     """The note about one output."""
-    ratio = np.sqrt(as_given.left / max(best.left, 1e-300))
+    ratio = np.sqrt(as_given.rss / max(best.rss, 1e-300))
     head = f"is the sign of {output} the other way round? "
     if way == "reading":
         what = f"Turned, it is {ratio:.3g} times nearer to its prediction"

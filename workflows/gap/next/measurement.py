@@ -94,7 +94,7 @@ def _of_points(
     kept = {id(pair.other) for pair in good}
     records = [separation(end, pair, new, alike) for pair in pairs]
     records = [
-        record if id(pair.other) in kept else _none(record, pair.other)
+        record if id(pair.other) in kept else _inseparable(record, pair.other)
         for record, pair in zip(records, pairs, strict=True)
     ]
     return records, new, telling(place, (useful or pairs)[0].contests[0], chosen)
@@ -112,11 +112,11 @@ def _of_batch(
     for other in others:
         record = separation(end, paired(end, other), new, alike)
         gained = record.expected - record.now
-        records.append(record if gained > HOPELESS * len(new) else _none(record, other))
+        records.append(record if gained > HOPELESS * len(new) else _inseparable(record, other))
     return records, new, tuple(name for name in wanted.ranges)
 
 
-def _none(record: Separation, other: Other) -> Separation:
+def _inseparable(record: Separation, other: Other) -> Separation:
     """Of a pair that no design tells apart, and what would."""
     names = frozenset(set(other.names) ^ set(other.instead_of))
     text = f"{NONE}: {UNSEEN[names]}" if names in UNSEEN else f"{NONE}: another quantity is needed"

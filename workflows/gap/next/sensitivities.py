@@ -58,7 +58,7 @@ def wanted_effects(end: Ending, wanted: NextPlan) -> tuple[list[Sought], list[st
             notes.append(f"{name}: no points can be planned, {why}")
             continue
         effect = _sought(end, member, wanted.amounts.get(name))
-        if effect is not None and not listed and _seen(end, effect):
+        if effect is not None and not listed and _detected(end, effect):
             continue
         if effect is None:
             notes.append(
@@ -71,7 +71,7 @@ def wanted_effects(end: Ending, wanted: NextPlan) -> tuple[list[Sought], list[st
     return sought, notes if listed else []
 
 
-def _seen(end: Ending, effect: Sought) -> bool:
+def _detected(end: Ending, effect: Sought) -> bool:
     """Whether the record shows it already: then its form is in question, not its presence."""
     detectable_norm = float(np.sqrt(end.analysis.bare.search.thresholds.library)) + NINE_OF_TEN
     return distance(*effect.record) > detectable_norm**2

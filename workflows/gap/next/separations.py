@@ -141,10 +141,10 @@ def separation(end: Ending, pair: Pair, new: Ahead, alike: Ahead) -> Separation:
     )
     now = min(distance(pair.mine, record) for record in pair.records)
     apart = end.analysis.search.settings.set_distance
-    return told(pair.other, (now, min(levels)), (planned, like), len(new), apart)
+    return record_of(pair.other, (now, min(levels)), (planned, like), len(new), apart)
 
 
-def told(
+def record_of(
     pair: Other, levels: tuple[float, float], duels: tuple[Duel, Duel], count: int, apart: float
 ) -> Separation:
     """The record of a pair, and its sentence; `levels` are the discrimination now and then."""

@@ -60,7 +60,7 @@ def decided(weighed: Weighed, effect: str, output: str, unit: str) -> tuple[Attr
             f"{best.kind} of {best.name}"
         )
         return (of(best.kind, "none", text),)
-    text = told(weighed, unit)
+    text = explanation(weighed, unit)
     if all(change.source is None for change in weighed.standing):
         text = f"no input alone does it within its limits; {text}"
         return (of(weighed.standing[0].kind, "none", text),)
@@ -81,7 +81,7 @@ def _records(weighed: Weighed, kind: str, unit: str) -> tuple[InputChange, ...]:
     )
 
 
-def told(weighed: Weighed, unit: str) -> str:
+def explanation(weighed: Weighed, unit: str) -> str:
     """What is left standing, and what would tell, in one sentence."""
     names = [_way(change) for change in weighed.standing]
     names += [weighed.rival] if weighed.mixed else []
