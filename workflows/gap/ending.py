@@ -1,4 +1,4 @@
-"""The end of an analysis: the final fit of the effects that keep their name."""
+"""The end of an analysis: the final fit of the identified effects."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from .settle import names_of, predicts_as_well
 from .setup import Setup
 
 FORM_OFF, FORM_ALIKE = 0.05, 0.3
-"""What a name does that another one in its variables does not, as a share of what that one does,
-and their correlation: below the one and above the other it may be no more than the form of the
-larger one, which no formula has exactly.
+"""Limits of the part of an effect that is orthogonal to a larger effect of its variables, as a
+fraction of the latter, and of their correlation. Below the first and above the second, the effect
+may be an error of the larger one's form, which no formula has exactly.
 """
 
 
 @dataclass(frozen=True)
 class Ending:
-    """An analysis with its final fit: only the effects that keep their name."""
+    """An analysis with the final fit of its identified effects."""
 
     analysis: Analysis
     fit: Fit
@@ -36,12 +36,12 @@ class Ending:
 
     @property
     def setup(self) -> Setup:
-        """What was analysed."""
+        """The setup of the final null model."""
         return self.analysis.setup
 
     @property
     def verdict(self) -> str:
-        """The one word."""
+        """The verdict."""
         if not self.analysis.significant:
             return "no_gap"
         if not self.named and not self.analysis.scatter:
@@ -53,18 +53,18 @@ class Ending:
 
     @property
     def named(self) -> tuple[int, ...]:
-        """The places of the members that have a name."""
+        """The indices of the members that are identified effects."""
         return names_of(self.fit.members)
 
     @property
     def rows(self) -> bool:
-        """Whether each row is a reading, not a unit of a population."""
+        """Whether each row is a measurement, not a unit of a population."""
         return not self.setup.data.target.population
 
     @property
     def remains(self) -> bool:
-        """Whether rows show something that has no name beside what is named, or units scatter in a
-        way that has none.
+        """Whether the residual given the identified effects is still significant, or units scatter
+        in an unidentified way.
         """
         terms = len(self.named) < len(self.fit.members)
         forms_remain = self.rows and bool(self.analysis.judged.significant)
@@ -72,15 +72,18 @@ class Ending:
 
     @property
     def twin(self) -> bool:
-        """Whether lots are off, which a second supplier would do as well."""
+        """Whether offsets of lots were identified, which a second supplier would explain as
+        well.
+        """
         names = {candidate.name for candidate in self.setup.on_scatter}
         return "lot_offset" in self.fit.names and "lot_mixture" in names
 
 
 def ended(analysis: Analysis) -> Ending:
-    """The final fit of what keeps its name, in the full model; a name whose numbers may all be 0
-    beside the others, by their joint interval, is none, and the rest is fitted and tested again. So
-    is one that may be the form of a larger name, unless held-out rows are predicted worse then.
+    """The final fit of the identified effects, in the full model. An effect is removed, and the
+    others are fitted and tested again, where the joint interval of its parameters given the others
+    contains 0. The same holds for an effect that may be an error of a larger one's form, unless
+    held-out rows are then predicted worse.
     """
     ending, needed = _ended(analysis), set[str]()
     while ending.rows and (weak := _weak(ending, needed)) is not None:
@@ -95,8 +98,9 @@ def ended(analysis: Analysis) -> Ending:
 
 
 def _weak(end: Ending, needed: Collection[str]) -> tuple[str, str] | None:
-    """The first name that is none, and the larger one whose form it may be, empty where its own
-    numbers may be 0; None where all are names. What is `needed` is not a form of another one.
+    """The first effect to be removed, and the larger effect whose form it may belong to (empty
+    where its parameters may be 0); None where all stay. An effect in `needed` belongs to no other
+    form.
     """
     for at in end.named:
         name = end.fit.names[at]
@@ -107,14 +111,14 @@ def _weak(end: Ending, needed: Collection[str]) -> tuple[str, str] | None:
 
 
 def _predicts_as_well(end: Ending) -> bool:
-    """Whether held-out rows are predicted as well as by every accepted step."""
+    """Whether held-out rows are predicted as well as by each accepted step."""
     steps = [held_out for _, held_out in end.analysis.selection.accepted]
     return predicts_as_well(end.after, steps, end.analysis.search.labels)
 
 
 def _form_of(end: Ending, at: int) -> str:
-    """The larger name in the variables of a name which does little that the larger one does not: as
-    much as the form of that one may be off. Empty where there is none.
+    """The larger effect of the same variables that explains this effect up to an error of its own
+    form; empty where there is none.
     """
     members = end.fit.members
     mine = acts_in(members[at].candidate.effect.needs)
@@ -127,7 +131,7 @@ def _form_of(end: Ending, at: int) -> str:
 
 
 def _is_form(end: Ending, small: int, large: int) -> bool:
-    """Whether what one member does may be the form of another one."""
+    """Whether the small member's contribution may be an error of the large member's form."""
     fitter, fit = end.analysis.search.fitter, end.fit
     a, b = (
         beside(fitter.white(fit.members[k]) @ fit.coefficients[k], fitter.q) for k in (small, large)

@@ -1,7 +1,8 @@
-"""Whether a delay is one: it shifts rows that rise and fall, high and low ones, by the same time.
+"""Test of a delay: a true one shifts rising and falling, high and low rows by the same time.
 
-What opens or rounds a loop differently as the load grows and as it falls looks like a delay that
-differs there. T is estimated in each of the four kinds of rows, all else fitted beside it.
+An effect that opens or rounds a loop differently for growing and falling load looks like a delay
+that differs there. The delay is estimated in each of the four kinds of rows, all else fitted with
+it.
 """
 
 from __future__ import annotations
@@ -20,13 +21,13 @@ from .linear import basis, beside
 STEP = 1e-2
 """Relative step of a derivative."""
 CHANCE = 0.01
-"""Chance that one delay is taken for several."""
+"""Probability that a single delay is taken for several."""
 LITTLE = 1e-6
-"""Share of the squares of all rows below which a kind of rows says nothing."""
+"""Fraction of the squares of all rows below which a kind of rows carries no information."""
 APART = 0.15
-"""Rms difference of the delays from their mean, as a share of it, that is worth a word."""
+"""Rms difference of the delays from their mean, as a fraction of it, from which a note is given."""
 STRETCHES = 40
-"""Stretches of the record, as units of what is left."""
+"""Stretches of the record, the clusters of the residual."""
 
 
 def uneven_delays(fitter: Fitter, fit: Fit, data: GapData) -> list[str]:
@@ -58,10 +59,10 @@ def _sentence(name: str, delays: Array) -> str:
 def _uneven(
     fitter: Fitter, fit: Fit, q: Array, member: Member, name: str, data: GapData
 ) -> Array | None:
-    """The delays (4,) of each kind of rows, None where they may be one.
+    """The delays (4,) of each kind of rows; None where they may be the same.
 
-    Wald's test of equal delays; their covariance is the larger one of the noise, at the size of
-    what is left, and of what is left itself, by stretches (Liang and Zeger 1986).
+    Wald's test of equal delays. Their covariance is the larger of two: white noise at the level of
+    the residual, and the residual itself by stretches (Liang and Zeger 1986).
     """
     late = member.shape[name]
     ends = [{**member.shape, name: late * (1.0 + way * STEP)} for way in (1.0, -1.0)]
@@ -83,8 +84,8 @@ def _uneven(
 
 
 def _kinds(slope: Array, data: GapData) -> Array:
-    """Which rows (N, 4) rise or fall, high or low, of the outputs that are shifted; the reading
-    falls with its delay where it rises.
+    """Rows (N, 4) of the shifted outputs that rise or fall, high or low; where a measurement rises,
+    it falls with its delay.
     """
     measured = data.whole(data.measured)
     kinds = np.zeros((len(slope), 4), dtype=bool)
@@ -97,7 +98,7 @@ def _kinds(slope: Array, data: GapData) -> Array:
 
 
 def _estimated(g: Array, residual: Array) -> tuple[Array, Array]:
-    """Of columns (N, 4) on a residual (N,): the numbers, and their covariance."""
+    """Least squares of columns (N, 4) on a residual (N,): coefficients and their covariance."""
     inverse = np.linalg.pinv(g.T @ g, rcond=1e-12)
     coefficients = inverse @ (g.T @ residual)
     rest = residual - g @ coefficients

@@ -1,4 +1,4 @@
-"""Units that are wrong by far: readings that nothing on a bench has."""
+"""Implausible units: measurements far outside the range of any test bench."""
 
 from __future__ import annotations
 
@@ -26,26 +26,27 @@ MOST = {
 }
 """Span or magnitude, in the units of `Readings`, that is beyond a test bench."""
 LITTLE = radians(0.5)
-"""[rad] An angle that turns goes further; that of a unit whose input is locked does not."""
+"""[rad] Span that a turning angle exceeds; that of a unit with locked input does not."""
 FACTOR = 20.0
-"""How many times its prediction a measurement is not, in one unit."""
+"""Ratio of a measurement to its prediction that is implausible in the same unit."""
 BESIDE = 100.0
-"""How much stiffer than a drive a part of its compliance may be."""
+"""Factor by which a part of a drive's compliance may be stiffer than the drive."""
 FOLLOWS = 0.7
-"""Correlation from which a reading follows the load."""
+"""Correlation from which a measurement follows the load."""
 STIFFNESS = {
     ("angle", "Nm"): ("arcmin", 1e-3, 2e4),
     ("length", "N"): ("um", 1e-3, 1e5),
 }
-"""By kind of reading and load: a unit, and between which loads per unit drives are. Reducers have
-0.1 to 5000 N m/arcmin, from small harmonic drives to large cycloidal ones; screws 1 to 5000 N/um.
+"""By kind of output and load: a unit, and the range of the stiffness of drives in load per unit.
+Reducers have 0.1 to 5000 N m/arcmin, from small harmonic drives to large cycloidal ones; screws 1
+to 5000 N/um.
 """
 ALIKE = 0.9
-"""Correlation from which a measurement and its prediction are of one thing."""
+"""Correlation from which a measurement and its prediction are of the same quantity."""
 
 
 def implausible(data: GapData) -> list[str]:
-    """Sentences about columns whose unit is hardly the one that was given."""
+    """Sentences about columns whose unit is probably not the stated one."""
     return [*_beyond(data), *_still(data), *_scaled(data), *_stiff(data)]
 
 
@@ -81,7 +82,7 @@ def _scaled(data: GapData) -> Iterator[str]:
 
 
 def _stiff(data: GapData) -> Iterator[str]:
-    """A reading that follows the load as no gear or axis does."""
+    """A measurement that follows the load as that of no gear or axis does."""
     role = next((r for r in (Role.TORQUE, Role.FORCE) if r in data.readings), None)
     if role is None or data.target.population:
         return
@@ -101,9 +102,11 @@ def _stiff(data: GapData) -> Iterator[str]:
 
 
 def unlikely(stiffness: float, unit: str, load: str, more: float = 1.0) -> str:
-    """A stiffness [load per unit] that no drive has and what one has, empty where one may.
+    """The description of a stiffness [load per unit] that no drive has; empty where a drive may
+    have it.
 
-    `more` is by how much what is found beside a simulation may be stiffer than a drive.
+    `more` is the factor by which a compliance in addition to a simulation may be stiffer than a
+    drive.
     """
     kind = kind_of(unit)
     if (kind, load) not in STIFFNESS:
@@ -116,7 +119,7 @@ def unlikely(stiffness: float, unit: str, load: str, more: float = 1.0) -> str:
 
 
 def unlikely_numbers(fit: Fit, data: GapData) -> list[str]:
-    """Sentences about compliances that were fitted, and that no drive has."""
+    """Sentences about fitted compliances that no drive has."""
     sentences = []
     for member, sizes in zip(fit.members, fit.coefficients, strict=True):
         if member.name != "torsional_compliance" or not len(sizes):
@@ -134,7 +137,7 @@ def unlikely_numbers(fit: Fit, data: GapData) -> list[str]:
 
 
 def _factor(measured: Array, predicted: Array) -> float:
-    """How many times the prediction varies with it the measurement does, 0 where they do not."""
+    """The ratio of the measurement to the prediction; 0 where they are not correlated."""
     spread = float(np.std(measured) * np.std(predicted))
     covariance = float(np.mean((measured - measured.mean()) * (predicted - predicted.mean())))
     if spread == 0.0 or covariance < ALIKE * spread:

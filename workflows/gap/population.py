@@ -1,8 +1,8 @@
 """Batches: whether units scatter as the model's population does, or as a wider or a mixed one.
 
-The population itself is the noise. Effects that move single units are found as columns, those that
-change the scatter here, by likelihood. A mixture moves the mean too: whether the mean needs another
-name beside it is asked of the likelihood of both together.
+The population itself is the noise. Effects that move single units are selected by their columns,
+those that change the scatter are selected here by likelihood. A mixture moves the mean too: the
+likelihood of both together decides whether the mean needs another effect.
 """
 
 from __future__ import annotations
@@ -32,17 +32,17 @@ from .select import Search
 from .setup import Setup, left_of
 
 CERTAIN = 1e-9
-"""Shares so close to 0 and 1 are not told from them."""
+"""Probabilities this close to 0 or 1 are clipped."""
 LEVEL = 1e-9
 """Relative range of a column below which it is the same for every unit."""
 
 
 @dataclass(frozen=True)
 class Scatter:
-    """An effect on the scatter: its numbers, intervals, and twice its log likelihood ratio.
+    """An effect on the scatter: its parameters, intervals, and twice its log likelihood ratio.
 
-    `distance` is how much worse it explains the batch than the best one. `beside` is the name that
-    the mean of the units needs beside it, empty where it needs none.
+    `distance` is how much worse its score is than the best one. `beside` is the effect that the
+    mean of the units needs in addition, empty where it needs none.
     """
 
     candidate: Candidate
@@ -58,12 +58,12 @@ class Scatter:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The effect, and what moves the mean beside it."""
+        """The effect, preceded by the one that moves the mean in addition."""
         return (self.beside, self.candidate.name) if self.beside else (self.candidate.name,)
 
     @property
     def apart_from_inputs(self) -> str:
-        """What it does that no input of a unit does; empty where there is nothing."""
+        """The part of the effect that no input of a unit explains; empty where there is none."""
         effect = self.candidate.effect
         return effect.apart_from_inputs if isinstance(effect, OfUnits) else ""
 
@@ -74,15 +74,17 @@ class Scatter:
 
     @property
     def moves(self) -> float:
-        """By how much it moves the mean of the units."""
+        """The shift of the mean of the units."""
         return carried([self.active], self.target)
 
     def changed(self, law: Law) -> Law:
-        """A law with the effect in it."""
+        """The law with the effect in it."""
         return law_with(law, self.candidate.effect, self.numbers, self.target)
 
     def likelihood(self, law: Law) -> tuple[BatchLikelihood, Array]:
-        """That it was fitted by (about the units' mean beside another name), and where (k,)."""
+        """The likelihood that it was fitted by (about the units' mean if another effect moves it),
+        and its maximum (k,).
+        """
         batch_likelihood = BatchLikelihood(self.candidate, law, self.target, bool(self.beside))
         return batch_likelihood, np.array(
             [self.numbers[parameter.name] for parameter in batch_likelihood.numbers]
@@ -91,9 +93,9 @@ class Scatter:
 
 @dataclass(frozen=True)
 class Units:
-    """Deviations (n,) of the units from what moves each of them, their blocks, and their law.
+    """Deviations (n,) of the units given the effects on single units, their blocks, and their law.
 
-    `x` is taken from the model's mean, whatever moves all units alike left in it.
+    `x` is the deviation from the model's mean; effects on all units alike are not subtracted.
     """
 
     law: Law
@@ -102,31 +104,33 @@ class Units:
 
     @property
     def centred(self) -> Array:
-        """About their own mean."""
+        """The deviations (n,) from their own mean."""
         return np.asarray(self.x - self.x.mean())
 
 
 @dataclass(frozen=True)
 class Batch:
-    """A batch before anything is named: the setup and the search of its names."""
+    """A batch before any effect is selected: the setup and the search."""
 
     setup: Setup
     search: Search
 
     @property
     def law(self) -> Law:
-        """Of the model's units."""
+        """The law of the model's units."""
         return self.setup.laws[self.setup.data.outputs[0].name]
 
     @cached_property
     def limit(self) -> float:
-        """What twice a log likelihood ratio reaches by chance."""
+        """The threshold of twice a log likelihood ratio under the null model."""
         setup = self.setup
         return threshold(self.law, setup.on_scatter, setup.data.target, len(setup.data), setup.plan)
 
     @cached_property
     def levels(self) -> tuple[str, ...]:
-        """The names that move every unit alike, the process before the instrument."""
+        """The effects that move every unit alike, those of the process before those of the
+        instrument.
+        """
         book = self.search.book
         effects = [
             member.candidate.effect
@@ -138,11 +142,11 @@ class Batch:
         )
 
     def moving(self, fit: Fit) -> list[Member]:
-        """What moves each unit by its own amount."""
+        """The members that move each unit by its own amount."""
         return [member for member in fit.members if member.name not in self.levels]
 
     def price(self, fit: Fit) -> float:
-        """Of the numbers of what moves single units."""
+        """The price of the parameters of the effects on single units."""
         return sum(
             member.candidate.price(self.search.fitter.penalty) for member in self.moving(fit)
         )
@@ -156,7 +160,9 @@ class Batch:
         return self.price(fit) + level - 2.0 * float(units.law(x).sum())
 
     def with_level(self, fit: Fit, scatter_effect: Scatter) -> tuple[Member, ...]:
-        """The members of a fit with the name that moves all units only where `one` needs it."""
+        """The members of a fit; the effect on all units is among them only if `scatter_effect`
+        needs it.
+        """
         if any(name in self.levels for name in fit.names) == bool(scatter_effect.beside):
             return fit.members
         level = [
@@ -165,11 +171,11 @@ class Batch:
         return (*self.moving(fit), *level)
 
     def unmoved(self, fit: Fit) -> Fit:
-        """The fit without what moves all units alike."""
+        """The fit without effects that move all units alike."""
         return self.search.fitter.fit(self.moving(fit))
 
     def units(self, fit: Fit, but: Sequence[str] = ()) -> Units:
-        """The units that count beside what moves each of them by its own amount, `but` stays."""
+        """The units that count, given the effects on single units except those in `but`."""
         kept = self.search.fitter.space.noises[0].kept
         residual = left_of(self.setup, fit, (*self.levels, *but))
         return Units(self.law, residual[kept], self.search.labels[kept])
@@ -177,11 +183,11 @@ class Batch:
 
 @dataclass(frozen=True)
 class Misfit:
-    """Units that scatter about their mean unlike the population: how far from it, and how far
-    chance gets, `stretched` to its width or not; `ratio` of the standard deviations, measured over
-    simulated.
+    """Units that scatter about their mean unlike the population: their distance from it and the
+    limit that chance reaches, the population `stretched` to their width or not. `ratio` is that of
+    the standard deviations, measured over simulated.
 
-    `bent` says that what moves or widens all units alike is no name for them.
+    `bent` says that no effect that moves or widens all units alike explains them.
     """
 
     distance: float
@@ -192,8 +198,8 @@ class Misfit:
 
 
 def misfit(batch: Batch, fit: Fit, wider: Scatter | None) -> Misfit | None:
-    """Whether the units beside `fit` scatter unlike the model's with `wider` in it, in whatever
-    way.
+    """The misfit of units that, given `fit`, scatter unlike the model's with `wider` in it; None
+    where they do not.
     """
     if not batch.setup.data.target.population:
         return None
@@ -215,14 +221,14 @@ def misfit(batch: Batch, fit: Fit, wider: Scatter | None) -> Misfit | None:
 
 
 def scatter(batch: Batch, fit: Fit) -> tuple[Scatter, ...]:
-    """Effects on the scatter that the units beside `fit` show, the best first; none as a rule."""
+    """Effects on the scatter that are significant given `fit`, the best first; mostly none."""
     setup = batch.setup
     if not setup.on_scatter or not setup.data.target.population:
         return ()
     units = batch.units(fit)
     level = next((name for name in (*fit.names, *batch.levels) if name in batch.levels), "")
     tried = [_tried(batch, units, candidate, level) for candidate in setup.on_scatter]
-    least = chdtri(1, setup.plan.settings.false_rate)  # of one number, not of the best
+    least = chdtri(1, setup.plan.settings.false_rate)  # of one parameter, not of the best
     tried = [effect for effect in tried if effect.gain > 0.5 * least]
     if max((effect.gain for effect in tried), default=0.0) < least:
         return ()
@@ -254,8 +260,8 @@ def _same(columns: Array) -> bool:
 
 
 def _tried(batch: Batch, units: Units, candidate: Candidate, level: str) -> Scatter:
-    """One effect: with the mean where the effect has it, or wherever it fits where that is far
-    likelier.
+    """One effect, fitted with the mean that the effect implies, or with a free mean where that is
+    far likelier.
     """
     data = batch.setup.data
     kind = BatchLikelihood(candidate, units.law, data.target)
@@ -286,7 +292,7 @@ def _tried(batch: Batch, units: Units, candidate: Candidate, level: str) -> Scat
 
 
 def _held_out(units: Units, centred: BatchLikelihood, start: Array) -> Improvement:
-    """Twice the rise of the log likelihood of units that the fit never saw."""
+    """Twice the increase of the log likelihood of held-out units."""
     x, falls = units.centred, []
     for block in np.unique(units.labels):
         out = units.labels == block
@@ -297,8 +303,8 @@ def _held_out(units: Units, centred: BatchLikelihood, start: Array) -> Improveme
 
 
 def held_out_units(units: Units, scatter_effect: Scatter, x: Array) -> Array:
-    """Deviations x (n,) of units that the fit never saw, as they stand in the population of the
-    final fit: at the rank that they have in that of a fit without their block.
+    """Deviations x (n,) of held-out units, mapped to the population of the final fit by their rank
+    in the population of a fit without their block.
     """
     used, start = scatter_effect.likelihood(units.law)
     deviations, whole = np.empty_like(x), scatter_effect.changed(units.law).histogram

@@ -27,14 +27,14 @@ from .units import LEAST, numbered, one_per_unit, too_few
 
 TIME = Column("time_s", "s", "order of measuring", False, role=Role.TIME)
 SAME = 1e-12
-"""Relative range of readings that are all the same."""
+"""Relative range below which measurements count as all the same."""
 NO_DIRECTION = (
     "a direction is +1 or -1; beside a speed that has its sign, leave the column out, and else the "
     "rows at rest"
 )
 REPEAT = Column("repeat", "", "number of the repeat", False, role=Role.REPEAT)
 LARGEST = 1e100
-"""Readings whose squares are still numbers."""
+"""Largest measurement: its square is still finite."""
 ABSOLUTE_ZERO = -273.15
 """[degC]"""
 
@@ -52,7 +52,9 @@ def read_data(
 def checked(
     plan: GapPlan | None, path: Path, options: tables.ReadOptions = tables.AS_DETECTED
 ) -> tuple[GapData | None, list[Fault]]:
-    """The data in `path`, or every fault of them: of their form alone where there is no plan."""
+    """The data in `path`, or every fault in them; without a plan only faults of the form are
+    found.
+    """
     return checked_table(plan, *tables.opened(path, path.name, options), path.name, path)
 
 
@@ -63,7 +65,9 @@ def checked_table(
     place: str,
     path: Path | None = None,
 ) -> tuple[GapData | None, list[Fault]]:
-    """`checked` of a table that was opened, from a file or not, with the faults of its form."""
+    """`checked` for a table that has been opened, from a file or not, with the faults of its
+    form.
+    """
     if plan is None or table is None:
         return None, faults
     fitted = tables.fitted(table, place, _units(plan), plan.uses)
@@ -120,7 +124,7 @@ def checked_table(
 
 
 def _units(plan: GapPlan) -> dict[str, str]:
-    """The unit of every column that the data can have, by name; those of a table as configured."""
+    """The unit of every column that the data can have, by name; for a table, as configured."""
     if plan.model is None:
         return {name: column.unit for name, column in plan.columns.items()}
     outputs = {output.name: output.unit for output in plan.model.outputs}
@@ -130,7 +134,7 @@ def _units(plan: GapPlan) -> dict[str, str]:
 
 
 def _unused(plan: GapPlan, cells: pd.DataFrame, known: Sequence[str]) -> list[str]:
-    """Columns of the file that have no role, but those whose name may be a slip of one that has."""
+    """Columns of the file without a role, except those whose name may be a misspelt one."""
     others = set(_ignored(plan, cells)) | set(known)
     free = [] if plan.model is None else [name for name in known if name not in cells]
     spare = [str(name) for name in cells.columns if name not in others]
@@ -138,7 +142,7 @@ def _unused(plan: GapPlan, cells: pd.DataFrame, known: Sequence[str]) -> list[st
 
 
 def _unused_note(unused: Sequence[str]) -> list[str]:
-    """What to say of columns without a role."""
+    """The note on columns without a role."""
     if not unused:
         return []
     listed = ", ".join(unused[:10]) + (", ..." if len(unused) > 10 else "")
@@ -146,7 +150,7 @@ def _unused_note(unused: Sequence[str]) -> list[str]:
 
 
 def _digest(table: tables.Table, path: Path | None) -> str:
-    """SHA-256 of a file, or of the cells of a table that is in none."""
+    """SHA-256 of a file, or of the cells of a table that has no file."""
     if path is None:
         return hashlib.sha256(table.cells.to_csv(index=False).encode()).hexdigest()
     with path.open("rb") as file:
@@ -156,7 +160,7 @@ def _digest(table: tables.Table, path: Path | None) -> str:
 def _block_faults(
     plan: GapPlan, cells: pd.DataFrame, frame: pd.DataFrame, place: str
 ) -> list[Fault]:
-    """A column to validate by that is not there, or that holds one label only."""
+    """Faults of a validation column that is missing or holds a single label."""
     name, key = plan.blocks, "validation.blocks"
     if name == "auto":
         return []
@@ -207,7 +211,7 @@ def _needed(
 
 
 def _ignored(plan: GapPlan, cells: pd.DataFrame) -> list[str]:
-    """Columns of a table whose role is `ignore`, but the one that it is validated by."""
+    """Columns of a table whose role is `ignore`, except the validation column."""
     return [
         n for n, c in plan.columns.items() if c.role == "ignore" and n in cells and n != plan.blocks
     ]
@@ -216,7 +220,7 @@ def _ignored(plan: GapPlan, cells: pd.DataFrame) -> list[str]:
 def _missing_outputs(
     plan: GapPlan, cells: pd.DataFrame, outputs: tuple[Output, ...], place: str
 ) -> list[Fault]:
-    """Measured columns that are not there."""
+    """Faults of measured columns that are missing."""
     faults = []
     if plan.model is not None and not outputs:
         names = ", ".join(o.name for o in plan.model.outputs)
@@ -231,7 +235,7 @@ def _missing_outputs(
 def _dropped(
     plan: GapPlan, frame: pd.DataFrame, faults: list[Fault], notes: list[str]
 ) -> tuple[pd.DataFrame, list[Fault]]:
-    """Rows with a cell that is no finite number: faults, or dropped where that was asked for."""
+    """Rows with a cell that is no finite number: faults, or dropped where the plan says so."""
     cells = [
         fault for fault in faults if ": row " in fault.place or fault.message.endswith("bad cells")
     ]
@@ -262,7 +266,7 @@ def _content_faults(
     stds: Mapping[str, str],
     place: str,
 ) -> list[Fault]:
-    """What the numbers themselves cannot be."""
+    """Faults of the values in the table."""
     faults = []
     count = 1 + len(plan.free) + len(outputs)
     if len(frame) < max(LEAST, 2 * count):
@@ -297,7 +301,7 @@ def _content_faults(
 
 
 def _varies(plan: GapPlan, frame: pd.DataFrame, columns: tuple[Column, ...]) -> bool:
-    """Whether rows differ in what was set, or are units of a population."""
+    """Whether an input varies over the rows, or the rows are units of a population."""
     if plan.model is not None and plan.model.population:
         return True
     numbers = [c.name for c in columns if not c.text and c.role is not Role.REPEAT]
@@ -307,7 +311,7 @@ def _varies(plan: GapPlan, frame: pd.DataFrame, columns: tuple[Column, ...]) -> 
 def _range_faults(
     plan: GapPlan, frame: pd.DataFrame, columns: tuple[Column, ...], place: str
 ) -> list[Fault]:
-    """Cells beyond what is physical, or beyond the range of the model."""
+    """Faults of cells outside the physical range or the range of the model."""
     faults = []
     for column in columns:
         if column.role is Role.TEMPERATURE and column.name in frame:
@@ -325,14 +329,14 @@ def _range_faults(
 def _cells(
     frame: pd.DataFrame, column: str, bad: pd.Series[bool], place: str, text: str
 ) -> list[Fault]:
-    """The same fault in some cells of a column."""
+    """The same fault for some cells of a column."""
     return tables.cell_faults(place, column, dict.fromkeys(frame.index[bad], text))
 
 
 def _measured_faults(
     frame: pd.DataFrame, name: str, prediction: str | None, place: str
 ) -> list[Fault]:
-    """A measurement that never changes, or that the prediction is a copy of."""
+    """Faults of a measurement that never changes, or that the prediction copies."""
     text = "is beyond anything that is measured"
     faults = _cells(frame, name, frame[name].abs() > LARGEST, place, text)
     values = frame[name].dropna().to_numpy()
@@ -350,7 +354,7 @@ def _measured_faults(
 
 
 def finite_faults(predicted: Mapping[str, Any], rows: Any, place: str = "data") -> list[Fault]:
-    """Rows at which the model has no finite prediction: outside of its range."""
+    """Faults of rows where the model has no finite prediction: they are outside its range."""
     faults = []
     for name, values in predicted.items():
         bad = np.flatnonzero(~np.isfinite(values))

@@ -7,13 +7,13 @@ from collections.abc import Iterable
 from .result import Ending, recalibrated
 
 FAR = 0.5
-"""Share of its tolerance from which a parameter has moved far."""
+"""Fraction of its tolerance from which a parameter has moved far."""
 SURE = 4.0
-"""Standard errors that it must have moved."""
+"""Number of standard errors that it must have moved."""
 
 
 def moved_far(end: Ending) -> str:
-    """What to say of parameters that moved far, beyond their errors; empty where none has."""
+    """The note on parameters that moved far and beyond their errors; empty where none has."""
     model = end.model
     pairs = zip(model.numbers, model.errors.tolist(), strict=True)
     errors = {number.name: float(error) for number, error in pairs if number.kind == "free"}
@@ -29,7 +29,7 @@ def moved_far(end: Ending) -> str:
 
 
 def said(moves: Iterable[tuple[str, float, float, float]]) -> str:
-    """The same of names, moves, tolerances and standard errors."""
+    """The same note from names, moves, tolerances and standard errors."""
     far = [
         name
         for name, move, tolerance, error in moves

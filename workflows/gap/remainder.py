@@ -1,4 +1,4 @@
-"""What is left without a name beside what is named, as records."""
+"""The unidentified remainder given the identified effects, as records."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from .result import Ending
 from .unresolved import is_term
 
 MOST = 3
-"""Forms beside the terms that are listed."""
+"""Number of forms listed in addition to the terms."""
 
 
 def struck_of(analysis: Analysis) -> tuple[str, ...]:
-    """Names that were accepted and are not in the answer: their form is not that of the data."""
+    """Effects that were accepted and are not in the answer: their form is not that of the data."""
     lost = tuple(analysis.fit.names[at] for at in analysis.judged.lost)
     return (*lost, *analysis.struck)
 
 
 def terms_of(end: Ending) -> tuple[UnresolvedTerm, ...]:
-    """The terms without a name that are in the corrected model."""
+    """The generic terms that are in the corrected model."""
     fitter, terms = end.analysis.search.fitter, []
     for at, member in enumerate(end.fit.members):
         if not is_term(member):
@@ -44,7 +44,9 @@ def terms_of(end: Ending) -> tuple[UnresolvedTerm, ...]:
 
 
 def remainder_of(end: Ending) -> tuple[Remainder, ...]:
-    """What stands out beside the named effects: the terms, and forms that are in none."""
+    """The remainder given the identified effects: the generic terms, and significant forms in none
+    of them.
+    """
     if not end.remains:
         return ()
     if not end.rows:
@@ -58,8 +60,8 @@ def remainder_of(end: Ending) -> tuple[Remainder, ...]:
 
 
 def _of_scatter(end: Ending) -> tuple[Remainder, ...]:
-    """Units that scatter about their mean in a way that nothing named has; the floor is what chance
-    reaches.
+    """Units that scatter about their mean in a way that no identified effect explains; the floor is
+    what chance reaches.
     """
     odd, output = end.analysis.misfit, end.setup.data.outputs[0]
     if odd is None:
@@ -82,13 +84,13 @@ def _of_scatter(end: Ending) -> tuple[Remainder, ...]:
 
 
 def _beyond(end: Ending) -> float:
-    """The squared gap beyond the noise, in noise units."""
+    """The squared gap in excess of the noise, in noise units."""
     empty = end.analysis.ground.empty
     return max(empty.rss - end.analysis.search.fitter.space.count, 1e-300)
 
 
 def _of_terms(end: Ending, members: Sequence[Member]) -> Remainder:
-    """Terms of the same variables as one: each may be many times what they are together."""
+    """Terms of the same variables as one: each may be many times larger than their sum."""
     terms, setup = [_effect(member).term for member in members], end.setup
     first = terms[0]
     at = [o.name for o in setup.data.outputs].index(first.output)
@@ -100,7 +102,7 @@ def _of_terms(end: Ending, members: Sequence[Member]) -> Remainder:
         added = added + whole[at * n : (at + 1) * n]
         white = white + fitter.white(member) @ coefficients
     rms, unit = float(np.std(added)), setup.data.outputs[at].unit
-    white = beside(white, fitter.q)  # not what the zero and what is free would do
+    white = beside(white, fitter.q)  # without the part that the zeros and free parameters span
     fraction = min(1.0, float(white @ white) / _beyond(end))
     text = ", and ".join(dict.fromkeys(shape(term) for term in terms))
     return Remainder(
@@ -113,7 +115,7 @@ def _level(end: Ending, output: int) -> float:
 
 
 def _of_forms(end: Ending) -> tuple[Remainder, ...]:
-    """Of forms that are significant still beside the terms, the strongest of each variable."""
+    """The strongest form of each variable that is still significant given the terms."""
     generic, remaining = end.analysis.ground.generic, end.analysis.judged.left
     remainders: dict[tuple[int, str], Remainder] = {}
     for at in end.analysis.judged.significant:

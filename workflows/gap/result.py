@@ -1,4 +1,4 @@
-"""From an analysis to the records that are written and drawn."""
+"""The records of an analysis, as they are written and drawn."""
 
 from __future__ import annotations
 
@@ -52,13 +52,15 @@ __all__ = [
 SUPPLIERS = "note the supplier of each lot: a second supplier is off by the same in all of its lots"
 MORE = "measure more units of one lot: a mixture has two peaks, or a shoulder, a wider spread one"
 OWN = 0.01
-"""Share of a column that what is free cannot do, below which nothing of it can be seen."""
+"""Fraction of a column outside the span of the free columns, below which the effect is
+undetectable.
+"""
 SEPARATED = 4
-"""Rivals for which the separating measurement is searched."""
+"""Number of rivals for which a separating measurement is searched."""
 
 
 def gate(end: Ending) -> Gate:
-    """Stage 1 as a record."""
+    """The test of the null model (stage 1) as a record."""
     analysis, null_model = end.analysis, end.analysis.bare
     setup, count = null_model.setup, len(null_model.setup.data)
     output_gates = []
@@ -89,13 +91,13 @@ def gate(end: Ending) -> Gate:
 
 
 def rmse(values: Array, good: object = None) -> float:
-    """Root mean square, outliers left out."""
+    """Root mean square without outliers."""
     inside = values if good is None else values[np.asarray(good, dtype=bool)]
     return float(np.sqrt(np.mean(inside**2)))
 
 
 def recalibrated(end: Ending) -> tuple[Recalibrated, ...]:
-    """What became of the free parameters."""
+    """The free parameters before and after recalibration."""
     plan = end.setup.plan
     return tuple(
         Recalibrated(
@@ -111,8 +113,8 @@ def recalibrated(end: Ending) -> tuple[Recalibrated, ...]:
 
 
 def detectable(end: Ending) -> tuple[tuple[Detectable, ...], tuple[str, ...]]:
-    """The smallest effect of each name that would have been seen nine times out of ten, and the
-    names that cannot be seen at all, because what is free does the same.
+    """The smallest size at which each effect is detected with probability 0.9, and the names of the
+    effects that are undetectable because the free columns span them.
     """
     search, setup = end.analysis.bare.search, end.setup
     wanted = np.sqrt(search.thresholds.library) + 1.2816
@@ -143,7 +145,9 @@ def detectable(end: Ending) -> tuple[tuple[Detectable, ...], tuple[str, ...]]:
 
 
 def scores(end: Ending) -> tuple[Score, ...]:
-    """Stage 3 as records: every effect alone beside the model's parameters, best first."""
+    """The candidates (stage 3) as records: the gain of each effect alone given the model's free
+    parameters, best first.
+    """
     search = end.analysis.bare.search
     return tuple(
         Score(
@@ -158,13 +162,15 @@ def scores(end: Ending) -> tuple[Score, ...]:
 
 
 def effects(end: Ending, spread: Spread | None) -> tuple[FoundEffect, ...]:
-    """The effects that keep their name, with intervals and evidence."""
+    """The identified effects, with intervals and evidence."""
     moving = [_effect(end, at, spread) for at in end.named]
     return (*moving, *(_of_scatter(scatter_effect) for scatter_effect in end.analysis.scatter[:1]))
 
 
 def _of_scatter(scatter_effect: Scatter) -> FoundEffect:
-    """An effect on the scatter of a batch as a record; held out is twice its log likelihood."""
+    """An effect on the scatter of a batch as a record; its held-out gain is twice a log likelihood
+    ratio.
+    """
     effect = scatter_effect.candidate.effect
     numbers = (*scatter_effect.candidate.linear, *scatter_effect.candidate.shape)
     return FoundEffect(
@@ -229,13 +235,15 @@ def _effect(end: Ending, at: int, spread: Spread | None) -> FoundEffect:
 
 
 def _at_bound(value: float, low: float, high: float, several: bool = False) -> bool:
-    """Whether physics stopped a number; a zero is a bound beside other numbers of its effect."""
+    """Whether a parameter lies at a physical bound; a lower bound of 0 counts if the effect has
+    several sizes.
+    """
     width, stops = abs(value) * 1e-6, np.isfinite(low) and (low != 0.0 or several)
     return bool((np.isfinite(high) and value >= high - width) or (stops and value <= low + width))
 
 
 def _meaning(parameter: EffectParameter) -> str:
-    """What a parameter means, and whether it was chosen instead of fitted."""
+    """The meaning of a parameter, with its choices where it was chosen instead of fitted."""
     choices = ", ".join(f"{choice:g}" for choice in parameter.choices)
     return (
         f"{parameter.meaning} (chosen out of {choices}, not fitted)"
@@ -251,7 +259,7 @@ def _ends(
     values: Mapping[str, float],
     spread: Spread | None,
 ) -> tuple[float, float]:
-    """The interval of a number; one that was chosen has no width."""
+    """The interval of a parameter, of width 0 where it was chosen."""
     if parameter.choices:
         return values[parameter.name], values[parameter.name]
     linear = end.model.interval(owner, parameter.name)
@@ -261,7 +269,9 @@ def _ends(
 def rival_records(
     end: Ending, planned: Mapping[tuple[tuple[str, ...], tuple[str, ...]], Measurement]
 ) -> tuple[Rival, ...]:
-    """Stage 5 as records; `planned` are the measurements by names and those they stand for."""
+    """The rivals (stage 5) as records; `planned` holds measurements by the names of a rival and
+    those it replaces.
+    """
     levels = end.analysis.search.fitter.space.level()
     rivals: list[Rival] = []
     for at, rival in enumerate(end.analysis.others):
@@ -296,7 +306,9 @@ def rival_records(
 
 
 def residual_table(end: Ending, full: GapData) -> pd.DataFrame:
-    """Every reading with its prediction before and after, in the order of measuring."""
+    """Every measurement with its prediction before and after correction, in the order of
+    measuring.
+    """
     setup, n = end.setup, len(end.setup.data)
     inputs = {c.name: full.readings.table[c.name] for c in full.target.columns}
     frame = pd.DataFrame({"row": full.rows, **inputs})

@@ -1,4 +1,4 @@
-"""What a search works in: the noise beside what is named, and columns whitened by it."""
+"""The space of a search: the noise given the selected effects, and columns whitened by it."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from .setup import Setup, values_of
 from .space import Space
 
 SAME = 0.02
-"""Change of the noise's level and autocorrelation below which it is as it was."""
+"""Change of the noise's level and autocorrelation below which they count as unchanged."""
 
 
 def searching(
@@ -53,7 +53,7 @@ def searching(
 
 
 def noise_of(setup: Setup, contributions: Sequence[Array]) -> tuple[Noise, ...]:
-    """The noise of each output beside the model and the effects' columns (N, m)."""
+    """The noise of each output given the model and the effects' columns (N, m)."""
     outputs = setup.data.outputs
     q = len(outputs)
     kept = [
@@ -76,7 +76,7 @@ def noise_of(setup: Setup, contributions: Sequence[Array]) -> tuple[Noise, ...]:
 
 
 def _known(setup: Setup, name: str) -> tuple[Array, str] | None:
-    """The noise (n,) that the table or the configuration states, and which of them."""
+    """The noise (n,) that the table or the configuration states, and which of the two."""
     if name in setup.data.std:
         return setup.data.std[name], "column"
     if name in setup.plan.noise:
@@ -95,7 +95,7 @@ def spread_of(noises: Sequence[Noise]) -> float:
 
 
 def alike(first: Sequence[Noise], second: Sequence[Noise]) -> bool:
-    """Whether two estimates of the noise are as good as the same."""
+    """Whether two estimates of the noise are practically the same."""
     return all(
         abs(a.level / b.level - 1.0) < SAME
         and abs(a.rho - b.rho) < SAME

@@ -1,4 +1,4 @@
-"""The search for names: add, refit, re-test all, until nothing significant is left to be named."""
+"""The selection of effects: add, refit and test all again until no candidate is significant."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from .plan import GapSettings
 from .scan import Dictionary, Found, Thresholds, scan
 
 REFINED = 8
-"""Candidates whose nonlinear parameters are fitted at each step."""
+"""Number of candidates whose nonlinear parameters are fitted at each step."""
 WITHIN = 40.0
 """Gain behind the best on the grid, beyond which a candidate is not refined."""
 
@@ -28,16 +28,18 @@ NO_FORM = "its form is not that of the data: fitted together with the rest it is
 BESIDE = "fits as well as any form beside the others"
 TERM = "held-out rows are predicted better, and no name of the library has this form"
 MASKED = 12
-"""Candidates that are tried in pairs where none shows alone."""
+"""Number of candidates that are tried in pairs where none is significant alone."""
 PAIRS = 2
-"""Of them, those whose nonlinear parameters are fitted."""
+"""Number of pairs whose nonlinear parameters are fitted."""
 TWO = 1.6
-"""Thresholds that two names must pass together."""
+"""Gain that two effects must reach together, in thresholds of a single one."""
 
 
 @dataclass(frozen=True)
 class Search:
-    """All that a search for names works with."""
+    """What a selection works with: the fitter, the candidates, their thresholds and the blocks of
+    rows.
+    """
 
     fitter: Fitter
     book: Dictionary
@@ -49,7 +51,7 @@ class Search:
     _tested: dict[tuple[object, ...], HeldOut] = field(init=False, default_factory=dict)
 
     def open(self, members: Sequence[Member]) -> list[Found]:
-        """The candidates beside `members` that may be named, best first."""
+        """The candidates that may be added to `members`, best first."""
         key = tuple(member.key for member in members)
         if key not in self._open:
             candidates = scan(self.fitter, self.white, self.book, members)
@@ -59,7 +61,7 @@ class Search:
         return self._open[key]
 
     def refined(self, members: Sequence[Member], candidates: Sequence[Found]) -> list[Fit]:
-        """Fits with one candidate more each, their nonlinear parameters fitted, best first."""
+        """Fits with one more candidate each, its nonlinear parameters fitted, best first."""
         if not candidates:
             return []
         best = self._reached(members, candidates[:REFINED])
@@ -72,8 +74,8 @@ class Search:
         return sorted(fits, key=lambda fit: fit.score)
 
     def _reached(self, members: Sequence[Member], candidates: Sequence[Found]) -> float:
-        """The largest gain with the signs that physics allows; a scan knows those of single
-        columns alone.
+        """The largest gain with physically admissible signs; a scan respects the signs of single
+        columns only.
         """
         before, best = 0.0, -np.inf
         for scored_candidate in candidates:
@@ -107,8 +109,8 @@ class Search:
 
 @dataclass(frozen=True)
 class Selection:
-    """The fit that a search ended with, and its path; `accepted` are the fits of its accepted steps
-    with their held-out residuals, the model alone first; `named` are the names that it ended with.
+    """The final fit of a selection and its path. `accepted` are the fits of the accepted steps with
+    their held-out residuals, the null fit first; `named` are the effects in the final fit.
     """
 
     fit: Fit
@@ -119,13 +121,13 @@ class Selection:
     named: tuple[str, ...] = ()
 
     def ending_with(self, fit: Fit, tested: HeldOut) -> Selection:
-        """The same path, at the end of which another fit is accepted."""
+        """The same path, with another fit accepted at its end."""
         return replace(self, fit=fit, accepted=(*self.accepted, (fit, tested)))
 
 
 def select(search: Search, quick: bool = False) -> Selection:
-    """Names that pass the threshold and the held-out test, from none; `quick` does not
-    look for names that only show in pairs.
+    """Effects that pass the threshold and the held-out test, added to the null fit one by one;
+    `quick` does not try effects that are significant only in pairs.
     """
     fit = search.fitter.fit(())
     steps: list[Step] = []
@@ -168,10 +170,10 @@ def select(search: Search, quick: bool = False) -> Selection:
         _note(steps, search, grown, after, "add", name, True, BOTH, gain, better)
         fit = _retested(search, grown, steps, accepted)
         accepted.append((grown, after))
-        if frozenset(fit.names) in stood:  # back at names that it stood at: another way from here
+        if frozenset(fit.names) in stood:  # effects selected before: try another path from here
             rejected.add(frozenset(new))
         else:
-            rejected.clear()  # effects mask each other: what failed before may not fail now
+            rejected.clear()  # effects mask each other: one rejected before may pass now
             stood.add(frozenset(fit.names))
         before = search.tested(fit)
     fit = search.fitter.refined(fit.members)
@@ -188,8 +190,8 @@ def beside(
     limit: float,
     better: Improvement,
 ) -> Selection:
-    """The path of a selection, of a name that was found by likelihood, and of what remains of the
-    selection beside it.
+    """The path of a selection, followed by an effect that was selected by likelihood and by the
+    changes of the other effects given that one.
     """
     steps = list(before.steps)
     tested = search.tested(after.fit)
@@ -214,16 +216,16 @@ def beside(
 
 
 def _matters(search: Search, gain: float, names: int) -> bool:
-    """Whether what each further name explains has an rms above the practical limit."""
+    """Whether the rms explained per additional effect exceeds the practical limit."""
     rms = np.sqrt(max(gain, 0.0) / names / max(search.fitter.space.count, 1))
     return bool(rms > search.settings.practical_limit)
 
 
 def _next(search: Search, fit: Fit, rejected: set[frozenset[str]]) -> Fit | None:
-    """The best fit with one name more that passes the threshold; None where there is none."""
+    """The best fit with one more effect that passes the threshold; None where there is none."""
     candidates = search.open(fit.members)
     limit = search.thresholds.library
-    # the threshold is that of the dictionary: what a finer fit adds is no evidence
+    # the threshold is that of the grid: the gain of a finer fit is no evidence
     alone = {name for names in rejected if len(names) == 1 for name in names}
     candidates = [
         candidate
@@ -238,9 +240,10 @@ def _next(search: Search, fit: Fit, rejected: set[frozenset[str]]) -> Fit | None
 
 
 def masked(search: Search, fit: Fit, rejected: set[frozenset[str]]) -> Fit | None:
-    """The best fit with two names more, neither of which shows without the other; else None.
+    """The best fit with two more effects, neither of which is significant without the other; else
+    None.
 
-    A name that was rejected alone may be one of them: without the other it was fitted wrongly.
+    An effect that was rejected alone may be one of them: without the other its fit was biased.
     """
     limit = search.thresholds.library
     firsts = search.open(fit.members)[:MASKED]
@@ -270,7 +273,9 @@ def masked(search: Search, fit: Fit, rejected: set[frozenset[str]]) -> Fit | Non
 def _retested(
     search: Search, fit: Fit, steps: list[Step], accepted: list[tuple[Fit, HeldOut]]
 ) -> Fit:
-    """The fit after each name was tried against all others, and against leaving it out."""
+    """The fit after each effect was exchanged for every candidate, and dropped, where that is
+    better.
+    """
     for _ in range(4):
         better = _swapped(search, fit) or _dropped(search, fit)
         if better is None:
@@ -290,7 +295,7 @@ def _retested(
 
 
 def _swapped(search: Search, fit: Fit) -> Fit | None:
-    """A fit with one name exchanged that is better, None where there is none."""
+    """A better fit with one effect exchanged; None where there is none."""
     best = fit
     for at in range(len(fit.members)):
         others = fit.without(at)
@@ -301,7 +306,7 @@ def _swapped(search: Search, fit: Fit) -> Fit | None:
 
 
 def _dropped(search: Search, fit: Fit) -> Fit | None:
-    """A fit without a name that is not significant beside the others."""
+    """A fit without an effect that is not significant given the others; None where all are."""
     for at in range(len(fit.members) - 1):
         less = search.fitter.fit(fit.without(at))
         if less.rss - fit.rss < search.thresholds.library:
@@ -342,8 +347,8 @@ def _note(
 def concluding(
     search: Search, selection: Selection, fit: Fit, labels: Mapping[str, str]
 ) -> tuple[Step, ...]:
-    """The path of a selection, and of what became of it in the final fit: names that were struck or
-    came, and terms without a name (`labels` by their names); held-out errors all in one noise.
+    """The path of a selection, and its changes in the final fit: effects dropped or added, and
+    generic terms (`labels` by their names). All held-out errors refer to the same noise.
     """
     count = max(search.fitter.space.count, 1)
     errors = iter(

@@ -1,8 +1,8 @@
-"""Signs that are the other way round: an output, or a column, that counts against the convention.
+"""Reversed signs: an output or a column that counts against the convention.
 
 An effect has the sign that physics gives it, and a load that resists winds a drive up. Where the
-data fit far better turned round, that is said before anything else: what is named otherwise is
-named for the wrong reason.
+data fit far better with the opposite sign, a note says so first: effects selected with the wrong
+sign are wrong.
 """
 
 from __future__ import annotations
@@ -24,25 +24,27 @@ from .library import Candidate, Columns, grid
 from .linear import basis, beside
 
 FAR = 0.25
-"""What a turned reading must leave, as a share of what the given one leaves (of squares)."""
+"""Residual squares with the opposite sign, as a fraction of those with the given one, below which a
+sign is doubted.
+"""
 SHAPES = 12
-"""Points of an effect's grid that are tried."""
+"""Number of points of an effect's grid that are tried."""
 ROWS = 600
 LEAST = 20
-"""Rows from which a sign is judged."""
+"""Number of rows from which a sign is tested."""
 
 
 STEPS = 4
-"""Effects that are fitted one after the other: a wave that dominates says nothing of a sign."""
+"""Number of effects that are fitted one after the other: a dominating wave has no sign."""
 ENOUGH = 0.98
-"""Share of the squares that a further effect must at most leave, to be fitted."""
+"""Largest fraction of the squares that may remain after a further effect."""
 FALLS = -0.7
 """Correlation from which a prediction falls with the load."""
 
 
 @dataclass(frozen=True)
 class _Best:
-    """The sum of squares that a few effects leave, and the first of them that has a sign."""
+    """The residual sum of squares after a few effects, and the first of them that has a sign."""
 
     rss: float
     name: str = ""
@@ -78,7 +80,9 @@ def turned(
 
 
 def _falls(data: GapData, output: Output, predicted: Array) -> str:
-    """A prediction that falls with the load, which winds a drive up; empty where it does not."""
+    """The note on a prediction that falls with the load, which winds a drive up; empty where it
+    does not.
+    """
     load = next((c for c in data.inputs if c.role in (Role.TORQUE, Role.FORCE)), None)
     if load is None or kind_of(output.unit) not in POSITIONS or not np.ptp(predicted):
         return ""
@@ -94,7 +98,7 @@ def _falls(data: GapData, output: Output, predicted: Array) -> str:
 def _blocks(
     data: GapData, library: Sequence[Candidate], columns: Columns
 ) -> Iterator[tuple[Candidate, Array]]:
-    """Columns (N, m) of effects that act at the output, at some of their shapes."""
+    """Columns (N, m) of effects that act at the output, for some of their nonlinear parameters."""
     for candidate in library:
         inside = candidate.effect.place(data.target) is not None or isinstance(
             candidate.effect, InsideSeveral
@@ -108,7 +112,9 @@ def _blocks(
 
 
 def _best(gap: Array, blocks: Sequence[tuple[Candidate, Array]]) -> _Best:
-    """A few effects on a gap (n,), each the best on what those before it left, bounds kept."""
+    """A few effects on a gap (n,), each the best on the residual of those before it, within
+    bounds.
+    """
     whole, name, taken = float(gap @ gap), "", set[str]()
     for _ in range(STEPS):
         tried = [
@@ -128,7 +134,9 @@ def _best(gap: Array, blocks: Sequence[tuple[Candidate, Array]]) -> _Best:
 
 
 def _residual_of(gap: Array, candidate: Candidate, x: Array) -> tuple[float, Array]:
-    """What the columns (n, m) of an effect leave of a gap, within their bounds."""
+    """The residual sum of squares, and the residual, of a gap after the columns (n, m) of an
+    effect, within bounds.
+    """
     kept = np.linalg.norm(x, axis=0) > 0.0
     low, high = (ends[kept] for ends in candidate.bounds)
     x = x[:, kept]

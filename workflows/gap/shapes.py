@@ -1,4 +1,4 @@
-"""Stage 7 as records: what is left without a name, and a formula for it where one was asked for."""
+"""The unidentified forms (stage 7) as records, and a formula where one was requested."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .where import along, shapes
 
 
 def shape_records(end: Ending) -> tuple[Shape, ...]:
-    """Stage 7 as records: what is significant beside the final fit."""
+    """The forms that are significant given the final fit (stage 7), as records."""
     analysis, search = end.analysis, end.analysis.search
     generic = analysis.ground.generic
     odd = () if analysis.misfit is None else (_of_misfit(end, analysis.misfit),)
@@ -51,7 +51,7 @@ def _with_formula(end: Ending, shape: Shape, fit: Fit) -> Shape:
 
 
 def _formula(end: Ending, shape: Shape, fit: Fit) -> str:
-    """A formula over the shape's variable, empty where a spline does as well."""
+    """A formula over the shape's variable; empty where a spline fits as well."""
     from .empirical import Curve, empirical  # scikit-learn takes a second to import
 
     setup, n = end.setup, len(end.setup.data)

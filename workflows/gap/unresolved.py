@@ -1,4 +1,4 @@
-"""Forms without a name as terms of the corrected model."""
+"""Generic forms as terms of the corrected model."""
 
 from __future__ import annotations
 
@@ -21,25 +21,25 @@ from .library import Candidate
 from .linear import basis, beside
 
 WITHIN = 0.9
-"""Share of a named effect's column within a form from which the form is taken without it; a form of
-one column is that effect then.
+"""Fraction of an effect's column in the span of a form from which the form is taken without it; a
+form of one column is then the effect itself.
 """
 
 
 def is_term(member: Member) -> bool:
-    """Whether a member of a fit is a term without a name."""
+    """Whether a member of a fit is a generic term."""
     return isinstance(member.candidate.effect, Unresolved)
 
 
 def label(member: Member) -> str:
-    """What a term is called on the path of a selection."""
+    """The label of a term on the path of a selection."""
     effect = member.candidate.effect
     assert isinstance(effect, Unresolved)
     return f"unresolved term of {' x '.join(effect.term.variables)}"
 
 
 def term_of(form: Form, data: GapData, output: str) -> Term | None:
-    """The term that a form is at these data; None of what is no function of their inputs."""
+    """The term of a form for these data; None where the form is no function of their inputs."""
     columns = {c.name: c for c in data.inputs}
     turns = form.direction == "odd"
     if form.kind == "direction":
@@ -117,8 +117,8 @@ def _wave(base: Term, form: Form, data: GapData) -> Term:
 
 
 def member_of(term: Term, data: GapData, fitter: Fitter, named: Sequence[Member]) -> Member | None:
-    """A term as a member of a fit beside named effects: without what those do in it; None where
-    nothing else is in it.
+    """A term as a member of a fit with identified effects, orthogonal to those that lie in its
+    span; None where nothing else remains.
     """
     whole = _member(Unresolved(term), data)
     form = beside(fitter.white(whole), fitter.q)
@@ -147,7 +147,7 @@ def whole_of(member: Member, data: GapData) -> Member:
 
 
 def _within(q: NDArray[Any], fitter: Fitter, named: Sequence[Member]) -> list[Array]:
-    """Columns of named effects that lie in the span of a form with basis q (N, r)."""
+    """Columns of identified effects that lie in the span of a form with basis q (N, r)."""
     inside = []
     for member in named:
         if is_term(member):

@@ -39,7 +39,7 @@ def write(result: GapResult, folder: Path, lines: Sequence[str]) -> None:
 
 
 def summary_of(folder: Path) -> tuple[str, ...]:
-    """The summary of an analysis that has ended; none where its file was removed."""
+    """The summary of an analysis that has ended; empty where its file was removed."""
     path = folder / SUMMARY
     return tuple(path.read_text(encoding="utf-8").splitlines()) if path.is_file() else ()
 
@@ -71,7 +71,9 @@ def record(result: GapResult) -> dict[str, Any]:
 
 
 def _numbers(by_output: Mapping[str, float]) -> float | dict[str, float]:
-    """One number for one output; by output, and the total in noise units, for several."""
+    """A number for a single output; for several a number by output, and the total in noise
+    units.
+    """
     outputs = [name for name in by_output if name != "total"]
     return by_output[outputs[0]] if len(outputs) == 1 else dict(by_output)
 

@@ -1,7 +1,7 @@
-"""How far readings at some points tell two explanations apart, the readings there are included.
+"""The discrimination of two explanations by measurements at some points and those of the record.
 
-The criterion is that of T-optimality: the squared norm of what the one says and the other cannot
-follow when it is fitted again. Reference: Atkinson & Fedorov, Biometrika 62, 1975.
+The criterion is that of T-optimality: the squared norm of the residual of the one prediction after
+a refit of the other. Reference: Atkinson & Fedorov, Biometrika 62, 1975.
 """
 
 from __future__ import annotations
@@ -15,15 +15,15 @@ from ....models.inputs.distribution import Array
 from .rows import Said
 
 RIDGE = 1e-10
-"""Share of a column's square that keeps a fit regular."""
+"""Fraction of a column's square that keeps a fit regular."""
 Chosen = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
 class Contest:
-    """An explanation against a rival, in noise units: of the record the rival's normal equations
-    `gram` (p, p), `cross` (p,), and `square`; of C candidates with k readings each what is left of
-    the explanation beside the rival (C, k), and the rival's columns (C, k, p).
+    """An explanation against a rival, in noise units. `gram` (p, p), `cross` (p,) and `square` are
+    the rival's normal equations at the record; `left` (C, k) is the residual of the explanation
+    given the rival at C candidates of k measurements, `columns` (C, k, p) are the rival's.
     """
 
     gram: Array
@@ -34,8 +34,8 @@ class Contest:
 
     @classmethod
     def of(cls, record: tuple[Said, Said], points: tuple[Said, Said], readings: int) -> Contest:
-        """Of what both say at the record and at candidates of that many readings, all whitened;
-        the rows of a candidate stand together.
+        """The contest from both predictions at the record and at candidates of `readings`
+        measurements, all whitened; the rows of a candidate are adjacent.
         """
         mine, rival = record
         square = np.sum(rival.columns**2, axis=0) + np.sum(points[1].columns ** 2, axis=0)
@@ -69,7 +69,7 @@ class Contest:
         )
 
     def with_each(self, chosen: Chosen) -> Array:
-        """Discrimination (C,) with these candidates and one more."""
+        """Discrimination (C,) with these candidates and each one in addition."""
         level, coefficients, inverse = self.level(chosen)
         residual = self.left - self.columns @ coefficients
         spread = self.columns @ inverse

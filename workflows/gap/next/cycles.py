@@ -13,27 +13,27 @@ from ..data import GapData
 from .points import Axis, Table, with_labels
 
 CYCLES = 7
-"""Cycles that are tried, as a power of two."""
+"""Number of cycles that are tried, as a power of two."""
 READINGS = 20
-"""Readings of a cycle."""
+"""Number of measurements of a cycle."""
 LOCKED = "rv_lost_motion"
 PATH = Column("repeat", "", "number of the cycle", False, role=Role.REPEAT)
 
 
 def along_path(data: GapData) -> bool:
-    """Whether readings depend on the path of the load."""
+    """Whether measurements depend on the path of the load."""
     return data.target.model == LOCKED
 
 
 def in_cycles(readings: int) -> tuple[int, int]:
-    """How many cycles, and readings in each, make about so many."""
+    """The number of cycles, and of measurements in each, that give about `readings` in all."""
     count = max(1, round(readings / READINGS))
     return count, max(readings // count, 1)
 
 
 def cycles(data: GapData, axes: Iterable[Axis], each: int, seed: int) -> Table:
     """A table of cycles of `each` rows: the torque from its lower end to its upper one and back,
-    other inputs as they are throughout; the first cycles take the whole range, or one side.
+    other inputs constant in a cycle; the first cycles take the whole range, or one side of it.
     """
     axes = tuple(axes)
     moving = [axis for axis in axes if axis.column.role not in (Role.TORQUE, Role.DIRECTION)]
@@ -53,7 +53,7 @@ def cycles(data: GapData, axes: Iterable[Axis], each: int, seed: int) -> Table:
 
 
 def _drawn(others: int, seed: int) -> tuple[Array, Array]:
-    """Lower and upper ends of the torque (C, 2) and shares (C, others) of the other inputs."""
+    """Lower and upper ends of the torque (C, 2) and fractions (C, others) of the other inputs."""
     sobol = scipy.stats.qmc.Sobol(2 + others, rng=np.random.default_rng([seed, 9]))
     fractions = np.asarray(sobol.random_base2(CYCLES))
     ends = np.sort(fractions[:, :2], axis=1)

@@ -1,4 +1,6 @@
-"""The next measurement of an analysis that has ended: its points, and what they will tell."""
+"""The next measurement of an analysis that has ended: its points, and their expected
+discrimination.
+"""
 
 from __future__ import annotations
 
@@ -33,7 +35,7 @@ Key = tuple[tuple[str, ...], tuple[str, ...]]
 
 @dataclass(frozen=True)
 class Planned:
-    """The record, its points, and what is said beside each rival: by its names and theirs."""
+    """The record, its points, and the measurement listed with each rival, by the names of both."""
 
     record: NextMeasurement
     points: pd.DataFrame | None = None
@@ -41,7 +43,9 @@ class Planned:
 
 
 def next_measurement(end: Ending) -> Planned | None:
-    """None where none was asked for. Raises InputError where the ranges hold no point."""
+    """The next measurement; None where none was requested. Raises InputError where the ranges
+    contain no point.
+    """
     wanted = end.setup.plan.next_measurement
     if wanted is None:
         return None
@@ -53,7 +57,7 @@ def next_measurement(end: Ending) -> Planned | None:
 
 
 def _of_rivals(end: Ending, wanted: NextPlan) -> Planned:
-    """Points that separate the best name from each of its rivals."""
+    """Points that separate the best explanation from each of its rivals."""
     open_, measurements = [], dict[Key, Measurement]()
     for other in end.analysis.others:
         if _reads(end, end.fit) or _reads(end, other.fit):
@@ -117,14 +121,16 @@ def _of_batch(
 
 
 def _inseparable(record: Separation, other: Other) -> Separation:
-    """Of a pair that no design tells apart, and what would."""
+    """The record of a pair that no design separates, with the quantity that would."""
     names = frozenset(set(other.names) ^ set(other.instead_of))
     text = f"{NONE}: {UNSEEN[names]}" if names in UNSEEN else f"{NONE}: another quantity is needed"
     return replace(record, needed=0, text=text, possible=False)
 
 
 def _of_effects(end: Ending, wanted: NextPlan) -> Planned:
-    """Points that would show the effects nearest to the threshold, or those that were listed."""
+    """Points at which the effects nearest to the threshold, or the listed ones, would be
+    detected.
+    """
     null_model = end.analysis.bare
     noises, setup = null_model.search.fitter.space.noises, null_model.setup
     sought, notes = wanted_effects(end, wanted)
@@ -170,7 +176,7 @@ def _planned(
 
 
 def _measurement(record: Separation, new: Ahead | None, inputs: Sequence[str]) -> Measurement:
-    """What stands beside a rival."""
+    """The measurement listed with a rival."""
     if new is None or not record.possible:
         return Measurement(record.text)
     ends = {
@@ -185,7 +191,7 @@ def _key(other: Other) -> Key:
 
 
 def _reads(end: Ending, fit: Fit) -> bool:
-    """Whether an effect in a fit acts on the reading itself, as rounding does."""
+    """Whether an effect in a fit acts on the measurement itself, as rounding does."""
     data = end.setup.data
     return any(
         bool(
@@ -198,5 +204,5 @@ def _reads(end: Ending, fit: Fit) -> bool:
 
 
 def _count(place: Field, wanted: NextPlan) -> int:
-    """Candidates that make as many readings."""
+    """The number of candidates that give as many measurements."""
     return max(1, wanted.readings // place.each)

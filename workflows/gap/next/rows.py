@@ -1,5 +1,5 @@
-"""Readings at other operating points: what an explanation says of them, and what it may still
-change.
+"""Measurements at other operating points: the prediction of an explanation, and its free
+columns.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from ..setup import STEP, Setup, zeros_of
 from .points import Table
 
 STRIDE = 0.02
-"""Share of a nonlinear parameter by which it is moved for its column."""
+"""Fraction of a nonlinear parameter by which it is moved for its column."""
 
 
 def placed(data: GapData, table: Table, more: tuple[Column, ...] = ()) -> GapData:
     """The data's columns at the rows of a table, nothing measured there; `more` are columns that
-    the data have not.
+    are not in the data.
     """
     count = len(next(iter(table.values())))
     target = replace(data.target, columns=(*data.target.columns, *more))
@@ -44,7 +44,7 @@ def placed(data: GapData, table: Table, more: tuple[Column, ...] = ()) -> GapDat
 
 
 def columns_at(setup: Setup, data: GapData) -> Columns:
-    """What effects add at rows where nothing was measured."""
+    """Columns of effects at rows where nothing was measured."""
     plan = setup.plan
     if plan.model is None:
         return Columns(data, _nothing(data))
@@ -72,8 +72,8 @@ def _nothing(data: GapData) -> Predict:
 
 @dataclass(frozen=True)
 class Said:
-    """What a fit says at N rows (N,), and the columns (N, p) of all that is fitted in it: free
-    parameters, zeros, effects, and what their nonlinear parameters do about their values.
+    """The prediction (N,) of a fit at N rows, and the columns (N, p) of all that is fitted in it:
+    free parameters, zeros, effects, and the derivatives by their nonlinear parameters.
     """
 
     values: Array
@@ -81,7 +81,7 @@ class Said:
 
 
 def said(columns: Columns, base: Array, fit: Fit) -> Said:
-    """By a fit, at the rows of `columns`, in the outputs' units."""
+    """The prediction of a fit at the rows of `columns`, in the outputs' units."""
     values, parts = base @ fit.free, [base]
     for member, coefficients in zip(fit.members, fit.coefficients, strict=True):
         member_columns = columns.of(member.candidate, member.shape)
@@ -93,7 +93,7 @@ def said(columns: Columns, base: Array, fit: Fit) -> Said:
 
 
 def _moving(columns: Columns, member: Member, coefficients: Array) -> Iterator[Array]:
-    """What each nonlinear parameter that was fitted does (N,), per unit of it."""
+    """The derivative (N,) by each fitted nonlinear parameter."""
     for parameter in member.candidate.shape:
         if parameter.choices:
             continue
@@ -107,7 +107,9 @@ def _moving(columns: Columns, member: Member, coefficients: Array) -> Iterator[A
 
 
 def of_record(fitter: Fitter, fit: Fit) -> Said:
-    """By a fit, at the readings of the record, whitened, the tolerances below (N,)."""
+    """The prediction of a fit at the N whitened measurements of the record, followed by the
+    tolerances.
+    """
     prediction = said(fitter.columns, fitter.raw_base, fit)
     free = fitter.base.shape[1]
     columns = fitter.space.whiten(prediction.columns)
@@ -119,5 +121,5 @@ def of_record(fitter: Fitter, fit: Fit) -> Said:
 
 
 def distance(explanation: Said, rival: Said) -> float:
-    """Squared norm of what the one says and the other cannot follow."""
+    """Squared norm of the difference of two predictions outside the span of the rival's columns."""
     return float(np.sum(beside(explanation.values - rival.values, basis(rival.columns)) ** 2))

@@ -1,4 +1,6 @@
-"""The design that tells the best name from its rivals, and what is to be expected of it."""
+"""The design that separates the best explanation from its rivals, and its expected
+discrimination.
+"""
 
 from __future__ import annotations
 
@@ -20,14 +22,14 @@ from .field import Ahead, Field
 from .rows import Said, distance, of_record
 
 SUPPORT = 60
-"""Readings that are chosen one by one; more of them are the same ones again."""
+"""Number of measurements that are chosen one by one; further ones repeat them."""
 HOPELESS = 1e-4
-"""Discrimination per reading below which no design separates."""
+"""Discrimination per measurement below which no design separates."""
 LITTLE = 2.0
-"""What a pair must be able to gain, to have a say in a design for several."""
+"""Gain that a pair must be able to reach to be considered in a design for several."""
 FEWEST = 2
 VARIANTS = 6
-"""Values of a rival's nonlinear parameters that the record allows, at most."""
+"""Largest number of values of a rival's nonlinear parameters that the record allows."""
 WORSE = 0.9
 ROUNDS = 2
 CERTAIN = 0.95
@@ -38,8 +40,8 @@ NONE = "no design in this range separates them"
 
 @dataclass(frozen=True)
 class Pair:
-    """The best explanation against one rival: what it says of the record, and the same of the rival
-    at each value of its nonlinear parameters that is in play, the fitted one first.
+    """The best explanation against one rival: its prediction at the record, and that of the rival
+    at each value of its nonlinear parameters under consideration, the fitted one first.
     """
 
     other: Other
@@ -49,7 +51,7 @@ class Pair:
     contests: tuple[Contest, ...] = ()
 
     def with_fit(self, fit: Fit, record: Said, contest: Contest) -> Pair:
-        """The pair with one more value in play."""
+        """The pair with one more value under consideration."""
         return replace(
             self,
             fits=(*self.fits, fit),
@@ -58,7 +60,7 @@ class Pair:
         )
 
     def least(self, chosen: Chosen) -> float:
-        """Discrimination with these candidates, at the value that follows best."""
+        """Discrimination with these candidates, at the rival's value that imitates best."""
         return min(contest.level(chosen)[0] for contest in self.contests)
 
 
@@ -76,7 +78,7 @@ def _contest(end: Ending, field: Field, mine: Said, record: Said, rival: Fit) ->
 
 
 def most(pair: Pair, count: int) -> float:
-    """What a design for this pair alone would add to its discrimination."""
+    """The discrimination that a design for this pair alone would add."""
     few = added(pair.contests, min(count, SUPPORT))
     return pair.least(np.resize(few, count)) - pair.least(few[:0])
 
@@ -85,7 +87,7 @@ def design(
     end: Ending, field: Field, pairs: Sequence[Pair], count: int
 ) -> tuple[Chosen, list[Pair]]:
     """The candidates that separate the worst of these pairs best, and the pairs with the values of
-    nonlinear parameters that follow best.
+    nonlinear parameters that imitate best.
     """
     current = list(pairs)
     for _ in range(ROUNDS):
@@ -102,7 +104,7 @@ def _exchanged(pairs: Sequence[Pair], count: int) -> Chosen:
 
 
 def _with_worst(end: Ending, field: Field, pair: Pair, chosen: Chosen) -> Pair:
-    """The pair with the rival's values that follow this design best, where they are new."""
+    """The pair with the rival's values that imitate best at this design, where they are new."""
     fitter, best = end.analysis.search.fitter, pair
     for fit in variants(end.analysis.search, pair.other.fit):
         record = of_record(fitter, fit)
@@ -127,7 +129,9 @@ def variants(search: Search, fit: Fit) -> list[Fit]:
 
 
 def separation(end: Ending, pair: Pair, new: Ahead, alike: Ahead) -> Separation:
-    """What the planned readings tell of a pair, and as many like the present ones."""
+    """The separation of a pair by the planned measurements, and by as many like the present
+    ones.
+    """
     fit, mine = end.fit, new.says(end.fit)
     levels = [
         joined(pair.mine, record, mine, new.says(rival_fit))
@@ -168,7 +172,7 @@ def record_of(
 
 
 def joined(mine: Said, rival: Said, new_mine: Said, new_rival: Said) -> float:
-    """The discrimination of the record and new readings together."""
+    """The discrimination by the record and new measurements together."""
     values = np.concatenate([mine.values, new_mine.values])
     rival_values = np.concatenate([rival.values, new_rival.values])
     columns = np.vstack([rival.columns, new_rival.columns])

@@ -1,4 +1,4 @@
-"""The next measurement of a batch: further units, warm and cold where that was given."""
+"""The next measurement of a batch: further units, at the ends of configured ranges."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ from .separations import CERTAIN, FEWEST
 
 MOST = 10**6
 QUANTILES = 1000
-"""Units that stand for a law."""
+"""Number of quantiles that represent a law."""
 
 
 def further_units(setup: Setup, noises: Sequence[Noise], wanted: NextPlan, spread: bool) -> Ahead:
-    """Units like those of the batch; `spread`: at the ends of the given ranges in turn."""
+    """Units like those of the batch; with `spread` at the ends of the configured ranges in turn."""
     count, table = wanted.readings, setup.data.readings.table
     rng = np.random.default_rng([setup.plan.seed, 11])
     rows = rng.integers(len(setup.data), size=count)
@@ -48,8 +48,8 @@ def further_units(setup: Setup, noises: Sequence[Noise], wanted: NextPlan, sprea
 
 
 def of_scatter(end: Ending, mine: Scatter, rival: Scatter, count: int) -> Separation:
-    """What further units tell of two effects on the scatter: the log of the likelihood ratio of a
-    unit has a mean and a variance, those of many add up.
+    """The separation of two effects on the scatter by further units: the log likelihood ratio of a
+    unit has a mean and a variance, which add up over units.
     """
     law = end.analysis.bare.batch.law
     laws = [effect.changed(law) for effect in (mine, rival)]
@@ -72,7 +72,7 @@ def of_scatter(end: Ending, mine: Scatter, rival: Scatter, count: int) -> Separa
 
 def _moments(right: Law, wrong: BatchLikelihood) -> tuple[float, float]:
     """Mean and variance of the log likelihood ratio of a unit of the right law, against the wrong
-    effect where it follows that law best.
+    effect at its best fit to that law.
     """
     fractions = (np.arange(QUANTILES) + 0.5) / QUANTILES
     x = np.asarray(right.histogram.ppf(fractions), dtype=np.float64)
@@ -83,8 +83,8 @@ def _moments(right: Law, wrong: BatchLikelihood) -> tuple[float, float]:
 def _chance(
     moments: Sequence[tuple[float, float]], ahead: float, count: int, by: float = 0.0
 ) -> float:
-    """That the right one is ahead by more than `by` after `count` units, each as likely as it fits
-    now.
+    """The probability that the right one is ahead by more than `by` after `count` units; the prior
+    probability of each follows from its fit.
     """
     mine = 1.0 / (1.0 + np.exp(-0.5 * ahead))
     chance = 0.0

@@ -1,4 +1,4 @@
-"""To which input of a batch a difference may be due: by likelihood, and by what limits allow."""
+"""Attribution of a batch's difference to an input: by likelihood, and by the inputs' limits."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .weighed import Weighed, parts_of
 
 
 def of_batch(end: Ending) -> tuple[Attribution, ...]:
-    """Which inputs may be behind the gap of a batch; none where there is no gap."""
+    """The inputs that may cause the gap of a batch; empty where there is no gap."""
     analysis, data = end.analysis, end.setup.data
     sources = None if end.setup.plan.model is None else end.setup.plan.model.sources()
     if not analysis.significant or sources is None or not data.target.population:
@@ -44,7 +44,7 @@ def of_batch(end: Ending) -> tuple[Attribution, ...]:
 
 
 def decided(weighed: Weighed, effect: str, output: str, unit: str) -> tuple[Attribution, ...]:
-    """One record per kind that is left, or one that says why none is."""
+    """One record per remaining kind of change, or a single one that says why none remains."""
 
     def of(kind: str, verdict: str, text: str, names: tuple[str, ...] = ()) -> Attribution:
         some = _records(weighed, kind, unit) if kind else ()
@@ -82,7 +82,9 @@ def _records(weighed: Weighed, kind: str, unit: str) -> tuple[InputChange, ...]:
 
 
 def explanation(weighed: Weighed, unit: str) -> str:
-    """What is left standing, and what would tell, in one sentence."""
+    """The remaining changes, and the measurement that would decide between them, in one
+    sentence.
+    """
     names = [_way(change) for change in weighed.standing]
     names += [weighed.rival] if weighed.mixed else []
     if len(names) == 1:
@@ -108,7 +110,7 @@ def explanation(weighed: Weighed, unit: str) -> str:
 
 
 def _way(change: Change) -> str:
-    """What an input, or the gauge, does."""
+    """The change of an input, or of the gauge, in words."""
     kind = "noise" if change.source is None and change.kind == "widening" else change.kind
     return f"{kind} of {change.name}"
 
@@ -120,7 +122,7 @@ def _names(end: Ending) -> str:
 
 
 def _refused(end: Ending) -> str:
-    """Why inputs are not asked for; empty where they are."""
+    """Why no attribution to inputs is made; empty where it is."""
     count = len(end.setup.data)
     if not end.setup.plan.settings.effects_at_most or count < LEAST_NAMED:
         return f"cannot tell with n = {count} which input it is due to"
@@ -134,7 +136,7 @@ def _refused(end: Ending) -> str:
 
 
 def _rival(end: Ending, tables: Tables) -> tuple[str, float]:
-    """What was named on the scatter that no input does, and its log likelihood."""
+    """The identified effect on the scatter that no input explains, and its log likelihood."""
     best = end.analysis.scatter[0] if end.analysis.scatter else None
     if best is None or not best.apart_from_inputs:
         return "", -np.inf
@@ -142,12 +144,14 @@ def _rival(end: Ending, tables: Tables) -> tuple[str, float]:
 
 
 def trends(end: Ending) -> tuple[str, ...]:
-    """Effects that move unit after unit: what an input does that wears off."""
+    """Effects along the order of the units: they act as an input that drifts."""
     return tuple(member.name for member in end.fit.members if member.candidate.effect.along_units)
 
 
 def _beside(end: Ending) -> str:
-    """What is told of effects that are taken out before inputs are asked for."""
+    """The sentence on effects that are subtracted before attribution; empty where there are
+    none.
+    """
     out = [
         name
         for name in end.fit.names
@@ -157,7 +161,9 @@ def _beside(end: Ending) -> str:
 
 
 def _units(end: Ending) -> tuple[Array, Array]:
-    """Units (n,) that count, beside what moves single ones, and their order (n,) from 0 to 1."""
+    """Units (n,) that count, given the effects on single units, and their order (n,) from 0 to
+    1.
+    """
     bare = end.analysis.bare
     numbers = unit_numbers(bare.setup.data.readings).astype(float)
     units = bare.batch.units(end.fit, trends(end))

@@ -1,4 +1,4 @@
-"""What an analysis says of units as a population: one table, and one attribution."""
+"""The results of an analysis on units as a population: a table, and an attribution."""
 
 from __future__ import annotations
 
@@ -15,16 +15,17 @@ SHOWN = 3
 
 
 def attribution_of(end: Ending) -> tuple[Attribution, ...]:
-    """Which input may be behind a difference; none where rows are no units."""
+    """The inputs that may cause a difference; empty where rows are no units."""
     if end.setup.data.target.population:
         return of_batch(end)
     return of_recorded(end) if has_units(end) else ()
 
 
 def inputs_instead(end: Ending, attributions: Sequence[Attribution]) -> tuple[Rival, ...]:
-    """A process off its middle, where an input that is would make units look like a mixture.
+    """A rival: a shift of the process mean, where a shifted input would make units look like a
+    mixture.
 
-    Interference that is cut off changes their shape as a second supplier does.
+    Clipped interference changes the shape of the distribution as a second supplier does.
     """
     levels = end.analysis.bare.batch.levels if end.setup.data.target.population else ()
     apart = [effect.candidate for effect in end.analysis.scatter[:1] if effect.apart_from_inputs]
@@ -43,7 +44,7 @@ def inputs_instead(end: Ending, attributions: Sequence[Attribution]) -> tuple[Ri
 
 
 def said(lines: Sequence[PopulationLine], attribution: Sequence[Attribution]) -> list[str]:
-    """The summary: what differs before, and to which input it may be due."""
+    """The summary: the differences before correction, and the inputs that may cause them."""
     before = [line for line in lines if line.model == "before"]
     differ = [
         f"{line.output} {line.statistic} ({line.simulated:.4g}, measured {line.measured:.4g} "

@@ -1,4 +1,4 @@
-"""From statistics of measured and simulated batches to lines that say whether they differ."""
+"""Lines of statistics of measured and simulated batches, and whether these differ."""
 
 from __future__ import annotations
 
@@ -13,23 +13,23 @@ from .statistics import Look, values_of
 
 LEVEL = 0.9
 SEEN = 0.9
-"""Chance with which a difference of the size that is told would have been seen."""
+"""Probability of detecting a difference of the stated size."""
 COMMON = 0.05
 DIFFERS, UNSEEN = "differs", "no difference seen; one of {} would have been"
 DRAWN = 500_000
-"""Units of all simulated batches together, about."""
+"""Approximate number of units of all simulated batches together."""
 AGAIN = 200
-"""Batches drawn from the measured one for the intervals."""
+"""Number of batches drawn from the measured one for the intervals."""
 
 
 def batches(count: int) -> int:
-    """How many batches of `count` units are simulated."""
+    """The number of batches of `count` units that are simulated."""
     return int(np.clip(DRAWN // count, 300, 1000))
 
 
 def rarely(values: Array, rate: float) -> float:
-    """What so small a share of simulated values (b,) is beyond: above a commoner one the tail falls
-    exponentially, as that of a likelihood ratio does, and that of a normal more steeply.
+    """The value that a fraction `rate` of simulated values (b,) exceeds. The tail is extrapolated
+    as exponential, as that of a likelihood ratio is; that of a normal falls more steeply.
     """
     common = float(np.quantile(values, 1.0 - COMMON))
     beyond = values[values > common] - common
@@ -39,7 +39,7 @@ def rarely(values: Array, rate: float) -> float:
 
 @dataclass(frozen=True)
 class Compared:
-    """Measured units `x` (n,) and batches `drawn` (b, n) of the model, in one order.
+    """Measured units `x` (n,) and batches `drawn` (b, n) of the model, in the same order.
 
     `offset` is what is added to both where they are shown, by name of the statistic.
     """
@@ -53,7 +53,9 @@ class Compared:
     def lines(
         self, model: str, output: str, offset: dict[str, float], rng: np.random.Generator
     ) -> tuple[PopulationLine, ...]:
-        """One line per statistic; a difference is one beyond what any line reaches by chance."""
+        """One line per statistic; a difference exceeds what any line reaches by chance. `offset` is
+        added to both values.
+        """
         simulated = values_of(self.looks, self.drawn)
         measured = {
             name: float(value[0]) for name, value in values_of(self.looks, self.x[None]).items()
@@ -78,7 +80,9 @@ class Compared:
         )
 
     def _limits(self, simulated: dict[str, Array], middle: dict[str, float]) -> dict[str, float]:
-        """How far each statistic gets from its mean by chance, all of them together (Sidak)."""
+        """The deviation of each statistic from its mean by chance, for all of them together
+        (Sidak).
+        """
         rate = 1.0 - (1.0 - self.rate) ** (1.0 / len(self.looks))
         limits = {}
         for look in self.looks:

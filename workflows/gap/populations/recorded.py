@@ -1,7 +1,7 @@
-"""Which recorded input of single units may be wrong: biased, mis-scaled, or drifting.
+"""Attribution to a wrongly recorded input of single units: biased, mis-scaled, or drifting.
 
-A part error that was recorded b too large leaves -b times the model's own sensitivity to it in
-every output of every unit; one recorded (1 + g) times as large leaves it in proportion.
+A part error that was recorded b too large causes a residual of -b times the model's sensitivity to
+it in every output of every unit; one recorded (1 + g) times too large causes a proportional one.
 """
 
 from __future__ import annotations
@@ -24,7 +24,9 @@ from ..setup import LEAST_NAMED
 
 GAIN_LOW, GAIN_HIGH = -0.5, 1.0
 BIAS_AT_MOST = 3.0
-"""In root mean squares of what was recorded. Both are assumptions: more would be seen at once."""
+"""In root mean squares of the recorded values. Both are assumptions: more would be noticed at
+once.
+"""
 NEWTON = 3
 STEP = 1e-4
 READ_AGAIN = 3
@@ -32,10 +34,10 @@ READ_AGAIN = 3
 
 @dataclass(frozen=True)
 class Wrong:
-    """One input recorded wrongly (None: the zero of an output), and what that leaves.
+    """One input recorded wrongly (or the zero of an output), and the residual given it.
 
-    `amount` is how much too large it was recorded, `left` the squared whitened residual beside it,
-    `moved` (N,) what the model then predicts, whitened.
+    `amount` is how much too large it was recorded, `left` the squared whitened residual given it,
+    `moved` (N,) the change of the model's prediction, whitened.
     """
 
     name: str
@@ -57,31 +59,31 @@ class Records:
 
     @cached_property
     def plain(self) -> Array:
-        """What the model predicts (N,) as it is."""
+        """The prediction (N,) of the uncorrected model."""
         return self._predicted({})
 
     @cached_property
     def y(self) -> Array:
-        """Measured less that, whitened: the zeros of the outputs are in it."""
+        """The whitened residual of that prediction; the zeros of the outputs are not subtracted."""
         data = self.end.setup.data
         return self._white(data.whole(data.measured) - self.plain)
 
     @cached_property
     def order(self) -> Array:
-        """Of the units, from 0 to 1."""
+        """The order of the units, from 0 to 1."""
         numbers = unit_numbers(self.end.setup.data.readings).astype(float)
         return np.asarray(numbers / max(numbers.max(), 1.0))
 
     @property
     def inputs(self) -> tuple[Column, ...]:
-        """Columns of numbers that the model works with."""
+        """Numeric inputs of the model."""
         return tuple(
             c for c in self.end.setup.data.target.columns if c.role is Role.INPUT and not c.text
         )
 
     @cached_property
     def zeros(self) -> tuple[Wrong, ...]:
-        """The gauge of one output off by the same, or drifting."""
+        """The gauge of each output, biased or drifting."""
         data, gauge_errors = self.end.setup.data, list[Wrong]()
         for kind, shape in (("bias", np.ones(len(data))), ("trend", self.order)):
             for at, output in enumerate(data.outputs):
@@ -93,7 +95,7 @@ class Records:
 
     @cached_property
     def wrong(self) -> tuple[Wrong, ...]:
-        """Every input in every way."""
+        """Every input, wrong in every way."""
         return tuple(self._every())
 
     def _every(self) -> Iterator[Wrong]:
@@ -113,7 +115,7 @@ class Records:
         return Wrong(name, kind, unit, amount, square**-0.5, rss, amount * white, False)
 
     def _fitted(self, column: Column, kind: str, size: float) -> Wrong:
-        """The likeliest admissible amount, by Newton's method."""
+        """The error with its likeliest admissible amount, by Newton's method."""
         low, high = (
             (GAIN_LOW, GAIN_HIGH) if kind == "gain" else (-BIAS_AT_MOST * size, BIAS_AT_MOST * size)
         )
@@ -136,7 +138,7 @@ class Records:
         return Wrong(column.name, kind, shown, amount, error, rss, moved, True, why)
 
     def _moved(self, column: Column, kind: str, amount: float) -> Array:
-        """What the model predicts of the right input beside the recorded one, whitened."""
+        """The prediction for the right input minus that for the recorded one, whitened."""
         recorded = np.asarray(self.end.setup.data.readings.table[column.name], dtype=float)
         if kind == "gain":
             right = recorded / (1.0 + amount)
@@ -156,7 +158,7 @@ class Records:
         return self.end.analysis.search.fitter.space.whiten(columns)
 
     def explains(self, wrong: Wrong) -> bool:
-        """Whether nothing is left beside it but noise, whatever the zeros."""
+        """Whether the residual given it is only noise, for any zeros."""
         analysis = self.end.analysis
         fitter = analysis.search.fitter.of_record(self.y - wrong.moved)
         remaining = left_over(fitter.fit(()), fitter, analysis.ground.generic)
@@ -164,19 +166,21 @@ class Records:
 
     @cached_property
     def named(self) -> float:
-        """The squared residual beside what was named and every zero, and the price of both."""
+        """The squared residual given the identified effects and all zeros, plus the price of
+        both.
+        """
         fit, fitter = self.end.fit, self.end.analysis.search.fitter
         count = sum(member.candidate.count for member in fit.members)
         return float(fit.rss + self.price * (count + fitter.q.shape[1]))
 
     @property
     def price(self) -> float:
-        """Of a number that is fitted."""
+        """The price of a fitted parameter."""
         return self.end.analysis.search.fitter.penalty
 
     @cached_property
     def gauges(self) -> float:
-        """The same of the gauges alone that pay for themselves."""
+        """The squared residual given only the gauge biases that gain more than their price."""
         whole = float(self.y @ self.y)
         pays = (
             max(whole - gauge.left - self.price, 0.0)
@@ -187,7 +191,9 @@ class Records:
 
 
 def of_recorded(end: Ending) -> tuple[Attribution, ...]:
-    """Which recorded input alone may be behind what units are off by; none where it is noise."""
+    """The recorded inputs that alone may cause the deviations of units; empty where these are
+    noise.
+    """
     if len(end.setup.data) < LEAST_NAMED:
         return ()
     records = Records(end)
@@ -220,7 +226,7 @@ def _none(end: Ending, best: Wrong) -> Attribution:
 def _records_of(
     end: Ending, records: Records, standing: list[Wrong], top: float, far: float
 ) -> tuple[Attribution, ...]:
-    """One record per kind that is left."""
+    """One record per remaining kind."""
     effect = ", ".join(end.fit.names)
     alone = len(standing) == 1 and not (effect and records.named - top <= far)
     verdict = "attributed" if alone else "cannot tell"
