@@ -121,13 +121,13 @@ def _form_of(end: Ending, at: int) -> str:
     form; empty where there is none.
     """
     members = end.fit.members
-    mine = acts_in(members[at].candidate.effect.needs)
-    others = [
+    variables = acts_in(members[at].candidate.effect.needs)
+    candidates = [
         k
         for k in end.named
-        if mine and k != at and mine <= acts_in(members[k].candidate.effect.needs)
+        if variables and k != at and variables <= acts_in(members[k].candidate.effect.needs)
     ]
-    return next((members[k].name for k in others if _is_form(end, at, k)), "")
+    return next((members[k].name for k in candidates if _is_form(end, at, k)), "")
 
 
 def _is_form(end: Ending, small: int, large: int) -> bool:

@@ -72,15 +72,15 @@ def _uneven(
     g = beside(np.column_stack(parts), q)
     if (np.sum(g**2, axis=0) < LITTLE * np.sum(g**2)).any():
         return None
-    away, covariance = _estimated(g, fit.residual)
-    contrast = np.eye(len(away))[1:] - np.eye(len(away))[0]
-    differences = contrast @ away
+    corrections, covariance = _estimated(g, fit.residual)
+    contrast = np.eye(len(corrections))[1:] - np.eye(len(corrections))[0]
+    differences = contrast @ corrections
     spread = contrast @ covariance @ contrast.T
     statistic = float(differences @ np.linalg.solve(spread, differences)) / len(differences)
     weights = np.sum(g**2, axis=0) / np.sum(g**2)
-    scatter = np.sqrt(float(weights @ (away - weights @ away) ** 2))
+    scatter = np.sqrt(float(weights @ (corrections - weights @ corrections) ** 2))
     limit = float(special.fdtri(len(differences), STRETCHES - 1, 1.0 - CHANCE))
-    return late + away if statistic > limit and scatter > APART * abs(late) else None
+    return late + corrections if statistic > limit and scatter > APART * abs(late) else None
 
 
 def _kinds(slope: Array, data: GapData) -> Array:

@@ -43,8 +43,7 @@ ROLE_UNITS = {
     "payload": ("kg",),
     "position": ("m",),
 }
-"""The units in which effects see a column of a role; the second is that of what moves along a line.
-"""
+"""The units of a column of a role in effects; the second is that of linear motion."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,16 +115,16 @@ class GapPlan:
     """A resolved gap analysis; `configuration` is the TOML text that repeats it.
 
     `model` is None for `model = "table"`, whose columns `columns` describes; `rebuild` makes it
-    again from other `parameters`, of which the configuration itself set `given`. `free` maps what
-    may be recalibrated to its half-width, `library` are the effects considered. `noise` holds a
-    known standard deviation by output, `blocks` is "auto" or a column. `run` are the raw tables of
-    the configuration whose allocation the corrected model is to repeat (empty for none), `tables`
-    the resolved ones of the model, `active` the effects that are in it already, `zero` what is
-    added to outputs that have a zero, `sense` is -1 of those that read the other way round, `gear`
-    that of a table. `counterparts` says what each effect of a corrected
-    configuration does in the problem of `run`; None without it. `next_measurement` is None where
-    none was asked for. `uses` says what the columns of a file are to a model; `drawing` is what
-    units that are made to one are simulated as; `labels` are what readers know the mechanism by.
+    again from other `parameters`, of which the configuration itself set `given`. `free` maps the
+    parameters that may be recalibrated to their half-widths, `library` are the effects considered.
+    `noise` holds a known standard deviation by output, `blocks` is "auto" or a column. `run` are
+    the raw tables of the configuration whose allocation the corrected model is to repeat (empty for
+    none), `tables` the resolved ones of the model, `active` the effects that are in it already,
+    `zero` the offsets of outputs that have a zero, `sense` is -1 for outputs of reversed sign,
+    `gear` that of a table. `counterparts` says what each effect of a corrected configuration does
+    in the problem of `run`; None without it. `next_measurement` is None where none was requested.
+    `uses` gives the use of the columns of a file in a model; `drawing` is the one that units are
+    simulated by; `labels` are those of the mechanism for readers.
     """
 
     model_name: str

@@ -212,12 +212,12 @@ def misfit(batch: Batch, fit: Fit, wider: Scatter | None) -> Misfit | None:
         return distance(law, matched(law, units.x, scaled)), limit
 
     plainly, stretched = compared(scaled=False), compared(scaled=True)
-    odd = [far > limit for far, limit in (plainly, stretched)]
-    if not any(odd):
+    exceeded = [far > limit for far, limit in (plainly, stretched)]
+    if not any(exceeded):
         return None
     ratio = float(units.x.std() / law.histogram.std())
-    bent = wider is not None or odd[1]
-    return Misfit(*(plainly if odd[0] else stretched), ratio, not odd[0], bent)
+    bent = wider is not None or exceeded[1]
+    return Misfit(*(plainly if exceeded[0] else stretched), ratio, not exceeded[0], bent)
 
 
 def scatter(batch: Batch, fit: Fit) -> tuple[Scatter, ...]:
@@ -233,16 +233,16 @@ def scatter(batch: Batch, fit: Fit) -> tuple[Scatter, ...]:
     if max((effect.gain for effect in tried), default=0.0) < least:
         return ()
     limit = batch.limit
-    sure = [effect for effect in tried if effect.gain > limit and effect.held_out.real]
-    if not sure:
+    significant = [effect for effect in tried if effect.gain > limit and effect.held_out.real]
+    if not significant:
         return ()
-    best = min(effect.score for effect in sure)
-    near = [
+    best = min(effect.score for effect in significant)
+    equivalent = [
         replace(effect, threshold=limit, distance=max(effect.score - best, 0.0))
         for effect in tried
         if effect.score - best <= setup.plan.settings.set_distance and effect.gain > 0.5 * limit
     ]
-    return tuple(sorted(near, key=lambda effect: effect.distance))
+    return tuple(sorted(equivalent, key=lambda effect: effect.distance))
 
 
 def carrying(setup: Setup, scatter_effect: Scatter) -> Setup:
@@ -254,7 +254,7 @@ def carrying(setup: Setup, scatter_effect: Scatter) -> Setup:
 
 
 def _same(columns: Array) -> bool:
-    """Whether a column (N, 1) moves every unit alike."""
+    """Whether a column (N, 1) moves every unit by the same amount."""
     size = float(np.abs(columns).max(initial=0.0))
     return columns.shape[1] == 1 and size > 0.0 and bool(np.ptp(columns) <= LEVEL * size)
 

@@ -42,7 +42,9 @@ ABSOLUTE_ZERO = -273.15
 def read_data(
     plan: GapPlan, path: Path, options: tables.ReadOptions = tables.AS_DETECTED
 ) -> GapData:
-    """The data in `path`. Raises InputError with every fault; rows are named by line number."""
+    """The data in `path`. Raises InputError with every fault; rows are identified by line
+    number.
+    """
     data, faults = checked(plan, path, options)
     raise_all(faults)
     assert data is not None
@@ -135,9 +137,9 @@ def _units(plan: GapPlan) -> dict[str, str]:
 
 def _unused(plan: GapPlan, cells: pd.DataFrame, known: Sequence[str]) -> list[str]:
     """Columns of the file without a role, except those whose name may be a misspelt one."""
-    others = set(_ignored(plan, cells)) | set(known)
+    known_columns = set(_ignored(plan, cells)) | set(known)
     free = [] if plan.model is None else [name for name in known if name not in cells]
-    spare = [str(name) for name in cells.columns if name not in others]
+    spare = [str(name) for name in cells.columns if name not in known_columns]
     return [name for name in spare if not nearest(name, free)]
 
 
@@ -241,7 +243,7 @@ def _dropped(
     ]
     if not cells:
         return frame, faults
-    others = [fault for fault in faults if fault not in cells]
+    other_faults = [fault for fault in faults if fault not in cells]
     if not plan.drop_bad_rows:
         return frame, [
             *faults,
@@ -254,7 +256,7 @@ def _dropped(
         f"{int(bad.sum())} rows with a cell that is no finite number were dropped, as "
         f"asked: rows {shown}{more}"
     )
-    return frame[~bad], others
+    return frame[~bad], other_faults
 
 
 def _content_faults(

@@ -1,4 +1,4 @@
-"""Recalibration that goes so far that it may hide a cause."""
+"""Recalibration so large that it may hide a cause."""
 
 from __future__ import annotations
 

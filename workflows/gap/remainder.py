@@ -63,21 +63,21 @@ def _of_scatter(end: Ending) -> tuple[Remainder, ...]:
     """Units that scatter about their mean in a way that no identified effect explains; the floor is
     what chance reaches.
     """
-    odd, output = end.analysis.misfit, end.setup.data.outputs[0]
-    if odd is None:
+    misfit, output = end.analysis.misfit, end.setup.data.outputs[0]
+    if misfit is None:
         return ()
     whole = gaps(end).before[output.name]
-    text = f"{odd.ratio:.2f} times the standard deviation of the population"
-    text = f"another shape than the population's, {text}" if odd.stretched else text
-    fraction = min(1.0, (odd.distance / max(whole, 1e-300)) ** 2)
+    text = f"{misfit.ratio:.2f} times the standard deviation of the population"
+    text = f"another shape than the population's, {text}" if misfit.stretched else text
+    fraction = min(1.0, (misfit.distance / max(whole, 1e-300)) ** 2)
     return (
         Remainder(
             output.name,
             ("scatter of the units",),
             text,
-            odd.distance,
+            misfit.distance,
             output.unit,
-            odd.distance / odd.limit,
+            misfit.distance / misfit.limit,
             fraction,
         ),
     )

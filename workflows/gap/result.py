@@ -296,9 +296,9 @@ def rival_records(
         rivals.append(Rival(("lot_mixture",), ("lot_offset",), 0.0, Measurement(SUPPLIERS)))
     for scatter_rival in end.analysis.scatter[1:]:
         best_names = end.analysis.scatter[0].names
-        both = set(best_names) & set(scatter_rival.names)
+        common = set(best_names) & set(scatter_rival.names)
         names, instead = (
-            tuple(n for n in of if n not in both) for of in (scatter_rival.names, best_names)
+            tuple(n for n in of if n not in common) for of in (scatter_rival.names, best_names)
         )
         measurement = planned.get((names, instead), Measurement(MORE))
         rivals.append(Rival(names, instead, scatter_rival.distance, measurement))

@@ -135,7 +135,7 @@ def select(search: Search, quick: bool = False) -> Selection:
     real: dict[str, Improvement] = {}
     before = search.tested(fit)
     accepted = [(fit, before)]
-    stood = {frozenset(fit.names)}
+    visited = {frozenset(fit.names)}
     _note(steps, search, fit, before, "start", "", True, "the model as recalibrated")
     while len(fit.members) < search.settings.effects_at_most:
         grown = _next(search, fit, rejected)
@@ -170,15 +170,15 @@ def select(search: Search, quick: bool = False) -> Selection:
         _note(steps, search, grown, after, "add", name, True, BOTH, gain, better)
         fit = _retested(search, grown, steps, accepted)
         accepted.append((grown, after))
-        if frozenset(fit.names) in stood:  # effects selected before: try another path from here
+        if frozenset(fit.names) in visited:  # effects selected before: try another path from here
             rejected.add(frozenset(new))
         else:
             rejected.clear()  # effects mask each other: one rejected before may pass now
-            stood.add(frozenset(fit.names))
+            visited.add(frozenset(fit.names))
         before = search.tested(fit)
     fit = search.fitter.refined(fit.members)
-    gone = sorted(name for names in rejected for name in names)
-    return Selection(fit, tuple(steps), tuple(gone), real, tuple(accepted), fit.names)
+    rejected_names = sorted(name for names in rejected for name in names)
+    return Selection(fit, tuple(steps), tuple(rejected_names), real, tuple(accepted), fit.names)
 
 
 def beside(
@@ -197,9 +197,11 @@ def beside(
     tested = search.tested(after.fit)
     _note(steps, search, before.fit, tested, "add", name, True, UNITS, gain, better)
     steps[-1] = replace(steps[-1], names=(*before.fit.names, name), threshold=limit)
-    gone = [effect_name for effect_name in before.fit.names if effect_name not in after.fit.names]
-    come = [effect_name for effect_name in after.fit.names if effect_name not in before.fit.names]
-    for action, names in (("drop", gone), ("add", come)):
+    dropped = [
+        effect_name for effect_name in before.fit.names if effect_name not in after.fit.names
+    ]
+    added = [effect_name for effect_name in after.fit.names if effect_name not in before.fit.names]
+    for action, names in (("drop", dropped), ("add", added)):
         if names:
             _note(
                 steps,
@@ -284,10 +286,10 @@ def _retested(
             fit = better
             continue
         action = "drop" if len(better.members) < len(fit.members) else "swap"
-        gone = [name for name in fit.names if name not in better.names]
-        come = [name for name in better.names if name not in fit.names]
-        text = f"{', '.join(gone)} for {', '.join(come)}" if come else ", ".join(gone)
-        why = "fits better beside the others" if come else "no longer beyond what noise reaches"
+        dropped = [name for name in fit.names if name not in better.names]
+        added = [name for name in better.names if name not in fit.names]
+        text = f"{', '.join(dropped)} for {', '.join(added)}" if added else ", ".join(dropped)
+        why = "fits better beside the others" if added else "no longer beyond what noise reaches"
         fit = better
         accepted.append((fit, search.tested(fit)))
         _note(steps, search, fit, accepted[-1][1], action, text, True, why)
@@ -298,8 +300,8 @@ def _swapped(search: Search, fit: Fit) -> Fit | None:
     """A better fit with one effect exchanged; None where there is none."""
     best = fit
     for at in range(len(fit.members)):
-        others = fit.without(at)
-        for swapped in search.refined(others, search.open(others))[:1]:
+        other_members = fit.without(at)
+        for swapped in search.refined(other_members, search.open(other_members))[:1]:
             if swapped.score < best.score - 1e-3:
                 best = swapped
     return None if best is fit else best
@@ -361,12 +363,12 @@ def concluding(
     steps = [replace(step, held_out=next(errors)) if step.accepted else step for step in path]
     named = tuple(name for name in fit.names if name not in labels)
     tested = search.tested(fit)
-    gone = [name for name in selection.named if name not in named]
-    come = [name for name in named if name not in selection.named]
+    dropped = [name for name in selection.named if name not in named]
+    added = [name for name in named if name not in selection.named]
     terms = [labels[name] for name in fit.names if name in labels]
     for action, names, why in (
-        ("drop", gone, NO_FORM),
-        ("add", come, BESIDE),
+        ("drop", dropped, NO_FORM),
+        ("add", added, BESIDE),
         ("add", terms, TERM),
     ):
         if names:

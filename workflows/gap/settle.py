@@ -32,7 +32,7 @@ FORMS_MORE = 2
 """Number of forms that may be added although not significant, to predict as well as each step."""
 DISBELIEVED = 0.1
 """Gain of a form given an effect, as a fraction of the effect's gain given everything else, above
-which the effect is not believed: the form does what the effect does, and much that it does not.
+which the effect is not believed: the form explains the same and much more.
 """
 BENEATH = 0.1
 """Gain of all effects, as a fraction of the gain of the terms given the effects, below which the

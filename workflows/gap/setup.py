@@ -79,11 +79,11 @@ def prepared(plan: GapPlan, full: GapData) -> Setup:
         plan = replace(plan, model=plan.rebuild(at))  # the scatter of its units changes too
     parts = _parts(plan, data, at)
     forms, columns = generic(data, parts["predicted"])
-    library, few = with_lots(candidates(plan.library, data), data, parts["residual"])
+    library, more_notes = with_lots(candidates(plan.library, data), data, parts["residual"])
     laws = {o.name: law_of(plan, o.name) for o in data.outputs} if data.target.population else {}
     if why := nameless(data, laws):
         plan = replace(plan, settings=replace(plan.settings, effects_at_most=0))
-        few.append(why)
+        more_notes.append(why)
     return Setup(
         plan=plan,
         data=data,
@@ -94,7 +94,7 @@ def prepared(plan: GapPlan, full: GapData) -> Setup:
         forms=tuple(forms),
         generic=groups_of(columns),
         laws=laws,
-        notes=(*notes, *few, *left_out(plan.library, data)),
+        notes=(*notes, *more_notes, *left_out(plan.library, data)),
         first=tuple(turned(data, parts["predicted"], parts["base"], library, parts["columns"])),
         **parts,
     )

@@ -21,10 +21,10 @@ def shape_records(end: Ending) -> tuple[Shape, ...]:
     """The forms that are significant given the final fit (stage 7), as records."""
     analysis, search = end.analysis, end.analysis.search
     generic = analysis.ground.generic
-    odd = () if analysis.misfit is None else (_of_misfit(end, analysis.misfit),)
+    misfit_shapes = () if analysis.misfit is None else (_of_misfit(end, analysis.misfit),)
     settled = not analysis.judged.lost and not end.remains and not analysis.judged.significant
     if not analysis.significant or (end.named and settled):
-        return odd
+        return misfit_shapes
     fit = search.fitter.fit([end.fit.members[at] for at in end.named])
     remaining = left_over(fit, search.fitter, generic)
     lost = struck_of(analysis)
@@ -40,7 +40,7 @@ def shape_records(end: Ending) -> tuple[Shape, ...]:
     )
     if end.verdict == "unnamed" and end.setup.plan.settings.empirical:
         records = tuple(_with_formula(end, shape, fit) for shape in records)
-    return (*odd, *records)
+    return (*misfit_shapes, *records)
 
 
 def _with_formula(end: Ending, shape: Shape, fit: Fit) -> Shape:
@@ -75,20 +75,20 @@ def _formula(end: Ending, shape: Shape, fit: Fit) -> str:
     return f"direction ({text})" if text and shape.direction == "odd" else text
 
 
-def _of_misfit(end: Ending, odd: Misfit) -> Shape:
+def _of_misfit(end: Ending, misfit: Misfit) -> Shape:
     """Units that scatter unlike the model's, as a record."""
     output = end.setup.data.outputs[0]
-    width = ", stretched to its width," if odd.stretched else ""
+    width = ", stretched to its width," if misfit.stretched else ""
     text = (
-        f"the units scatter unlike the population: {odd.distance:.3g} {output.unit} from it about "
-        f"their mean{width} where chance reaches {odd.limit:.3g}; their standard deviation is "
-        f"{odd.ratio:.2f} times as large"
+        f"the units scatter unlike the population: {misfit.distance:.3g} {output.unit} from it "
+        f"about their mean{width} where chance reaches {misfit.limit:.3g}; their standard "
+        f"deviation is {misfit.ratio:.2f} times as large"
     )
     return Shape(
         output.name,
         "population",
         "scatter of the units",
-        odd.distance,
+        misfit.distance,
         output.unit,
         text,
         torque="none",

@@ -113,9 +113,8 @@ def _replicate(search: Search, fit: Fit, seed: int, number: int) -> Replicate:
     rng = np.random.default_rng([seed, 4, number])
     again = replace(search, fitter=search.fitter.of_record(_drawn(search, fit, rng)))
     selected = select(again, quick=True).fit
-    if terms := [
-        member for member in fit.members if is_term(member)
-    ]:  # in every replicate, as in the answer
+    # the generic terms are in every replicate, as in the answer
+    if terms := [member for member in fit.members if is_term(member)]:
         selected = again.fitter.refined([*selected.members, *terms])
     return {
         member.name: member.candidate.values(member.shape, coefficients)

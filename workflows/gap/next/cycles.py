@@ -37,14 +37,14 @@ def cycles(data: GapData, axes: Iterable[Axis], each: int, seed: int) -> Table:
     """
     axes = tuple(axes)
     moving = [axis for axis in axes if axis.column.role not in (Role.TORQUE, Role.DIRECTION)]
-    ends, others = _drawn(len(moving), seed)
+    ends, other_fractions = _drawn(len(moving), seed)
     torque = next(axis for axis in axes if axis.column.role is Role.TORQUE)
     low, high = torque.at(ends[:, 0]), torque.at(ends[:, 1])
     fraction = (np.arange(each) + 1.0) / each
     wave = 1.0 - np.abs(2.0 * fraction - 1.0)
     table = {torque.column.name: (low[:, None] + (high - low)[:, None] * wave).ravel()}
     for at, axis in enumerate(moving):
-        table[axis.column.name] = np.repeat(axis.at(others[:, at]), each)
+        table[axis.column.name] = np.repeat(axis.at(other_fractions[:, at]), each)
     for axis in axes:
         if axis.column.role is Role.DIRECTION:
             table[axis.column.name] = np.tile(np.where(fraction <= 0.5, 1.0, -1.0), len(ends))
@@ -52,9 +52,9 @@ def cycles(data: GapData, axes: Iterable[Axis], each: int, seed: int) -> Table:
     return {**whole, PATH.name: np.repeat(np.arange(len(ends), dtype=float), each)}
 
 
-def _drawn(others: int, seed: int) -> tuple[Array, Array]:
+def _drawn(other_inputs: int, seed: int) -> tuple[Array, Array]:
     """Lower and upper ends of the torque (C, 2) and fractions (C, others) of the other inputs."""
-    sobol = scipy.stats.qmc.Sobol(2 + others, rng=np.random.default_rng([seed, 9]))
+    sobol = scipy.stats.qmc.Sobol(2 + other_inputs, rng=np.random.default_rng([seed, 9]))
     fractions = np.asarray(sobol.random_base2(CYCLES))
     ends = np.sort(fractions[:, :2], axis=1)
     ends[:32], ends[32:48, 0], ends[48:64, 1] = (0.0, 1.0), 0.0, 1.0

@@ -119,8 +119,8 @@ class Field:
         known = self.setup.data.readings.table
         if PATH.name in known:
             table[PATH.name] = np.full(len(rows), float(np.max(known[PATH.name])) + 1.0)
-        there = {name: table[name] for name in known if name in table}
-        return there, self.base[np.concatenate(whole)]
+        ordered = {name: table[name] for name in known if name in table}
+        return ordered, self.base[np.concatenate(whole)]
 
 
 def _chained(blocks: Array, rho: float) -> Array:

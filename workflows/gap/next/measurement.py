@@ -58,18 +58,18 @@ def next_measurement(end: Ending) -> Planned | None:
 
 def _of_rivals(end: Ending, wanted: NextPlan) -> Planned:
     """Points that separate the best explanation from each of its rivals."""
-    open_, measurements = [], dict[Key, Measurement]()
-    for other in end.analysis.others:
-        if _reads(end, end.fit) or _reads(end, other.fit):
-            measurements[_key(other)] = Measurement(READING)
+    plannable, measurements = [], dict[Key, Measurement]()
+    for rival in end.analysis.others:
+        if _reads(end, end.fit) or _reads(end, rival.fit):
+            measurements[_key(rival)] = Measurement(READING)
         else:
-            open_.append(other)
+            plannable.append(rival)
     batch = end.setup.data.target.population
-    records, new, inputs = (_of_batch if batch else _of_points)(end, wanted, open_)
+    records, new, inputs = (_of_batch if batch else _of_points)(end, wanted, plannable)
     for record in records:
         measurements[record.names, record.instead_of] = _measurement(record, new, inputs)
-    for wider in end.analysis.scatter[1:]:
-        record = of_scatter(end, end.analysis.scatter[0], wider, wanted.readings)
+    for scatter_rival in end.analysis.scatter[1:]:
+        record = of_scatter(end, end.analysis.scatter[0], scatter_rival, wanted.readings)
         records.append(record)
         measurements[record.names, record.instead_of] = Measurement(
             record.text, readings=record.needed
@@ -79,50 +79,50 @@ def _of_rivals(end: Ending, wanted: NextPlan) -> Planned:
 
 
 def _of_points(
-    end: Ending, wanted: NextPlan, others: Sequence[Other]
+    end: Ending, wanted: NextPlan, rivals: Sequence[Other]
 ) -> tuple[list[Separation], Ahead | None, tuple[str, ...]]:
     """Separations by chosen points; the points; the inputs that matter most."""
-    if not others:
+    if not rivals:
         return [], None, ()
     noises = end.analysis.search.fitter.space.noises
     place = field_of(end.setup, noises, wanted)
-    pairs = [paired(end, other, place) for other in others]
+    pairs = [paired(end, rival, place) for rival in rivals]
     count = _count(place, wanted)
     gains = np.array([most(pair, count) for pair in pairs])
-    good = [pair for pair, gain in zip(pairs, gains, strict=True) if gain > HOPELESS * count]
-    useful = [pair for pair, gain in zip(pairs, gains, strict=True) if gain > LITTLE] or good
+    separable = [pair for pair, gain in zip(pairs, gains, strict=True) if gain > HOPELESS * count]
+    useful = [pair for pair, gain in zip(pairs, gains, strict=True) if gain > LITTLE] or separable
     chosen, better = design(end, place, useful or pairs[:1], count)
     pairs = [next((b for b in better if b.other is p.other), p) for p in pairs]
     new = ahead(place, chosen)
     alike = like_now(end.setup, noises, len(new))
-    kept = {id(pair.other) for pair in good}
+    separable_ids = {id(pair.other) for pair in separable}
     records = [separation(end, pair, new, alike) for pair in pairs]
     records = [
-        record if id(pair.other) in kept else _inseparable(record, pair.other)
+        record if id(pair.other) in separable_ids else _inseparable(record, pair.other)
         for record, pair in zip(records, pairs, strict=True)
     ]
     return records, new, telling(place, (useful or pairs)[0].contests[0], chosen)
 
 
 def _of_batch(
-    end: Ending, wanted: NextPlan, others: Sequence[Other]
+    end: Ending, wanted: NextPlan, rivals: Sequence[Other]
 ) -> tuple[list[Separation], Ahead | None, tuple[str, ...]]:
     """Separations by further units."""
-    if not others:
+    if not rivals:
         return [], None, ()
     noises = end.analysis.search.fitter.space.noises
     new, alike = (further_units(end.setup, noises, wanted, spread) for spread in (True, False))
     records = []
-    for other in others:
-        record = separation(end, paired(end, other), new, alike)
+    for rival in rivals:
+        record = separation(end, paired(end, rival), new, alike)
         gained = record.expected - record.now
-        records.append(record if gained > HOPELESS * len(new) else _inseparable(record, other))
+        records.append(record if gained > HOPELESS * len(new) else _inseparable(record, rival))
     return records, new, tuple(name for name in wanted.ranges)
 
 
-def _inseparable(record: Separation, other: Other) -> Separation:
+def _inseparable(record: Separation, rival: Other) -> Separation:
     """The record of a pair that no design separates, with the quantity that would."""
-    names = frozenset(set(other.names) ^ set(other.instead_of))
+    names = frozenset(set(rival.names) ^ set(rival.instead_of))
     text = f"{NONE}: {UNSEEN[names]}" if names in UNSEEN else f"{NONE}: another quantity is needed"
     return replace(record, needed=0, text=text, possible=False)
 
@@ -186,8 +186,8 @@ def _measurement(record: Separation, new: Ahead | None, inputs: Sequence[str]) -
     return Measurement(f"{record.text} ({FILE})", ends, rms, record.needed)
 
 
-def _key(other: Other) -> Key:
-    return other.names, other.instead_of
+def _key(rival: Other) -> Key:
+    return rival.names, rival.instead_of
 
 
 def _reads(end: Ending, fit: Fit) -> bool:

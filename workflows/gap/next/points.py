@@ -169,8 +169,8 @@ def _edges(inputs: int) -> Array:
     steps = np.linspace(0.0, 1.0, 17)
     lines = [np.full((0, inputs), 0.5)]
     for at in range(inputs):
-        for others in (0.0, 0.5, 1.0):
-            line = np.full((len(steps), inputs), others)
+        for level in (0.0, 0.5, 1.0):
+            line = np.full((len(steps), inputs), level)
             line[:, at] = steps
             lines.append(line)
     return np.vstack(lines)

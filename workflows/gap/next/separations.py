@@ -64,12 +64,12 @@ class Pair:
         return min(contest.level(chosen)[0] for contest in self.contests)
 
 
-def paired(end: Ending, other: Other, field: Field | None = None) -> Pair:
+def paired(end: Ending, rival: Other, field: Field | None = None) -> Pair:
     """A pair, the rival at its fit; with a field, its contest there."""
     fitter = end.analysis.search.fitter
-    mine, record = of_record(fitter, end.fit), of_record(fitter, other.fit)
-    contests = (_contest(end, field, mine, record, other.fit),) if field else ()
-    return Pair(other, mine, (other.fit,), (record,), contests)
+    mine, record = of_record(fitter, end.fit), of_record(fitter, rival.fit)
+    contests = (_contest(end, field, mine, record, rival.fit),) if field else ()
+    return Pair(rival, mine, (rival.fit,), (record,), contests)
 
 
 def _contest(end: Ending, field: Field, mine: Said, record: Said, rival: Fit) -> Contest:
@@ -116,16 +116,16 @@ def _with_worst(end: Ending, field: Field, pair: Pair, chosen: Chosen) -> Pair:
 
 def variants(search: Search, fit: Fit) -> list[Fit]:
     """A rival at values of its last effect's nonlinear parameters that the record allows."""
-    last, others = fit.members[-1], fit.members[:-1]
+    last, other_members = fit.members[-1], fit.members[:-1]
     if not last.shape or last.candidate.alone:
         return []
     at = np.array([k for k, member in enumerate(search.book.members) if member.name == last.name])
-    q = search.fitter.spanned(others)
+    q = search.fitter.spanned(other_members)
     gains = search.white.some(at).orthonormal(q).gains(beside(search.fitter.y, q))
     allowed = at[gains >= gains.max() - search.settings.set_distance]
     kept = allowed[np.unique(np.linspace(0, len(allowed) - 1, VARIANTS).round().astype(int))]
     shapes = [search.book.members[k].shape for k in kept]
-    return [search.fitter.fit((*others, Member(last.candidate, shape))) for shape in shapes]
+    return [search.fitter.fit((*other_members, Member(last.candidate, shape))) for shape in shapes]
 
 
 def separation(end: Ending, pair: Pair, new: Ahead, alike: Ahead) -> Separation:

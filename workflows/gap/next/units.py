@@ -55,8 +55,8 @@ def of_scatter(end: Ending, mine: Scatter, rival: Scatter, count: int) -> Separa
     laws = [effect.changed(law) for effect in (mine, rival)]
     kinds = [effect.likelihood(law)[0] for effect in (mine, rival)]
     moments = [_moments(right, wrong) for right, wrong in zip(laws, kinds[::-1], strict=True)]
-    both = set(mine.names) & set(rival.names)
-    names, instead = (tuple(n for n in of.names if n not in both) for of in (rival, mine))
+    common = set(mine.names) & set(rival.names)
+    names, instead = (tuple(n for n in of.names if n not in common) for of in (rival, mine))
     ahead, n = rival.distance, len(end.setup.data)
     chance = _chance(moments, ahead, count)
     tried = np.unique(np.geomspace(FEWEST, MOST, 400).astype(int)).tolist()

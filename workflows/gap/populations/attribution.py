@@ -47,8 +47,8 @@ def decided(weighed: Weighed, effect: str, output: str, unit: str) -> tuple[Attr
     """One record per remaining kind of change, or a single one that says why none remains."""
 
     def of(kind: str, verdict: str, text: str, names: tuple[str, ...] = ()) -> Attribution:
-        some = _records(weighed, kind, unit) if kind else ()
-        return Attribution(effect, output, kind, names, verdict, some, text)
+        changes = _records(weighed, kind, unit) if kind else ()
+        return Attribution(effect, output, kind, names, verdict, changes, text)
 
     if not weighed.standing or not weighed.explained:
         if weighed.mixed:
@@ -70,12 +70,14 @@ def decided(weighed: Weighed, effect: str, output: str, unit: str) -> tuple[Attr
         for kind in KINDS
     }
     verdict = "attributed" if alone else "cannot tell"
-    return tuple(of(kind, verdict, text, those) for kind, those in names.items() if those)
+    return tuple(
+        of(kind, verdict, text, kind_names) for kind, kind_names in names.items() if kind_names
+    )
 
 
 def _records(weighed: Weighed, kind: str, unit: str) -> tuple[InputChange, ...]:
-    mine = [change for change in weighed.tables.changes if change.kind == kind]
-    records = [weighed.record(change, unit) for change in mine]
+    changes = [change for change in weighed.tables.changes if change.kind == kind]
+    records = [weighed.record(change, unit) for change in changes]
     return tuple(
         sorted(records, key=lambda record: (bool(record.excluded_because), record.distance))
     )

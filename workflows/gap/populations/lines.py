@@ -41,7 +41,7 @@ def rarely(values: Array, rate: float) -> float:
 class Compared:
     """Measured units `x` (n,) and batches `drawn` (b, n) of the model, in the same order.
 
-    `offset` is what is added to both where they are shown, by name of the statistic.
+    `offset`, by name of the statistic, is added to both where they are shown.
     """
 
     looks: tuple[Look, ...]
@@ -53,9 +53,7 @@ class Compared:
     def lines(
         self, model: str, output: str, offset: dict[str, float], rng: np.random.Generator
     ) -> tuple[PopulationLine, ...]:
-        """One line per statistic; a difference exceeds what any line reaches by chance. `offset` is
-        added to both values.
-        """
+        """One line per statistic; a difference exceeds what any line reaches by chance."""
         simulated = values_of(self.looks, self.drawn)
         measured = {
             name: float(value[0]) for name, value in values_of(self.looks, self.x[None]).items()

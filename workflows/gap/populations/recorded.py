@@ -1,7 +1,7 @@
 """Attribution to a wrongly recorded input of single units: biased, mis-scaled, or drifting.
 
 A part error that was recorded b too large causes a residual of -b times the model's sensitivity to
-it in every output of every unit; one recorded (1 + g) times too large causes a proportional one.
+it in every output of every unit; one recorded as (1 + g) times its value causes a proportional one.
 """
 
 from __future__ import annotations
@@ -102,7 +102,7 @@ class Records:
         table = self.end.setup.data.readings.table
         for column in self.inputs:
             size = float(np.sqrt(np.mean(np.asarray(table[column.name], dtype=float) ** 2)))
-            weight = column.unit == ""  # of a cost: no reading that could be off by a step
+            weight = column.unit == ""  # of a cost: no measurement with a step offset
             for kind in ("gain",) if weight else ("bias", "gain", "trend"):
                 if size > 0.0:
                     yield self._fitted(column, kind, size)
@@ -204,15 +204,17 @@ def of_recorded(end: Ending) -> tuple[Attribution, ...]:
     if best is None or float(records.y @ records.y) - best.left <= least:
         return ()
     top = min(*(wrong.left + records.price for wrong in every), records.named, records.gauges)
-    far = end.setup.plan.settings.set_distance
+    max_distance = end.setup.plan.settings.set_distance
     standing = [
-        wrong for wrong in every if not wrong.why and wrong.left + records.price - top <= far
+        wrong
+        for wrong in every
+        if not wrong.why and wrong.left + records.price - top <= max_distance
     ]
     standing = [wrong for wrong in standing if records.explains(wrong)]
     if not any(wrong.is_input for wrong in standing):
         return () if end.fit.members or not end.analysis.significant else (_none(end, best),)
     standing.sort(key=lambda wrong: wrong.left)
-    return _records_of(end, records, standing, top, far)
+    return _records_of(end, records, standing, top, max_distance)
 
 
 def _none(end: Ending, best: Wrong) -> Attribution:
@@ -224,27 +226,29 @@ def _none(end: Ending, best: Wrong) -> Attribution:
 
 
 def _records_of(
-    end: Ending, records: Records, standing: list[Wrong], top: float, far: float
+    end: Ending, records: Records, standing: list[Wrong], top: float, max_distance: float
 ) -> tuple[Attribution, ...]:
     """One record per remaining kind."""
     effect = ", ".join(end.fit.names)
-    alone = len(standing) == 1 and not (effect and records.named - top <= far)
+    alone = len(standing) == 1 and not (effect and records.named - top <= max_distance)
     verdict = "attributed" if alone else "cannot tell"
     text = _text(end, records, standing, alone)
     attributions = []
     for kind in dict.fromkeys(wrong.kind for wrong in standing):
-        mine = [wrong for wrong in (*records.wrong, *records.zeros) if wrong.kind == kind]
-        mine.sort(key=lambda wrong: wrong.left)
-        some = tuple(
+        errors = [wrong for wrong in (*records.wrong, *records.zeros) if wrong.kind == kind]
+        errors.sort(key=lambda wrong: wrong.left)
+        records_of_kind = tuple(
             _record(end, wrong, wrong in standing, wrong.left + records.price - top)
-            for wrong in mine
+            for wrong in errors
         )
         names = tuple(wrong.name for wrong in standing if wrong.kind == kind)
-        attributions.append(Attribution(effect, _outputs(end), kind, names, verdict, some, text))
+        attributions.append(
+            Attribution(effect, _outputs(end), kind, names, verdict, records_of_kind, text)
+        )
     return tuple(attributions)
 
 
-def _record(end: Ending, wrong: Wrong, stands: bool, behind: float) -> InputChange:
+def _record(end: Ending, wrong: Wrong, stands: bool, distance: float) -> InputChange:
     half = float(ndtri(0.5 + 0.5 * end.setup.plan.settings.interval)) * wrong.error
     why = "" if stands else wrong.why or "it leaves the residual unexplained"
     return InputChange(
@@ -254,7 +258,7 @@ def _record(end: Ending, wrong: Wrong, stands: bool, behind: float) -> InputChan
         wrong.amount + half,
         wrong.unit,
         float("nan"),
-        max(behind, 0.0),
+        max(distance, 0.0),
         why,
         READ_AGAIN if stands and wrong.is_input else 0,
     )

@@ -115,7 +115,7 @@ def looks_of(
     lots: Statistic | None = None,
 ) -> tuple[Look, ...]:
     """All statistics of one output, without those that are None."""
-    every = (
+    looks = (
         Look("location", "mean", unit, lambda x: np.asarray(x.mean(axis=1))),
         Look("location", "median", unit, lambda x: np.asarray(np.median(x, axis=1))),
         Look("spread", "standard deviation", unit, lambda x: np.asarray(x.std(axis=1, ddof=1))),
@@ -126,7 +126,7 @@ def looks_of(
         Look("trend", "first to last unit", unit, along(order)),
         lots and Look("lots", "scatter of lots", "", lots, signed=False),
     )
-    return tuple(look for look in every if look is not None)
+    return tuple(look for look in looks if look is not None)
 
 
 def values_of(looks: tuple[Look, ...], x: Array) -> dict[str, Array]:
