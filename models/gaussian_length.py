@@ -31,30 +31,30 @@ LEAST, MOST = 1e-14, 1e300
 def principal(covariance: Array) -> Array:
     """Principal variances (..., 3), largest first, of covariances (..., c, c), c = 1, 2 or 3."""
     size = covariance.shape[-1]
-    found = np.zeros((*covariance.shape[:-2], 3))
+    variances = np.zeros((*covariance.shape[:-2], 3))
     if size == 2:  # in closed form: many times faster
         a, b, d = covariance[..., 0, 0], covariance[..., 0, 1], covariance[..., 1, 1]
         largest = 0.5 * (a + d) + np.hypot(0.5 * (a - d), b)
         safe = np.where(largest > 0.0, largest, 1.0)
-        found[..., 0], found[..., 1] = largest, (a * d - b * b) / safe
+        variances[..., 0], variances[..., 1] = largest, (a * d - b * b) / safe
     else:
-        found[..., :size] = np.linalg.eigvalsh(covariance)[..., ::-1]
-    return np.maximum(found, 0.0)
+        variances[..., :size] = np.linalg.eigvalsh(covariance)[..., ::-1]
+    return np.maximum(variances, 0.0)
 
 
 def exceedance(variances: Array, length: Array | float) -> Array:
     """P(|v| > r), shape (...), of principal variances (..., 3), largest first, and r > 0, (...)."""
     largest = np.maximum(variances[..., 0], np.finfo(float).tiny)
     a = np.asarray(length) / np.sqrt(2.0 * largest)
-    found = erfc(a)
+    probability = erfc(a)
     if np.any(variances[..., 1] > 0.0):
         phi = 0.5 * np.pi * (np.arange(ANGLES) + 0.5) / ANGLES
         s = variances[..., 1, None] * np.cos(phi) ** 2 + variances[..., 2, None] * np.sin(phi) ** 2
         with np.errstate(divide="ignore"):
             root = np.sqrt(np.clip(largest[..., None] / s - 1.0, LEAST, MOST))
         each = dawsn(np.minimum(a[..., None] * root, MOST)) / root
-        found += 2.0 / np.sqrt(np.pi) * np.exp(-(a**2)) * np.mean(each, axis=-1)
-    return np.asarray(found)
+        probability += 2.0 / np.sqrt(np.pi) * np.exp(-(a**2)) * np.mean(each, axis=-1)
+    return np.asarray(probability)
 
 
 def quantile(variances: Array, coverage: float) -> Array:
@@ -71,5 +71,5 @@ def quantile(variances: Array, coverage: float) -> Array:
 
     low, high = ndtri(0.5 * (1.0 + coverage)), np.sqrt(chdtri(3.0, 1.0 - coverage))
     bracket = np.full(scale.shape, 0.999 * low), np.full(scale.shape, 1.001 * high)
-    found = bracketed_roots(excess, bracket, relative[..., 1], relative[..., 2])
-    return np.asarray(scale * found.x)
+    roots = bracketed_roots(excess, bracket, relative[..., 1], relative[..., 2])
+    return np.asarray(scale * roots.x)

@@ -59,9 +59,9 @@ def rv(teeth: Mapping[str, int]) -> Gear:
     Against the carrier the sun turns z_2/z_1 times as often as a crank, in the housing once more:
     the reduction ratio. Reference: Yang and Blanche, Mech. Mach. Theory 25, 1990.
     """
-    found = dict(cycloidal(teeth).orders)
-    over = found[CRANK] * teeth["planet_teeth"] / teeth["sun_teeth"]
-    return Gear("rv", found | {SUN_OVER_CARRIER: over, SUN: over + 1.0})
+    orders = dict(cycloidal(teeth).orders)
+    over = orders[CRANK] * teeth["planet_teeth"] / teeth["sun_teeth"]
+    return Gear("rv", orders | {SUN_OVER_CARRIER: over, SUN: over + 1.0})
 
 
 def harmonic(teeth: Mapping[str, int]) -> Gear:
@@ -125,15 +125,15 @@ def of_ratio(pins: int, cycloid_teeth: int, ratio: float) -> Gear:
     """An RV reducer whose involute stage is given by the reduction ratio i; of ratio z_c or less it
     has none, and the crankshafts are the input.
     """
-    found = cycloidal({"pins": pins, "cycloid_teeth": cycloid_teeth})
-    if ratio <= found.orders[CRANK]:
-        return found
-    return Gear("rv", {**found.orders, SUN_OVER_CARRIER: ratio - 1.0, SUN: ratio})
+    gear = cycloidal({"pins": pins, "cycloid_teeth": cycloid_teeth})
+    if ratio <= gear.orders[CRANK]:
+        return gear
+    return Gear("rv", {**gear.orders, SUN_OVER_CARRIER: ratio - 1.0, SUN: ratio})
 
 
 def contradictions(kind: str, teeth: Mapping[str, int]) -> dict[str, str]:
     """What counts of a gear cannot be, by their name."""
-    found: dict[str, str] = {}
+    contradictory: dict[str, str] = {}
     smaller = {
         "rv": ("cycloid_teeth", "pins"),
         "cycloidal": ("cycloid_teeth", "pins"),
@@ -142,13 +142,13 @@ def contradictions(kind: str, teeth: Mapping[str, int]) -> dict[str, str]:
     if kind in smaller:
         less, more = smaller[kind]
         if teeth[less] >= teeth[more]:
-            found[less] = f"must be below {more} ({teeth[more]}), got {teeth[less]}"
+            contradictory[less] = f"must be below {more} ({teeth[more]}), got {teeth[less]}"
     if kind == "planetary":
         fits = teeth["sun_teeth"] + 2 * teeth["planet_teeth"]
         if teeth["ring_teeth"] != fits:
-            found["ring_teeth"] = (
+            contradictory["ring_teeth"] = (
                 f"must be sun_teeth + 2 planet_teeth ({fits}), since sun, planet and ring mesh on "
                 f"one centre distance, got {teeth['ring_teeth']}; of a stage with shifted profiles "
                 "or stepped planets give its orders"
             )
-    return found
+    return contradictory

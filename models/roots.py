@@ -36,15 +36,15 @@ def bracketed_roots(function: Callable[..., Any], ends: tuple[Any, Any], *args: 
     low, high, *more = (np.array(one, dtype=float) for one in np.broadcast_arrays(*ends, *args))
     shape = low.shape
     a, b = low.ravel(), high.ravel()
-    given = [one.ravel() for one in more]
+    given = [array.ravel() for array in more]
 
     def values(x: Array, rows: Any) -> Array:
-        return np.asarray(function(x, *(one[rows] for one in given)), dtype=float)
+        return np.asarray(function(x, *(argument[rows] for argument in given)), dtype=float)
 
     fa, fb = values(a, slice(None)), values(b, slice(None))
     best = np.where(np.abs(fa) < np.abs(fb), a, b)
     valid = np.sign(fa) * np.sign(fb) <= 0.0
-    found = np.where(valid, best, np.nan)
+    roots = np.where(valid, best, np.nan)
     rows = np.flatnonzero(valid & (fa != 0.0) & (fb != 0.0))
     ends_a, ends_b = a.copy(), b.copy()
     first = a < b
@@ -61,7 +61,7 @@ def bracketed_roots(function: Callable[..., Any], ends: tuple[Any, Any], *args: 
         a, fa = np.where(same, a, b), np.where(same, fa, fb)
         b, fb = x, fx
         near = np.where(np.abs(fa) < np.abs(fb), a, b)
-        found[rows] = near
+        roots[rows] = near
         lower, upper = np.minimum(a, b), np.maximum(a, b)
         ends_a[rows] = np.where(first[rows], lower, upper)
         ends_b[rows] = np.where(first[rows], upper, lower)
@@ -70,8 +70,8 @@ def bracketed_roots(function: Callable[..., Any], ends: tuple[Any, Any], *args: 
         t = _step(a, b, c, fa, fb, fc, share)
         open_ = (share <= 0.5) & (np.minimum(np.abs(fa), np.abs(fb)) > 0.0)
         rows, t = rows[open_], t[open_]
-        a, b, c, fa, fb, fc = (one[open_] for one in (a, b, c, fa, fb, fc))
-    return Roots(found.reshape(shape), (ends_a.reshape(shape), ends_b.reshape(shape)))
+        a, b, c, fa, fb, fc = (array[open_] for array in (a, b, c, fa, fb, fc))
+    return Roots(roots.reshape(shape), (ends_a.reshape(shape), ends_b.reshape(shape)))
 
 
 def _step(a: Array, b: Array, c: Array, fa: Array, fb: Array, fc: Array, share: Array) -> Array:

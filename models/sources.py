@@ -49,6 +49,6 @@ class Sources:
     widened: Callable[[Source, float], Term] | None = None
     basis: str = ""
 
-    def term(self, one: Source) -> Term:
+    def term(self, source: Source) -> Term:
         """What an input contributes."""
-        return (self.total.clipped if one.clipped else self.total.free)[one.at]
+        return (self.total.clipped if source.clipped else self.total.free)[source.at]

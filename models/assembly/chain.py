@@ -59,11 +59,11 @@ class DatumFlowChain:
 
     def error_matrix(self) -> Array:
         """F = B, shape (N, N): a part moves itself and all that hangs on it."""
-        found = np.eye(self.steps)
+        errors = np.eye(self.steps)
         for at, parent in enumerate(self.hangs_on):
             if parent:
-                found[at] += found[parent - 1]
-        return found
+                errors[at] += errors[parent - 1]
+        return errors
 
     def depth(self) -> NDArray[np.int64]:
         """Place (N,) of each part in its own chain, from 0 at the housing."""
@@ -85,12 +85,12 @@ class DatumFlowChain:
     def weights(self, rule: AdjustmentWeights | None = None) -> Array:
         """R, shape (N, N): weight of adjusting each part at each step."""
         rule = rule or AdjustmentWeights()
-        found = np.full((self.steps, self.steps), rule.absent)
+        matrix = np.full((self.steps, self.steps), rule.absent)
         for step in range(self.steps):
             carrying = {parent - 1 for parent in self.hangs_on[: step + 1]}
             for part in range(step + 1):
-                found[step, part] = rule.loaded if part in carrying else rule.free
-        return found
+                matrix[step, part] = rule.loaded if part in carrying else rule.free
+        return matrix
 
     def coupling(self) -> Array:
         """Shape (N, N): 1 where a part of a later chain meets its like in an earlier chain.

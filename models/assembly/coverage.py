@@ -66,8 +66,8 @@ def sample_quantile(
     """
     roots = root(covariance)
     step = max(1, CHUNK // sample.size)
-    found = [
+    quantiles = [
         np.quantile(of(sample @ np.swapaxes(part, -1, -2)), coverage, axis=-1)
         for part in np.split(roots, range(step, len(roots), step))
     ]
-    return np.concatenate(found)
+    return np.concatenate(quantiles)

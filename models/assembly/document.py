@@ -53,25 +53,25 @@ def rows(
     """The document's table by the full model, one set of physical parameters for every row."""
     process, full = process or plane_process(), transmission or Transmission()
     weights = np.minimum(PRECISION_WEIGHTS, _LARGE)
-    found = assemble(
+    outcome = assemble(
         process,
         gains(process, terminal_weight(process, weights, reading)),
         np.array(PART_ERRORS_MRAD) * MRAD,
         insertion,
     )
-    turned = full.turn(about_z(found.state))
+    turned = full.turn(about_z(outcome.state))
     sizes = {
-        "norm": np.linalg.norm(found.state, axis=1) / MRAD,
-        "combined": np.linalg.norm(found.state @ process.observation.T, axis=1) / MRAD,
+        "norm": np.linalg.norm(outcome.state, axis=1) / MRAD,
+        "combined": np.linalg.norm(outcome.state @ process.observation.T, axis=1) / MRAD,
         "te": full.amplitude(turned) / ARCSEC,
         "force": full.peak(turned),
     }
     falls = {name: 100.0 * (1.0 - value / value[0]) for name, value in sizes.items()}
-    effort = found.effort(process) / MRAD**2
+    effort = outcome.effort(process) / MRAD**2
     return tuple(
         Row(
             precision_weight=weight,
-            state_mrad=tuple((found.state[at] / MRAD).tolist()),
+            state_mrad=tuple((outcome.state[at] / MRAD).tolist()),
             norm_mrad=float(sizes["norm"][at]),
             combined_mrad=float(sizes["combined"][at]),
             effort_mrad2=float(effort[at]),

@@ -40,12 +40,12 @@ def kalman(
     or (q,)). `measured` (q, n) is what is looked at (default: every state; C for the document's
     combined errors); what is not there yet is not seen. Raises InputError.
     """
-    seen = np.eye(process.transition.shape[-1]) if measured is None else measured
-    noise = np.broadcast_to(np.asarray(noise_std, dtype=float) ** 2, len(seen))
-    raise_all(_faults(process, part_std, noise, seen))
-    looked = seen * _there(process, insertion)[:, None, :]
-    covariance = np.zeros((seen.shape[1], seen.shape[1]))
-    found = []
+    observation = np.eye(process.transition.shape[-1]) if measured is None else measured
+    noise = np.broadcast_to(np.asarray(noise_std, dtype=float) ** 2, len(observation))
+    raise_all(_faults(process, part_std, noise, observation))
+    looked = observation * _there(process, insertion)[:, None, :]
+    covariance = np.zeros((observation.shape[1], observation.shape[1]))
+    gains = []
     for step in range(process.steps):
         f, a = process.error[step], process.transition[step]
         added = (f * np.where(process.arriving[step], part_std, 0.0) ** 2) @ f.T
@@ -54,11 +54,11 @@ def kalman(
         h = looked[step]
         spread = covariance @ h.T
         gain = spread @ np.linalg.pinv(h @ spread + np.diag(noise), hermitian=True)
-        left = np.eye(len(covariance)) - gain @ h
-        covariance = left @ covariance @ left.T + (gain * noise) @ gain.T
+        residual = np.eye(len(covariance)) - gain @ h
+        covariance = residual @ covariance @ residual.T + (gain * noise) @ gain.T
         covariance = a @ covariance @ a.T + (added if insertion == "before" else 0.0)
-        found.append(gain)
-    return Estimator(looked, np.stack(found))
+        gains.append(gain)
+    return Estimator(looked, np.stack(gains))
 
 
 def _there(process: Process, insertion: str) -> NDArray[np.bool_]:
@@ -69,13 +69,15 @@ def _there(process: Process, insertion: str) -> NDArray[np.bool_]:
     return present
 
 
-def _faults(process: Process, part_std: Array, noise: Array, seen: Array) -> list[Fault]:
-    found = []
+def _faults(process: Process, part_std: Array, noise: Array, observation: Array) -> list[Fault]:
+    faults = []
     parts, states = process.error.shape[-1], process.transition.shape[-1]
     if np.shape(part_std) != (parts,) or not np.all(np.asarray(part_std) >= 0.0):
-        found.append(Fault("part_std", f"must be {parts} numbers of at least 0, got {part_std}"))
+        faults.append(Fault("part_std", f"must be {parts} numbers of at least 0, got {part_std}"))
     if not np.all(np.isfinite(noise)):
-        found.append(Fault("noise_std", "must be finite"))
-    if seen.ndim != 2 or seen.shape[1] != states:
-        found.append(Fault("measured", f"must have {states} columns, got shape {seen.shape}"))
-    return found
+        faults.append(Fault("noise_std", "must be finite"))
+    if observation.ndim != 2 or observation.shape[1] != states:
+        faults.append(
+            Fault("measured", f"must have {states} columns, got shape {observation.shape}")
+        )
+    return faults

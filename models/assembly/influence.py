@@ -97,5 +97,5 @@ def influence(full: Transmission) -> Influence:
 
 def _harmonics(values: Array) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
     """Mean and complex amplitude of the first harmonic over axis 1."""
-    found = np.fft.fft(values, axis=1) / values.shape[1]
-    return found[:, 0], 2.0 * found[:, 1]
+    spectrum = np.fft.fft(values, axis=1) / values.shape[1]
+    return spectrum[:, 0], 2.0 * spectrum[:, 1]

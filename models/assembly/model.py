@@ -104,7 +104,7 @@ class Assembly(MeasurableModel):
             coupling=changes.get("chain_coupling", 0.0),
             springback=changes.get("springback", 0.0),
         )
-        found = assemble(
+        deviations = assemble(
             self.process,
             self.gains(np.asarray(table["precision_weight"], dtype=float)),
             errors,
@@ -113,7 +113,7 @@ class Assembly(MeasurableModel):
             self.estimator,
             self._readings(len(errors), rng),
         )
-        return {f"delta_{at}_mrad": found.state[:, at - 1] / MRAD for at in range(1, 5)}
+        return {f"delta_{at}_mrad": deviations.state[:, at - 1] / MRAD for at in range(1, 5)}
 
     def _readings(self, count: int, rng: np.random.Generator) -> Array | None:
         """Noise (n, N, q) [rad] of the readings during assembly, None where there is none."""

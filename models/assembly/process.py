@@ -66,7 +66,7 @@ class Process:
 def _weights(process: Process, weights: Array, absent: float) -> list[Fault]:
     """Each weight (N, m) that is not positive, or that lets an absent part be adjusted."""
     positive = np.isfinite(weights) & (weights > 0.0)
-    found = [
+    faults = [
         Fault(
             f"adjustment_weights_{step + 1}[{part}]",
             f"must be above 0 (R must be positive definite), got {weights[step, part]:g}",
@@ -75,7 +75,7 @@ def _weights(process: Process, weights: Array, absent: float) -> list[Fault]:
     ]
     early = positive & (weights < absent) & ~process.present
     arrival = process.arriving.argmax(axis=0) + 1
-    return found + [
+    return faults + [
         Fault(
             f"adjustment_weights_{step + 1}[{part}]",
             f"step {step + 1} adjusts part {part + 1}, "
@@ -166,12 +166,12 @@ def _shapes(process: Process) -> list[Fault]:
         "observation (C)": (process.observation, (process.observation.shape[0], states)),
         "coupling": (process.coupling, (states, states)),
     }
-    found = [
+    faults = [
         Fault(f"process.{name}", f"must have shape {shape}, got {array.shape}")
         for name, (array, shape) in wanted.items()
         if array.shape != shape
     ]
-    return found + [
+    return faults + [
         Fault(f"process.{name}", "must be finite")
         for name, (array, _) in wanted.items()
         if not np.all(np.isfinite(array))

@@ -20,16 +20,18 @@ def terminal_weight(process: Process, precision: float | Array, reading: str = "
     the document's cost says. A number or an array (...) of numbers stands for Q I; a square matrix
     is Q itself. Raises InputError where Q is below zero or does not fit.
     """
-    seen = process.observation if reading == "consistent" else np.eye(process.transition.shape[-1])
+    observation = (
+        process.observation if reading == "consistent" else np.eye(process.transition.shape[-1])
+    )
     given = np.asarray(precision, dtype=float)
     if given.ndim == 2:
-        raise_all(_matrix_faults(given, len(seen)))
-        return np.asarray(seen.T @ given @ seen)
+        raise_all(_matrix_faults(given, len(observation)))
+        return np.asarray(observation.T @ given @ observation)
     faults = [] if np.all(np.isfinite(given) & (given >= 0.0)) else [_negative(given)]
     if reading not in READINGS:
         faults.append(Fault("reading", f"must be one of {', '.join(READINGS)}, got {reading}"))
     raise_all(faults)
-    return np.asarray(given[..., None, None] * (seen.T @ seen))
+    return np.asarray(given[..., None, None] * (observation.T @ observation))
 
 
 def _negative(given: Array) -> Fault:
@@ -54,13 +56,13 @@ def gains(process: Process, terminal: Array, running: Array | None = None) -> Ar
     `running` is Q(k), shape (n, n), of a cost on the state at every step; the document has none.
     """
     stage = np.zeros(terminal.shape[-2:]) if running is None else running
-    found, ahead = [], terminal
+    gains_by_step, ahead = [], terminal
     for step in reversed(range(process.steps)):
         a, b, r = process.transition[step], process.control[step], process.weight[step]
-        seen = b.T @ ahead
-        gain = np.linalg.solve(r + seen @ b, seen @ a)
+        through_input = b.T @ ahead
+        gain = np.linalg.solve(r + through_input @ b, through_input @ a)
         closed = a - b @ gain
         turned = np.swapaxes(gain, -1, -2)
         ahead = stage + np.swapaxes(closed, -1, -2) @ ahead @ closed + turned @ r @ gain
-        found.append(gain)
-    return np.stack(found[::-1], axis=-3)
+        gains_by_step.append(gain)
+    return np.stack(gains_by_step[::-1], axis=-3)

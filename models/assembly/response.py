@@ -57,6 +57,6 @@ def response(
         errors = np.vstack([errors, np.zeros((count, parts))])
         units = np.vstack([np.zeros((parts, count)), np.eye(count)])
         noise = units.reshape(parts + count, *readings)
-    one = gains[..., None, :, :, :]
-    found = assemble(process, one, errors, insertion, departures, estimator, noise)
-    return Response(np.moveaxis(found.state, -2, -1), np.moveaxis(found.adjustments, -3, -1))
+    gain = gains[..., None, :, :, :]
+    outcome = assemble(process, gain, errors, insertion, departures, estimator, noise)
+    return Response(np.moveaxis(outcome.state, -2, -1), np.moveaxis(outcome.adjustments, -3, -1))

@@ -113,7 +113,7 @@ class Transmission:
         geometry = self.contact.geometry
         period = 2.0 * pi * geometry.nominal.cycloid_teeth / geometry.pins
         psi = period * np.arange(self.angles) / self.angles
-        found = []
+        blocks = []
         for start in range(0, max(len(states), 1), BLOCK):
             part = states[start : start + BLOCK]
             errors = self.mapping.part_errors(part, geometry.nominal.eccentricity)
@@ -122,10 +122,10 @@ class Transmission:
             twist = self._vibrating(mesh, -mesh.rotation(-self.torque))
             shape = (len(part), self.angles)
             forces = mesh.pin_forces(-twist).max(axis=-1)
-            found.append(
+            blocks.append(
                 (np.broadcast_to(twist, shape), np.broadcast_to(forces, (*shape, forces.shape[-1])))
             )
-        return found
+        return blocks
 
     def _vibrating(self, mesh: Mesh, twist: Array) -> Array:
         """The twist (n, angles) [rad] at speed, of the quasi-static one."""
@@ -159,6 +159,6 @@ class Transmission:
 
 def about_z(states: Array) -> Array:
     """States (n, 4, 3) in space of plane ones (n, 4)."""
-    found = np.zeros((*states.shape, 3))
-    found[..., 2] = states
-    return found
+    rotations = np.zeros((*states.shape, 3))
+    rotations[..., 2] = states
+    return rotations

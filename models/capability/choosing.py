@@ -105,10 +105,10 @@ def calibrated(
     for _ in range(repeats):
         truth = _drawn(processes.df, rng)
         error = _drawn_errors(processes, truth, rng)
-        seen = _Seen(table, truth / _drawn(processes.df, rng), aim)
+        sample = _Seen(table, truth / _drawn(processes.df, rng), aim)
         before, good = -1, False
         for at, factor in enumerate(factors):
-            chosen = seen.cheapest(factor, max(before, 0))
+            chosen = sample.cheapest(factor, max(before, 0))
             if chosen is None:
                 break
             if chosen != before:
@@ -238,5 +238,5 @@ def _best(cost: Array, square: Array) -> NDArray[np.int64]:
     size = (square / np.maximum(square.max(axis=1, keepdims=True), 1e-300)).sum(axis=0)
     span = max(float(np.ptp(cost)), 1e-300)
     each = max(1, STATES // (16 * len(PRICES)))
-    found = [np.argpartition(cost / span + price * size, each)[:each] for price in PRICES]
-    return np.unique(np.concatenate(found))
+    cheapest = [np.argpartition(cost / span + price * size, each)[:each] for price in PRICES]
+    return np.unique(np.concatenate(cheapest))

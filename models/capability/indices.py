@@ -32,12 +32,12 @@ def capability(values: Array, lower: float | None, upper: float | None) -> dict[
     n, mean, std = len(values), float(np.mean(values)), float(np.std(values, ddof=1))
     if std <= 0.0:
         return {}
-    found: dict[str, Index] = {}
+    indices: dict[str, Index] = {}
     if lower is not None and upper is not None:
         cp = (upper - lower) / (6.0 * std)
         shares = [0.5 - CONFIDENCE / 2, 0.5 + CONFIDENCE / 2]
         ends = np.sqrt(scipy.stats.chi2.ppf(shares, n - 1) / (n - 1))
-        found["Cp"] = Index(cp, cp * float(ends[0]), cp * float(ends[1]))
+        indices["Cp"] = Index(cp, cp * float(ends[0]), cp * float(ends[1]))
     sides = [
         side
         for side in (
@@ -51,5 +51,5 @@ def capability(values: Array, lower: float | None, upper: float | None) -> dict[
         error = float(scipy.stats.norm.ppf(0.5 + CONFIDENCE / 2)) * np.sqrt(
             1.0 / (9.0 * n) + cpk**2 / (2.0 * (n - 1))
         )
-        found["Cpk"] = Index(cpk, cpk - error, cpk + error)
-    return found
+        indices["Cpk"] = Index(cpk, cpk - error, cpk + error)
+    return indices

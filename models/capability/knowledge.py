@@ -86,11 +86,17 @@ class Knowledge:
         """G, the upper limit of the variance at a confidence over std^2, less E; at least 0."""
         if np.isinf(self.df):
             return 0.0
-        found = _factor(self.df, confidence) - self.inflation
-        if (one := self.difference) is not None:
-            limit = upper_of_difference(one.seen, one.seen_df, one.gauge, one.gauge_df, confidence)
-            found += max(limit / one.own - _factor(one.seen_df, confidence), 0.0)
-        return max(found, 0.0)
+        more = _factor(self.df, confidence) - self.inflation
+        if (difference := self.difference) is not None:
+            limit = upper_of_difference(
+                difference.seen,
+                difference.seen_df,
+                difference.gauge,
+                difference.gauge_df,
+                confidence,
+            )
+            more += max(limit / difference.own - _factor(difference.seen_df, confidence), 0.0)
+        return max(more, 0.0)
 
     def drawn(self, count: int, rng: np.random.Generator) -> tuple[Array, Array]:
         """Variances over std^2 and errors of the mean over std, (count,) each, of the posterior.
@@ -104,14 +110,18 @@ class Knowledge:
             return np.ones(count), np.zeros(count)
         variance = self.df / rng.chisquare(self.df, count)
         readings = variance
-        if (one := self.difference) is not None:
-            share = one.seen_df / self.df
+        if (difference := self.difference) is not None:
+            share = difference.seen_df / self.df
             gauge = (
-                np.full(count, one.gauge)
-                if np.isinf(one.gauge_df)
-                else (one.gauge * one.gauge_df / rng.chisquare(one.gauge_df, count))
+                np.full(count, difference.gauge)
+                if np.isinf(difference.gauge_df)
+                else (
+                    difference.gauge
+                    * difference.gauge_df
+                    / rng.chisquare(difference.gauge_df, count)
+                )
             )
-            whole = variance * (self.std**2 + share * one.gauge)
+            whole = variance * (self.std**2 + share * difference.gauge)
             variance = np.maximum(whole - share * gauge, 1e-3 * self.std**2) / self.std**2
             readings = variance + gauge / self.std**2
         return variance, np.sqrt(readings / self.n) * rng.standard_normal(count)
@@ -134,19 +144,19 @@ def knowledge_of(
     n = len(values)
     if n < LEAST:
         raise ValueError(f"has {n} values, {LEAST} at least are needed")
-    seen, mean = float(np.var(values, ddof=1)), float(np.mean(values))
-    if seen <= 0.0:
+    observed, mean = float(np.var(values, ddof=1)), float(np.mean(values))
+    if observed <= 0.0:
         raise ValueError(
             f"has {n} equal values: the resolution of the gauge is too coarse to tell a scatter"
         )
-    own = seen if gauge is None else seen - gauge.sigma**2
+    own = observed if gauge is None else observed - gauge.sigma**2
     if gauge is not None and own <= 0.0:
         raise ValueError(
-            f"scatters by {np.sqrt(seen):.4g}, its gauge alone by {gauge.sigma:.4g}: "
+            f"scatters by {np.sqrt(observed):.4g}, its gauge alone by {gauge.sigma:.4g}: "
             "the gauge is unfit for these parts"
         )
     df, parts = n - 1.0, 0.0
-    difference = None if gauge is None else Difference(seen, df, gauge.sigma**2, gauge.df)
+    difference = None if gauge is None else Difference(observed, df, gauge.sigma**2, gauge.df)
     if prior is not None:
         _agreeing(own, df, prior)
         own = (prior.parts * prior.sigma**2 + df * own) / (prior.parts + df)

@@ -154,7 +154,9 @@ def norm_of(
     limit alone, `quantile` standard deviations from it, it counts in full beside the doubt of the
     variance: as the root of the sum of both squares.
     """
-    inflation = np.array([1.0 if one is None or level else one.inflation for one in known])
+    inflation = np.array(
+        [1.0 if knowledge is None or level else knowledge.inflation for knowledge in known]
+    )
     surplus = np.array([_surplus(one, confidence, level) for one in known])
     error = moved * np.array([0.0 if one is None else 1.0 / one.n for one in known])
     if quantile is not None:
@@ -162,17 +164,19 @@ def norm_of(
         return Norm(
             inflation * square, surplus * square, np.zeros_like(square), counted * inflation * error
         )
-    prior = np.array([one is not None and one.prior_parts > 0.0 for one in known], dtype=float)
+    prior = np.array(
+        [knowledge is not None and knowledge.prior_parts > 0.0 for knowledge in known], dtype=float
+    )
     far = float(ndtri(0.5 * (1.0 + confidence))) ** 2 - 1.0
     return Norm(
         inflation * (square + error), surplus * (square + error), prior * far * inflation * error
     )
 
 
-def _surplus(one: Knowledge | None, confidence: float, level: float | None) -> float:
+def _surplus(knowledge: Knowledge | None, confidence: float, level: float | None) -> float:
     """The upper limit of a variance less its posterior mean, or less its estimate."""
-    if one is None:
+    if knowledge is None:
         return 0.0
     if level is None:
-        return one.surplus_at(confidence)
-    return one.surplus_at(level) + one.inflation - 1.0
+        return knowledge.surplus_at(confidence)
+    return knowledge.surplus_at(level) + knowledge.inflation - 1.0

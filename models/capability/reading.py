@@ -57,8 +57,8 @@ class PartSample:
     def departures(self, owner: str) -> tuple[str, ...]:
         """How it contradicts one stable normal process, `owner` being what was measured."""
         return tuple(
-            f"{owner}, measured: {one.text} (by chance: {one.probability:.2g})"
-            for one in self.found
+            f"{owner}, measured: {finding.text} (by chance: {finding.probability:.2g})"
+            for finding in self.found
         )
 
     def statement(self, unit: str) -> str:

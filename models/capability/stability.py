@@ -46,10 +46,10 @@ def findings(values: Array, lots: Sequence[str] = ()) -> list[Finding]:
         if one.probability > LEVEL / (len(tried) - at):
             break
         kept.append(one)
-    if any(one.kind == "outlier" for one in kept):  # a shape that one value makes is none
+    if any(test.kind == "outlier" for test in kept):  # a shape that one value makes is none
         rest = np.delete(values, np.argmax(np.abs(values - values.mean())))
         if len(rest) >= FEW and _shape(rest).probability > LEVEL:
-            kept = [one for one in kept if one.kind != "shape"]
+            kept = [test for test in kept if test.kind != "shape"]
     return kept
 
 
@@ -59,7 +59,7 @@ def distribution_type(found: Sequence[Finding]) -> str:
 
     Reference: ISO 22514-2:2017, clause 5, table 1.
     """
-    kinds = {one.kind for one in found}
+    kinds = {finding.kind for finding in found}
     if "scatter" in kinds:
         return "D" if kinds & {"drift", "lots"} else "B"
     if "drift" in kinds:
@@ -70,10 +70,10 @@ def distribution_type(found: Sequence[Finding]) -> str:
 
 
 def _drift(values: Array) -> Finding:
-    found = scipy.stats.linregress(np.arange(len(values), dtype=float), values)
-    total = float(found.slope) * (len(values) - 1)
+    trend = scipy.stats.linregress(np.arange(len(values), dtype=float), values)
+    total = float(trend.slope) * (len(values) - 1)
     text = f"drifts by {total:.3g} from the first part to the last"
-    return Finding("drift", text, float(found.pvalue))
+    return Finding("drift", text, float(trend.pvalue))
 
 
 def _lots(values: Array, lots: Sequence[str]) -> list[Finding]:

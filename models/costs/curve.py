@@ -46,10 +46,10 @@ class CostCurve(ABC):
 
         `linear` and `square` (n,) are the prices of a tolerance, square >= 0; 0 < low <= high.
         """
-        found = self.stationary(linear, square)
-        if found is None:
+        stationary = self.stationary(linear, square)
+        if stationary is None:
             return self._root(linear, square, low, high)
-        return np.clip(found, low, high)
+        return np.clip(stationary, low, high)
 
     def stationary(self, linear: Array, square: Array) -> Array | None:
         """The stationary point in closed form, inf where there is none; None if not known."""
@@ -65,12 +65,12 @@ class CostCurve(ABC):
         ends = np.log(low), np.log(high)
         falls = rise(np.full_like(linear, ends[1]), linear, square) <= 0.0
         rises = rise(np.full_like(linear, ends[0]), linear, square) >= 0.0
-        found = np.where(falls, high, low)
+        zero = np.where(falls, high, low)
         inner = ~(falls | rises)
         if np.any(inner):
             root = bracketed_roots(rise, ends, linear[inner], square[inner])
-            found[inner] = np.exp(root.x)
-        return np.clip(found, low, high)
+            zero[inner] = np.exp(root.x)
+        return np.clip(zero, low, high)
 
     def faults(self) -> list[tuple[str, str]]:
         """(field, message) for every coefficient that makes the curve rise or meaningless."""

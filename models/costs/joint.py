@@ -29,13 +29,13 @@ class Joint:
     @classmethod
     def of(cls, curves: Sequence[CostCurve]) -> Joint | None:
         """The curves as one; None where one of them is of another family."""
-        found = []
+        groups = []
         for curve in curves:
             if not isinstance(curve, Reciprocal | ReciprocalSquared | ReciprocalPower):
                 return None
             k = curve.k if isinstance(curve, ReciprocalPower) else EXPONENTS[type(curve)]
-            found.append((curve.a, curve.b, k))
-        a, b, k_of = np.array(found, dtype=float).T
+            groups.append((curve.a, curve.b, k))
+        a, b, k_of = np.array(groups, dtype=float).T
         return cls(a, b, float(k_of[0]) if np.all(k_of == k_of[0]) else k_of)
 
     def cost(self, t: Array) -> Array:

@@ -50,14 +50,14 @@ def stationary_power(
         return None
     linear = linear + 0.0  # no negative zero: it has no price, and its reciprocal no root
     with np.errstate(divide="ignore", over="ignore"):
-        found = _root(k * b / linear, k + 1.0)
+        stationary = _root(k * b / linear, k + 1.0)
         if not np.any(square):
-            return found
+            return stationary
         other = _root(0.5 * k * b / square, k + 2.0)
         if not np.any(linear):
             return other
     free = (linear == 0.0) & (square == 0.0)
-    x = np.log(np.where(free, 1.0, np.minimum(found, other)))
+    x = np.log(np.where(free, 1.0, np.minimum(stationary, other)))
     for _ in range(STEPS):
         bent = 2.0 * square * np.exp(x)
         level = linear + bent

@@ -77,7 +77,7 @@ class Table(CostCurve):
                     f"and {len(self.cost_at)}",
                 )
             ]
-        found = []
+        named = []
         if any(after <= before for before, after in pairwise(self.t)):
-            found.append(("t", "must rise from entry to entry"))
-        return found
+            named.append(("t", "must rise from entry to entry"))
+        return named

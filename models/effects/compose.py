@@ -45,7 +45,7 @@ def predicted(
     actions = acting(active, readings_of(target.columns, table), target)
     changes = changes_of(actions) or NO_CHANGES
     outputs = with_zero(model.predict(table, rng, changes), zero)
-    means = model.means(changes) if any(one.population for one in actions) else {}
+    means = model.means(changes) if any(action.population for action in actions) else {}
     return added(outputs, actions, means, rng)
 
 
@@ -58,16 +58,16 @@ def with_zero(outputs: Mapping[str, Array], zero: Mapping[str, float]) -> dict[s
 
 def acting(effects: Sequence[Active], readings: Readings, target: Target) -> list[Action]:
     """What each effect does to the rows."""
-    return [one.effect.act(readings, one.values, target) for one in effects]
+    return [effect.effect.act(readings, effect.values, target) for effect in effects]
 
 
 def changes_of(actions: Iterable[Action]) -> dict[str, Array]:
     """Changes inside of the model, summed over the effects."""
-    found: dict[str, Array] = {}
+    changes: dict[str, Array] = {}
     for action in actions:
         for name, change in action.changes.items():
-            found[name] = found[name] + change if name in found else change
-    return found
+            changes[name] = changes[name] + change if name in changes else change
+    return changes
 
 
 def added(
@@ -77,15 +77,15 @@ def added(
     rng: np.random.Generator,
 ) -> dict[str, Array]:
     """Predicted outputs (n,) with what effects do after it; `means` are of a population."""
-    found = dict(outputs)
+    total = dict(outputs)
     for action in actions:
         if action.population is not None:
-            for name in found:
-                found[name] = action.population(found[name], means[name], rng)
+            for name in total:
+                total[name] = action.population(total[name], means[name], rng)
     for action in actions:
         for name, more in action.output.items():
-            found[name] = found[name] + more
+            total[name] = total[name] + more
     for action in actions:
         for name, reading in action.reading.items():
-            found[name] = reading(found[name])
-    return found
+            total[name] = reading(total[name])
+    return total

@@ -131,7 +131,7 @@ class Target:
 
     def changes(self, *names: str) -> bool:
         """Whether all these quantities may be changed inside of the model."""
-        return set(names) <= {one.name for one in self.changeable}
+        return set(names) <= {changeable.name for changeable in self.changeable}
 
     def prefix(self, output: Output) -> str:
         """What the names of parameters of one output begin with."""
@@ -211,9 +211,9 @@ class Effect(ABC):
     def place(self, target: Target) -> Changeable | None:
         """The changeable quantity that bears the effect's name, its unit aside."""
         name = self.inside_name or self.name
-        for one in target.changeable:
-            if one.name in (name, f"{name}_{unit_key(one.unit)}"):
-                return one
+        for changeable in target.changeable:
+            if changeable.name in (name, f"{name}_{unit_key(changeable.unit)}"):
+                return changeable
         return None
 
     def applies(self, target: Target) -> bool:
@@ -234,7 +234,8 @@ class Effect(ABC):
         if missing := [str(role) for role in self.needs if role not in target.roles()]:
             return f"no column of the role {' or '.join(missing)}"
         if not self.reached(target):
-            return f"acts on an output that is {' or '.join(KINDS[one] for one in self.dimensions)}"
+            kinds = " or ".join(KINDS[dimension] for dimension in self.dimensions)
+            return f"acts on an output that is {kinds}"
         return self.own_reason(target)
 
     def own_reason(self, target: Target) -> str:

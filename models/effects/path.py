@@ -44,9 +44,9 @@ def play(x: Array, width: float, starts: NDArray[np.bool_] | None = None) -> Arr
 def along_path(readings: Readings, x: Array, width: float) -> Array:
     """`play` over rows in the order of measuring; each unit and repeat is a path of its own."""
     order, starts = _order(readings), _starts(readings)
-    found = np.empty(len(x))
-    found[order] = play(x[order], width, starts)
-    return found
+    values = np.empty(len(x))
+    values[order] = play(x[order], width, starts)
+    return values
 
 
 def follows_load(readings: Readings) -> bool:
@@ -81,10 +81,10 @@ def _order(readings: Readings) -> NDArray[np.int64]:
 
 def _starts(readings: Readings) -> NDArray[np.bool_]:
     """Where (n,) a path begins, in the order of measuring."""
-    order, found = _order(readings), np.zeros(len(readings), dtype=bool)
-    found[:1] = True
+    order, starts = _order(readings), np.zeros(len(readings), dtype=bool)
+    starts[:1] = True
     for role in (Role.UNIT, Role.REPEAT):
         if role in readings:
             labels = readings[role][order]
-            found[1:] |= np.asarray(labels[1:] != labels[:-1], dtype=bool)
-    return found
+            starts[1:] |= np.asarray(labels[1:] != labels[:-1], dtype=bool)
+    return starts

@@ -63,8 +63,8 @@ def readings_of(columns: Iterable[Column], table: Table) -> Readings:
         if column.role not in by_role:
             values = table[column.name]
             unit = fixed_unit(column)
-            one = values if column.text else _in_unit(values, column.unit, unit)
-            by_role[column.role] = -one if column.sense < 0 else one
+            converted = values if column.text else _in_unit(values, column.unit, unit)
+            by_role[column.role] = -converted if column.sense < 0 else converted
     _turn_by_speed(by_role)
     order = _order(by_role[Role.TIME], table.get(SESSION)) if Role.TIME in by_role else None
     return Readings(table, by_role, order)
@@ -131,9 +131,9 @@ def target_of(
     table: Table | None = None,
 ) -> Target:
     """What effects may do in a model; of a known table, in the columns that it has."""
-    columns = (*model.columns, *(one for one in EXTRAS if table is None or one.name in table))
-    found = target_from(name, model.outputs, columns, table, model.changeable, model.population)
-    return replace(found, gear=model.gear)
+    columns = (*model.columns, *(extra for extra in EXTRAS if table is None or extra.name in table))
+    target = target_from(name, model.outputs, columns, table, model.changeable, model.population)
+    return replace(target, gear=model.gear)
 
 
 def target_from(
@@ -211,13 +211,13 @@ def unit_numbers(readings: Readings) -> NDArray[np.int64]:
     Rows of one unit (and lot) are one unit where the table tells repeats, else each row is one.
     """
     order = np.arange(len(readings)) if readings.order is None else readings.order
-    found = np.empty(len(readings), dtype=np.int64)
+    numbers = np.empty(len(readings), dtype=np.int64)
     if Role.REPEAT not in readings or Role.UNIT not in readings:
-        found[order] = np.arange(len(readings))
-        return found
+        numbers[order] = np.arange(len(readings))
+        return numbers
     codes = [labels_of(readings[role][order])[1] for role in LABELS if role in readings]
     _, first, which = np.unique(np.stack(codes), axis=1, return_index=True, return_inverse=True)
     rank = np.empty(len(first), dtype=np.int64)
     rank[np.argsort(first)] = np.arange(len(first))  # by first appearance
-    found[order] = rank[which.ravel()]
-    return found
+    numbers[order] = rank[which.ravel()]
+    return numbers

@@ -50,15 +50,15 @@ class Shape(Effect):
     def own_action(self, readings: Readings, values: Mapping[str, float], target: Target) -> Action:
         columns = self.columns(readings, values, target)
         weights = self.weights(target)
-        found = {}
+        actions = {}
         for output in self.reached(target):
             total = np.zeros(len(readings))
             for weight in weights:
                 size = known(values, weight.of(output, target).name)
                 if size != 0.0:
                     total = total + size * columns[weight.stem]()
-            found[output.name] = total
-        return Action(output=found)
+            actions[output.name] = total
+        return Action(output=actions)
 
     def plain(self, target: Target) -> bool:
         """Whether it is the sum of its columns at the outputs, and nothing else."""
@@ -158,13 +158,13 @@ class Orders(Shape):
     def described(
         self, values: Mapping[str, float], target: Target
     ) -> dict[str, tuple[float, str]]:
-        found: dict[str, tuple[float, str]] = {}
+        description: dict[str, tuple[float, str]] = {}
         for output in self.reached(target):
             by_stem = {w.stem: w.of(output, target) for w in self.weights(target)}
             for key in map(order_key, self.orders_of(target)):
                 at = f"{target.prefix(output)}%s_{key}"
-                found |= polar(values, by_stem[f"cos_{key}"], by_stem[f"sin_{key}"], at)
-        return found
+                description |= polar(values, by_stem[f"cos_{key}"], by_stem[f"sin_{key}"], at)
+        return description
 
 
 def polar(
@@ -209,7 +209,7 @@ class Load:
     def role(target: Target) -> Role | None:
         """The role that the load has in the table, None where it has none."""
         roles = target.roles()
-        return next((one for one in (Role.TORQUE, Role.FORCE) if one in roles), None)
+        return next((role for role in (Role.TORQUE, Role.FORCE) if role in roles), None)
 
     @staticmethod
     def unit(target: Target) -> str:

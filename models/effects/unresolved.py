@@ -78,17 +78,17 @@ class Term:
 
     def columns(self, readings: Readings) -> Array:
         """Its columns (n, count)."""
-        found = self._shape(readings)
+        column = self._shape(readings)
         if self.times and self.shape != "product":
-            found = found * (self._other(readings) ** self.times_exponent)[:, None]
+            column = column * (self._other(readings) ** self.times_exponent)[:, None]
         if self.turns:
-            found = found * np.asarray(readings[Role.DIRECTION], dtype=float)[:, None]
-        return np.asarray(found, dtype=float)
+            column = column * np.asarray(readings[Role.DIRECTION], dtype=float)[:, None]
+        return np.asarray(column, dtype=float)
 
     def _other(self, readings: Readings) -> Array:
         other = np.asarray(readings.table[self.times], dtype=float)
-        found = (other - self.times_zero) / self.times_scale
-        return np.asarray(np.abs(found) if self.times_magnitude else found)
+        scaled = (other - self.times_zero) / self.times_scale
+        return np.asarray(np.abs(scaled) if self.times_magnitude else scaled)
 
     def _shape(self, readings: Readings) -> Array:
         if self.shape == "constant":
@@ -125,11 +125,11 @@ class Term:
 
     def table(self, coefficients: Array) -> dict[str, Any]:
         """The `[[unresolved]]` table of it."""
-        usual = {one.name: one.default for one in fields(self)}
+        usual = {entry.name: entry.default for entry in fields(self)}
         given = {k: v for k, v in asdict(self).items() if v != usual[k]}
         lists = {"knots": self.knots, "heights": self.heights, "labels": self.labels}
         given |= {name: list(one) for name, one in lists.items() if one}
-        return {**given, "coefficients": [float(one) for one in coefficients]}
+        return {**given, "coefficients": [float(coefficient) for coefficient in coefficients]}
 
 
 class Unresolved(Effect):
@@ -151,16 +151,16 @@ class Unresolved(Effect):
 
     def own_applies(self, target: Target) -> bool:
         """Only where its columns and its output are there."""
-        names = {SESSION, *(one.name for one in target.columns)}
+        names = {SESSION, *(column.name for column in target.columns)}
         turns = not self.term.turns or Role.DIRECTION in target.roles()
-        outputs = {one.name for one in target.outputs}
+        outputs = {output.name for output in target.outputs}
         return {*self.term.variables} <= names and turns and self.term.output in outputs
 
     def place(self, target: Target) -> None:
         """It is never inside of a model."""
 
     def own_parameters(self, target: Target) -> tuple[EffectParameter, ...]:
-        unit = next(one.unit for one in target.outputs if one.name == self.term.output)
+        unit = next(output.unit for output in target.outputs if output.name == self.term.output)
         return tuple(
             EffectParameter(f"c{k + 1}", unit, "coefficient", -np.inf)
             for k in range(self.mix.shape[1])
@@ -172,8 +172,8 @@ class Unresolved(Effect):
 
     def coefficients(self, values: Mapping[str, float]) -> Array:
         """Those of the term (count,)."""
-        found = np.array([values.get(f"c{k + 1}", 0.0) for k in range(self.mix.shape[1])])
-        return np.asarray(self.mix @ found)
+        weights = np.array([values.get(f"c{k + 1}", 0.0) for k in range(self.mix.shape[1])])
+        return np.asarray(self.mix @ weights)
 
     def own_action(self, readings: Readings, values: Mapping[str, float], target: Target) -> Action:
         return Action(
@@ -185,5 +185,7 @@ def unresolved_of(table: Mapping[str, Any]) -> tuple[Unresolved, dict[str, float
     """A term and its parameters from its checked `[[unresolved]]` table."""
     given = {k: v for k, v in table.items() if k != "coefficients"}
     given |= {name: tuple(given[name]) for name in ("knots", "heights", "labels") if name in given}
-    values = {f"c{k + 1}": float(one) for k, one in enumerate(table["coefficients"])}
+    values = {
+        f"c{k + 1}": float(coefficient) for k, coefficient in enumerate(table["coefficients"])
+    }
     return Unresolved(Term(**given)), values

@@ -39,7 +39,7 @@ def _least(
 ) -> tuple[Array, Array, Array]:
     """Value and value at the middle of a node, and the least margin at or below it."""
     below = [_least(part, x, middle) for part in node.parts]
-    values, centres = [one[0] for one in below], [one[1] for one in below]
+    values, centres = [bound[0] for bound in below], [bound[1] for bound in below]
     margin = np.asarray(np.inf)
     for _, _, own in below:
         margin = np.fmin(margin, own)

@@ -32,11 +32,11 @@ class Formula:
     @cached_property
     def names(self) -> dict[str, int]:
         """The quantities that the formula depends on, each with the column of its first use."""
-        found: dict[str, int] = {}
+        positions: dict[str, int] = {}
         for node in self.tree.nodes():
             if isinstance(node, Name):
-                found[node.name] = min(node.at, found.get(node.name, node.at))
-        return found
+                positions[node.name] = min(node.at, positions.get(node.name, node.at))
+        return positions
 
     @property
     def linear(self) -> bool:

@@ -63,8 +63,8 @@ def _no_pole(x: Array) -> str:
 
 def _off_the_cut(y: Array, x: Array) -> str:
     """atan2 jumps by 2 pi where y changes its sign at negative x."""
-    left = np.broadcast_arrays(y, x)[0][np.broadcast_arrays(x, y)[0] <= 0.0]
-    jumps = left.size > 0 and crosses_zero(left)
+    beside_the_cut = np.broadcast_arrays(y, x)[0][np.broadcast_arrays(x, y)[0] <= 0.0]
+    jumps = beside_the_cut.size > 0 and crosses_zero(beside_the_cut)
     return "jumps by 2 pi: its first argument crosses 0 while the second is negative" * jumps
 
 

@@ -67,9 +67,9 @@ def parse(text: str) -> Expression:
 
 
 def _tokens(text: str) -> list[_Token]:
-    found: list[_Token] = []
+    tokens: list[_Token] = []
     position = 0
-    while not found or found[-1].kind != "end":
+    while not tokens or tokens[-1].kind != "end":
         match = _TOKEN.match(text, position)
         assert match is not None  # "other" takes whatever is left
         kind = str(match.lastgroup)
@@ -77,9 +77,9 @@ def _tokens(text: str) -> list[_Token]:
         if kind == "other":
             remedy = _REMEDIES.get(token.text, "it is not part of a formula")
             raise FormulaError(token.at, f"unexpected `{token.text}`: {remedy}")
-        found.append(token)
+        tokens.append(token)
         position = match.end()
-    return found
+    return tokens
 
 
 def _unexpected(token: _Token) -> str:
@@ -111,13 +111,13 @@ class _Parser:
 
     def _chain(self, operand: str, *signs: str) -> Expression:
         read = self._product if operand == "product" else self._sign
-        found, length = read(), 1
+        expression, length = read(), 1
         while token := self._taken(*signs):
             length += 1
             if length > DEEPEST:
                 raise FormulaError(token.at, f"at most {DEEPEST} operations in a row")
-            found = Operation(token.at, token.text, found, read())
-        return found
+            expression = Operation(token.at, token.text, expression, read())
+        return expression
 
     def sum(self) -> Expression:
         return self._chain("product", "+", "-")
@@ -131,12 +131,12 @@ class _Parser:
             raise FormulaError(self.now.at, f"is nested too deeply: at most {NESTED} levels")
         token = self._taken("-", "+")
         if token is None:
-            found = self._power()
+            expression = self._power()
         else:
             operand = self._sign()
-            found = Negative(token.at, operand) if token.text == "-" else operand
+            expression = Negative(token.at, operand) if token.text == "-" else operand
         self._level -= 1
-        return found
+        return expression
 
     def _power(self) -> Expression:
         base = self._atom()
@@ -146,9 +146,9 @@ class _Parser:
     def _atom(self) -> Expression:
         token = self.now
         if self._taken("("):
-            found = self.sum()
+            expression = self.sum()
             self._close(token)
-            return found
+            return expression
         if token.kind not in ("number", "name"):
             what = "ends too early" if token.kind == "end" else f"unexpected `{token.text}`"
             raise FormulaError(token.at, f"{what}: a number, a name or ( is expected here")

@@ -49,9 +49,9 @@ class Distribution(ABC):
 
     def faults(self) -> list[tuple[str, str]]:
         """(parameter, message) for every parameter that is outside of its range."""
-        found = []
+        named = []
         for parameter in fields(self):  # type: ignore[arg-type]
             values = np.atleast_1d(getattr(self, parameter.name))
             complaints = [allowed(parameter).complaint(float(value)) for value in values]
-            found += [(parameter.name, complaint) for complaint in complaints if complaint]
-        return found
+            named += [(parameter.name, complaint) for complaint in complaints if complaint]
+        return named

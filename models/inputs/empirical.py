@@ -33,20 +33,20 @@ class Empirical(Distribution):
         return min(self.values), max(self.values)
 
     def faults(self) -> list[tuple[str, str]]:
-        found = Distribution.faults(self)
+        named = Distribution.faults(self)
         if len(set(self.values)) < 2:
-            found.append(("values", "need at least two distinct deviations, in half-widths"))
-        return found
+            named.append(("values", "need at least two distinct deviations, in half-widths"))
+        return named
 
     def raw_moments(self, order: int) -> Array:
         x = np.sort(self.values)
         low, high = x[:-1], x[1:]
-        found = np.ones(order + 1)
+        moments = np.ones(order + 1)
         total = np.ones_like(low)  # sum of low^j high^(k-j), j = 0 .. k
         for k in range(1, order + 1):
             total = total * low + high**k
-            found[k] = np.mean(total) / (k + 1)
-        return found
+            moments[k] = np.mean(total) / (k + 1)
+        return moments
 
     def partial_moments(self, z: Array) -> tuple[Array, Array, Array]:
         x = np.sort(self.values)
@@ -56,7 +56,7 @@ class Empirical(Distribution):
         end, width = np.clip(z, low, high), high - low
         share = np.where(width > 0.0, (end - low) / np.where(width > 0.0, width, 1.0), z >= low)
         whole, part = _piece(x[:-1], x[1:]), _piece(low, end)
-        before = [np.concatenate([[0.0], np.cumsum(one)])[at] for one in whole]
+        before = [np.concatenate([[0.0], np.cumsum(value)])[at] for value in whole]
         mass, first, second = (b + share * p for b, p in zip(before, part, strict=True))
         return mass / pieces, first / pieces, second / pieces
 

@@ -88,7 +88,7 @@ def _built(
     unsuited = [key for key in stated if key not in taken]
     for key in unsuited:
         section.fault(key, f"does not apply to {name_of(kind)}: {_taking(key)}")
-    needed = [key for key, one in parameters.items() if one.default is MISSING]
+    needed = [key for key, parameter in parameters.items() if parameter.default is MISSING]
     missing = [key for key in needed if default is None and key not in stated]
     for key in missing:
         section.fault(key, f"is missing: {name_of(kind)} needs {' and '.join(needed)}")
@@ -97,11 +97,11 @@ def _built(
         stated = _shifted(section, {"cp": cp} | stated)
     if unsuited or missing or None in stated.values():
         return None
-    found = kind(**stated) if default is None else replace(default, **stated)  # type: ignore[type-var]
-    faults = found.faults()
+    distribution = kind(**stated) if default is None else replace(default, **stated)  # type: ignore[type-var]
+    faults = distribution.faults()
     for key, message in faults:
         section.fault(key, message)
-    return None if faults else found
+    return None if faults else distribution
 
 
 def _shifted(section: Section, stated: Stated) -> Stated:

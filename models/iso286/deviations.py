@@ -127,8 +127,8 @@ def _hole_um(letter: str, grade: str, size: float) -> float:
 @lru_cache(maxsize=1)
 def _shafts() -> dict[str, list[tuple[float, float, float, float, float]]]:
     """First and last grade, sizes over and up to [mm], and deviation [um], by letter."""
-    found: dict[str, list[tuple[float, float, float, float, float]]] = {}
+    shafts: dict[str, list[tuple[float, float, float, float, float]]] = {}
     for letter, *values in rows_of("shaft_um.csv")[1:]:
         first, last, over, up_to, deviation = map(float, values)
-        found.setdefault(letter, []).append((first, last, over, up_to, deviation))
-    return found
+        shafts.setdefault(letter, []).append((first, last, over, up_to, deviation))
+    return shafts

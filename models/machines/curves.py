@@ -73,9 +73,9 @@ class GoodPartsBySpread(CostCurve):
         """The limit t of an inspection that leaves good parts with the scatter x."""
         t = np.clip(self._inverse(np.clip(x, *self.ends)), self.low, self.high)
         for _ in range(STEPS):
-            found = self.machine.good_parts(t)
-            rise = self.scale * found.std_slope
-            step = (x - self.scale * found.std) / np.where(rise > 0.0, rise, np.inf)
+            good = self.machine.good_parts(t)
+            rise = self.scale * good.std_slope
+            step = (x - self.scale * good.std) / np.where(rise > 0.0, rise, np.inf)
             t = np.clip(t + step, self.low, self.high)
         return np.asarray(t)
 
@@ -83,19 +83,19 @@ class GoodPartsBySpread(CostCurve):
         return self.machine.good_parts(self.limit(np.asarray(t, dtype=float))).cost
 
     def slope(self, t: Array) -> Array:
-        found = self.machine.good_parts(self.limit(np.asarray(t, dtype=float)))
-        return np.asarray(found.cost_slope / (self.scale * found.std_slope))
+        good = self.machine.good_parts(self.limit(np.asarray(t, dtype=float)))
+        return np.asarray(good.cost_slope / (self.scale * good.std_slope))
 
     def best(self, linear: Array, square: Array, low: float, high: float) -> Array:
         """As in the base class, by bisection in the tabulated slope, which rises with x."""
         x, slope = self._slopes
         ends = np.array([low, high])
         at_low, at_high = np.interp(ends, x, slope)[:, None] + linear + 2.0 * square * ends[:, None]
-        found = np.where(at_high <= 0.0, high, low)
+        nearest = np.where(at_high <= 0.0, high, low)
         inner = np.flatnonzero((at_low < 0.0) & (at_high > 0.0))
         if len(inner):
-            found[inner] = self._inside(linear[inner], square[inner], ends)
-        return np.clip(found, low, high)
+            nearest[inner] = self._inside(linear[inner], square[inner], ends)
+        return np.clip(nearest, low, high)
 
     def _inside(self, linear: Array, square: Array, ends: Array) -> Array:
         """Where the tabulated slope and prices (n,) add up to 0 between two ends."""
@@ -117,8 +117,8 @@ class GoodPartsBySpread(CostCurve):
     def _slopes(self) -> tuple[Array, Array]:
         """x and dC/dx, which the cost of good parts makes rise."""
         t, x = self._table
-        found = self.machine.good_parts(t)
-        slope = found.cost_slope / (self.scale * found.std_slope)
+        good = self.machine.good_parts(t)
+        slope = good.cost_slope / (self.scale * good.std_slope)
         kept = np.concatenate([[True], np.diff(np.maximum.accumulate(x)) > 0.0])
         return x[kept], np.maximum.accumulate(slope[kept])
 
@@ -144,12 +144,12 @@ def convex_cost(curve: CostCurve, x: Array) -> tuple[CostCurve, bool]:
 
 def _hull(x: Array, y: Array) -> list[int]:
     """Places of the lower convex hull of points in order of x (Andrew's monotone chain)."""
-    found: list[int] = []
+    hull: list[int] = []
     for at in range(len(x)):
-        while len(found) > 1:
-            i, j = found[-2:]
+        while len(hull) > 1:
+            i, j = hull[-2:]
             if (x[j] - x[i]) * (y[at] - y[i]) - (y[j] - y[i]) * (x[at] - x[i]) > 0.0:
                 break
-            found.pop()
-        found.append(at)
-    return found
+            hull.pop()
+        hull.append(at)
+    return hull

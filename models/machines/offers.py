@@ -69,16 +69,16 @@ class Offer:
     def table(self) -> dict[str, Any]:
         """The table that states it."""
         one, given = self.machine, self.machine.inspection
-        found: dict[str, Any] = {"name": one.name, "price": self.price}
-        found |= (
+        stated: dict[str, Any] = {"name": one.name, "price": self.price}
+        stated |= (
             {"sigma": one.sigma, "mean": one.mean}
             if self.sample is None
             else {"measured": dict(self.sample.stated)}
         )
         if self.setup is not None:
-            found["setup"] = self.setup.table()
+            stated["setup"] = self.setup.table()
         if given is None:
-            return found
+            return stated
         inspection: dict[str, Any] = {
             "price": given.price,
             "u": given.u,
@@ -93,12 +93,12 @@ class Offer:
                 "success": again.success,
                 "side": again.side,
             }
-        return found | {"t_min": self.low, "t_max": self.high, "inspection": inspection}
+        return stated | {"t_min": self.low, "t_max": self.high, "inspection": inspection}
 
 
 def samples_of(offers: Iterable[Offer]) -> tuple[tuple[str, PartSample], ...]:
     """Names of machines with the parts measured of each, where there are some."""
-    return tuple((one.machine.name, one.sample) for one in offers if one.sample is not None)
+    return tuple((offer.machine.name, offer.sample) for offer in offers if offer.sample is not None)
 
 
 def departures(offers: Iterable[Offer], owner: str) -> tuple[str, ...]:

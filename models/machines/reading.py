@@ -64,7 +64,7 @@ def _offer(own: Section, name: str, owner: Owner) -> Offer | None:
         return None
     whole = price + (setup.per_part if setup else 0.0)
     machine = Machine(name, made[0], whole, made[1], inspection and inspection[0])
-    found = Offer(
+    offer = Offer(
         machine,
         price,
         setup=setup,
@@ -72,7 +72,7 @@ def _offer(own: Section, name: str, owner: Owner) -> Offer | None:
         assumed=_assumed(name, sample),
         sample=sample,
     )
-    return found if inspection is None else _searched(own, found, limits, owner)
+    return offer if inspection is None else _searched(own, offer, limits, owner)
 
 
 def _scatter(own: Section, owner: Owner) -> tuple[tuple[float, float] | None, PartSample | None]:
@@ -164,10 +164,10 @@ def _inspection(own: Section, unit: str) -> tuple[Inspection, bool] | None:
     }
     if price is None or any(key in table and value is None for key, value in values.items()):
         return None
-    found = Inspection(
+    inspection = Inspection(
         price, u or 0.0, GUARD if guard is None else guard, True if scrap is None else scrap, rework
     )
-    return found, bool(required)
+    return inspection, bool(required)
 
 
 def _rework(table: Section) -> Rework | None:

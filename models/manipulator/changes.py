@@ -34,7 +34,7 @@ def _of_drives() -> Iterator[Changeable]:
 
 
 CHANGEABLE = (
-    *(Changeable(one.name, one.unit, one.meaning) for one in SOURCES),
+    *(Changeable(source.name, source.unit, source.meaning) for source in SOURCES),
     *(Changeable(name, "mrad", f"rotation of the base about its {name[5]}") for name in TILTS),
     Changeable("growth_ppm", "ppm", "growth of all lengths, base included"),
     *_of_drives(),
@@ -58,19 +58,19 @@ def changed_errors(
         return errors
     shape = (len(r),)
     by_name = {name: np.broadcast_to(change, shape) for name, change in changes.items()}
-    found = np.broadcast_to(errors, (*shape, len(NAMES))).copy()
+    changed = np.broadcast_to(errors, (*shape, len(NAMES))).copy()
     for source in SOURCES:
         if source.name in by_name:
-            found[:, source.at] += by_name[source.name] * source.scale
+            changed[:, source.at] += by_name[source.name] * source.scale
     if "growth_ppm" in by_name:
-        found += by_name["growth_ppm"][:, None] * PPM * lengths(manipulator)
-    found[:, _at(sources.DRIVE_ZERO)] += _waves(manipulator, r, z, phi, by_name)
+        changed += by_name["growth_ppm"][:, None] * PPM * lengths(manipulator)
+    changed[:, _at(sources.DRIVE_ZERO)] += _waves(manipulator, r, z, phi, by_name)
     if "joint_clearance_um" in by_name or any(f"drive_sag_{i}" in by_name for i in (1, 2, 3)):
         for first in range(0, len(r), BLOCK):
             at = slice(first, first + BLOCK)
             part = {name: change[at] for name, change in by_name.items()}
-            found[at] += _under_weight(manipulator, r[at], z[at], phi[at], part)
-    return found
+            changed[at] += _under_weight(manipulator, r[at], z[at], phi[at], part)
+    return changed
 
 
 def lengths(manipulator: Manipulator) -> Array:
@@ -78,14 +78,14 @@ def lengths(manipulator: Manipulator) -> Array:
 
     An error in proportion to all of them makes a machine that is similar to itself.
     """
-    found = np.zeros((CHAINS, PER_CHAIN))
-    found[:, sources.ORIGIN] = manipulator.origins
-    found[:, sources.ARM_LENGTH] = manipulator.arms
-    found[:, sources.ROD_LENGTH] = manipulator.rods[:, None]
-    found[:, sources.JOINT_DISTANCE_ARM] = manipulator.distances
-    found[:, sources.JOINT_DISTANCE_PLATFORM] = manipulator.distances
-    found[:, sources.PLATFORM_ATTACHMENT] = manipulator.attachments
-    return found.ravel()
+    sizes = np.zeros((CHAINS, PER_CHAIN))
+    sizes[:, sources.ORIGIN] = manipulator.origins
+    sizes[:, sources.ARM_LENGTH] = manipulator.arms
+    sizes[:, sources.ROD_LENGTH] = manipulator.rods[:, None]
+    sizes[:, sources.JOINT_DISTANCE_ARM] = manipulator.distances
+    sizes[:, sources.JOINT_DISTANCE_PLATFORM] = manipulator.distances
+    sizes[:, sources.PLATFORM_ATTACHMENT] = manipulator.attachments
+    return sizes.ravel()
 
 
 def base_tilt(changes: Mapping[str, Array], phi: Array) -> Array:
@@ -104,16 +104,16 @@ def _waves(
     manipulator: Manipulator, r: Array, z: Array, phi: Array, changes: Mapping[str, Array]
 ) -> Array:
     """Errors of the drives (n, 3) [rad] once per turn of their arms."""
-    found = np.zeros((len(r), CHAINS))
+    waves = np.zeros((len(r), CHAINS))
     if not any(name.startswith(("drive_cos", "drive_sin")) for name in changes):
-        return found
+        return waves
     arm = angles(manipulator, r, z)
     arm[:, :2] += phi[:, None]  # chain 3 moves in the plane that is turned
     for i in range(CHAINS):
         for wave in (np.cos, np.sin):
             change = changes.get(f"drive_{wave.__name__}_{i + 1}_mrad", 0.0)
-            found[:, i] += change * MRAD * wave(arm[:, i])
-    return found
+            waves[:, i] += change * MRAD * wave(arm[:, i])
+    return waves
 
 
 def _under_weight(
@@ -125,13 +125,13 @@ def _under_weight(
     -m g dz/dl: both from the first-order maps of the height.
     """
     by_drive, by_rod = lifts(manipulator, r, z, phi)
-    found = np.zeros((len(r), CHAINS, PER_CHAIN))
+    yielding = np.zeros((len(r), CHAINS, PER_CHAIN))
     play = np.broadcast_to(np.asarray(changes.get("joint_clearance_um", 0.0)) * UM, r.shape)
-    found[..., sources.ROD_LENGTH] = -np.sign(by_rod) * play[:, None, None]
+    yielding[..., sources.ROD_LENGTH] = -np.sign(by_rod) * play[:, None, None]
     for i in range(CHAINS):
         carried = np.asarray(changes.get(f"drive_sag_{i + 1}", 0.0)) * MRAD
-        found[:, i, sources.DRIVE_ZERO] = -carried * GRAVITY * by_drive[:, i]
-    return found.reshape(len(r), -1)
+        yielding[:, i, sources.DRIVE_ZERO] = -carried * GRAVITY * by_drive[:, i]
+    return yielding.reshape(len(r), -1)
 
 
 def lifts(manipulator: Manipulator, r: Array, z: Array, phi: Array) -> tuple[Array, Array]:

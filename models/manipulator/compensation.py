@@ -42,9 +42,9 @@ def split(manipulator: Manipulator, r: Array, z: Array, phi: Array | float = 0.0
     radius = np.broadcast_to(np.ravel(r), len(maps.position))
     chains = posture(manipulator, radius, np.ravel(z))
     through = separated(chains)[2] @ maps.orientation
-    left = maps.orientation.copy()
-    left[:, 2] -= maps.position[:, 1] / radius[:, None]
-    return Split(maps.position, through, left)
+    residual = maps.orientation.copy()
+    residual[:, 2] -= maps.position[:, 1] / radius[:, None]
+    return Split(maps.position, through, residual)
 
 
 def compensated(
@@ -63,13 +63,16 @@ def compensated(
     r, z, phi, _ = np.broadcast_arrays(r, z, phi, given[..., 0])
     command_r, command_z, ahead = r.astype(float), z.astype(float), np.zeros(r.shape)
     for _ in range(MOST_PASSES):
-        found = exact_pose(manipulator, command_r, command_z, phi + ahead, given)
-        x, y = command_r + found.position[..., 0], found.position[..., 1]
+        pose = exact_pose(manipulator, command_r, command_z, phi + ahead, given)
+        x, y = command_r + pose.position[..., 0], pose.position[..., 1]
         off_r = np.hypot(x, y) - r
         off_t = np.arctan2(y, x) + ahead
-        off_z = command_z + found.position[..., 2] - z
-        if max(np.abs(one).max(initial=0.0) for one in (off_r, r * off_t, off_z)) <= EXACT:
-            axes = turned(np.eye(3), found.orientation[..., None, :])
+        off_z = command_z + pose.position[..., 2] - z
+        if (
+            max(np.abs(component).max(initial=0.0) for component in (off_r, r * off_t, off_z))
+            <= EXACT
+        ):
+            axes = turned(np.eye(3), pose.orientation[..., None, :])
             return rotation_vector(about_up(axes, ahead[..., None]))
         command_r, command_z, ahead = command_r - off_r, command_z - off_z, ahead - off_t
     raise NoPose(

@@ -26,12 +26,12 @@ def faults(manipulator: Manipulator, ring: TaskRing, place: str = "parameters") 
     Wrong lists and lengths first; with these right, chains that do not close, poses out of reach
     and singular poses of the ring, each with the pose, the chain and the number that says so.
     """
-    found = [*_of_lengths(manipulator, place), *_of_ring(ring, place)]
-    if not found:
+    named = [*_of_lengths(manipulator, place), *_of_ring(ring, place)]
+    if not named:
         r, z = _poses(manipulator, ring)
-        found = [*_of_reach(manipulator, r, z, place)]
-        found = found or [*_of_singularities(manipulator, r, z, place)]
-    return found
+        named = [*_of_reach(manipulator, r, z, place)]
+        named = named or [*_of_singularities(manipulator, r, z, place)]
+    return named
 
 
 def _of_lengths(manipulator: Manipulator, place: str) -> Iterator[Fault]:
@@ -120,14 +120,14 @@ def _rows(manipulator: Manipulator, r: Array, z: Array) -> dict[str, Array]:
     dP_t - r dpsi, with r dpsi the unknown.
     """
     chains = posture(manipulator, r, z)
-    found = {"position": chains.w, "orientation": cross(chains.n, chains.w)}
+    equations = {"position": chains.w, "orientation": cross(chains.n, chains.w)}
     if manipulator.follow_up == "rod":
         rows = np.zeros((len(r), CHAINS + 1, CHAINS + 1))
         rows[:, :CHAINS, :CHAINS] = chains.w
         rows[:, :CHAINS, CHAINS] = cross(chains.p, chains.w)[..., 2] / r[:, None]
         rows[:, CHAINS, 1], rows[:, CHAINS, CHAINS] = 1.0, -1.0
-        found["position with the follow-up rod"] = rows
-    return found
+        equations["position with the follow-up rod"] = rows
+    return equations
 
 
 def _worst(manipulator: Manipulator, r: Array, z: Array, name: str) -> tuple[Array, Array, bool]:
@@ -155,5 +155,5 @@ def _pose(r: Array, z: Array, at: int) -> str:
 
 def _shown(value: float | tuple[float, ...]) -> str:
     """Metres as the millimetres of a configuration."""
-    numbers = [f"{one / MM:.10g}" for one in np.atleast_1d(value)]
+    numbers = [f"{number / MM:.10g}" for number in np.atleast_1d(value)]
     return f"[{', '.join(numbers)}]" if np.ndim(value) else numbers[0]

@@ -65,11 +65,11 @@ def worst_quantile(variances: Array, coverage: float) -> tuple[Array, Rows]:
     at = np.argmax(over, axis=1)
     while True:
         bound = quantile(variances[rows, at], coverage)
-        left = over > missed
-        left[rows, at] = False
-        if not np.any(left):
+        remaining = over > missed
+        remaining[rows, at] = False
+        if not np.any(remaining):
             return bound, at
         over = np.zeros_like(over)
-        over[left] = exceedance(variances[left], bound[np.nonzero(left)[0]])
+        over[remaining] = exceedance(variances[remaining], bound[np.nonzero(remaining)[0]])
         worst = np.argmax(over, axis=1)
         at = np.where(over[rows, worst] > missed, worst, at)

@@ -150,8 +150,8 @@ def _step(machine: Machine, state: _State, free: bool) -> tuple[Array, Array, Ar
     by_psi[:, 2] = dot(w[:, 2], cross(UP, arm[:, 2]))
     along, about = _separated(w, lever, by_psi)  # the pose follows psi so
     rest, on_move, on_turn, on_psi = _follow_up(machine, state)
-    left = -rest - dot(on_move, move) - dot(on_turn, turn)
-    twist = left / (on_psi + dot(on_move, along) + dot(on_turn, about))
+    residual = -rest - dot(on_move, move) - dot(on_turn, turn)
+    twist = residual / (on_psi + dot(on_move, along) + dot(on_turn, about))
     return move + twist[:, None] * along, turn + twist[:, None] * about, twist
 
 

@@ -45,7 +45,7 @@ def first_order(manipulator: Manipulator, r: Array, z: Array, phi: Array | float
 
     The azimuth matters to the sources fixed in the base (origins) alone. Raises OutOfReach.
     """
-    r, z, phi = (np.asarray(one, dtype=float).ravel() for one in (r, z, phi))
+    r, z, phi = (np.asarray(coordinate, dtype=float).ravel() for coordinate in (r, z, phi))
     r, z = np.broadcast_arrays(r, z)
     chains = posture(manipulator, r, z)
     turn, place, shift = separated(chains)
@@ -82,15 +82,15 @@ def differences(manipulator: Manipulator, chains: Posture) -> Array:
     across = cross(n, w)
     on_arm = np.stack([dot(across, axis) for axis in (chains.u, chains.v, chains.k)], axis=-1)
     slant = dot(w, n) / d
-    found = np.zeros((*slant.shape, sources.PER_CHAIN))
-    found[..., sources.ARM_ORIENTATION] = on_arm
-    found[..., sources.DRIVE_ZERO] = on_arm[..., 2]
-    found[..., sources.JOINT_LINE_ARM] = on_arm
-    found[..., sources.JOINT_DISTANCE_ARM] = slant
-    found[..., sources.ROD_LENGTH] = np.array([1.0, -1.0]) / d[:, None]
-    found[..., sources.JOINT_LINE_PLATFORM] = -across
-    found[..., sources.JOINT_DISTANCE_PLATFORM] = -slant
-    return found
+    columns = np.zeros((*slant.shape, sources.PER_CHAIN))
+    columns[..., sources.ARM_ORIENTATION] = on_arm
+    columns[..., sources.DRIVE_ZERO] = on_arm[..., 2]
+    columns[..., sources.JOINT_LINE_ARM] = on_arm
+    columns[..., sources.JOINT_DISTANCE_ARM] = slant
+    columns[..., sources.ROD_LENGTH] = np.array([1.0, -1.0]) / d[:, None]
+    columns[..., sources.JOINT_LINE_PLATFORM] = -across
+    columns[..., sources.JOINT_DISTANCE_PLATFORM] = -slant
+    return columns
 
 
 def half_sums(manipulator: Manipulator, chains: Posture, phi: Array) -> Array:
@@ -98,22 +98,22 @@ def half_sums(manipulator: Manipulator, chains: Posture, phi: Array) -> Array:
     w, arm = chains.w, manipulator.arms
     c, s = np.cos(phi)[:, None], np.sin(phi)[:, None]
     along_v = arm * dot(w, chains.v)
-    found = np.zeros((*along_v.shape, sources.PER_CHAIN))
+    columns = np.zeros((*along_v.shape, sources.PER_CHAIN))
     x, y = c * w[..., 0] - s * w[..., 1], s * w[..., 0] + c * w[..., 1]
-    found[..., sources.ORIGIN] = np.stack([x, y, w[..., 2]], axis=-1)
-    found[..., sources.ARM_LENGTH] = dot(w, chains.u)
+    columns[..., sources.ORIGIN] = np.stack([x, y, w[..., 2]], axis=-1)
+    columns[..., sources.ARM_LENGTH] = dot(w, chains.u)
     lever = [np.zeros_like(along_v), -arm * dot(w, chains.k), along_v]  # l1 u x w on u, v, k
-    found[..., sources.ARM_ORIENTATION] = np.stack(lever, axis=-1)
-    found[..., sources.DRIVE_ZERO] = along_v
-    found[..., sources.ROD_LENGTH] = 0.5
-    found[..., sources.PLATFORM_ATTACHMENT] = -w
-    return found
+    columns[..., sources.ARM_ORIENTATION] = np.stack(lever, axis=-1)
+    columns[..., sources.DRIVE_ZERO] = along_v
+    columns[..., sources.ROD_LENGTH] = 0.5
+    columns[..., sources.PLATFORM_ATTACHMENT] = -w
+    return columns
 
 
 def _beside(manipulator: Manipulator, chains: Posture, phi: Array) -> Array:
     """How far (n, 63) the sources themselves push A3 - B3 along e_t."""
-    found = np.zeros((len(chains.w), CHAINS, sources.PER_CHAIN))
-    last = found[:, 2]
+    columns = np.zeros((len(chains.w), CHAINS, sources.PER_CHAIN))
+    last = columns[:, 2]
     last[:, sources.ORIGIN.start] = -np.sin(phi)
     last[:, sources.ORIGIN.start + 1] = np.cos(phi)
     e_t = -chains.k[:, 2]
@@ -123,4 +123,4 @@ def _beside(manipulator: Manipulator, chains: Posture, phi: Array) -> Array:
     )
     last[:, sources.ARM_ORIENTATION] = arm * np.einsum("nia,na->ni", turned, e_t)
     last[:, sources.PLATFORM_ATTACHMENT.start + 1] = -1.0
-    return found.reshape(len(found), -1)
+    return columns.reshape(len(columns), -1)

@@ -90,10 +90,10 @@ class ManipulatorPose(MeasurableModel):
             position, turn = np.zeros((len(r), 3)), self._left(r, z, phi, changes, tilt)
         else:
             errors = changed_errors(self.machine, r, z, phi, self.errors, changes)
-            found = exact_pose(self.machine, r, z, phi, errors)
+            pose = exact_pose(self.machine, r, z, phi, errors)
             start = vector(r, 0.0, z)
-            position = turned(start + found.position, tilt) - start
-            turn = _after(found.orientation, tilt)
+            position = turned(start + pose.position, tilt) - start
+            turn = _after(pose.orientation, tilt)
         readings = np.concatenate([position / MM, turn / MRAD], axis=-1)
         return {output.name: readings[:, i] for i, output in enumerate(self.outputs)}
 
@@ -108,8 +108,8 @@ class ManipulatorPose(MeasurableModel):
         ahead = np.arctan2(where[:, 1], where[:, 0])
         r, z = np.hypot(where[:, 0], where[:, 1]), where[:, 2]
         errors = changed_errors(self.machine, r, z, phi + ahead, self.errors, changes)
-        left = compensated(self.machine, r, z, phi + ahead, errors)
-        axes = about_up(turned(np.eye(3), left[:, None, :]), ahead[:, None])
+        residual = compensated(self.machine, r, z, phi + ahead, errors)
+        axes = about_up(turned(np.eye(3), residual[:, None, :]), ahead[:, None])
         # the frame at phi + ahead, turned back to axes that begin at phi
         return rotation_vector(turned(axes, tilt[:, None, :]))
 

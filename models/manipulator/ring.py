@@ -70,7 +70,7 @@ def main_plane(effects: Sequence[Array], near: Array | None = None) -> Array:
     `effects` (poses, c, sources) are those of one standard deviation of each source. Turned as near
     to the frame `near` as it can be, E changes smoothly with the design.
     """
-    rows = np.concatenate([one.reshape(-1, one.shape[-1]) for one in effects])
+    rows = np.concatenate([effect.reshape(-1, effect.shape[-1]) for effect in effects])
     plane = np.linalg.eigh(rows.T @ rows)[1][:, -2:]
     if near is None:
         return np.asarray(plane)
@@ -101,7 +101,7 @@ class Machines:
         bounds, the poses of which follow each other in `variances`; `plane` is E (sources, 2).
         """
         b, a = sample.u @ plane.T, sample.g - (sample.g @ plane) @ plane.T
-        parts = [_quadratic(one, a.T.copy(), b.T.copy()) for one in effects]
+        parts = [_quadratic(effect, a.T.copy(), b.T.copy()) for effect in effects]
         square, product, offset = (np.concatenate(each) for each in zip(*parts, strict=True))
         inverse = 1.0 / np.maximum(square, TINY)
         middle = product * inverse
@@ -142,13 +142,13 @@ class Machines:
         high = WIDER * least
         while share(high) > 1.0 - coverage:
             high *= WIDER
-        found = float(
+        root = float(
             scipy.optimize.brentq(
                 lambda at: np.log(share(at) / (1.0 - coverage)), SHORT * least, high, rtol=CLOSE
             )
         )
-        fall = share(found * (1.0 - STEP)) - share(found * (1.0 + STEP))
-        return max(found, least), some.beyond(found, own)[1] * 2.0 * STEP * found / fall
+        fall = share(root * (1.0 - STEP)) - share(root * (1.0 + STEP))
+        return max(root, least), some.beyond(root, own)[1] * 2.0 * STEP * root / fall
 
     def _relevant(self, bound: float, worst: int, share: float) -> tuple[Machines, int]:
         """The same without the poses at which, all together, next to none exceeds the bound.
@@ -180,13 +180,13 @@ class Machines:
 def _quadratic(effects: Array, a: Array, b: Array) -> tuple[Array, Array, Array]:
     """b.b, a.b and a.a (poses, m) of the errors that machines a, b (sources, m) make at poses."""
     shape = (len(effects), a.shape[1])
-    found = np.zeros(shape), np.zeros(shape), np.zeros(shape)
+    products_of = np.zeros(shape), np.zeros(shape), np.zeros(shape)
     rows = [np.ascontiguousarray(effects[:, at]) for at in range(effects.shape[1])]
     for start in range(0, shape[1], BLOCK):
         some = slice(start, start + BLOCK)
         for row in rows:
             ours, along = row @ a[:, some], row @ b[:, some]
             products = along * along, ours * along, ours * ours
-            for total, product in zip(found, products, strict=True):
+            for total, product in zip(products_of, products, strict=True):
                 total[:, some] += product
-    return found
+    return products_of

@@ -92,10 +92,10 @@ def error_vector(errors: Mapping[str, float], place: str = "elementary_errors") 
     ]
     if faults:
         raise InputError(faults)
-    found = np.zeros(len(SOURCES))
+    vector = np.zeros(len(SOURCES))
     for name, value in errors.items():
-        found[by_name[name].at] = value * by_name[name].scale
-    return found
+        vector[by_name[name].at] = value * by_name[name].scale
+    return vector
 
 
 Combination = Mapping[str, float]
@@ -109,15 +109,17 @@ def orientation_combinations() -> dict[str, Combination]:
     distance ddB - ddA (put on the platform), and the joint line's rotations across itself: u and v
     on the arm (those of the arm frame act alike), two of r, t, z on the platform.
     """
-    found: dict[str, Combination] = {}
+    combinations: dict[str, Combination] = {}
     for i, across in ((1, "rt"), (2, "rt"), (3, "rz")):
-        found[f"rod_length_{i}"] = {f"rod_length_{i}a_um": 0.5, f"rod_length_{i}b_um": -0.5}
-        found[f"joint_distance_{i}"] = {f"joint_distance_platform_{i}_um": 1.0}
+        combinations[f"rod_length_{i}"] = {f"rod_length_{i}a_um": 0.5, f"rod_length_{i}b_um": -0.5}
+        combinations[f"joint_distance_{i}"] = {f"joint_distance_platform_{i}_um": 1.0}
         for axis in "uv":
-            found[f"joint_line_arm_{i}_{axis}"] = {f"joint_line_arm_{i}_{axis}_mrad": 1.0}
+            combinations[f"joint_line_arm_{i}_{axis}"] = {f"joint_line_arm_{i}_{axis}_mrad": 1.0}
         for axis in across:
-            found[f"joint_line_platform_{i}_{axis}"] = {f"joint_line_platform_{i}_{axis}_mrad": 1.0}
-    return found
+            combinations[f"joint_line_platform_{i}_{axis}"] = {
+                f"joint_line_platform_{i}_{axis}_mrad": 1.0
+            }
+    return combinations
 
 
 def position_sources() -> tuple[str, ...]:
@@ -134,8 +136,8 @@ def position_sources() -> tuple[str, ...]:
 def matrix(combinations: Mapping[str, Combination]) -> Array:
     """Columns (63, m) of combinations, per SI unit of the combination."""
     at = {name: place for place, name in enumerate(NAMES)}
-    found = np.zeros((len(NAMES), len(combinations)))
+    columns = np.zeros((len(NAMES), len(combinations)))
     for column, weights in enumerate(combinations.values()):
         for name, weight in weights.items():
-            found[at[name], column] = weight
-    return found
+            columns[at[name], column] = weight
+    return columns

@@ -41,9 +41,9 @@ def turned(v: Array, by: Array) -> Array:
 
 def solved(rows: Array, right: Array) -> Array:
     """Solutions x (..., 3) of rows (..., 3, 3) . x = right (..., 3), by Cramer's rule."""
-    one, two, three = cofactors(rows)
-    determinant = dot(rows[..., 0, :], one)[..., None]
-    total = right[..., 0, None] * one + right[..., 1, None] * two + right[..., 2, None] * three
+    adjugate, two, three = cofactors(rows)
+    determinant = dot(rows[..., 0, :], adjugate)[..., None]
+    total = right[..., 0, None] * adjugate + right[..., 1, None] * two + right[..., 2, None] * three
     return total / determinant
 
 

@@ -69,16 +69,16 @@ class EvenPlateau(Even):
         return float(Trapezoid(self.top).quantile(np.array(probability)))
 
     def characteristic(self, w: Array) -> tuple[Array, Array]:
-        one = _sinc(0.5 * (1.0 + self.top) * w)
+        flat = _sinc(0.5 * (1.0 + self.top) * w)
         if self.top == 1.0:
-            return one
+            return flat
         a, b = 0.5 * (1.0 + self.top), 0.5 * (1.0 - self.top)
         other = _sinc(b * w)
-        return one[0] * other[0], a * one[1] * other[0] + b * one[0] * other[1]
+        return flat[0] * other[0], a * flat[1] * other[0] + b * flat[0] * other[1]
 
     def value(self, w: Array) -> Array:
-        one = _sinc_alone(0.5 * (1.0 + self.top) * w)
-        return one if self.top == 1.0 else one * _sinc_alone(0.5 * (1.0 - self.top) * w)
+        flat = _sinc_alone(0.5 * (1.0 + self.top) * w)
+        return flat if self.top == 1.0 else flat * _sinc_alone(0.5 * (1.0 - self.top) * w)
 
     def envelope(self, w: Array) -> tuple[Array, Array]:
         if self.top == 1.0:

@@ -47,11 +47,11 @@ def _stop_loss_bent(term: Term, away: Array) -> Array:
     square = b * b + 4.0 * a * away
     root = np.sqrt(np.maximum(square, 0.0))
     stable = -0.5 * (b + np.where(b < 0.0, -root, root))
-    one = stable / a
+    ratio = stable / a
     single = (square <= 0.0) | (stable == 0.0)  # beyond the vertex: no root, an empty interval
-    other = np.where(single, one, -away / np.where(single, 1.0, stable))
-    low = term.distribution.partial_moments(np.minimum(one, other))
-    high = term.distribution.partial_moments(np.maximum(one, other))
+    other = np.where(single, ratio, -away / np.where(single, 1.0, stable))
+    low = term.distribution.partial_moments(np.minimum(ratio, other))
+    high = term.distribution.partial_moments(np.maximum(ratio, other))
     inside = [upper - lower for lower, upper in zip(low, high, strict=True)]
     between = away * inside[0] - b * inside[1] - a * inside[2]
     _, first, second = term.distribution.raw_moments(2)
@@ -64,9 +64,9 @@ def masses(term: Term, step: Array) -> tuple[Array, Integers]:
     start = np.floor(low / step).astype(np.int64) - 1
     count = int(np.max(np.ceil(high / step).astype(np.int64) - start)) + 3
     x = (start[:, None] + np.arange(count)) * step[:, None]
-    found = np.diff(stop_loss(term, x), n=2, axis=1) / step[:, None]
+    mass = np.diff(stop_loss(term, x), n=2, axis=1) / step[:, None]
     near = (x > (low - step)[:, None]) & (x < (high + step)[:, None])
-    return np.where(near[:, 1:-1], np.maximum(found, 0.0), 0.0), start + 1
+    return np.where(near[:, 1:-1], np.maximum(mass, 0.0), 0.0), start + 1
 
 
 def spectrum(terms: tuple[Term, ...], step: Array, points: int) -> tuple[Spectrum, Integers]:
@@ -75,8 +75,8 @@ def spectrum(terms: tuple[Term, ...], step: Array, points: int) -> tuple[Spectru
     start = np.zeros(len(step), dtype=np.int64)
     for term in terms:
         mass, first = masses(term, step)
-        one = scipy.fft.rfft(_wrapped(mass, points), n=points, axis=1)
-        product = one if product is None else product * one
+        transform = scipy.fft.rfft(_wrapped(mass, points), n=points, axis=1)
+        product = transform if product is None else product * transform
         start += first
     assert product is not None
     return product, start

@@ -56,9 +56,9 @@ def _ends(total: ClippedSum) -> tuple[Array, Array]:
     return low, high
 
 
-def _within(found: tuple[Array, ...], ends: tuple[Array, Array]) -> tuple[Array, ...]:
+def _within(moments: tuple[Array, ...], ends: tuple[Array, Array]) -> tuple[Array, ...]:
     """Mean and quantile moved into the support: a series may leave it where almost all is cut."""
-    mean, std, quantile, *rest = found
+    mean, std, quantile, *rest = moments
     return (np.clip(mean, *ends), std, np.clip(quantile, *ends), *rest)
 
 
@@ -125,21 +125,21 @@ def _upper_moments(cumulants: Array) -> Array:
 
 def _powers(x: Array) -> list[Array]:
     """x^0 .. x^4 by multiplication: a general power takes twenty times as long."""
-    found = [np.ones_like(x)]
+    powers = [np.ones_like(x)]
     for _ in range(4):
-        found.append(found[-1] * x)
-    return found
+        powers.append(powers[-1] * x)
+    return powers
 
 
 def _normal_tail_moments(start: Array, order: int) -> list[Array]:
     """Integrals of z^j phi(z) from `start` to infinity, j = 0 .. order."""
     peak = density(start)
-    found = [ndtr(-start), peak]
+    moments = [ndtr(-start), peak]
     power = np.ones_like(start)
     for j in range(2, order + 1):
         power = power * start
-        found.append(power * peak + (j - 1) * found[j - 2])
-    return found
+        moments.append(power * peak + (j - 1) * moments[j - 2])
+    return moments
 
 
 def _cornish_fisher(z: float, skew: Array, excess: Array) -> Array:

@@ -49,9 +49,9 @@ class MonteCarlo(Propagation):
 
     def _propagate(self, total: ClippedSum, coverage: float, limit: float) -> Propagated:
         cumulants = total_cumulants(total.clipped + total.free)
-        found = np.array([_replicate(total, one, coverage, limit) for one in self.points])
-        value = found.mean(axis=0)
-        error = found.std(axis=0, ddof=1) / np.sqrt(len(found))
+        replicates = np.array([_replicate(total, point, coverage, limit) for point in self.points])
+        value = replicates.mean(axis=0)
+        error = replicates.std(axis=0, ddof=1) / np.sqrt(len(replicates))
         error[2] *= QUANTILE_BIAS
         error[3:] = np.maximum(error[3:], 1.0 / self.points[..., 0].size)
         estimates = [Estimate(v, e) for v, e in zip(value, error, strict=True)]

@@ -48,7 +48,7 @@ class PowerSums:
     def moments(self) -> tuple[float, float, float, float]:
         """Mean, unbiased variance, third and fourth central moment. Needs two values or more."""
         n = self.count
-        m, a2, a3, a4 = (one / n for one in (self.first, self.second, self.third, self.fourth))
+        m, a2, a3, a4 = (power / n for power in (self.first, self.second, self.third, self.fourth))
         second = a2 - m**2
         third = a3 - 3.0 * m * a2 + 2.0 * m**3
         fourth = a4 - 4.0 * m * a3 + 6.0 * m**2 * a2 - 3.0 * m**4

@@ -38,14 +38,14 @@ class Propagated:
 
 def joined(parts: list[Propagated]) -> Propagated:
     """The results of consecutive blocks of designs as one."""
-    found: dict[str, Any] = {}
+    fields_of: dict[str, Any] = {}
     for field in fields(Propagated):
         pieces = [getattr(part, field.name) for part in parts]
         if isinstance(pieces[0], Estimate):
-            found[field.name] = Estimate(
+            fields_of[field.name] = Estimate(
                 np.concatenate([piece.value for piece in pieces]),
                 np.concatenate([piece.error for piece in pieces]),
             )
         else:
-            found[field.name] = np.concatenate(pieces)
-    return Propagated(**found)
+            fields_of[field.name] = np.concatenate(pieces)
+    return Propagated(**fields_of)

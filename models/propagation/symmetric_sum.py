@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from scipy.special import ndtri
 
 from .even import Even
+from .square_wave import Series, alike
 
 Array = NDArray[np.float64]
 REACH = 9.0
@@ -33,17 +34,11 @@ ENOUGH = 1e-14
 """What may be left out of a probability."""
 ROUNDING = 4e-15
 """Rounding of a probability."""
-CLOSE, SQUARED = 1e-14, 1e-8
-"""Relative step at which bisection has ended, and Newton's method, whose next one is its square."""
 SURE, STEP = 1e-7, (1e-6, 1e-2)
 """Share of a quantile up to which doubts of its gradient are let be, and the shares of a scale by
 which it is moved to see its slope from values."""
 LARGE = 3
 """Number of terms up to which a sum remembers how many it needs."""
-STEPS = 60
-"""Steps of Newton's method, bisected where it leaves its bracket."""
-FEW = 4
-"""Times that each scale of a variable occurs, on average, for sums to be seen as alike."""
 BLOCK = 1 << 21
 """Numbers that are worked on at once."""
 
@@ -85,22 +80,22 @@ class SymmetricSum:
             return last[2]
         kept, p, s = np.array(s, dtype=float), np.array(p), np.abs(np.array(s, dtype=float))
         start = self._expected(s, p)
-        found = Tangent(np.zeros(len(s)), np.zeros_like(s), np.zeros(len(s)), np.zeros_like(s))
-        self._blocks(found, np.arange(len(s)), s, p, start, self._begin)
-        self._alone(s, p, found)
+        tangent = Tangent(np.zeros(len(s)), np.zeros_like(s), np.zeros(len(s)), np.zeros_like(s))
+        self._blocks(tangent, np.arange(len(s)), s, p, start, self._begin)
+        self._alone(s, p, tangent)
         if sure:
-            self._surer(found, s, p)
-        self._last, self._sure = (kept, p, found), sure
-        return found
+            self._surer(tangent, s, p)
+        self._last, self._sure = (kept, p, tangent), sure
+        return tangent
 
     def values(self, s: Array, probability: float) -> Array:
         """Quantiles (n,) alone: with less work where many sums have scales in common."""
         s = np.abs(np.asarray(s, dtype=float))
         std, end = self._size(s)
         high = self._high(std, end, np.asarray(probability))
-        if np.any(np.count_nonzero(s > 0.0, axis=1) <= 1) or not _alike(s, end + high):
+        if np.any(np.count_nonzero(s > 0.0, axis=1) <= 1) or not alike(s, end + high):
             return self.quantile(s, probability).value
-        series = self._series(s, end, high, _Series.of_values)
+        series = self._series(s, end, high, Series.of_values)
         return series.solved(
             np.full(len(s), probability), high, np.asarray(float(ndtri(probability)) * std)
         )
@@ -120,14 +115,21 @@ class SymmetricSum:
         std, end = self._size(s)
         most = np.minimum(np.abs(y), end)
         series = self._series(s, end, most)
-        found = 0.5 + 0.5 * np.sign(y) * (2.0 * series.below(most) - 1.0)
+        probability = 0.5 + 0.5 * np.sign(y) * (2.0 * series.below(most) - 1.0)
         beyond = np.abs(y) >= end
-        found = np.where(beyond, 0.5 + 0.5 * np.sign(y), found)
+        probability = np.where(beyond, 0.5 + 0.5 * np.sign(y), probability)
         slopes = np.sign(y)[:, None] * series.slopes(most)
         error = np.where(beyond, 2e-17, series.missing + ROUNDING)
         flat = std <= 0.0
-        found, error = np.where(flat, (y >= 0.0).astype(float), found), np.where(flat, 0.0, error)
-        return np.clip(found, 0.0, 1.0), np.where((beyond | flat)[:, None], 0.0, slopes), error
+        probability, error = (
+            np.where(flat, (y >= 0.0).astype(float), probability),
+            np.where(flat, 0.0, error),
+        )
+        return (
+            np.clip(probability, 0.0, 1.0),
+            np.where((beyond | flat)[:, None], 0.0, slopes),
+            error,
+        )
 
     def within(self, s: Array, low: Array, high: Array) -> tuple[Array, Array]:
         """P(low < X <= high) (n,) of scales (n, m), and the bound of its error.
@@ -137,24 +139,24 @@ class SymmetricSum:
         s = np.abs(np.asarray(s, dtype=float))
         std, end = self._size(s)
         ends = [np.minimum(np.abs(y), end) for y in (low, high)]
-        series = self._series(s, end, np.asarray(np.maximum(*ends), dtype=float), _Series.of_values)
-        found, error = np.zeros(len(s)), np.zeros(len(s))
+        series = self._series(s, end, np.asarray(np.maximum(*ends), dtype=float), Series.of_values)
+        probability, error = np.zeros(len(s)), np.zeros(len(s))
         for side, y, most in ((-1.0, low, ends[0]), (1.0, high, ends[1])):
             beyond = np.abs(y) >= end
             share = np.where(beyond, 1.0, 2.0 * series.below(most) - 1.0)
             below = np.where(std > 0.0, 0.5 + 0.5 * np.sign(y) * share, (y >= 0.0).astype(float))
             doubt = np.where(beyond, 2e-17, series.missing + ROUNDING)
-            found += side * np.clip(below, 0.0, 1.0)
+            probability += side * np.clip(below, 0.0, 1.0)
             error += np.where((std > 0.0) & np.isfinite(y), doubt, 0.0)
-        return found, error
+        return probability, error
 
     def density(self, s: Array, y: Array) -> Array:
         """Density of X (n,) at y (n,)."""
         s = np.abs(np.asarray(s, dtype=float))
         std, end = self._size(s)
         most = np.minimum(np.abs(y), end)
-        found = self._series(s, end, most).density(most)
-        return np.where((np.abs(y) >= end) | (std <= 0.0), 0.0, found)
+        densities = self._series(s, end, most).density(most)
+        return np.where((np.abs(y) >= end) | (std <= 0.0), 0.0, densities)
 
     def _size(self, s: Array) -> tuple[Array, Array]:
         """Standard deviation and end (n,) of the sums."""
@@ -164,32 +166,32 @@ class SymmetricSum:
         return std, np.minimum(ends, REACH * std)
 
     def _series(
-        self, s: Array, end: Array, most: Array, make: Callable[..., _Series] | None = None
-    ) -> _Series:
-        of, safe = make or _Series.of, np.where(end > 0.0, end + most, 1.0)
-        found = of(self, s, safe, TERMS[self._begin])
+        self, s: Array, end: Array, most: Array, make: Callable[..., Series] | None = None
+    ) -> Series:
+        of, safe = make or Series.of, np.where(end > 0.0, end + most, 1.0)
+        series = of(self._kinds, s, safe, TERMS[self._begin])
         for terms in TERMS[self._begin + 1 :]:
-            if np.all((found.missing <= ENOUGH) | (end <= 0.0)):
+            if np.all((series.missing <= ENOUGH) | (end <= 0.0)):
                 break
-            found = of(self, s, safe, terms)
-        return found
+            series = of(self._kinds, s, safe, terms)
+        return series
 
     def _blocks(
-        self, found: Tangent, rows: NDArray[np.int64], s: Array, p: Array, start: Array, at: int
+        self, tangent: Tangent, rows: NDArray[np.int64], s: Array, p: Array, start: Array, at: int
     ) -> None:
-        """Fill in some rows of `found` by `TERMS[at]` terms, those that need more by more."""
+        """Fill in some rows of `tangent` by `TERMS[at]` terms, those that need more by more."""
         most = max(1, BLOCK // (TERMS[at] * max(1, s.shape[1])))
         more = []
         for begin in range(0, len(rows), most):
             own = rows[begin : begin + most]
             std, end = self._size(s[own])
             high = self._high(std, end, p[own])
-            series = _Series.of(self, s[own], np.where(end > 0.0, end + high, 1.0), TERMS[at])
+            series = Series.of(self._kinds, s[own], np.where(end > 0.0, end + high, 1.0), TERMS[at])
             done = (series.missing <= ENOUGH) | (end <= 0.0) | (at + 1 == len(TERMS))
             if np.any(done):
                 some = slice(None) if np.all(done) else done
                 self._fill(
-                    found,
+                    tangent,
                     own[some],
                     series.of_rows(some),
                     p[own[some]],
@@ -202,19 +204,19 @@ class SymmetricSum:
         if len(rest) == len(rows) > 0 and at == self._begin < LARGE:
             self._begin = at + 1
         if len(rest):
-            self._blocks(found, rest, s, p, start, at + 1)
+            self._blocks(tangent, rest, s, p, start, at + 1)
 
-    def _surer(self, found: Tangent, s: Array, p: Array) -> None:
+    def _surer(self, tangent: Tangent, s: Array, p: Array) -> None:
         """Gradients of sums whose series falls slowly, between the chords to either side.
 
         The quantile is convex: its slope in s_j lies between those of the chords from s_j - h and
         to s_j + h, of values that are known to their errors.
         """
-        doubt = np.where(s > 0.0, found.gradient_error * s, 0.0).sum(axis=1)
-        rows = np.flatnonzero(doubt > SURE * np.abs(found.value))
+        doubt = np.where(s > 0.0, tangent.gradient_error * s, 0.0).sum(axis=1)
+        rows = np.flatnonzero(doubt > SURE * np.abs(tangent.value))
         if not len(rows):
             return
-        m, value, error = s.shape[1], found.value[rows], found.value_error[rows]
+        m, value, error = s.shape[1], tangent.value[rows], tangent.value_error[rows]
         share = np.clip(2.0 * np.sqrt(error / np.maximum(value, 1e-300)), *STEP)
         h = share[:, None] * s[rows]
         ends = []
@@ -232,16 +234,16 @@ class SymmetricSum:
             rise = own.value - np.repeat(value, m)
             ends.append((rise.reshape(-1, m), own.value_error.reshape(-1, m) + error[:, None]))
         safe = np.where(h > 0.0, h, 1.0)
-        above = (ends[0][0] + ends[0][1]) / safe - found.gradient[rows]
-        below = found.gradient[rows] + (ends[1][0] + ends[1][1]) / safe
+        above = (ends[0][0] + ends[0][1]) / safe - tangent.gradient[rows]
+        below = tangent.gradient[rows] + (ends[1][0] + ends[1][1]) / safe
         apart = np.where(h > 0.0, np.maximum(above, below), np.inf)
-        found.gradient_error[rows] = np.minimum(found.gradient_error[rows], apart)
+        tangent.gradient_error[rows] = np.minimum(tangent.gradient_error[rows], apart)
 
     def _fill(
         self,
-        found: Tangent,
+        tangent: Tangent,
         rows: NDArray[np.int64],
-        series: _Series,
+        series: Series,
         p: Array,
         high: Array,
         start: Array,
@@ -254,9 +256,9 @@ class SymmetricSum:
         with np.errstate(invalid="ignore", over="ignore"):
             doubt = missing + np.abs(gradient) * series.missing_density[:, None]
             doubt = 2.0 * doubt / density[:, None]
-        found.value[rows], found.gradient[rows] = y, gradient
-        found.value_error[rows] = 2.0 * (series.missing + ROUNDING) / density
-        found.gradient_error[rows] = np.where(np.isfinite(doubt), doubt, np.inf)
+        tangent.value[rows], tangent.gradient[rows] = y, gradient
+        tangent.value_error[rows] = 2.0 * (series.missing + ROUNDING) / density
+        tangent.gradient_error[rows] = np.where(np.isfinite(doubt), doubt, np.inf)
 
     def _expected(self, s: Array, p: Array) -> Array:
         """Where to begin: on the tangent at the last scales, or at the normal quantile."""
@@ -265,155 +267,18 @@ class SymmetricSum:
             return np.asarray(np.sum(np.abs(last[2].gradient) * s, axis=1))
         return np.asarray(ndtri(p) * np.sqrt(np.sum((s * self._std) ** 2, axis=1)))
 
-    def _alone(self, s: Array, p: Array, found: Tangent) -> None:
+    def _alone(self, s: Array, p: Array, tangent: Tangent) -> None:
         """Sums of at most one term, whose quantile is that of its law, in place of the series."""
         active = np.count_nonzero(s > 0.0, axis=1)
         for row in np.flatnonzero(active <= 1).tolist():
-            for part in (found.value, found.gradient, found.value_error, found.gradient_error):
+            for part in (
+                tangent.value,
+                tangent.gradient,
+                tangent.value_error,
+                tangent.gradient_error,
+            ):
                 part[row] = 0.0
             if active[row]:
                 j = int(np.argmax(s[row]))
                 unit = self.laws[j].quantile(float(p[row]))
-                found.value[row], found.gradient[row, j] = s[row, j] * unit, unit
-
-
-@dataclass(eq=False)
-class _Series:
-    """phi of n sums at the odd frequencies k pi/R, and what the terms beyond them may add."""
-
-    k: Array
-    omega: Array
-    phi: Array
-    slopes_of_phi: Array
-    period: Array
-    missing: Array
-    missing_density: Array
-    missing_slopes: Array
-
-    @classmethod
-    def of(cls, total: SymmetricSum, s: Array, period: Array, terms: int) -> _Series:
-        """The series of scales s (n, m) with so many odd terms and periods R (n,)."""
-        k = 2.0 * np.arange(terms) + 1.0
-        omega = np.pi * k / period[:, None]
-        each = np.empty((len(s), s.shape[1], terms))
-        slope = np.empty_like(each)
-        last = omega[:, -1:] * s
-        bound, fall = np.empty_like(s), np.empty_like(s)
-        slope_bound, slope_fall = np.empty_like(s), np.empty_like(s)
-        for law, own in total._kinds.items():
-            each[:, own], slope[:, own] = law.characteristic(s[:, own, None] * omega[:, None, :])
-            bound[:, own], fall[:, own] = law.envelope(last[:, own])
-            slope_bound[:, own], slope_fall[:, own] = law.slope_envelope(last[:, own])
-        before, after = _others(each)
-        phi = before[:, -1] * each[:, -1]
-        slopes = slope * before * after
-        # sum over odd k > K of (K/k)^D/k is at most 1/(2 D)
-        whole, order = np.prod(bound, axis=1), np.sum(fall, axis=1)
-        rest, rest_order = _others(bound[:, :, None]), order[:, None] - fall + slope_fall
-        partial = (rest[0] * rest[1])[:, :, 0] * slope_bound
-        with np.errstate(divide="ignore"):
-            missing = np.where(order > 0.0, whole / (np.pi * order), 1.0)
-            room = k[-1] / period
-            dense = np.where(order > 1.0, whole * room / (order - 1.0), np.inf)
-            steep = np.where(rest_order > 1.0, partial * room[:, None] / (rest_order - 1.0), np.inf)
-        return cls(np.asarray(k, dtype=float), omega, phi, slopes, period, missing, dense, steep)
-
-    @classmethod
-    def of_values(cls, total: SymmetricSum, s: Array, period: Array, terms: int) -> _Series:
-        """The same without derivatives in the scales: nothing is known of their errors."""
-        if shared := _alike(s, period):
-            period = np.full_like(period, period.max())
-        k = 2.0 * np.arange(terms) + 1.0
-        omega = np.pi * k / period[:, None]
-        phi, last = np.ones_like(omega), omega[:, -1:] * s
-        whole, order = np.ones(len(s)), np.zeros(len(s))
-        for law, own in total._kinds.items():
-            if shared:
-                _times(phi, law, s[:, own], omega[0])
-            else:
-                phi *= np.prod(law.value(s[:, own, None] * omega[:, None, :]), axis=1)
-            bound, fall = law.envelope(last[:, own])
-            whole, order = whole * np.prod(bound, axis=1), order + np.sum(fall, axis=1)
-        with np.errstate(divide="ignore"):
-            missing = np.where(order > 0.0, whole / (np.pi * order), 1.0)
-        unknown = np.full(len(s), np.inf)
-        none = np.empty((len(s), 0, terms))
-        return cls(np.asarray(k, dtype=float), omega, phi, none, period, missing, unknown, unknown)
-
-    def of_rows(self, rows: NDArray[np.bool_] | slice) -> _Series:
-        """The series of some sums."""
-        if isinstance(rows, slice):
-            return self
-        each = (
-            self.omega,
-            self.phi,
-            self.slopes_of_phi,
-            self.period,
-            self.missing,
-            self.missing_density,
-            self.missing_slopes,
-        )
-        return _Series(self.k, *(one[rows] for one in each))
-
-    def below(self, y: Array) -> Array:
-        """F(y), (n,)."""
-        wave = self.phi * np.sin(self.omega * y[:, None]) / self.k
-        return np.asarray(0.5 + 2.0 / np.pi * wave.sum(axis=1))
-
-    def density(self, y: Array) -> Array:
-        """F'(y), (n,)."""
-        wave = self.phi * np.cos(self.omega * y[:, None])
-        return np.asarray(2.0 / self.period * wave.sum(axis=1))
-
-    def slopes(self, y: Array) -> Array:
-        """dF(y)/ds, (n, m)."""
-        wave = np.sin(self.omega * y[:, None])
-        each = np.einsum("nmk,nk->nm", self.slopes_of_phi, wave)
-        return np.asarray(2.0 / self.period[:, None] * each)
-
-    def solved(self, p: Array, high: Array, start: Array) -> Array:
-        """The y (n,) with F(y) = p (n,) between 0 and `high`, from `start` (n,) on."""
-        low, high = np.zeros_like(high), np.array(high)
-        y = np.where((start > low) & (start < high), start, 0.5 * high)
-        for _ in range(STEPS):
-            excess = self.below(y) - p
-            low, high = np.where(excess < 0.0, y, low), np.where(excess < 0.0, high, y)
-            dense = self.density(y)
-            step = excess / np.where(dense > 0.0, dense, 1.0)
-            moved = y - step
-            inside = (dense > 0.0) & (moved >= low) & (moved <= high)  # y itself is solved
-            new = np.where(inside, moved, 0.5 * (low + high))
-            if np.all(np.abs(new - y) <= np.where(inside, SQUARED, CLOSE) * np.abs(new)):
-                return new
-            y = new
-        return y
-
-
-def _others(each: Array) -> tuple[Array, Array]:
-    """Products of the factors before and after each, along axis 1."""
-    ones = np.ones_like(each[:, :1])
-    before = np.cumprod(np.concatenate([ones, each[:, :-1]], axis=1), axis=1)
-    after = np.cumprod(np.concatenate([ones, each[:, :0:-1]], axis=1), axis=1)[:, ::-1]
-    return np.asarray(before, dtype=float), np.asarray(after, dtype=float)
-
-
-def _alike(s: Array, period: Array) -> bool:
-    """Whether sums (n, m) have so few different scales that one period for all saves work."""
-    if period.max() > 1.25 * period.min():
-        return False
-    distinct = len(s[0]) + np.count_nonzero(np.diff(np.sort(s, axis=0), axis=0))
-    return bool(FEW * distinct <= s.size)
-
-
-def _times(phi: Array, law: Even, s: Array, omega: Array) -> None:
-    """Multiply `phi` (n, terms) by what each column of s (n, m) adds: equal scales once."""
-    order = np.argsort(s, axis=0)
-    ranked = np.take_along_axis(s, order, axis=0).T
-    first = np.ones(ranked.shape, dtype=bool)
-    first[:, 1:] = ranked[:, 1:] > ranked[:, :-1]
-    values = law.value(ranked[first][:, None] * omega)
-    rows = np.empty(ranked.shape, dtype=np.int64)
-    at = np.cumsum(first).reshape(ranked.shape) - 1
-    np.put_along_axis(rows, order.T, at, axis=1)
-    for own in rows:
-        phi *= values[own]
+                tangent.value[row], tangent.gradient[row, j] = s[row, j] * unit, unit

@@ -69,10 +69,10 @@ class AccuracySample:
         `backlash` (n, joints) with the hysteresis, `wave_root` (joints, 2, 2) a root of the
         covariance of the wave's components [rad], `free` (n, joints) 0 where a flank is held.
         """
-        found = 0.5 * self.side * backlash * free
+        errors = 0.5 * self.side * backlash * free
         for a, b in product(range(2), repeat=2):
-            found += wave_root[:, a, b] * self.wave[a, b]
-        return np.asarray(found)
+            errors += wave_root[:, a, b] * self.wave[a, b]
+        return np.asarray(errors)
 
     def errors(self, drives: Drives, covariance: Array, joint: Array) -> Array:
         """Position errors (n, 3) [m] by the first-order maps.

@@ -60,6 +60,6 @@ class SerialArm(MeasurableModel):
         rng: np.random.Generator,
         changes: Mapping[str, Array] = NO_CHANGES,
     ) -> dict[str, Array]:
-        angles = np.column_stack([np.radians(table[one.name]) for one in self.columns])
-        found = positions(self.chain, angles) / MM
-        return {output.name: found[:, at] for at, output in enumerate(self.outputs)}
+        angles = np.column_stack([np.radians(table[column.name]) for column in self.columns])
+        position = positions(self.chain, angles) / MM
+        return {output.name: position[:, at] for at, output in enumerate(self.outputs)}

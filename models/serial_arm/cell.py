@@ -41,7 +41,7 @@ class Cell:
         if self.listed:
             rows = np.array(self.listed)
             vectors = rows[:, 3:] if rows.shape[1] == 6 else np.tile(self.turn, (len(rows), 1))
-            return rows[:, :3], np.array([rotation(one) for one in vectors])
+            return rows[:, :3], np.array([rotation(vector) for vector in vectors])
         unit = _grid(self.per_edge) if self.kind == "grid" else _iso_cube()
         return self._placed(unit)
 

@@ -63,16 +63,16 @@ def joint_of(name: str) -> int:
 
 def _frame(stem: str, axes: tuple[str, ...]) -> list[Parameter]:
     """Nominal place of base or tool in the measurement, and its error."""
-    found = []
+    parameters = []
     for axis in axes:
         turned = axis.startswith("r")
         units = ("deg", "mrad") if turned else ("mm", "um")
         what = f"{'rotation vector' if turned else 'position'} of the {stem}, {axis[-1]}"
-        found += [
+        parameters += [
             Parameter(f"nominal_{stem}_{axis}_{units[0]}", 0.0, units[0], what),
             Parameter(f"{stem}_{axis}_{units[1]}", 0.0, units[1], f"error of the {what}"),
         ]
-    return found
+    return parameters
 
 
 PARAMETERS: tuple[Parameter, ...] = (
@@ -94,17 +94,17 @@ def free_of(parameters: Mapping[str, Value]) -> dict[str, float]:
     beta stands for d where the next axis is parallel; one of the two is enough.
     """
     given = completed(PARAMETERS, parameters)
-    found = {}
+    bounds = {}
     for joint in range(1, int(float(str(given["joints"]))) + 1):
         parallel = float(str(given[nominal("alpha", joint)])) % 180.0 == 0.0
         for kind, (_, _, tolerance) in ERRORS.items():
             if kind != ("d" if parallel else "beta"):
-                found[error(kind, joint)] = tolerance
-    found |= {
+                bounds[error(kind, joint)] = tolerance
+    bounds |= {
         f"base_{axis}_{'mrad' if axis[0] == 'r' else 'um'}": 20.0 if axis[0] == "r" else 5000.0
         for axis in BASE
     }
-    return found | {f"tool_{axis}_um": 5000.0 for axis in TOOL}
+    return bounds | {f"tool_{axis}_um": 5000.0 for axis in TOOL}
 
 
 def chain_of(parameters: Mapping[str, Value]) -> Chain:

@@ -80,9 +80,9 @@ def frames(chain: Chain, angles: Array) -> Frames:
 
 def _about_z(theta: Array) -> Array:
     """Rotations (n, 3, 3) about z."""
-    found = np.zeros((len(theta), 3, 3))
-    found[:, 0, 0] = found[:, 1, 1] = np.cos(theta)
-    found[:, 1, 0] = np.sin(theta)
-    found[:, 0, 1] = -found[:, 1, 0]
-    found[:, 2, 2] = 1.0
-    return found
+    matrices = np.zeros((len(theta), 3, 3))
+    matrices[:, 0, 0] = matrices[:, 1, 1] = np.cos(theta)
+    matrices[:, 1, 0] = np.sin(theta)
+    matrices[:, 0, 1] = -matrices[:, 1, 0]
+    matrices[:, 2, 2] = 1.0
+    return matrices

@@ -106,7 +106,7 @@ def over_cell(
     shifts = np.array(list(product(SEEDS, repeat=min(len(near), SHIFTED))))
     starts = np.tile(near, (len(shifts), 1))
     starts[:, : shifts.shape[1]] += shifts
-    many = [np.repeat(one[middle][None], len(starts), axis=0) for one in (position, turn)]
+    many = [np.repeat(part[middle][None], len(starts), axis=0) for part in (position, turn)]
     first = inverse(chain, many[0], many[1], starts, low, high)
     apart = np.max(np.abs(first.angles - near), axis=1)
     best = np.lexsort((np.round(apart, 6), np.round(first.missing, 9)))[0]

@@ -22,18 +22,18 @@ ALIKE = 0.3
 def blocking(chain: Chain, reached: Reached, low: Array, high: Array) -> list[str]:
     """For each pose the joint that keeps the arm from it; empty where it is reached."""
     missed = np.flatnonzero(~reached.within)
-    found = [""] * len(reached.angles)
+    reasons = [""] * len(reached.angles)
     stretched = _stretched(chain, frames(chain, reached.angles[missed]))
     for row, at in enumerate(missed):
         q = reached.angles[at]
         stopped = np.flatnonzero((q <= low + 1e-9) | (q >= high - 1e-9))
         if len(stopped):
-            names = " and ".join(str(one + 1) for one in stopped)
-            ends = ", ".join(f"{np.degrees(q[one]):.4g} deg" for one in stopped)
-            found[at] = f"joint {names} stands at the end of its range ({ends})"
+            names = " and ".join(str(joint + 1) for joint in stopped)
+            ends = ", ".join(f"{np.degrees(q[joint]):.4g} deg" for joint in stopped)
+            reasons[at] = f"joint {names} stands at the end of its range ({ends})"
         else:
-            found[at] = f"joint {stretched[row] + 1} is stretched or folded"
-    return found
+            reasons[at] = f"joint {stretched[row] + 1} is stretched or folded"
+    return reasons
 
 
 def _stretched(chain: Chain, now: Frames) -> NDArray[np.int64]:
@@ -44,8 +44,8 @@ def _stretched(chain: Chain, now: Frames) -> NDArray[np.int64]:
     """
     axis, size = now.axes[:, 1:], reach(chain)
     ends = now.tool[:, None, :] - now.origin[:, 1:-1], now.origin[:, :-2] - now.origin[:, 1:-1]
-    levers = [np.cross(axis, one) for one in ends]
-    swing = np.prod([np.linalg.norm(one, axis=2) for one in levers], axis=0)
+    levers = [np.cross(axis, end) for end in ends]
+    swing = np.prod([np.linalg.norm(lever, axis=2) for lever in levers], axis=0)
     slope = np.abs(np.sum(levers[0] * (ends[0] - ends[1]), axis=2))
     aligned = slope <= ALIGNED * swing + 1e-9 * size**2
     return np.asarray(np.argmax(np.where(aligned, swing, 0.0), axis=1) + 1)
@@ -59,12 +59,12 @@ def singular(chain: Chain, now: Frames) -> list[str]:
         jacobian = np.concatenate([jacobian, turn], axis=1)
     rank = min(jacobian.shape[1:])
     _, sizes, rows = np.linalg.svd(jacobian)
-    found = []
+    places = []
     for size, row in zip(sizes, rows, strict=True):
         if size[rank - 1] > SINGULAR * size[0]:
-            found.append("")
+            places.append("")
             continue
         part = np.abs(row[rank - 1])
         names = np.flatnonzero(part > ALIKE * part.max()) + 1
-        found.append(" and ".join(str(one) for one in names))
-    return found
+        places.append(" and ".join(str(name) for name in names))
+    return places

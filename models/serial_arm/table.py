@@ -20,42 +20,42 @@ OF_ALLOCATIONS = (
 
 def read_chain(top: Section) -> dict[str, Value]:
     """The parameters that these tables stand for; every fault at its place."""
-    found = _frame(top.section("base"), "base", BASE) | _frame(top.section("tool"), "tool", TOOL)
+    values = _frame(top.section("base"), "base", BASE) | _frame(top.section("tool"), "tool", TOOL)
     if "joint" not in top:
-        return found
+        return values
     rows = top.tables("joint")
     if not 1 <= len(rows) <= MOST:
         top.fault("joint", f"is no chain: it has {len(rows)} rows, and needs 1 to {MOST}")
-        return found
+        return values
     read = [_joint(top.item("joint", at), at + 1) for at in range(len(rows))]
     for row in read:
-        found |= row
+        values |= row
     _check(top, read)
-    return found | {"joints": len(rows)}
+    return values | {"joints": len(rows)}
 
 
 def _joint(section: Section, joint: int) -> dict[str, Value]:
     """One row: d, a and alpha must be there, since a table with gaps is another arm's."""
-    found: dict[str, Value] = {}
+    values: dict[str, Value] = {}
     for column, (unit, meaning) in TABLE.items():
         name = f"{column}_{unit}"
         value = section.quantity(name, unit)
         if value is not None:
-            found[nominal(column, joint)] = value
+            values[nominal(column, joint)] = value
         elif name not in section and column not in section and column != "offset":
             section.fault(name, f"is missing: the {meaning} {joint}; write 0 where there is none")
-    found.setdefault(nominal("offset", joint), 0.0)
+    values.setdefault(nominal("offset", joint), 0.0)
     section.known(OF_ALLOCATIONS)
     section.finish()
-    return found
+    return values
 
 
 def _check(top: Section, rows: list[dict[str, Value]]) -> None:
     """Faults of a table whose joints do not make a chain."""
 
     def value(column: str, joint: int) -> float | None:
-        found = rows[joint - 1].get(nominal(column, joint))
-        return float(found) if isinstance(found, int | float) else None
+        entry = rows[joint - 1].get(nominal(column, joint))
+        return float(entry) if isinstance(entry, int | float) else None
 
     last = len(rows)
     for joint in range(1, last):
@@ -75,11 +75,11 @@ def _check(top: Section, rows: list[dict[str, Value]]) -> None:
 
 
 def _frame(section: Section, stem: str, axes: tuple[str, ...]) -> dict[str, Value]:
-    found: dict[str, Value] = {}
+    values: dict[str, Value] = {}
     for axis in axes:
         unit = "deg" if axis[0] == "r" else "mm"
         value = section.quantity(f"{axis}_{unit}", unit)
         if value is not None:
-            found[f"nominal_{stem}_{axis}_{unit}"] = value
+            values[f"nominal_{stem}_{axis}_{unit}"] = value
     section.finish()
-    return found
+    return values

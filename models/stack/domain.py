@@ -47,13 +47,13 @@ def least_margin(mechanism: Mechanism, t: Tolerances) -> Array:
     names = [mechanism.names[i] for i in used]
     z, reach = _points(mechanism, used), (limit_of(t)[:, mechanism.owners] * scale)[:, used]
     middle = {name: np.asarray(mids[i]) for name, i in zip(names, used, strict=True)}
-    found, step = np.empty(len(t)), max(1, MEMORY // z.shape[1])
+    margins, step = np.empty(len(t)), max(1, MEMORY // z.shape[1])
     for start in range(0, len(t), step):
         own = reach[start : start + step]
         x = {name: middle[name] + own[:, k, None] * z[k] for k, name in enumerate(names)}
         margin = domain_margin(formula, x, middle)
-        found[start : start + step] = np.broadcast_to(margin, (len(own), z.shape[1])).min(axis=1)
-    return found
+        margins[start : start + step] = np.broadcast_to(margin, (len(own), z.shape[1])).min(axis=1)
+    return margins
 
 
 def _points(mechanism: Mechanism, used: list[int]) -> Array:

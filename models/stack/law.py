@@ -39,13 +39,13 @@ class Law:
         """Share of units within the limits (n,), in percent, and a bound of its error (n,)."""
         (_, high), (_, low) = self._ends(t)
         if self.covariance is None:
-            found, error = self.deviations.within(self._scales(t), low, high)
-            return 100.0 * np.clip(found, 0.0, 1.0), 100.0 * error + ROUNDING
-        found, error = np.zeros(len(t)), np.zeros(len(t))
+            yields, error = self.deviations.within(self._scales(t), low, high)
+            return 100.0 * np.clip(yields, 0.0, 1.0), 100.0 * error + ROUNDING
+        yields, error = np.zeros(len(t)), np.zeros(len(t))
         for sign, end in self._ends(t):
             below, _, doubt = self._below(t, end)
-            found, error = found + sign * below, error + doubt
-        return 100.0 * np.clip(found, 0.0, 1.0), 100.0 * error + ROUNDING
+            yields, error = yields + sign * below, error + doubt
+        return 100.0 * np.clip(yields, 0.0, 1.0), 100.0 * error + ROUNDING
 
     def half_width(self, t: Tolerances, coverage: float) -> Array:
         """Half the width (n,) of the interval that holds `coverage` of the units, centred."""
@@ -66,11 +66,11 @@ class Law:
 
     def yield_slopes(self, t: Tolerances) -> Array:
         """d yield_percent/dt, (n, p)."""
-        found = np.zeros_like(spread_of(t))
+        by_part = np.zeros_like(spread_of(t))
         for sign, end in self._ends(t):
             slopes = self._below(t, end)[1] - self.density(t, end)[:, None] * self.mean
-            found += 100.0 * sign * np.where(np.isfinite(end)[:, None], slopes, 0.0)
-        return found
+            by_part += 100.0 * sign * np.where(np.isfinite(end)[:, None], slopes, 0.0)
+        return by_part
 
     def density(self, t: Tolerances, at: Array) -> Array:
         """Density (n,) of y minus its mean."""
@@ -96,8 +96,8 @@ class Law:
         """P(y - mean <= at), its derivatives in t by the spread alone, and its error."""
         if self.covariance is None:
             far = np.where(np.isfinite(at), at, 0.0)
-            found, slopes, error = self.deviations.below(self._scales(t), far)
-            whole = np.where(np.isfinite(at), found, (at > 0.0).astype(float))
+            probability, slopes, error = self.deviations.below(self._scales(t), far)
+            whole = np.where(np.isfinite(at), probability, (at > 0.0).astype(float))
             return whole, self._to_parts(slopes), np.where(np.isfinite(at), error, 0.0)
         std = self._std(t)
         safe = np.where(std > 0.0, std, 1.0)
@@ -129,18 +129,18 @@ def law_of(mechanism: Mechanism, covariance: Array) -> Law | str:
     mechanism = _alone(mechanism)
     used = dict.fromkeys(mechanism.owner)
     each = {at: even_law(mechanism.inputs[at]) for at in used}
-    odd = [at for at, one in each.items() if one is None]
+    odd = [at for at, law in each.items() if law is None]
     if odd:
         owner = mechanism.owner.index(odd[0])
         return f"the deviations of {mechanism.names[owner]} are skewed or have poles"
-    found = {at: one for at, one in each.items() if one is not None}
+    by_feature = {at: law for at, law in each.items() if law is not None}
     normal = all(isinstance(mechanism.inputs[at], Normal) for at in used)
     if mechanism.correlation is not None and not normal:
         return "correlated deviations have no even law"
     owners = mechanism.owners
     parts = (owners == np.arange(len(mechanism.inputs))[:, None]).astype(float)
-    mean = parts @ (mechanism.sensitivities * np.array([found[at][0] for at in owners]))
-    laws = tuple(found[at][1] for at in owners)
+    mean = parts @ (mechanism.sensitivities * np.array([by_feature[at][0] for at in owners]))
+    laws = tuple(by_feature[at][1] for at in owners)
     return Law(
         mechanism,
         np.abs(mechanism.sensitivities),

@@ -81,12 +81,12 @@ class Linear:
         """
         std = self.rss(t)[:, None] / SIGMAS
         safe, shift = np.where(std > 0.0, std, 1.0), self.mean_shift(t)[:, None]
-        found = np.zeros_like(spread_of(t))
+        slopes = np.zeros_like(spread_of(t))
         for sign, limit in ((1.0, upper), (-1.0, lower)):
             z = (np.where(np.isfinite(limit), limit, 0.0)[:, None] - shift) / safe
             density = np.exp(-0.5 * z**2) / np.sqrt(2.0 * np.pi) * np.isfinite(limit)[:, None]
-            found -= sign * density * (self.mean + z * self.rss_slopes(t) / SIGMAS) / safe
-        return np.where(std > 0.0, found, 0.0)
+            slopes -= sign * density * (self.mean + z * self.rss_slopes(t) / SIGMAS) / safe
+        return np.where(std > 0.0, slopes, 0.0)
 
     def variance_shares(self, t: Tolerances) -> Array:
         """Share of each part in the variance (n, p); a negative one compensates for others."""

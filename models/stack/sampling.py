@@ -76,19 +76,19 @@ def joint_yield_percent(
     mechanisms: Sequence[Mechanism], t: Tolerances, sample: Sample
 ) -> tuple[Array, Array]:
     """`yield_percent` of the units that conform to every one of several mechanisms."""
-    found, error = np.empty(len(t)), np.empty(len(t))
+    yields, error = np.empty(len(t)), np.empty(len(t))
     least = 1.0 / sample.size
-    for blocks in zip(*(sample.blocks(one, t) for one in mechanisms), strict=True):
+    for blocks in zip(*(sample.blocks(mechanism, t) for mechanism in mechanisms), strict=True):
         rows = blocks[0][0]
         with np.errstate(invalid="ignore"):
             within = [
-                (y >= one.lower) & (y <= one.upper)
-                for one, (_, y) in zip(mechanisms, blocks, strict=True)
+                (y >= mechanism.lower) & (y <= mechanism.upper)
+                for mechanism, (_, y) in zip(mechanisms, blocks, strict=True)
             ]
         each = np.mean(np.logical_and.reduce(within), axis=2)
-        found[rows] = each.mean(axis=1)
+        yields[rows] = each.mean(axis=1)
         error[rows] = np.maximum(each.std(axis=1, ddof=1) / np.sqrt(each.shape[1]), least)
-    return 100.0 * found, 100.0 * error
+    return 100.0 * yields, 100.0 * error
 
 
 def half_width(mechanism: Mechanism, t: Tolerances, sample: Sample, coverage: float) -> Array:
@@ -98,11 +98,11 @@ def half_width(mechanism: Mechanism, t: Tolerances, sample: Sample, coverage: fl
     of 0.9973 the root sum square. Units without a value are left out: see `least_margin`. NaN where
     none has one.
     """
-    found = np.empty(len(t))
+    widths = np.empty(len(t))
     tail = 0.5 * (1.0 - coverage)
     for rows, y in sample.blocks(mechanism, t):
         units = y.reshape(len(y), -1)
         kind = np.quantile if np.all(np.isfinite(units)) else np.nanquantile
         ends = kind(units, [tail, 1.0 - tail], axis=1, method="median_unbiased")
-        found[rows] = 0.5 * (ends[1] - ends[0])
-    return found
+        widths[rows] = 0.5 * (ends[1] - ends[0])
+    return widths

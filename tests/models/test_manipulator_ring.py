@@ -7,7 +7,6 @@ import pytest
 from scipy.special import erfc
 
 from tolevo.models.gaussian_length import exceedance, quantile
-from tolevo.models.manipulator import ring
 from tolevo.models.manipulator.fields import (
     Field,
     worst_deviation,
@@ -19,6 +18,7 @@ from tolevo.models.manipulator.indices import grid
 from tolevo.models.manipulator.maps import first_order
 from tolevo.models.manipulator.ring import Machines, Sample, main_plane
 from tolevo.models.manipulator.sources import matrix, orientation_combinations
+from tolevo.models.propagation import MonteCarlo
 
 SIGMA = np.array([5.7e-6, 1.2e-5, *[5.7e-5] * 4] * 2 + [1.1e-5, 8e-5, *[8.6e-5] * 4])
 """Standard deviations [m, rad] of the 18 sources, near the optimum of the notes."""
@@ -157,7 +157,7 @@ def test_points_at_the_ends_of_their_range_are_machines(monkeypatch: pytest.Monk
     class Ends:
         points = np.array([[[0.3, 0.6, 0.0, 1.0], [0.2, 0.9, 0.5, 0.5]]])
 
-    monkeypatch.setattr(ring.MonteCarlo, "draw", lambda *_: Ends())
+    monkeypatch.setattr(MonteCarlo, "draw", lambda *_: Ends())
     sample = Sample.draw(2, 2, np.random.default_rng(0))
     np.testing.assert_allclose(sample.g, [[-7.0345, 7.0345], [0.0, 0.0]], atol=1e-3)
     np.testing.assert_allclose(np.linalg.norm(sample.u, axis=1), 1.0, rtol=1e-15)

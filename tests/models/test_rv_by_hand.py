@@ -99,6 +99,14 @@ def test_slopes_of_symmetric_errors_are_nothing() -> None:
         assert (source.per_unit == 0.0) == (error in CENTRED or error == "pin_position"), error
 
 
+def test_a_reducer_without_an_involute_stage_has_no_clearance_of_it() -> None:
+    """phi_1 is 0: its clearance has no zone, and no effect."""
+    model = RvBatch({"involute_stage": False})
+    assert model.contact is not None
+    flank = ContactSources(model.contact).sources().inputs[-1]
+    assert (flank.name, flank.tolerance, flank.per_unit) == ("flank_clearance_um", 0.0, 0.0)
+
+
 def test_what_does_not_change_opens_nothing() -> None:
     """No change of an error or a temperature is a change of zero."""
     model = RvBatch({"model": "document"})
@@ -131,8 +139,6 @@ def test_the_zone_of_the_eccentricity_alone_is_assumed() -> None:
 
 def test_pins_are_one_more_than_the_teeth_at_both_ends_of_their_ranges() -> None:
     teeth, pins = BY_NAME["cycloid_teeth"], BY_NAME["pins"]
-    assert pins.low is not None and teeth.low is not None
-    assert pins.high is not None and teeth.high is not None
     assert (pins.low - teeth.low, pins.high - teeth.high) == (1, 1)
 
 

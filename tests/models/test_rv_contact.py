@@ -409,6 +409,19 @@ def test_kernel_and_arrays_agree(contact: LoadedContact, torque: float) -> None:
     np.testing.assert_allclose(found, contact.rotation(UNEVEN, angles, torque), atol=1e-14)
 
 
+@pytest.mark.parametrize("torque", [412.0, -21.0])
+def test_kernel_and_arrays_agree_where_discs_jam(torque: float) -> None:
+    """Pins 60 um too thick: both flanks bear at once, also under torque."""
+    pytest.importorskip("numba")
+    angles = turn_angles(39 * 2)
+    jammed = PartErrors(pin_radius=60e-6 + UNEVEN.pin_radius)
+    arrays = UNIT.rotation(jammed, angles, torque)
+    arm, gap = (UNIT.mesh(jammed, angles).gaps.lever, UNIT.mesh(jammed, angles).gaps.gap)
+    assert np.any((gap < 0.0) & (arm > 0.0)) and np.any((gap < 0.0) & (arm < 0.0))
+    compiled = replace(UNIT, engine="numba").rotation(jammed, angles, torque)
+    np.testing.assert_allclose(compiled, arrays, atol=1e-14)
+
+
 def test_kernel_takes_stiffness_and_torque_per_unit_and_angle() -> None:
     pytest.importorskip("numba")
     rng = np.random.default_rng(2)

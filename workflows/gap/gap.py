@@ -19,6 +19,7 @@ from .all_rows import on_all_rows
 from .analysis import Analysis, analysed
 from .correct import corrected_toml, in_problem
 from .data import GapData
+from .ending_records import effects, gate, residual_table, rival_records, scores
 from .gaps import OF_UNITS, gaps, never_worse
 from .locate import regions
 from .next.measurement import next_measurement
@@ -32,15 +33,7 @@ from .quantiles import spread_of_units
 from .recalibration import moved_far
 from .remainder import remainder_of, struck_of, terms_of
 from .replicates import Replicates, identity_of, is_whole, opened
-from .result import (
-    Ending,
-    effects,
-    ended,
-    gate,
-    residual_table,
-    rival_records,
-    scores,
-)
+from .result import Ending, ended
 from .select import renumbered
 from .setup import prepared
 from .shapes import shape_records

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from .result import Ending, recalibrated
+from .ending_records import recalibrated
+from .result import Ending
 
 FAR = 0.5
 """Fraction of its tolerance from which a parameter has moved far."""

@@ -1,340 +1,171 @@
-"""The records of an analysis, as they are written and drawn."""
+"""The ending of an analysis: the final fit of the identified effects, and its verdict."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection
+from dataclasses import dataclass, replace
 
 import numpy as np
-import pandas as pd
-from numpy.typing import NDArray
 
-from ...gap_records import (
-    Detectable,
-    FoundEffect,
-    FoundParameter,
-    Gate,
-    Measurement,
-    OutputGate,
-    Recalibrated,
-    Rival,
-    Score,
-)
-from ...models.effects import EffectParameter
 from ...models.inputs.distribution import Array
-from .ambiguity import correlation
-from .blocks import improvement
-from .close import corrected
-from .data import GapData
-from .ending import Ending, ended
-from .noise import outliers, whiteness
-from .population import Scatter
-from .scan import scan
-from .separate import separating
-from .setup import nominal
-from .uncertainty import Spread
+from .abstain import acts_in
+from .analysis import Analysis, without
+from .blocks import HeldOut
+from .close import Corrected, corrected
+from .fit import Fit
+from .linear import beside
+from .misfit import misfit_of, of_weights
+from .settle import names_of, predicts_as_well
+from .setup import Setup
 
-__all__ = [
-    "MORE",
-    "OWN",
-    "SEPARATED",
-    "SUPPLIERS",
-    "Ending",
-    "detectable",
-    "effects",
-    "ended",
-    "gate",
-    "recalibrated",
-    "residual_table",
-    "rival_records",
-    "rmse",
-    "scores",
-]
-SUPPLIERS = "note the supplier of each lot: a second supplier is off by the same in all of its lots"
-MORE = "measure more units of one lot: a mixture has two peaks, or a shoulder, a wider spread one"
-OWN = 0.01
-"""Fraction of a column outside the span of the free columns, below which the effect is
-undetectable.
+FORM_OFF, FORM_ALIKE = 0.05, 0.3
+"""Limits of the part of an effect that is orthogonal to a larger effect of its variables, as a
+fraction of the latter, and of their correlation. Below the first and above the second, the effect
+may be an error of the larger one's form, which no formula has exactly.
 """
-SEPARATED = 4
-"""Number of rivals for which a separating measurement is searched."""
 
 
-def gate(end: Ending) -> Gate:
-    """The test of the null model (stage 1) as a record."""
-    analysis, null_model = end.analysis, end.analysis.bare
-    setup, count = null_model.setup, len(null_model.setup.data)
-    output_gates = []
-    for at, (output, noise) in enumerate(zip(setup.data.outputs, null_model.noises, strict=True)):
-        level = null_model.left.evidence[null_model.generic.outputs == at].max(initial=0.0)
-        rows = slice(at * count, (at + 1) * count)
-        raw = setup.residual[rows] - end.before.fitted[rows]
-        limit = analysis.search.thresholds.generic
-        output_gates.append(
-            OutputGate(
-                output=output.name,
-                unit=output.unit,
-                noise=noise.level,
-                noise_source=noise.source,
-                rmse=rmse(raw, noise.good),
-                statistic=float(level),
-                threshold=limit,
-                significant=bool(level > limit)
-                or (analysis.significant and len(null_model.noises) == 1),
-                autocorrelation=noise.rho,
-                heteroscedastic=noise.varies_with,
-                outliers=noise.outliers,
-                whiteness=whiteness(end.fit.residual[rows]),
-                uncertainty=noise.level * 2.0 / np.sqrt(count),
-            )
-        )
-    return Gate(tuple(output_gates), recalibrated(end), *detectable(end))
+@dataclass(frozen=True)
+class Ending:
+    """An analysis with the final fit of its identified effects."""
+
+    analysis: Analysis
+    fit: Fit
+    model: Corrected
+    before: HeldOut
+    after: HeldOut
+
+    @property
+    def setup(self) -> Setup:
+        """The setup of the final null model."""
+        return self.analysis.setup
+
+    @property
+    def verdict(self) -> str:
+        """The verdict."""
+        if not self.analysis.significant:
+            return "no_gap"
+        if not self.named and not self.analysis.scatter:
+            return "unnamed"
+        if self.remains:
+            return "partial"
+        rivals = self.analysis.others or len(self.analysis.scatter) > 1 or self.twin
+        return "ambiguous" if rivals else "named"
+
+    @property
+    def named(self) -> tuple[int, ...]:
+        """The indices of the members that are identified effects."""
+        return names_of(self.fit.members)
+
+    @property
+    def rows(self) -> bool:
+        """Whether each row is a measurement, not a unit of a population."""
+        return not self.setup.data.target.population
+
+    @property
+    def remains(self) -> bool:
+        """Whether the residual given the identified effects is still significant, or units scatter
+        in an unidentified way.
+        """
+        terms = len(self.named) < len(self.fit.members)
+        forms_remain = self.rows and bool(self.analysis.judged.significant)
+        return terms or forms_remain or self.analysis.misfit is not None
+
+    @property
+    def twin(self) -> bool:
+        """Whether offsets of lots were identified, which a second supplier would explain as
+        well.
+        """
+        names = {candidate.name for candidate in self.setup.on_scatter}
+        return "lot_offset" in self.fit.names and "lot_mixture" in names
+
+
+def ended(analysis: Analysis) -> Ending:
+    """The final fit of the identified effects, in the full model. An effect is removed, and the
+    others are fitted and tested again, where the joint interval of its parameters given the others
+    contains 0. The same holds for an effect that may be an error of a larger one's form, unless
+    held-out rows are then predicted worse.
+    """
+    ending, needed = _ended(analysis), set[str]()
+    while ending.rows and (weak := _weak(ending, needed)) is not None:
+        name, larger = weak
+        reduced = without(analysis, name, larger)
+        after = _ended(reduced)
+        if larger and not _predicts_as_well(after):
+            needed.add(name)
+        else:
+            analysis, ending = reduced, after
+    return ending
+
+
+def _weak(end: Ending, needed: Collection[str]) -> tuple[str, str] | None:
+    """The first effect to be removed, and the larger effect whose form it may belong to (empty
+    where its parameters may be 0); None where all stay. An effect in `needed` belongs to no other
+    form.
+    """
+    for at in end.named:
+        name = end.fit.names[at]
+        larger = "" if name in needed else _form_of(end, at)
+        if larger or end.model.nothing(end.fit.members[at]):
+            return name, larger
+    return None
+
+
+def _predicts_as_well(end: Ending) -> bool:
+    """Whether held-out rows are predicted as well as by each accepted step."""
+    steps = [held_out for _, held_out in end.analysis.selection.accepted]
+    return predicts_as_well(end.after, steps, end.analysis.search.labels)
+
+
+def _form_of(end: Ending, at: int) -> str:
+    """The larger effect of the same variables that explains this effect up to an error of its own
+    form; empty where there is none.
+    """
+    members = end.fit.members
+    variables = acts_in(members[at].candidate.effect.needs)
+    candidates = [
+        k
+        for k in end.named
+        if variables and k != at and variables <= acts_in(members[k].candidate.effect.needs)
+    ]
+    return next((members[k].name for k in candidates if _is_form(end, at, k)), "")
+
+
+def _is_form(end: Ending, small: int, large: int) -> bool:
+    """Whether the small member's contribution may be an error of the large member's form."""
+    fitter, fit = end.analysis.search.fitter, end.fit
+    a, b = (
+        beside(fitter.white(fit.members[k]) @ fit.coefficients[k], fitter.q) for k in (small, large)
+    )
+    small_norm, large_norm = float(np.linalg.norm(a)), float(np.linalg.norm(b))
+    alike = abs(float(a @ b)) / max(small_norm * large_norm, 1e-300)
+    apart = small_norm * np.sqrt(max(1.0 - alike**2, 0.0))
+    return bool(small_norm < large_norm and alike > FORM_ALIKE and apart < FORM_OFF * large_norm)
+
+
+def _ended(analysis: Analysis) -> Ending:
+    search = analysis.search
+    lost = analysis.judged.lost
+    kept = [member for at, member in enumerate(analysis.fit.members) if at not in lost]
+    fit = search.fitter.refined(kept) if kept else analysis.ground.empty
+    if not lost and not analysis.scatter and not analysis.setup.data.target.population:
+        fit = analysis.fit  # as it was tested
+    model = corrected(analysis.setup, search.fitter.space, fit)
+    null_model = analysis.bare
+    end = Ending(
+        analysis, fit, model, null_model.search.tested(null_model.empty), search.tested(fit)
+    )
+    extra_widths = misfit_of(analysis, fit)
+    if end.named and end.rows and not analysis.setup.free and not search.fitter.space.is_plain:
+        weighed = of_weights(model, corrected(analysis.setup, search.fitter.space, fit, plain=True))
+        extra_widths = {
+            key: extra_widths.get(key, 0.0) + weighed.get(key, 0.0)
+            for key in {**extra_widths, **weighed}
+        }
+    return replace(end, model=model.widened(extra_widths))
 
 
 def rmse(values: Array, good: object = None) -> float:
     """Root mean square without outliers."""
     inside = values if good is None else values[np.asarray(good, dtype=bool)]
     return float(np.sqrt(np.mean(inside**2)))
-
-
-def recalibrated(end: Ending) -> tuple[Recalibrated, ...]:
-    """The free parameters before and after recalibration."""
-    plan = end.setup.plan
-    return tuple(
-        Recalibrated(
-            name,
-            "",
-            nominal(plan, name),
-            value,
-            plan.free[name],
-            abs(value - nominal(plan, name)) > 0.98 * plan.free[name],
-        )
-        for name, value in end.model.free().items()
-    )
-
-
-def detectable(end: Ending) -> tuple[tuple[Detectable, ...], tuple[str, ...]]:
-    """The smallest size at which each effect is detected with probability 0.9, and the names of the
-    effects that are undetectable because the free columns span them.
-    """
-    search, setup = end.analysis.bare.search, end.setup
-    wanted = np.sqrt(search.thresholds.library) + 1.2816
-    white, raw = search.white.columns, search.book.raw.columns
-    total = np.einsum("ij,ij->j", white, white)
-    squares = total - np.sum((search.fitter.q.T @ white) ** 2, axis=0)
-    squares[squares < OWN**2 * total] = 0.0
-    size, of_raw = np.sqrt(squares), np.sqrt(np.einsum("ij,ij->j", raw, raw) / len(raw))
-    smallest: dict[str, Detectable] = {}
-    names: dict[str, None] = {}
-    for start, member in zip(search.white.starts, search.book.members, strict=True):
-        if member.candidate.alone:
-            continue
-        names.setdefault(member.name)
-        member_sizes = size[start : start + len(member.candidate.linear)]
-        column = int(np.argmax(member_sizes))
-        if member_sizes[column] <= 0.0:
-            continue
-        value = float(wanted / member_sizes[column])
-        rms = value * float(of_raw[start + column])
-        if member.name not in smallest or rms < smallest[member.name].rms:
-            parameter = member.candidate.linear[column]
-            family, unit = member.candidate.effect.family, setup.data.outputs[0].unit
-            smallest[member.name] = Detectable(
-                member.name, family, rms, unit, parameter.name, value
-            )
-    return tuple(smallest.values()), tuple(name for name in names if name not in smallest)
-
-
-def scores(end: Ending) -> tuple[Score, ...]:
-    """The candidates (stage 3) as records: the gain of each effect alone given the model's free
-    parameters, best first.
-    """
-    search = end.analysis.bare.search
-    return tuple(
-        Score(
-            candidate.member.name,
-            candidate.member.candidate.effect.family,
-            candidate.gain,
-            search.thresholds.library,
-            dict(candidate.member.shape),
-        )
-        for candidate in scan(search.fitter, search.white, search.book, ())
-    )
-
-
-def effects(end: Ending, spread: Spread | None) -> tuple[FoundEffect, ...]:
-    """The identified effects, with intervals and evidence."""
-    moving = [_effect(end, at, spread) for at in end.named]
-    return (*moving, *(_of_scatter(scatter_effect) for scatter_effect in end.analysis.scatter[:1]))
-
-
-def _of_scatter(scatter_effect: Scatter) -> FoundEffect:
-    """An effect on the scatter of a batch as a record; its held-out gain is twice a log likelihood
-    ratio.
-    """
-    effect = scatter_effect.candidate.effect
-    numbers = (*scatter_effect.candidate.linear, *scatter_effect.candidate.shape)
-    return FoundEffect(
-        name=effect.name,
-        family=effect.family,
-        cause=effect.cause,
-        parameters=tuple(
-            FoundParameter(
-                p.name,
-                scatter_effect.numbers[p.name],
-                *scatter_effect.intervals[p.name],
-                p.unit,
-                p.meaning,
-            )
-            for p in numbers
-        ),
-        gain=scatter_effect.gain,
-        threshold=scatter_effect.threshold,
-        held_out_gain=scatter_effect.held_out.gain,
-        held_out_error=scatter_effect.held_out.error,
-    )
-
-
-def _effect(end: Ending, at: int, spread: Spread | None) -> FoundEffect:
-    search, member = end.analysis.search, end.fit.members[at]
-    reduced = search.fitter.fit(end.fit.without(at))
-    better = improvement(search.tested(reduced), end.after, search.labels)
-    values = end.model.effect(member.name)
-    several = len(member.candidate.linear) > 1
-    numbers = (*member.candidate.linear, *member.candidate.shape)
-    intervals = {
-        parameter.name: _ends(end, member.name, parameter, values, spread) for parameter in numbers
-    }
-    total = max(end.analysis.ground.empty.rss - end.fit.rss, 1e-300)
-    return FoundEffect(
-        name=member.name,
-        family=member.candidate.effect.family,
-        cause=member.candidate.effect.cause,
-        parameters=tuple(
-            FoundParameter(
-                parameter.name,
-                values[parameter.name],
-                *intervals[parameter.name],
-                parameter.unit,
-                _meaning(parameter),
-            )
-            for parameter in numbers
-        ),
-        gain=reduced.rss - end.fit.rss,
-        threshold=search.thresholds.library,
-        held_out_gain=better.gain,
-        held_out_error=better.error,
-        share=min(1.0, (reduced.rss - end.fit.rss) / total),
-        frequency=float("nan") if spread is None else spread.frequency(member.name),
-        at_bound=tuple(
-            parameter.name
-            for parameter in numbers
-            if not parameter.choices
-            and _at_bound(values[parameter.name], parameter.low, parameter.high, several)
-        ),
-    )
-
-
-def _at_bound(value: float, low: float, high: float, several: bool = False) -> bool:
-    """Whether a parameter lies at a physical bound; a lower bound of 0 counts if the effect has
-    several sizes.
-    """
-    width, stops = abs(value) * 1e-6, np.isfinite(low) and (low != 0.0 or several)
-    return bool((np.isfinite(high) and value >= high - width) or (stops and value <= low + width))
-
-
-def _meaning(parameter: EffectParameter) -> str:
-    """The meaning of a parameter, with its choices where it was chosen instead of fitted."""
-    choices = ", ".join(f"{choice:g}" for choice in parameter.choices)
-    return (
-        f"{parameter.meaning} (chosen out of {choices}, not fitted)"
-        if choices
-        else parameter.meaning
-    )
-
-
-def _ends(
-    end: Ending,
-    owner: str,
-    parameter: EffectParameter,
-    values: Mapping[str, float],
-    spread: Spread | None,
-) -> tuple[float, float]:
-    """The interval of a parameter, of width 0 where it was chosen."""
-    if parameter.choices:
-        return values[parameter.name], values[parameter.name]
-    linear = end.model.interval(owner, parameter.name)
-    return linear if spread is None else spread.interval(owner, parameter.name, linear)
-
-
-def rival_records(
-    end: Ending, planned: Mapping[tuple[tuple[str, ...], tuple[str, ...]], Measurement]
-) -> tuple[Rival, ...]:
-    """The rivals (stage 5) as records; `planned` holds measurements by the names of a rival and
-    those it replaces.
-    """
-    levels = end.analysis.search.fitter.space.level()
-    rivals: list[Rival] = []
-    for at, rival in enumerate(end.analysis.others):
-        measurement = planned.get((rival.names, rival.instead_of))
-        if measurement is None:
-            measurement = (
-                separating(end.setup, levels, end.fit, rival.fit)
-                if at < SEPARATED
-                else rivals[0].measurement
-            )
-        distance = round(rival.distance, 9) + 0.0
-        rivals.append(
-            Rival(
-                rival.names,
-                rival.instead_of,
-                distance,
-                measurement,
-                correlation(end.analysis.search.fitter, end.fit, rival),
-            )
-        )
-    if end.twin:
-        rivals.append(Rival(("lot_mixture",), ("lot_offset",), 0.0, Measurement(SUPPLIERS)))
-    for scatter_rival in end.analysis.scatter[1:]:
-        best_names = end.analysis.scatter[0].names
-        common = set(best_names) & set(scatter_rival.names)
-        names, instead = (
-            tuple(n for n in of if n not in common) for of in (scatter_rival.names, best_names)
-        )
-        measurement = planned.get((names, instead), Measurement(MORE))
-        rivals.append(Rival(names, instead, scatter_rival.distance, measurement))
-    return tuple(rivals)
-
-
-def residual_table(end: Ending, full: GapData) -> pd.DataFrame:
-    """Every measurement with its prediction before and after correction, in the order of
-    measuring.
-    """
-    setup, n = end.setup, len(end.setup.data)
-    inputs = {c.name: full.readings.table[c.name] for c in full.target.columns}
-    frame = pd.DataFrame({"row": full.rows, **inputs})
-    used = np.flatnonzero(np.isin(full.rows, setup.data.rows))
-    start = end.analysis.bare
-    null_model = corrected(start.setup, start.search.fitter.space, start.empty)
-    before, after = null_model.predicted(full), end.model.predicted(full)
-    for at, (output, noise) in enumerate(zip(setup.data.outputs, start.noises, strict=True)):
-        name, measured = output.name, full.measured[output.name]
-        frame[name] = measured
-        frame[f"{name}_predicted"] = before[name]
-        frame[f"{name}_corrected"] = after[name]
-        frame[f"{name}_before"] = measured - before[name]
-        frame[f"{name}_after"] = measured - after[name]
-        for which, of, held in (("before", start.setup, end.before), ("after", setup, end.after)):
-            part = (of.residual - held.fitted)[at * n : (at + 1) * n]
-            frame[f"{name}_{which}_held_out"] = _at_rows(part, used, len(full))
-        frame[f"{name}_noise"] = _at_rows(noise.sigma, used, len(full))
-        good = outliers(measured - after[name], np.full(len(full), noise.level))
-        frame[f"{name}_outlier"] = ~good
-    labels = end.analysis.search.labels[:n].astype(float)
-    frame["block"] = _at_rows(labels, used, len(full))
-    return frame
-
-
-def _at_rows(values: Array, rows: NDArray[np.int64], count: int) -> Array:
-    column = np.full(count, np.nan)
-    column[rows] = values
-    return column

@@ -49,12 +49,12 @@ class GearOrder(Shape):
         )
 
     def shape_parameters(self, target: Target) -> tuple[EffectParameter, ...]:
-        found = choices(target)
-        ends = (found[0], found[-1]) if found else (0.0, inf)
-        if len(found) == 1:
+        orders = choices(target)
+        ends = (orders[0], orders[-1]) if orders else (0.0, inf)
+        if len(orders) == 1:
             ends = (0.0, inf)
         meaning = "k, waves per turn of the output"
-        return (quantity("order", "", meaning, *ends, linear=False, choices=found),)
+        return (quantity("order", "", meaning, *ends, linear=False, choices=orders),)
 
     def columns(
         self, readings: Readings, values: Mapping[str, float], target: Target
@@ -65,14 +65,14 @@ class GearOrder(Shape):
     def described(
         self, values: Mapping[str, float], target: Target
     ) -> dict[str, tuple[float, str]]:
-        found: dict[str, tuple[float, str]] = {}
+        description: dict[str, tuple[float, str]] = {}
         weights = self.weights(target)
         for output in self.reached(target):
             c, s = (weight.of(output, target) for weight in weights)
-            found |= polar(values, c, s, f"{target.prefix(output)}%s")
+            description |= polar(values, c, s, f"{target.prefix(output)}%s")
         if target.gear is not None and (name := target.gear.name_of(known(values, "order"))):
-            found[f"order of the {name}"] = (known(values, "order"), "")
-        return found
+            description[f"order of the {name}"] = (known(values, "order"), "")
+        return description
 
 
 def choices(target: Target) -> tuple[float, ...]:

@@ -65,7 +65,7 @@ class PitchDefect(OneColumn):
         )
 
     def missing(self, values: Mapping[str, float], target: Target) -> tuple[str, ...]:
-        return tuple(one for one in super().missing(values, target) if one != "form")
+        return tuple(reason for reason in super().missing(values, target) if reason != "form")
 
     def column(self, readings: Readings, values: Mapping[str, float], target: Target) -> Array:
         scans = target.gear.orders[PINS] if target.gear else 0.0

@@ -71,7 +71,7 @@ class Delay(Effect):
         return {numbers[name].name: 0.0 for name in rough}
 
     def own_action(self, readings: Readings, values: Mapping[str, float], target: Target) -> Action:
-        names = [one.name for one in self.own_parameters(target)]
+        names = [own_parameter.name for own_parameter in self.own_parameters(target)]
         late = {
             o.name: values.get(name, 0.0) for o, name in zip(target.outputs, names, strict=True)
         }
@@ -97,11 +97,11 @@ def delayed(
     at = np.arange(len(time)) if order is None else order
     t, y = time[at], np.asarray(values, dtype=float)[at]
     v = np.ones(len(t)) if speed is None else speed[at]
-    found = np.empty(len(t))
+    delayed_values = np.empty(len(t))
     for rows in _stretches(t):
-        found[rows] = np.interp(t[rows] - by, *_with_jumps(t[rows], y[rows], v[rows]))
+        delayed_values[rows] = np.interp(t[rows] - by, *_with_jumps(t[rows], y[rows], v[rows]))
     whole = np.empty(len(t))
-    whole[at] = found
+    whole[at] = delayed_values
     return whole
 
 

@@ -55,14 +55,14 @@ class FrictionHysteresis(Shape):
         return (quantity(HELD, Load.unit(target), meaning, low, high, linear=False),)
 
     def own_parameters(self, target: Target) -> tuple[EffectParameter, ...]:
-        found = super().own_parameters(target)
+        parameters = super().own_parameters(target)
         if target.model != TABLE or target.locked is None:
-            return found
-        return tuple(one for one in found if _of_loop(one) == target.locked)
+            return parameters
+        return tuple(one for one in parameters if _of_loop(one) == target.locked)
 
     def missing(self, values: Mapping[str, float], target: Target) -> tuple[str, ...]:
-        loop = [one for one in self.parameters(target) if _of_loop(one)]
-        if target.model != LOCKED and not {one.name for one in loop} & set(values):
+        loop = [parameter for parameter in self.parameters(target) if _of_loop(parameter)]
+        if target.model != LOCKED and not {parameter.name for parameter in loop} & set(values):
             return ()
         twists = [one.name for one in loop if one.linear]
         needed = [one.name for one in loop if not one.linear]
@@ -82,5 +82,5 @@ class FrictionHysteresis(Shape):
         }
 
 
-def _of_loop(one: EffectParameter) -> bool:
-    return not one.stem.endswith(MOVING.stem)
+def _of_loop(parameter: EffectParameter) -> bool:
+    return not parameter.stem.endswith(MOVING.stem)

@@ -9,9 +9,10 @@ from scipy.special import chndtr
 
 from ....gap_next_records import Sensitivity
 from ....models.inputs.distribution import Array
+from ..ending_records import OWN
 from ..fit import Fit, Member
 from ..plan import NextPlan
-from ..result import OWN, Ending
+from ..result import Ending
 from ..scan import scan
 from .contest import Contest
 from .field import Ahead, Field

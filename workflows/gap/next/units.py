@@ -12,11 +12,12 @@ from scipy.special import ndtr
 from ....gap_next_records import Separation
 from ....models.effects.population.law import Law
 from ....models.measurable import Role
+from ..ending_records import MORE
 from ..likelihood import BatchLikelihood
 from ..noise import Noise
 from ..plan import NextPlan
 from ..population import Scatter
-from ..result import MORE, Ending
+from ..result import Ending
 from ..setup import Setup
 from .field import Ahead
 from .points import with_labels
