@@ -1,4 +1,4 @@
-"""Records of an ending: effects with their numbers, what remains, rivals, residuals of all rows."""
+"""Records of an ending: effects with their parameters, rivals, and residuals of all rows."""
 
 from __future__ import annotations
 
@@ -34,24 +34,26 @@ from .setup import nominal
 from .uncertainty import Spread
 
 OWN = 0.01
-"""Share of a column that what is free cannot do, below which nothing of it can be seen."""
+"""Fraction of a column outside the span of the free columns, below which the effect is
+undetectable.
+"""
 SEPARATED = 4
-"""Rivals for which the separating measurement is searched."""
+"""Number of rivals for which a separating measurement is searched."""
 SUPPLIERS = "note the supplier of each lot: a second supplier is off by the same in all of its lots"
 MORE = "measure more units of one lot: a mixture has two peaks, or a shoulder, a wider spread one"
 
 
 def gate(end: Ending) -> Gate:
-    """Stage 1 as a record."""
-    analysis, bare = end.analysis, end.analysis.bare
-    setup, count = bare.setup, len(bare.setup.data)
-    gates = []
-    for at, (output, noise) in enumerate(zip(setup.data.outputs, bare.noises, strict=True)):
-        level = bare.left.evidence[bare.generic.outputs == at].max(initial=0.0)
+    """The test of the null model (stage 1) as a record."""
+    analysis, null_model = end.analysis, end.analysis.bare
+    setup, count = null_model.setup, len(null_model.setup.data)
+    output_gates = []
+    for at, (output, noise) in enumerate(zip(setup.data.outputs, null_model.noises, strict=True)):
+        level = null_model.left.evidence[null_model.generic.outputs == at].max(initial=0.0)
         rows = slice(at * count, (at + 1) * count)
         raw = setup.residual[rows] - end.before.fitted[rows]
         limit = analysis.search.thresholds.generic
-        gates.append(
+        output_gates.append(
             OutputGate(
                 output=output.name,
                 unit=output.unit,
@@ -60,7 +62,8 @@ def gate(end: Ending) -> Gate:
                 rmse=rmse(raw, noise.good),
                 statistic=float(level),
                 threshold=limit,
-                significant=bool(level > limit) or (analysis.significant and len(bare.noises) == 1),
+                significant=bool(level > limit)
+                or (analysis.significant and len(null_model.noises) == 1),
                 autocorrelation=noise.rho,
                 heteroscedastic=noise.varies_with,
                 outliers=noise.outliers,
@@ -68,11 +71,11 @@ def gate(end: Ending) -> Gate:
                 uncertainty=noise.level * 2.0 / np.sqrt(count),
             )
         )
-    return Gate(tuple(gates), recalibrated(end), *detectable(end))
+    return Gate(tuple(output_gates), recalibrated(end), *detectable(end))
 
 
 def recalibrated(end: Ending) -> tuple[Recalibrated, ...]:
-    """What became of the free parameters."""
+    """The free parameters before and after recalibration."""
     plan = end.setup.plan
     return tuple(
         Recalibrated(
@@ -88,8 +91,8 @@ def recalibrated(end: Ending) -> tuple[Recalibrated, ...]:
 
 
 def detectable(end: Ending) -> tuple[tuple[Detectable, ...], tuple[str, ...]]:
-    """The smallest effect of each name that would have been seen nine times out of ten, and the
-    names that cannot be seen at all, because what is free does the same.
+    """The smallest size at which each effect is detected with probability 0.9, and the names of the
+    effects that are undetectable because the free columns span them.
     """
     search, setup = end.analysis.bare.search, end.setup
     wanted = np.sqrt(search.thresholds.library) + 1.2816
@@ -98,27 +101,31 @@ def detectable(end: Ending) -> tuple[tuple[Detectable, ...], tuple[str, ...]]:
     squares = total - np.sum((search.fitter.q.T @ white) ** 2, axis=0)
     squares[squares < OWN**2 * total] = 0.0
     size, of_raw = np.sqrt(squares), np.sqrt(np.einsum("ij,ij->j", raw, raw) / len(raw))
-    limits: dict[str, Detectable] = {}
+    smallest: dict[str, Detectable] = {}
     names: dict[str, None] = {}
     for start, member in zip(search.white.starts, search.book.members, strict=True):
         if member.candidate.alone:
             continue
         names.setdefault(member.name)
-        own = size[start : start + len(member.candidate.linear)]
-        column = int(np.argmax(own))
-        if own[column] <= 0.0:
+        member_sizes = size[start : start + len(member.candidate.linear)]
+        column = int(np.argmax(member_sizes))
+        if member_sizes[column] <= 0.0:
             continue
-        value = float(wanted / own[column])
+        value = float(wanted / member_sizes[column])
         rms = value * float(of_raw[start + column])
-        if member.name not in limits or rms < limits[member.name].rms:
-            per_unit = member.candidate.linear[column]
+        if member.name not in smallest or rms < smallest[member.name].rms:
+            parameter = member.candidate.linear[column]
             family, unit = member.candidate.effect.family, setup.data.outputs[0].unit
-            limits[member.name] = Detectable(member.name, family, rms, unit, per_unit.name, value)
-    return tuple(limits.values()), tuple(name for name in names if name not in limits)
+            smallest[member.name] = Detectable(
+                member.name, family, rms, unit, parameter.name, value
+            )
+    return tuple(smallest.values()), tuple(name for name in names if name not in smallest)
 
 
 def scores(end: Ending) -> tuple[Score, ...]:
-    """Stage 3 as records: every effect alone beside the model's parameters, best first."""
+    """The candidates (stage 3) as records: the gain of each effect alone given the model's free
+    parameters, best first.
+    """
     search = end.analysis.bare.search
     return tuple(
         Score(
@@ -133,40 +140,48 @@ def scores(end: Ending) -> tuple[Score, ...]:
 
 
 def effects(end: Ending, spread: Spread | None) -> tuple[FoundEffect, ...]:
-    """The effects that keep their name, with intervals and evidence."""
+    """The identified effects, with intervals and evidence."""
     moving = [_effect(end, at, spread) for at in end.named]
-    return (*moving, *(_of_scatter(one) for one in end.analysis.scatter[:1]))
+    return (*moving, *(_of_scatter(scatter_effect) for scatter_effect in end.analysis.scatter[:1]))
 
 
-def _of_scatter(scatter: Scatter) -> FoundEffect:
-    """An effect on the scatter of a batch as a record; held out is twice its log likelihood."""
-    effect = scatter.candidate.effect
-    numbers = (*scatter.candidate.linear, *scatter.candidate.shape)
+def _of_scatter(scatter_effect: Scatter) -> FoundEffect:
+    """An effect on the scatter of a batch as a record; its held-out gain is twice a log likelihood
+    ratio.
+    """
+    effect = scatter_effect.candidate.effect
+    numbers = (*scatter_effect.candidate.linear, *scatter_effect.candidate.shape)
     return FoundEffect(
         name=effect.name,
         family=effect.family,
         cause=effect.cause,
         parameters=tuple(
             FoundParameter(
-                p.name, scatter.numbers[p.name], *scatter.intervals[p.name], p.unit, p.meaning
+                p.name,
+                scatter_effect.numbers[p.name],
+                *scatter_effect.intervals[p.name],
+                p.unit,
+                p.meaning,
             )
             for p in numbers
         ),
-        gain=scatter.gain,
-        threshold=scatter.threshold,
-        held_out_gain=scatter.held_out.gain,
-        held_out_error=scatter.held_out.error,
+        gain=scatter_effect.gain,
+        threshold=scatter_effect.threshold,
+        held_out_gain=scatter_effect.held_out.gain,
+        held_out_error=scatter_effect.held_out.error,
     )
 
 
 def _effect(end: Ending, at: int, spread: Spread | None) -> FoundEffect:
     search, member = end.analysis.search, end.fit.members[at]
-    less = search.fitter.fit(end.fit.without(at))
-    better = improvement(search.tested(less), end.after, search.labels)
+    reduced = search.fitter.fit(end.fit.without(at))
+    better = improvement(search.tested(reduced), end.after, search.labels)
     values = end.model.effect(member.name)
     several = len(member.candidate.linear) > 1
     numbers = (*member.candidate.linear, *member.candidate.shape)
-    ends = {number.name: _ends(end, member.name, number, values, spread) for number in numbers}
+    intervals = {
+        parameter.name: _ends(end, member.name, parameter, values, spread) for parameter in numbers
+    }
     total = max(end.analysis.ground.empty.rss - end.fit.rss, 1e-300)
     return FoundEffect(
         name=member.name,
@@ -174,32 +189,39 @@ def _effect(end: Ending, at: int, spread: Spread | None) -> FoundEffect:
         cause=member.candidate.effect.cause,
         parameters=tuple(
             FoundParameter(
-                number.name, values[number.name], *ends[number.name], number.unit, _meaning(number)
+                parameter.name,
+                values[parameter.name],
+                *intervals[parameter.name],
+                parameter.unit,
+                _meaning(parameter),
             )
-            for number in numbers
+            for parameter in numbers
         ),
-        gain=less.rss - end.fit.rss,
+        gain=reduced.rss - end.fit.rss,
         threshold=search.thresholds.library,
         held_out_gain=better.gain,
         held_out_error=better.error,
-        share=min(1.0, (less.rss - end.fit.rss) / total),
+        share=min(1.0, (reduced.rss - end.fit.rss) / total),
         frequency=float("nan") if spread is None else spread.frequency(member.name),
         at_bound=tuple(
-            o.name
-            for o in numbers
-            if not o.choices and _at_bound(values[o.name], o.low, o.high, several)
+            parameter.name
+            for parameter in numbers
+            if not parameter.choices
+            and _at_bound(values[parameter.name], parameter.low, parameter.high, several)
         ),
     )
 
 
 def _at_bound(value: float, low: float, high: float, several: bool = False) -> bool:
-    """Whether physics stopped a number; a zero is a bound beside other numbers of its effect."""
+    """Whether a parameter lies at a physical bound; a lower bound of 0 counts if the effect has
+    several sizes.
+    """
     width, stops = abs(value) * 1e-6, np.isfinite(low) and (low != 0.0 or several)
     return bool((np.isfinite(high) and value >= high - width) or (stops and value <= low + width))
 
 
 def _meaning(parameter: EffectParameter) -> str:
-    """What a parameter means, and whether it was chosen instead of fitted."""
+    """The meaning of a parameter, with its choices where it was chosen instead of fitted."""
     choices = ", ".join(f"{choice:g}" for choice in parameter.choices)
     return (
         f"{parameter.meaning} (chosen out of {choices}, not fitted)"
@@ -211,61 +233,67 @@ def _meaning(parameter: EffectParameter) -> str:
 def _ends(
     end: Ending,
     owner: str,
-    one: EffectParameter,
+    parameter: EffectParameter,
     values: Mapping[str, float],
     spread: Spread | None,
 ) -> tuple[float, float]:
-    """The interval of a number; one that was chosen has no width."""
-    if one.choices:
-        return values[one.name], values[one.name]
-    linear = end.model.interval(owner, one.name)
-    return linear if spread is None else spread.interval(owner, one.name, linear)
+    """The interval of a parameter, of width 0 where it was chosen."""
+    if parameter.choices:
+        return values[parameter.name], values[parameter.name]
+    linear = end.model.interval(owner, parameter.name)
+    return linear if spread is None else spread.interval(owner, parameter.name, linear)
 
 
 def rival_records(
     end: Ending, planned: Mapping[tuple[tuple[str, ...], tuple[str, ...]], Measurement]
 ) -> tuple[Rival, ...]:
-    """Stage 5 as records; `planned` are the measurements by names and those they stand for."""
+    """The rivals (stage 5) as records; `planned` holds measurements by the names of a rival and
+    those it replaces.
+    """
     levels = end.analysis.search.fitter.space.level()
     rivals: list[Rival] = []
-    for at, one in enumerate(end.analysis.others):
-        measurement = planned.get((one.names, one.instead_of))
+    for at, rival in enumerate(end.analysis.others):
+        measurement = planned.get((rival.names, rival.instead_of))
         if measurement is None:
             measurement = (
-                separating(end.setup, levels, end.fit, one.fit)
+                separating(end.setup, levels, end.fit, rival.fit)
                 if at < SEPARATED
                 else rivals[0].measurement
             )
-        distance = round(one.distance, 9) + 0.0
+        distance = round(rival.distance, 9) + 0.0
         rivals.append(
             Rival(
-                one.names,
-                one.instead_of,
+                rival.names,
+                rival.instead_of,
                 distance,
                 measurement,
-                correlation(end.analysis.search.fitter, end.fit, one),
+                correlation(end.analysis.search.fitter, end.fit, rival),
             )
         )
     if end.twin:
         rivals.append(Rival(("lot_mixture",), ("lot_offset",), 0.0, Measurement(SUPPLIERS)))
-    for other in end.analysis.scatter[1:]:
-        mine = end.analysis.scatter[0].names
-        both = set(mine) & set(other.names)
-        names, instead = (tuple(n for n in of if n not in both) for of in (other.names, mine))
+    for scatter_rival in end.analysis.scatter[1:]:
+        best_names = end.analysis.scatter[0].names
+        common = set(best_names) & set(scatter_rival.names)
+        names, instead = (
+            tuple(n for n in of if n not in common) for of in (scatter_rival.names, best_names)
+        )
         measurement = planned.get((names, instead), Measurement(MORE))
-        rivals.append(Rival(names, instead, other.distance, measurement))
+        rivals.append(Rival(names, instead, scatter_rival.distance, measurement))
     return tuple(rivals)
 
 
 def residual_table(end: Ending, full: GapData) -> pd.DataFrame:
-    """Every reading with its prediction before and after, in the order of measuring."""
+    """Every measurement with its prediction before and after correction, in the order of
+    measuring.
+    """
     setup, n = end.setup, len(end.setup.data)
     inputs = {c.name: full.readings.table[c.name] for c in full.target.columns}
     frame = pd.DataFrame({"row": full.rows, **inputs})
     used = np.flatnonzero(np.isin(full.rows, setup.data.rows))
     start = end.analysis.bare
-    bare = corrected(start.setup, start.search.fitter.space, start.empty)
-    before, after = bare.predicted(full), end.model.predicted(full)
+    null_model = corrected(start.setup, start.search.fitter.space, start.empty)
+    before, after = null_model.predicted(full), end.model.predicted(full)
     for at, (output, noise) in enumerate(zip(setup.data.outputs, start.noises, strict=True)):
         name, measured = output.name, full.measured[output.name]
         frame[name] = measured
@@ -285,6 +313,6 @@ def residual_table(end: Ending, full: GapData) -> pd.DataFrame:
 
 
 def _at_rows(values: Array, rows: NDArray[np.int64], count: int) -> Array:
-    at_rows = np.full(count, np.nan)
-    at_rows[rows] = values
-    return at_rows
+    column = np.full(count, np.nan)
+    column[rows] = values
+    return column

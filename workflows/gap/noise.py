@@ -16,17 +16,17 @@ from .linear import basis, beside, whitening
 GRID = np.concatenate([np.arange(0.0, 0.9, 0.05), [0.9, 0.93, 0.96, 0.98, 0.99]])
 """Autocorrelations that are tried."""
 OUTLYING = 4.5
-"""Robust standard deviations beyond which a reading is an outlier."""
+"""Robust standard deviations beyond which a measurement is an outlier."""
 NORMAL = float(special.ndtri(0.75))
 """Median magnitude of normal noise, in its standard deviation."""
 
 
 @dataclass(frozen=True)
 class Noise:
-    """Noise of one output: standard deviation (n,) of each reading, and its autocorrelation.
+    """Noise of one output: standard deviation (n,) of each measurement, and its autocorrelation.
 
-    `good` (n,) is false for outliers, which do not count. `source` is where it comes from,
-    `varies_with` the input that its size follows.
+    `good` (n,) is false for outliers, which do not count. `source` says where the noise level comes
+    from, `varies_with` is the input that it follows.
     """
 
     sigma: Array
@@ -41,30 +41,30 @@ class Noise:
         scaled = columns * scale
         if self.rho == 0.0:
             return scaled
-        whitened = np.empty_like(scaled)
-        whitened[0] = scaled[0]
-        np.multiply(scaled[:-1], -self.rho, out=whitened[1:])
-        whitened[1:] += scaled[1:]
-        whitened[1:] /= np.sqrt(1.0 - self.rho**2)
-        return whitened
+        white = np.empty_like(scaled)
+        white[0] = scaled[0]
+        np.multiply(scaled[:-1], -self.rho, out=white[1:])
+        white[1:] += scaled[1:]
+        white[1:] /= np.sqrt(1.0 - self.rho**2)
+        return white
 
     @cached_property
     def _scale(self) -> Array:
-        """Weight (n,) of each reading."""
+        """Weight (n,) of each measurement."""
         return 1.0 / self.sigma if self.good is None else np.where(self.good, 1.0 / self.sigma, 0.0)
 
     @property
     def is_plain(self) -> bool:
-        """Whether every reading that counts does so alike."""
+        """Whether all measurements that count have the same weight."""
         return self.rho == 0.0 and float(np.ptp(self.sigma)) == 0.0
 
     def plain(self) -> Noise:
-        """Noise of the same level, the same for every reading, and independent."""
+        """Independent noise of the same level for every measurement."""
         return replace(self, sigma=np.full(len(self.sigma), self.level), rho=0.0)
 
     def coloured(self, columns: Array) -> Array:
-        """L' x of columns x (n, m), where L makes this noise of independent ones: x' L L' x is what
-        the noise does to the products of the columns with readings.
+        """L' x of columns x (n, m), where L L' is the covariance of the noise: x' L L' x is the
+        covariance of the products of the columns with the noise.
         """
         scaled = columns * self.sigma[:, None]
         bands = np.array([np.full(len(scaled), -self.rho), np.ones(len(scaled))])
@@ -79,12 +79,12 @@ class Noise:
 
     @property
     def kept(self) -> NDArray[np.bool_]:
-        """Which readings (n,) count."""
+        """Which measurements (n,) count."""
         return np.ones(len(self.sigma), dtype=bool) if self.good is None else self.good
 
     @property
     def outliers(self) -> int:
-        """How many readings do not count."""
+        """The number of measurements that do not count."""
         return 0 if self.good is None else int((~self.good).sum())
 
 
@@ -94,23 +94,24 @@ def robust_scale(residual: Array) -> float:
 
 
 def outliers(residual: Array, sigma: Array, least: float = 1e-12) -> NDArray[np.bool_]:
-    """False (n,) where a reading lies further out than noise ever does, which is at least `least`
-    times sigma.
+    """False (n,) where a measurement is an outlier; the robust scale is at least `least` times
+    sigma.
     """
     scaled = residual / sigma
     return np.abs(scaled - np.median(scaled)) < OUTLYING * max(robust_scale(scaled), least)
 
 
 def autocorrelation(residual: Array, columns: Array, noise: Noise) -> float:
-    """Of the restricted likelihood's maximum, for a residual (n,) beside columns (n, k).
+    """The autocorrelation of maximum restricted likelihood, for a residual (n,) given columns (n,
+    k).
 
-    Reference: Harville, J. Am. Stat. Assoc. 72, 1977: the columns that were fitted do not bias it.
+    The fitted columns do not bias it. Reference: Harville, J. Am. Stat. Assoc. 72, 1977.
     """
-    estimate = _restricted(residual, columns, noise)
-    best = int(np.argmax(estimate))
+    log_likelihood = _restricted(residual, columns, noise)
+    best = int(np.argmax(log_likelihood))
     if best in (0, len(GRID) - 1):
         return float(GRID[best])
-    below, at, above = estimate[best - 1 : best + 2]
+    below, at, above = log_likelihood[best - 1 : best + 2]
     bend = below - 2 * at + above
     step = 0.5 * (below - above) / bend if bend < 0 else 0.0
     width = GRID[best + 1] - GRID[best] if step > 0 else GRID[best] - GRID[best - 1]
@@ -118,9 +119,9 @@ def autocorrelation(residual: Array, columns: Array, noise: Noise) -> float:
 
 
 def _restricted(residual: Array, columns: Array, noise: Noise) -> Array:
-    """Restricted log likelihood (g,) at each autocorrelation of GRID, but for a constant.
+    """Restricted log likelihood (g,) at each autocorrelation of GRID, up to a constant.
 
-    Whitened products are quadratic in it, so the readings are gone through once.
+    Whitened products are quadratic in it, so one pass over the measurements suffices.
     """
     plain = replace(noise, rho=0.0)
     x = plain.whiten(columns)
@@ -135,12 +136,12 @@ def _restricted(residual: Array, columns: Array, noise: Noise) -> Array:
     x, xy, yy = gram[:, :-1, :-1], gram[:, :-1, -1], gram[:, -1, -1]
     scale = np.sqrt(np.maximum(np.diagonal(x, axis1=1, axis2=2), 1e-300))
     turned = whitening(x / scale[:, :, None] / scale[:, None, :])
-    remaining = yy - np.sum(np.einsum("gjk,gk->gj", turned, xy / scale) ** 2, axis=1)
+    residual_squares = yy - np.sum(np.einsum("gjk,gk->gj", turned, xy / scale) ** 2, axis=1)
     whole = x * np.outer(size[:-1], size[:-1])
     ridge = 1e-9 * np.trace(whole, axis1=1, axis2=2)[:, None, None] * np.eye(x.shape[1])
     _, spread = np.linalg.slogdet(whole + ridge)
     count = len(z) - turned.any(axis=2).sum(axis=1)
-    rss = np.log(np.maximum(remaining, 1e-14) * size[-1] ** 2)
+    rss = np.log(np.maximum(residual_squares, 1e-14) * size[-1] ** 2)
     jacobian = -0.5 * (len(z) - 1) * np.log(1.0 - rho[:, 0, 0] ** 2)
     return np.asarray(jacobian - 0.5 * spread - 0.5 * count * rss)
 
@@ -152,7 +153,7 @@ def scale_left(white: Array, used: int) -> float:
 
 
 def whiteness(white: Array) -> float:
-    """Chance that noise alone is as autocorrelated as a whitened residual (n,): Ljung and Box."""
+    """P-value of the test of Ljung and Box for autocorrelation of a whitened residual (n,)."""
     n, centred = len(white), white - white.mean()
     lags = np.arange(1, min(10, n // 5) + 1)
     correlations = np.array([centred[k:] @ centred[:-k] for k in lags]) / (centred @ centred)
@@ -179,23 +180,23 @@ def size_follows(
 
 
 def _explained(target: Array, x: Array, good: NDArray[np.bool_]) -> tuple[Array, float]:
-    """A target (n,) by columns (n, k), the first constant, from its good rows, and the chance that
-    columns without a bearing on it explain as much: the F test.
+    """The least-squares fit (n,) of a target (n,) by columns (n, k), the first constant, to its
+    good rows, and the p-value of the F test.
     """
     numbers, _, rank, _ = np.linalg.lstsq(x[good], target[good])
     fitted = x @ numbers
-    unexplained = float(np.sum((target - fitted)[good] ** 2))
+    rss = float(np.sum((target - fitted)[good] ** 2))
     total = float(np.sum((target[good] - target[good].mean()) ** 2))
     if rank < 2 or total == 0.0:
         return fitted, 1.0
     freedom = int(good.sum()) - rank
-    return fitted, float(
-        special.betainc(0.5 * freedom, 0.5 * (rank - 1), min(unexplained / total, 1.0))
-    )
+    return fitted, float(special.betainc(0.5 * freedom, 0.5 * (rank - 1), min(rss / total, 1.0)))
 
 
 def _parabola(values: Array) -> Array:
-    """A parabola of values (n,) as columns; a line where they are only two."""
+    """The columns of a parabola in values (n,); of a line where there are only two distinct
+    values.
+    """
     x = (values - values.mean()) / max(float(values.std()), 1e-300)
     powers = range(3 if len(np.unique(values)) > 2 else 2)
     return np.column_stack([x**k for k in powers])

@@ -1,7 +1,8 @@
-"""Whether a delay is one: it shifts rows that rise and fall, high and low ones, by the same time.
+"""Test of a delay: a true one shifts rising and falling, high and low rows by the same time.
 
-What opens or rounds a loop differently as the load grows and as it falls looks like a delay that
-differs there. T is estimated in each of the four kinds of rows, all else fitted beside it.
+An effect that opens or rounds a loop differently for growing and falling load looks like a delay
+that differs there. The delay is estimated in each of the four kinds of rows, all else fitted with
+it.
 """
 
 from __future__ import annotations
@@ -20,34 +21,34 @@ from .linear import basis, beside
 STEP = 1e-2
 """Relative step of a derivative."""
 CHANCE = 0.01
-"""Chance that one delay is taken for several."""
+"""Probability that a single delay is taken for several."""
 LITTLE = 1e-6
-"""Share of the squares of all rows below which a kind of rows says nothing."""
+"""Fraction of the squares of all rows below which a kind of rows carries no information."""
 APART = 0.15
-"""Rms difference of the delays from their mean, as a share of it, that is worth a word."""
+"""Rms difference of the delays from their mean, as a fraction of it, from which a note is given."""
 STRETCHES = 40
-"""Stretches of the record, as units of what is left."""
+"""Stretches of the record, the clusters of the residual."""
 
 
 def uneven_delays(fitter: Fitter, fit: Fit, data: GapData) -> list[str]:
     """Sentences about delays that are not the same throughout the record."""
-    messages = []
+    sentences = []
     for at, member in enumerate(fit.members):
         if not isinstance(member.candidate.effect, Delay):
             continue
-        rest = [fitter.white(member) for k, member in enumerate(fit.members) if k != at]
+        rest = [fitter.white(other) for k, other in enumerate(fit.members) if k != at]
         q = basis(np.hstack([fitter.base, *rest]))
         for name, late in member.shape.items():
             if late != 0.0 and (delays := _uneven(fitter, fit, q, member, name, data)) is not None:
-                messages.append(_said(name, delays))
-    return messages
+                sentences.append(_sentence(name, delays))
+    return sentences
 
 
-def _said(name: str, delays: Array) -> str:
+def _sentence(name: str, delays: Array) -> str:
     kinds = ("rise above the median", "fall above it", "rise below it", "fall below it")
     parts = ", ".join(
-        f"{one:.3g} s where readings {kind}"
-        for one, kind in zip(delays.tolist(), kinds, strict=True)
+        f"{delay:.3g} s where readings {kind}"
+        for delay, kind in zip(delays.tolist(), kinds, strict=True)
     )
     return (
         f"{name} is not one delay: {parts}. A channel that is late is so everywhere; this may "
@@ -58,33 +59,33 @@ def _said(name: str, delays: Array) -> str:
 def _uneven(
     fitter: Fitter, fit: Fit, q: Array, member: Member, name: str, data: GapData
 ) -> Array | None:
-    """The delays (4,) of each kind of rows, None where they may be one.
+    """The delays (4,) of each kind of rows; None where they may be the same.
 
-    Wald's test of equal delays; their covariance is the larger one of the noise, at the size of
-    what is left, and of what is left itself, by stretches (Liang and Zeger 1986).
+    Wald's test of equal delays. Their covariance is the larger of two: white noise at the level of
+    the residual, and the residual itself by stretches (Liang and Zeger 1986).
     """
     late = member.shape[name]
     ends = [{**member.shape, name: late * (1.0 + way * STEP)} for way in (1.0, -1.0)]
-    one_end, other = (fitter.columns.of(member.candidate, shape)[:, 0] for shape in ends)
-    slope = (one_end - other) / (2.0 * STEP * late)
+    longer, shorter = (fitter.columns.of(member.candidate, shape)[:, 0] for shape in ends)
+    slope = (longer - shorter) / (2.0 * STEP * late)
     parts = [fitter.space.whiten(np.where(kind, slope, 0.0)) for kind in _kinds(slope, data).T]
     g = beside(np.column_stack(parts), q)
     if (np.sum(g**2, axis=0) < LITTLE * np.sum(g**2)).any():
         return None
-    away, covariance = _estimated(g, fit.residual)
-    contrast = np.eye(len(away))[1:] - np.eye(len(away))[0]
-    differences = contrast @ away
+    corrections, covariance = _estimated(g, fit.residual)
+    contrast = np.eye(len(corrections))[1:] - np.eye(len(corrections))[0]
+    differences = contrast @ corrections
     spread = contrast @ covariance @ contrast.T
     statistic = float(differences @ np.linalg.solve(spread, differences)) / len(differences)
     weights = np.sum(g**2, axis=0) / np.sum(g**2)
-    scatter = np.sqrt(float(weights @ (away - weights @ away) ** 2))
+    scatter = np.sqrt(float(weights @ (corrections - weights @ corrections) ** 2))
     limit = float(special.fdtri(len(differences), STRETCHES - 1, 1.0 - CHANCE))
-    return late + away if statistic > limit and scatter > APART * abs(late) else None
+    return late + corrections if statistic > limit and scatter > APART * abs(late) else None
 
 
 def _kinds(slope: Array, data: GapData) -> Array:
-    """Which rows (N, 4) rise or fall, high or low, of the outputs that are shifted; the reading
-    falls with its delay where it rises.
+    """Rows (N, 4) of the shifted outputs that rise or fall, high or low; where a measurement rises,
+    it falls with its delay.
     """
     measured = data.whole(data.measured)
     kinds = np.zeros((len(slope), 4), dtype=bool)
@@ -97,13 +98,13 @@ def _kinds(slope: Array, data: GapData) -> Array:
 
 
 def _estimated(g: Array, residual: Array) -> tuple[Array, Array]:
-    """Of columns (N, 4) on a residual (N,): the numbers, and their covariance."""
+    """Least squares of columns (N, 4) on a residual (N,): coefficients and their covariance."""
     inverse = np.linalg.pinv(g.T @ g, rcond=1e-12)
     coefficients = inverse @ (g.T @ residual)
     rest = residual - g @ coefficients
     edges = np.linspace(0, len(residual), STRETCHES + 1).astype(int)
     sums = np.array([g[a:b].T @ rest[a:b] for a, b in pairwise(edges)])
     model = inverse * float(rest @ rest) / len(rest)
-    covariance = inverse @ (sums.T @ sums) @ inverse
-    wider = np.sqrt(np.maximum(np.diag(covariance) / np.diag(model), 1.0))
+    robust = inverse @ (sums.T @ sums) @ inverse
+    wider = np.sqrt(np.maximum(np.diag(robust) / np.diag(model), 1.0))
     return coefficients, model * np.outer(wider, wider)

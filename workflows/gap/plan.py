@@ -1,4 +1,4 @@
-"""What a gap analysis needs: a resolved configuration, apart from the data."""
+"""The options of a gap analysis: a resolved configuration, without the data."""
 
 from __future__ import annotations
 
@@ -43,8 +43,7 @@ ROLE_UNITS = {
     "payload": ("kg",),
     "position": ("m",),
 }
-"""The units in which effects see a column of a role; the second is that of what moves along a line.
-"""
+"""The units of a column of a role in effects; the second is that of linear motion."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,14 +63,14 @@ class ColumnRole:
 class GapSettings:
     """How the loop decides.
 
-    `false_rate` is the chance that noise alone passes the threshold, over the whole library;
-    `simulations` the number of noise records it is read from. `set_distance` bounds the names that
-    are reported together: likelihood, and the price of further numbers. `practical_limit` ends the
-    loop: the rms of what a further name explains, as a share of the noise. `bootstrap` replicates
-    give the intervals, 0 for none. Records of more than `rows_used` rows are thinned to every k-th
-    row while effects are searched. `empirical` looks for a formula where nothing has a name.
-    `parts_out_of_limits` is assumed: the share of an input's parts that may be out of its limits
-    without having been noticed.
+    `false_rate` is the probability that noise alone passes the threshold, over the whole library;
+    `simulations` the number of noise records it is estimated from. `set_distance` bounds the score,
+    likelihood and price of parameters, of effects that are reported together. `practical_limit`
+    ends the loop: the rms that a further effect explains, as a fraction of the noise. `bootstrap`
+    replicates give the intervals, 0 for none. Records of more than `rows_used` rows are thinned
+    while effects are searched, to one random row per stretch. `empirical` searches a formula where
+    no effect is identified. `parts_out_of_limits` is assumed: the fraction of an input's parts that
+    may be out of its limits unnoticed.
     """
 
     false_rate: float = 0.01
@@ -88,7 +87,7 @@ class GapSettings:
 
 @dataclass(frozen=True, slots=True)
 class Span:
-    """What an input of the next measurement may be, in its column's unit: from `low` to `high`, or
+    """The range of an input of the next measurement, in its column's unit: from `low` to `high`, or
     one of `values` where there are any.
     """
 
@@ -99,10 +98,10 @@ class Span:
 
 @dataclass(frozen=True, slots=True)
 class NextPlan:
-    """What a next measurement may be: how many `readings`, and where (`ranges` by column).
+    """Options of a next measurement: the number of `readings`, and their `ranges` by column.
 
-    `effects` are those that are to be seen where none has a name, `amounts` the sizes of effects
-    that matter: the rms in the outputs' unit on the rows of the data.
+    `effects` are those to be detected where none is identified, `amounts` the sizes of effects that
+    matter: the rms in the outputs' unit on the rows of the data.
     """
 
     readings: int = 40
@@ -116,16 +115,16 @@ class GapPlan:
     """A resolved gap analysis; `configuration` is the TOML text that repeats it.
 
     `model` is None for `model = "table"`, whose columns `columns` describes; `rebuild` makes it
-    again from other `parameters`, of which the configuration itself set `given`. `free` maps what
-    may be recalibrated to its half-width, `library` are the effects considered. `noise` holds a
-    known standard deviation by output, `blocks` is "auto" or a column. `run` are the raw tables of
-    the configuration whose allocation the corrected model is to repeat (empty for none), `tables`
-    the resolved ones of the model, `active` the effects that are in it already, `zero` what is
-    added to outputs that have a zero, `sense` is -1 of those that read the other way round, `gear`
-    that of a table. `counterparts` says what each effect of a corrected
-    configuration does in the problem of `run`; None without it. `next_measurement` is None where
-    none was asked for. `uses` says what the columns of a file are to a model; `drawing` is what
-    units that are made to one are simulated as; `labels` are what readers know the mechanism by.
+    again from other `parameters`, of which the configuration itself set `given`. `free` maps the
+    parameters that may be recalibrated to their half-widths, `library` are the effects considered.
+    `noise` holds a known standard deviation by output, `blocks` is "auto" or a column. `run` are
+    the raw tables of the configuration whose allocation the corrected model is to repeat (empty for
+    none), `tables` the resolved ones of the model, `active` the effects that are in it already,
+    `zero` the offsets of outputs that have a zero, `sense` is -1 for outputs of reversed sign,
+    `gear` that of a table. `counterparts` says what each effect of a corrected configuration does
+    in the problem of `run`; None without it. `next_measurement` is None where none was requested.
+    `uses` gives the use of the columns of a file in a model; `drawing` is the one that units are
+    simulated by; `labels` are those of the mechanism for readers.
     """
 
     model_name: str

@@ -1,4 +1,4 @@
-"""Units that are wrong by far: readings that nothing on a bench has."""
+"""Implausible units: measurements far outside the range of any test bench."""
 
 from __future__ import annotations
 
@@ -26,26 +26,27 @@ MOST = {
 }
 """Span or magnitude, in the units of `Readings`, that is beyond a test bench."""
 LITTLE = radians(0.5)
-"""[rad] An angle that turns goes further; that of a unit whose input is locked does not."""
+"""[rad] Span that a turning angle exceeds; that of a unit with locked input does not."""
 FACTOR = 20.0
-"""How many times its prediction a measurement is not, in one unit."""
+"""Ratio of a measurement to its prediction that is implausible in the same unit."""
 BESIDE = 100.0
-"""How much stiffer than a drive a part of its compliance may be."""
+"""Factor by which a part of a drive's compliance may be stiffer than the drive."""
 FOLLOWS = 0.7
-"""Correlation from which a reading follows the load."""
+"""Correlation from which a measurement follows the load."""
 STIFFNESS = {
     ("angle", "Nm"): ("arcmin", 1e-3, 2e4),
     ("length", "N"): ("um", 1e-3, 1e5),
 }
-"""By kind of reading and load: a unit, and between which loads per unit drives are. Reducers have
-0.1 to 5000 N m/arcmin, from small harmonic drives to large cycloidal ones; screws 1 to 5000 N/um.
+"""By kind of output and load: a unit, and the range of the stiffness of drives in load per unit.
+Reducers have 0.1 to 5000 N m/arcmin, from small harmonic drives to large cycloidal ones; screws 1
+to 5000 N/um.
 """
 ALIKE = 0.9
-"""Correlation from which a measurement and its prediction are of one thing."""
+"""Correlation from which a measurement and its prediction are of the same quantity."""
 
 
 def implausible(data: GapData) -> list[str]:
-    """Sentences about columns whose unit is hardly the one that was given."""
+    """Sentences about columns whose unit is probably not the stated one."""
     return [*_beyond(data), *_still(data), *_scaled(data), *_stiff(data)]
 
 
@@ -56,7 +57,7 @@ def _beyond(data: GapData) -> Iterator[str]:
         x = np.asarray(data.readings[role], dtype=float)
         size = np.ptp(x) if role in (Role.ANGLE, Role.TIME) else np.abs(x).max(initial=0.0)
         if size > most:
-            yield f"{_said(data, role)} It reaches beyond {text}"
+            yield f"{_doubt(data, role)} It reaches beyond {text}"
 
 
 def _still(data: GapData) -> Iterator[str]:
@@ -64,7 +65,7 @@ def _still(data: GapData) -> Iterator[str]:
     turning = data.target.units.get(Role.ANGLE) == "rad" and Role.POSITION not in data.readings
     span = float(np.ptp(data.readings[Role.ANGLE])) if turning else 0.0
     if 0.0 < span < LITTLE and not data.target.locked:
-        yield f"{_said(data, Role.ANGLE)} It spans {np.degrees(span):.2g} deg in all"
+        yield f"{_doubt(data, Role.ANGLE)} It spans {np.degrees(span):.2g} deg in all"
 
 
 def _scaled(data: GapData) -> Iterator[str]:
@@ -81,7 +82,7 @@ def _scaled(data: GapData) -> Iterator[str]:
 
 
 def _stiff(data: GapData) -> Iterator[str]:
-    """A reading that follows the load as no gear or axis does."""
+    """A measurement that follows the load as that of no gear or axis does."""
     role = next((r for r in (Role.TORQUE, Role.FORCE) if r in data.readings), None)
     if role is None or data.target.population:
         return
@@ -92,47 +93,51 @@ def _stiff(data: GapData) -> Iterator[str]:
         slope = float(np.mean((load - load.mean()) * (y - y.mean())))
         slope /= max(float(np.var(load)), 1e-300)
         if spread > 0.0 and abs(slope) * np.std(load) > FOLLOWS * np.std(y):
-            message = unlikely(1.0 / slope, output.unit, "N" if role is Role.FORCE else "Nm")
-            if message:
+            description = unlikely(1.0 / slope, output.unit, "N" if role is Role.FORCE else "Nm")
+            if description:
                 yield (
-                    f"{_said(data, role)} Or that of {output.name}? It follows the load as of a "
-                    f"stiffness of {message}"
+                    f"{_doubt(data, role)} Or that of {output.name}? It follows the load as of a "
+                    f"stiffness of {description}"
                 )
 
 
 def unlikely(stiffness: float, unit: str, load: str, more: float = 1.0) -> str:
-    """A stiffness [load per unit] that no drive has and what one has, empty where one may.
+    """The description of a stiffness [load per unit] that no drive has; empty where a drive may
+    have it.
 
-    `more` is by how much what is found beside a simulation may be stiffer than a drive.
+    `more` is the factor by which a compliance in addition to a simulation may be stiffer than a
+    drive.
     """
     kind = kind_of(unit)
     if (kind, load) not in STIFFNESS:
         return ""
     shown, low, high = STIFFNESS[kind, load]
-    own = abs(stiffness) / float(converted(1.0, unit, shown))
-    if low <= own <= high * more:
+    magnitude = abs(stiffness) / float(converted(1.0, unit, shown))
+    if low <= magnitude <= high * more:
         return ""
-    return f"{own:.3g} {load}/{shown}; drives have {low:g} to {high:g}"
+    return f"{magnitude:.3g} {load}/{shown}; drives have {low:g} to {high:g}"
 
 
 def unlikely_numbers(fit: Fit, data: GapData) -> list[str]:
-    """Sentences about compliances that were fitted, and that no drive has."""
-    messages = []
+    """Sentences about fitted compliances that no drive has."""
+    sentences = []
     for member, sizes in zip(fit.members, fit.coefficients, strict=True):
         if member.name != "torsional_compliance" or not len(sizes):
             continue
         load = "Nm" if Role.TORQUE in data.readings else "N"
         for output, size in zip(member.candidate.effect.reached(data.target), sizes, strict=False):
-            if size > 0.0 and (message := unlikely(1.0 / float(size), output.unit, load, BESIDE)):
-                messages.append(
-                    f"the stiffness of torsional_compliance in {output.name} is {message}: "
+            if size > 0.0 and (
+                description := unlikely(1.0 / float(size), output.unit, load, BESIDE)
+            ):
+                sentences.append(
+                    f"the stiffness of torsional_compliance in {output.name} is {description}: "
                     "are the units right?"
                 )
-    return messages
+    return sentences
 
 
 def _factor(measured: Array, predicted: Array) -> float:
-    """How many times the prediction varies with it the measurement does, 0 where they do not."""
+    """The ratio of the measurement to the prediction; 0 where they are not correlated."""
     spread = float(np.std(measured) * np.std(predicted))
     covariance = float(np.mean((measured - measured.mean()) * (predicted - predicted.mean())))
     if spread == 0.0 or covariance < ALIKE * spread:
@@ -140,6 +145,6 @@ def _factor(measured: Array, predicted: Array) -> float:
     return covariance / float(np.var(predicted))
 
 
-def _said(data: GapData, role: Role) -> str:
-    column = next(column for column in data.target.columns if column.role is role)
+def _doubt(data: GapData, role: Role) -> str:
+    column = next(c for c in data.target.columns if c.role is role)
     return f'is "{column.unit}" the unit of {column.name}?'

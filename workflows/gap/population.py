@@ -1,8 +1,8 @@
 """Batches: whether units scatter as the model's population does, or as a wider or a mixed one.
 
-The population itself is the noise. Effects that move single units are found as columns, those that
-change the scatter here, by likelihood. A mixture moves the mean too: whether the mean needs another
-name beside it is asked of the likelihood of both together.
+The population itself is the noise. Effects that move single units are selected by their columns,
+those that change the scatter are selected here by likelihood. A mixture moves the mean too: the
+likelihood of both together decides whether the mean needs another effect.
 """
 
 from __future__ import annotations
@@ -32,17 +32,17 @@ from .select import Search
 from .setup import Setup, left_of
 
 CERTAIN = 1e-9
-"""Shares so close to 0 and 1 are not told from them."""
+"""Probabilities this close to 0 or 1 are clipped."""
 LEVEL = 1e-9
 """Relative range of a column below which it is the same for every unit."""
 
 
 @dataclass(frozen=True)
 class Scatter:
-    """An effect on the scatter: its numbers, intervals, and twice its log likelihood ratio.
+    """An effect on the scatter: its parameters, intervals, and twice its log likelihood ratio.
 
-    `distance` is how much worse it explains the batch than the best one. `beside` is the name that
-    the mean of the units needs beside it, empty where it needs none.
+    `distance` is how much worse its score is than the best one. `beside` is the effect that the
+    mean of the units needs in addition, empty where it needs none.
     """
 
     candidate: Candidate
@@ -58,12 +58,12 @@ class Scatter:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The effect, and what moves the mean beside it."""
+        """The effect, preceded by the one that moves the mean in addition."""
         return (self.beside, self.candidate.name) if self.beside else (self.candidate.name,)
 
     @property
     def apart_from_inputs(self) -> str:
-        """What it does that no input of a unit does; empty where there is nothing."""
+        """The part of the effect that no input of a unit explains; empty where there is none."""
         effect = self.candidate.effect
         return effect.apart_from_inputs if isinstance(effect, OfUnits) else ""
 
@@ -74,26 +74,28 @@ class Scatter:
 
     @property
     def moves(self) -> float:
-        """By how much it moves the mean of the units."""
+        """The shift of the mean of the units."""
         return carried([self.active], self.target)
 
     def changed(self, law: Law) -> Law:
-        """A law with the effect in it."""
+        """The law with the effect in it."""
         return law_with(law, self.candidate.effect, self.numbers, self.target)
 
     def likelihood(self, law: Law) -> tuple[BatchLikelihood, Array]:
-        """That it was fitted by (about the units' mean beside another name), and where (k,)."""
-        likelihoods = BatchLikelihood(self.candidate, law, self.target, bool(self.beside))
-        return likelihoods, np.array(
-            [self.numbers[number.name] for number in likelihoods.numbers]
-        ) / likelihoods.scale
+        """The likelihood that it was fitted by (about the units' mean if another effect moves it),
+        and its maximum (k,).
+        """
+        batch_likelihood = BatchLikelihood(self.candidate, law, self.target, bool(self.beside))
+        return batch_likelihood, np.array(
+            [self.numbers[parameter.name] for parameter in batch_likelihood.numbers]
+        ) / batch_likelihood.scale
 
 
 @dataclass(frozen=True)
 class Units:
-    """Deviations (n,) of the units from what moves each of them, their blocks, and their law.
+    """Deviations (n,) of the units given the effects on single units, their blocks, and their law.
 
-    `x` is taken from the model's mean, whatever moves all units alike left in it.
+    `x` is the deviation from the model's mean; effects on all units alike are not subtracted.
     """
 
     law: Law
@@ -102,46 +104,52 @@ class Units:
 
     @property
     def centred(self) -> Array:
-        """About their own mean."""
+        """The deviations (n,) from their own mean."""
         return np.asarray(self.x - self.x.mean())
 
 
 @dataclass(frozen=True)
 class Batch:
-    """A batch before anything is named: the setup and the search of its names."""
+    """A batch before any effect is selected: the setup and the search."""
 
     setup: Setup
     search: Search
 
     @property
     def law(self) -> Law:
-        """Of the model's units."""
+        """The law of the model's units."""
         return self.setup.laws[self.setup.data.outputs[0].name]
 
     @cached_property
     def limit(self) -> float:
-        """What twice a log likelihood ratio reaches by chance."""
+        """The threshold of twice a log likelihood ratio under the null model."""
         setup = self.setup
         return threshold(self.law, setup.on_scatter, setup.data.target, len(setup.data), setup.plan)
 
     @cached_property
     def levels(self) -> tuple[str, ...]:
-        """The names that move every unit alike, the process before the instrument."""
+        """The effects that move every unit alike, those of the process before those of the
+        instrument.
+        """
         book = self.search.book
-        names = [
+        effects = [
             member.candidate.effect
             for at, member in enumerate(book.members)
             if not member.candidate.unread and _same(book.raw.of(at))
         ]
-        return tuple(one.name for one in sorted(names, key=lambda e: e.family == INSTRUMENT))
+        return tuple(
+            effect.name for effect in sorted(effects, key=lambda e: e.family == INSTRUMENT)
+        )
 
     def moving(self, fit: Fit) -> list[Member]:
-        """What moves each unit by its own amount."""
+        """The members that move each unit by its own amount."""
         return [member for member in fit.members if member.name not in self.levels]
 
     def price(self, fit: Fit) -> float:
-        """Of the numbers of what moves single units."""
-        return sum(one.candidate.price(self.search.fitter.penalty) for one in self.moving(fit))
+        """The price of the parameters of the effects on single units."""
+        return sum(
+            member.candidate.price(self.search.fitter.penalty) for member in self.moving(fit)
+        )
 
     def plain(self, fit: Fit) -> float:
         """The score of a fit without an effect on the scatter."""
@@ -151,19 +159,23 @@ class Batch:
         level = float(np.log(len(x))) if moved else 0.0
         return self.price(fit) + level - 2.0 * float(units.law(x).sum())
 
-    def with_level(self, fit: Fit, scatter: Scatter) -> tuple[Member, ...]:
-        """The members of a fit with the name that moves all units only where `one` needs it."""
-        if any(name in self.levels for name in fit.names) == bool(scatter.beside):
+    def with_level(self, fit: Fit, scatter_effect: Scatter) -> tuple[Member, ...]:
+        """The members of a fit; the effect on all units is among them only if `scatter_effect`
+        needs it.
+        """
+        if any(name in self.levels for name in fit.names) == bool(scatter_effect.beside):
             return fit.members
-        level = [member for member in self.search.book.members if member.name == scatter.beside]
+        level = [
+            member for member in self.search.book.members if member.name == scatter_effect.beside
+        ]
         return (*self.moving(fit), *level)
 
     def unmoved(self, fit: Fit) -> Fit:
-        """The fit without what moves all units alike."""
+        """The fit without effects that move all units alike."""
         return self.search.fitter.fit(self.moving(fit))
 
     def units(self, fit: Fit, but: Sequence[str] = ()) -> Units:
-        """The units that count beside what moves each of them by its own amount, `but` stays."""
+        """The units that count, given the effects on single units except those in `but`."""
         kept = self.search.fitter.space.noises[0].kept
         residual = left_of(self.setup, fit, (*self.levels, *but))
         return Units(self.law, residual[kept], self.search.labels[kept])
@@ -171,11 +183,11 @@ class Batch:
 
 @dataclass(frozen=True)
 class Misfit:
-    """Units that scatter about their mean unlike the population: how far from it, and how far
-    chance gets, `stretched` to its width or not; `ratio` of the standard deviations, measured over
-    simulated.
+    """Units that scatter about their mean unlike the population: their distance from it and the
+    limit that chance reaches, the population `stretched` to their width or not. `ratio` is that of
+    the standard deviations, measured over simulated.
 
-    `bent` says that what moves or widens all units alike is no name for them.
+    `bent` says that no effect that moves or widens all units alike explains them.
     """
 
     distance: float
@@ -186,8 +198,8 @@ class Misfit:
 
 
 def misfit(batch: Batch, fit: Fit, wider: Scatter | None) -> Misfit | None:
-    """Whether the units beside `fit` scatter unlike the model's with `wider` in it, in whatever
-    way.
+    """The misfit of units that, given `fit`, scatter unlike the model's with `wider` in it; None
+    where they do not.
     """
     if not batch.setup.data.target.population:
         return None
@@ -200,56 +212,56 @@ def misfit(batch: Batch, fit: Fit, wider: Scatter | None) -> Misfit | None:
         return distance(law, matched(law, units.x, scaled)), limit
 
     plainly, stretched = compared(scaled=False), compared(scaled=True)
-    odd = [far > limit for far, limit in (plainly, stretched)]
-    if not any(odd):
+    exceeded = [far > limit for far, limit in (plainly, stretched)]
+    if not any(exceeded):
         return None
     ratio = float(units.x.std() / law.histogram.std())
-    bent = wider is not None or odd[1]
-    return Misfit(*(plainly if odd[0] else stretched), ratio, not odd[0], bent)
+    bent = wider is not None or exceeded[1]
+    return Misfit(*(plainly if exceeded[0] else stretched), ratio, not exceeded[0], bent)
 
 
 def scatter(batch: Batch, fit: Fit) -> tuple[Scatter, ...]:
-    """Effects on the scatter that the units beside `fit` show, the best first; none as a rule."""
+    """Effects on the scatter that are significant given `fit`, the best first; mostly none."""
     setup = batch.setup
     if not setup.on_scatter or not setup.data.target.population:
         return ()
     units = batch.units(fit)
     level = next((name for name in (*fit.names, *batch.levels) if name in batch.levels), "")
-    tried = [_tried(batch, units, one, level) for one in setup.on_scatter]
-    least = chdtri(1, setup.plan.settings.false_rate)  # of one number, not of the best
-    tried = [one for one in tried if one.gain > 0.5 * least]
-    if max((one.gain for one in tried), default=0.0) < least:
+    tried = [_tried(batch, units, candidate, level) for candidate in setup.on_scatter]
+    least = chdtri(1, setup.plan.settings.false_rate)  # of one parameter, not of the best
+    tried = [effect for effect in tried if effect.gain > 0.5 * least]
+    if max((effect.gain for effect in tried), default=0.0) < least:
         return ()
     limit = batch.limit
-    sure = [one for one in tried if one.gain > limit and one.held_out.real]
-    if not sure:
+    significant = [effect for effect in tried if effect.gain > limit and effect.held_out.real]
+    if not significant:
         return ()
-    best = min(one.score for one in sure)
-    near = [
-        replace(one, threshold=limit, distance=max(one.score - best, 0.0))
-        for one in tried
-        if one.score - best <= setup.plan.settings.set_distance and one.gain > 0.5 * limit
+    best = min(effect.score for effect in significant)
+    equivalent = [
+        replace(effect, threshold=limit, distance=max(effect.score - best, 0.0))
+        for effect in tried
+        if effect.score - best <= setup.plan.settings.set_distance and effect.gain > 0.5 * limit
     ]
-    return tuple(sorted(near, key=lambda one: one.distance))
+    return tuple(sorted(equivalent, key=lambda effect: effect.distance))
 
 
-def carrying(setup: Setup, scatter: Scatter) -> Setup:
+def carrying(setup: Setup, scatter_effect: Scatter) -> Setup:
     """The setup of the model with an effect on the scatter in it, which may move the mean."""
-    plan = replace(setup.plan, active=(*setup.plan.active, scatter.active))
-    by = scatter.moves
+    plan = replace(setup.plan, active=(*setup.plan.active, scatter_effect.active))
+    by = scatter_effect.moves
     moved = {name: values + by for name, values in setup.predicted.items()}
     return replace(setup, plan=plan, predicted=moved, residual=setup.residual - by)
 
 
 def _same(columns: Array) -> bool:
-    """Whether a column (N, 1) moves every unit alike."""
+    """Whether a column (N, 1) moves every unit by the same amount."""
     size = float(np.abs(columns).max(initial=0.0))
     return columns.shape[1] == 1 and size > 0.0 and bool(np.ptp(columns) <= LEVEL * size)
 
 
 def _tried(batch: Batch, units: Units, candidate: Candidate, level: str) -> Scatter:
-    """One effect: with the mean where the effect has it, or wherever it fits where that is far
-    likelier.
+    """One effect, fitted with the mean that the effect implies, or with a free mean where that is
+    far likelier.
     """
     data = batch.setup.data
     kind = BatchLikelihood(candidate, units.law, data.target)
@@ -280,7 +292,7 @@ def _tried(batch: Batch, units: Units, candidate: Candidate, level: str) -> Scat
 
 
 def _held_out(units: Units, centred: BatchLikelihood, start: Array) -> Improvement:
-    """Twice the rise of the log likelihood of units that the fit never saw."""
+    """Twice the increase of the log likelihood of held-out units."""
     x, falls = units.centred, []
     for block in np.unique(units.labels):
         out = units.labels == block
@@ -290,15 +302,15 @@ def _held_out(units: Units, centred: BatchLikelihood, start: Array) -> Improveme
     return Improvement(float(np.sum(falls)), error)
 
 
-def held_out_units(units: Units, scatter: Scatter, x: Array) -> Array:
-    """Deviations x (n,) of units that the fit never saw, as they stand in the population of the
-    final fit: at the rank that they have in that of a fit without their block.
+def held_out_units(units: Units, scatter_effect: Scatter, x: Array) -> Array:
+    """Deviations x (n,) of held-out units, mapped to the population of the final fit by their rank
+    in the population of a fit without their block.
     """
-    used, start = scatter.likelihood(units.law)
-    scores, whole = np.empty_like(x), scatter.changed(units.law).histogram
+    used, start = scatter_effect.likelihood(units.law)
+    deviations, whole = np.empty_like(x), scatter_effect.changed(units.law).histogram
     for block in np.unique(units.labels):
         out = units.labels == block
-        kept = x[~out] - x[~out].mean() if scatter.beside else x[~out]
-        law = used.changed(used.best(kept, start)).histogram
-        scores[out] = whole.ppf(np.clip(law.cdf(x[out]), CERTAIN, 1.0 - CERTAIN))
-    return scores
+        training = x[~out] - x[~out].mean() if scatter_effect.beside else x[~out]
+        law = used.changed(used.best(training, start)).histogram
+        deviations[out] = whole.ppf(np.clip(law.cdf(x[out]), CERTAIN, 1.0 - CERTAIN))
+    return deviations

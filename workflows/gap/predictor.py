@@ -1,4 +1,4 @@
-"""What the model predicts at the rows of the data, as a function of changes inside of it."""
+"""The prediction of the model at the rows of the data, as a function of changes inside it."""
 
 from __future__ import annotations
 
@@ -23,7 +23,9 @@ POINTS = 9
 
 
 def predictor(plan: GapPlan, data: GapData, model: MeasurableModel | None = None) -> Predict:
-    """The model of the plan (or another one) with the effects and zeros that it has already."""
+    """The predictor of the plan's model (or another one) with the effects and zeros that it already
+    has.
+    """
     of = plan.model if model is None else model
     if of is None:
         return OfTable(plan, data)
@@ -43,12 +45,12 @@ class OfTable:
 
 
 class _OfModel:
-    """Of a model, with what is in the plan and does not change the scatter of units; pickled as
-    what it was made of.
+    """Prediction of a model with the plan's effects that do not change the scatter of units;
+    pickled by its arguments.
     """
 
     means: Mapping[str, float] = MappingProxyType({})
-    """Of a population."""
+    """The mean of each output of a population."""
 
     def __init__(self, plan: GapPlan, data: GapData, model: MeasurableModel) -> None:
         self._plan, self._data, self._model = plan, data, model
@@ -70,7 +72,7 @@ class _OfModel:
 
 
 class OfRows(_OfModel):
-    """Row by row."""
+    """Prediction row by row."""
 
     def _at(self, changes: Mapping[str, Array], rng: np.random.Generator) -> Mapping[str, Array]:
         outputs = self._model.predict(self._data.readings.table, rng, changes or NO_CHANGES)
@@ -78,8 +80,8 @@ class OfRows(_OfModel):
 
 
 class OfMeanUnit(_OfModel):
-    """The mean unit of a population, each row with its own changes inside: what a batch is compared
-    with, unit by unit.
+    """The mean unit of a population, each row with its own changes inside: the reference of each
+    unit of a batch.
     """
 
     def __init__(self, plan: GapPlan, data: GapData, model: MeasurableModel) -> None:
@@ -87,12 +89,12 @@ class OfMeanUnit(_OfModel):
         self.means = model.means()
 
     def _at(self, changes: Mapping[str, Array], rng: np.random.Generator) -> Mapping[str, Array]:
-        """Means with changes, those of several quantities added up."""
+        """Means with changes; the changes of several quantities are added."""
         by = carried(self._plan.active, self._data.target)
         outputs = {name: np.full(len(self._data), value + by) for name, value in self.means.items()}
         for quantity, values in changes.items():
             at = np.unique(np.linspace(np.min(values), np.max(values), POINTS))
-            means = [self._model.means({quantity: one}) for one in at]
+            means = [self._model.means({quantity: size}) for size in at]
             for name, value in self.means.items():
                 curve = np.array([mean[name] for mean in means]) - value
                 degree = min(3, len(at) - 1)

@@ -1,4 +1,4 @@
-"""How far a gap analysis is."""
+"""Progress of a gap analysis."""
 
 from __future__ import annotations
 
@@ -8,7 +8,9 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class GapProgress:
-    """What is being done; of replicates how many of them are, and the time left [s]."""
+    """The current phase; for replicates the numbers done and in total, and the remaining time
+    [s].
+    """
 
     phase: str
     done: int = 0
@@ -20,4 +22,4 @@ Tell = Callable[[GapProgress], None]
 
 
 def silent(progress: GapProgress) -> None:
-    """Tells nobody."""
+    """Ignore the progress."""

@@ -1,4 +1,6 @@
-"""How the units of a batch are spread: measured, and drawn from the model before and after."""
+"""Quantiles of the units of a batch: measured, and drawn from the model before and after
+correction.
+"""
 
 from __future__ import annotations
 
@@ -16,13 +18,13 @@ from .result import Ending
 
 COLUMNS = ("output", "share", "measured", "before", "after")
 DRAWN = 20_000
-"""Units drawn of a model, at least."""
+"""Least number of units drawn from a model."""
 MOST = 400
-"""Quantiles of a distribution."""
+"""Largest number of quantiles of a distribution."""
 
 
 def spread_of_units(plan: GapPlan, data: GapData, end: Ending) -> pd.DataFrame:
-    """Quantiles by output at shares of the units; empty where the model is of no population."""
+    """Quantiles by output at fractions of the units; empty where the model has no population."""
     if plan.model is None or not data.target.population:
         return pd.DataFrame({name: [] for name in COLUMNS})
     free = end.model.free()
@@ -31,16 +33,16 @@ def spread_of_units(plan: GapPlan, data: GapData, end: Ending) -> pd.DataFrame:
         Active(member.candidate.effect, end.model.effect(member.name))
         for member in end.model.members
     ]
-    scatter = [one.active for one in end.analysis.scatter[:1]]
+    scatter = [effect.active for effect in end.analysis.scatter[:1]]
     before = _drawn(plan, data, plan.model, plan.active)
     after = _drawn(plan, data, model, (*plan.active, *named, *scatter))
     count = min(MOST, len(data))
-    shares = (np.arange(count) + 0.5) / count
+    fractions = (np.arange(count) + 0.5) / count
     sides = {"measured": data.measured, "before": before, "after": after}
     parts = [
         pd.DataFrame(
-            {"output": output.name, "share": shares}
-            | {side: np.quantile(of[output.name], shares) for side, of in sides.items()}
+            {"output": output.name, "share": fractions}
+            | {side: np.quantile(values[output.name], fractions) for side, values in sides.items()}
         )
         for output in data.outputs
     ]
@@ -50,7 +52,7 @@ def spread_of_units(plan: GapPlan, data: GapData, end: Ending) -> pd.DataFrame:
 def _drawn(
     plan: GapPlan, data: GapData, model: MeasurableModel, effects: Sequence[Active]
 ) -> dict[str, Array]:
-    """Units (m,) at the inputs of the data, each visited as often."""
+    """Units (m,) drawn at the inputs of the data, equally many at each."""
     table = data.readings.table
     runs = [
         predicted(

@@ -27,14 +27,14 @@ from .units import LEAST, numbered, one_per_unit, too_few
 
 TIME = Column("time_s", "s", "order of measuring", False, role=Role.TIME)
 SAME = 1e-12
-"""Relative range of readings that are all the same."""
+"""Relative range below which measurements count as all the same."""
 NO_DIRECTION = (
     "a direction is +1 or -1; beside a speed that has its sign, leave the column out, and else the "
     "rows at rest"
 )
 REPEAT = Column("repeat", "", "number of the repeat", False, role=Role.REPEAT)
 LARGEST = 1e100
-"""Readings whose squares are still numbers."""
+"""Largest measurement: its square is still finite."""
 ABSOLUTE_ZERO = -273.15
 """[degC]"""
 
@@ -42,7 +42,9 @@ ABSOLUTE_ZERO = -273.15
 def read_data(
     plan: GapPlan, path: Path, options: tables.ReadOptions = tables.AS_DETECTED
 ) -> GapData:
-    """The data in `path`. Raises InputError with every fault; rows are named by line number."""
+    """The data in `path`. Raises InputError with every fault; rows are identified by line
+    number.
+    """
     data, faults = checked(plan, path, options)
     raise_all(faults)
     assert data is not None
@@ -52,7 +54,9 @@ def read_data(
 def checked(
     plan: GapPlan | None, path: Path, options: tables.ReadOptions = tables.AS_DETECTED
 ) -> tuple[GapData | None, list[Fault]]:
-    """The data in `path`, or every fault of them: of their form alone where there is no plan."""
+    """The data in `path`, or every fault in them; without a plan only faults of the form are
+    found.
+    """
     return checked_table(plan, *tables.opened(path, path.name, options), path.name, path)
 
 
@@ -63,42 +67,44 @@ def checked_table(
     place: str,
     path: Path | None = None,
 ) -> tuple[GapData | None, list[Fault]]:
-    """`checked` of a table that was opened, from a file or not, with the faults of its form."""
+    """`checked` for a table that has been opened, from a file or not, with the faults of its
+    form.
+    """
     if plan is None or table is None:
         return None, faults
     fitted = tables.fitted(table, place, _units(plan), plan.uses)
-    given, faults = fitted.cells, [*faults, *fitted.faults]
-    columns, outputs, predictions, stds = _layout(plan, given)
+    cells, faults = fitted.cells, [*faults, *fitted.faults]
+    columns, outputs, predictions, stds = _layout(plan, cells)
     notes: list[str] = []
     if plan.model is not None and plan.model.population:
-        given = numbered(given, columns, place, notes)
-    faults += _missing_outputs(plan, given, outputs, place)
+        cells = numbered(cells, columns, place, notes)
+    faults += _missing_outputs(plan, cells, outputs, place)
     wanted = [*(c.name for c in columns), *(o.name for o in outputs)]
     wanted += [*predictions.values(), *stds.values()]
-    extra = [] if plan.blocks in ("auto", *wanted) or plan.blocks not in given else [plan.blocks]
+    extra = [] if plan.blocks in ("auto", *wanted) or plan.blocks not in cells else [plan.blocks]
     spare = [SESSION] if SESSION not in (*extra, *wanted) else []
-    unused = _unused(plan, given, [*_needed(plan, columns, predictions), *wanted, *extra, *spare])
-    frame, parsed = tables.parsed(
-        given.drop(columns=[*_ignored(plan, given), *unused]),
+    unused = _unused(plan, cells, [*_needed(plan, columns, predictions), *wanted, *extra, *spare])
+    frame, new_faults = tables.parsed(
+        cells.drop(columns=[*_ignored(plan, cells), *unused]),
         place,
         needed=_needed(plan, columns, predictions),
         optional=[*wanted, *extra, *spare],
         text={c.name for c in columns if c.text} | set(extra) | set(spare),
     )
-    frame, parsed = _dropped(plan, frame, parsed, notes)
-    faults += parsed + _block_faults(plan, given, frame, place)
+    frame, new_faults = _dropped(plan, frame, new_faults, notes)
+    faults += new_faults + _block_faults(plan, cells, frame, place)
     if not faults and plan.model is not None:
         if plan.model.population:
-            frame, parsed = one_per_unit(frame, columns, place, notes)
-            faults += parsed
+            frame, new_faults = one_per_unit(frame, columns, place, notes)
+            faults += new_faults
         else:
             faults += too_few(frame, columns, place)
-    if len(given):
+    if len(cells):
         faults += _content_faults(plan, frame, columns, outputs, predictions, stds, place)
         faults += clock_faults(frame, columns, place)
     if faults:
         return None, faults
-    there = tuple(c for c in columns if c.name in frame)
+    present = tuple(c for c in columns if c.name in frame)
     notes += [
         f"no column {c.name} ({c.meaning}): what depends on it cannot be seen, and "
         "where it varied another effect may be named instead"
@@ -110,8 +116,8 @@ def checked_table(
             f"a {SESSION} may have a level of its own; [validation] blocks = "
             f'"{SESSION}" would hold out one after the other'
         )
-    notes += [*told_apart(frame, there), *late(frame, there), *_said_of(unused)]
-    data = assembled(plan, frame, there, outputs, predictions, stds, notes)
+    notes += [*told_apart(frame, present), *late(frame, present), *_unused_note(unused)]
+    data = assembled(plan, frame, present, outputs, predictions, stds, notes)
     if faults := range_faults(plan, data, place):
         return None, faults
     understood = (*table.lines(place), *(f"{place}: {note}" for note in fitted.notes))
@@ -120,7 +126,7 @@ def checked_table(
 
 
 def _units(plan: GapPlan) -> dict[str, str]:
-    """The unit of every column that the data can have, by name; those of a table as configured."""
+    """The unit of every column that the data can have, by name; for a table, as configured."""
     if plan.model is None:
         return {name: column.unit for name, column in plan.columns.items()}
     outputs = {output.name: output.unit for output in plan.model.outputs}
@@ -129,16 +135,16 @@ def _units(plan: GapPlan) -> dict[str, str]:
     return {SESSION: "", plan.blocks: ""} | columns | stds | outputs
 
 
-def _unused(plan: GapPlan, given: pd.DataFrame, known: Sequence[str]) -> list[str]:
-    """Columns of the file that have no role, but those whose name may be a slip of one that has."""
-    others = set(_ignored(plan, given)) | set(known)
-    free = [] if plan.model is None else [name for name in known if name not in given]
-    spare = [str(name) for name in given.columns if name not in others]
+def _unused(plan: GapPlan, cells: pd.DataFrame, known: Sequence[str]) -> list[str]:
+    """Columns of the file without a role, except those whose name may be a misspelt one."""
+    known_columns = set(_ignored(plan, cells)) | set(known)
+    free = [] if plan.model is None else [name for name in known if name not in cells]
+    spare = [str(name) for name in cells.columns if name not in known_columns]
     return [name for name in spare if not nearest(name, free)]
 
 
-def _said_of(unused: Sequence[str]) -> list[str]:
-    """What to say of columns without a role."""
+def _unused_note(unused: Sequence[str]) -> list[str]:
+    """The note on columns without a role."""
     if not unused:
         return []
     listed = ", ".join(unused[:10]) + (", ..." if len(unused) > 10 else "")
@@ -146,7 +152,7 @@ def _said_of(unused: Sequence[str]) -> list[str]:
 
 
 def _digest(table: tables.Table, path: Path | None) -> str:
-    """SHA-256 of a file, or of the cells of a table that is in none."""
+    """SHA-256 of a file, or of the cells of a table that has no file."""
     if path is None:
         return hashlib.sha256(table.cells.to_csv(index=False).encode()).hexdigest()
     with path.open("rb") as file:
@@ -154,14 +160,14 @@ def _digest(table: tables.Table, path: Path | None) -> str:
 
 
 def _block_faults(
-    plan: GapPlan, given: pd.DataFrame, frame: pd.DataFrame, place: str
+    plan: GapPlan, cells: pd.DataFrame, frame: pd.DataFrame, place: str
 ) -> list[Fault]:
-    """A column to validate by that is not there, or that holds one label only."""
+    """Faults of a validation column that is missing or holds a single label."""
     name, key = plan.blocks, "validation.blocks"
     if name == "auto":
         return []
-    if name not in given:
-        close = nearest(name, map(str, given.columns))
+    if name not in cells:
+        close = nearest(name, map(str, cells.columns))
         return [Fault(key, f'{place} has no column "{name}"{close}; name one, or "auto"')]
     if name in frame and len(frame) and len(set(frame[name])) == 1:
         return [
@@ -175,12 +181,12 @@ def _block_faults(
 
 
 def _layout(
-    plan: GapPlan, given: pd.DataFrame
+    plan: GapPlan, cells: pd.DataFrame
 ) -> tuple[tuple[Column, ...], tuple[Output, ...], dict[str, str], dict[str, str]]:
     """Input columns, outputs, and the columns of predictions and of known noise by output."""
     if plan.model is not None:
-        outputs = tuple(o for o in plan.model.outputs if o.name in given)
-        stds = {o.name: f"{o.name}_std" for o in outputs if f"{o.name}_std" in given}
+        outputs = tuple(o for o in plan.model.outputs if o.name in cells)
+        stds = {o.name: f"{o.name}_std" for o in outputs if f"{o.name}_std" in cells}
         return (*plan.model.columns, TIME, REPEAT), outputs, {}, stds
     roles = plan.columns
     outputs = tuple(Output(n, c.unit, "measured") for n, c in roles.items() if c.role == "measured")
@@ -196,7 +202,7 @@ def _layout(
         for role in ("predicted", "std")
     }
     unlisted = {o.name: f"{o.name}_std" for o in outputs if f"{o.name}_std" not in roles}
-    stds = {name: std for name, std in unlisted.items() if std in given} | by["std"]
+    stds = {name: std for name, std in unlisted.items() if std in cells} | by["std"]
     return inputs, outputs, by["predicted"], stds
 
 
@@ -206,24 +212,24 @@ def _needed(
     return [c.name for c in columns if c.needed] + list(predictions.values())
 
 
-def _ignored(plan: GapPlan, given: pd.DataFrame) -> list[str]:
-    """Columns of a table whose role is `ignore`, but the one that it is validated by."""
+def _ignored(plan: GapPlan, cells: pd.DataFrame) -> list[str]:
+    """Columns of a table whose role is `ignore`, except the validation column."""
     return [
-        n for n, c in plan.columns.items() if c.role == "ignore" and n in given and n != plan.blocks
+        n for n, c in plan.columns.items() if c.role == "ignore" and n in cells and n != plan.blocks
     ]
 
 
 def _missing_outputs(
-    plan: GapPlan, given: pd.DataFrame, outputs: tuple[Output, ...], place: str
+    plan: GapPlan, cells: pd.DataFrame, outputs: tuple[Output, ...], place: str
 ) -> list[Fault]:
-    """Measured columns that are not there."""
+    """Faults of measured columns that are missing."""
     faults = []
     if plan.model is not None and not outputs:
         names = ", ".join(o.name for o in plan.model.outputs)
         faults.append(Fault(place, f"holds none of the measured outputs: {names}"))
     if plan.model is None:
         faults += [
-            Fault(place, f"column {o.name} is missing") for o in outputs if o.name not in given
+            Fault(place, f"column {o.name} is missing") for o in outputs if o.name not in cells
         ]
     return faults
 
@@ -231,13 +237,13 @@ def _missing_outputs(
 def _dropped(
     plan: GapPlan, frame: pd.DataFrame, faults: list[Fault], notes: list[str]
 ) -> tuple[pd.DataFrame, list[Fault]]:
-    """Rows with a cell that is no finite number: faults, or dropped where that was asked for."""
+    """Rows with a cell that is no finite number: faults, or dropped where the plan says so."""
     cells = [
         fault for fault in faults if ": row " in fault.place or fault.message.endswith("bad cells")
     ]
     if not cells:
         return frame, faults
-    others = [fault for fault in faults if fault not in cells]
+    other_faults = [fault for fault in faults if fault not in cells]
     if not plan.drop_bad_rows:
         return frame, [
             *faults,
@@ -250,7 +256,7 @@ def _dropped(
         f"{int(bad.sum())} rows with a cell that is no finite number were dropped, as "
         f"asked: rows {shown}{more}"
     )
-    return frame[~bad], others
+    return frame[~bad], other_faults
 
 
 def _content_faults(
@@ -262,7 +268,7 @@ def _content_faults(
     stds: Mapping[str, str],
     place: str,
 ) -> list[Fault]:
-    """What the numbers themselves cannot be."""
+    """Faults of the values in the table."""
     faults = []
     count = 1 + len(plan.free) + len(outputs)
     if len(frame) < max(LEAST, 2 * count):
@@ -297,7 +303,7 @@ def _content_faults(
 
 
 def _varies(plan: GapPlan, frame: pd.DataFrame, columns: tuple[Column, ...]) -> bool:
-    """Whether rows differ in what was set, or are units of a population."""
+    """Whether an input varies over the rows, or the rows are units of a population."""
     if plan.model is not None and plan.model.population:
         return True
     numbers = [c.name for c in columns if not c.text and c.role is not Role.REPEAT]
@@ -307,7 +313,7 @@ def _varies(plan: GapPlan, frame: pd.DataFrame, columns: tuple[Column, ...]) -> 
 def _range_faults(
     plan: GapPlan, frame: pd.DataFrame, columns: tuple[Column, ...], place: str
 ) -> list[Fault]:
-    """Cells beyond what is physical, or beyond the range of the model."""
+    """Faults of cells outside the physical range or the range of the model."""
     faults = []
     for column in columns:
         if column.role is Role.TEMPERATURE and column.name in frame:
@@ -325,14 +331,14 @@ def _range_faults(
 def _cells(
     frame: pd.DataFrame, column: str, bad: pd.Series[bool], place: str, text: str
 ) -> list[Fault]:
-    """The same fault in some cells of a column."""
+    """The same fault for some cells of a column."""
     return tables.cell_faults(place, column, dict.fromkeys(frame.index[bad], text))
 
 
 def _measured_faults(
     frame: pd.DataFrame, name: str, prediction: str | None, place: str
 ) -> list[Fault]:
-    """A measurement that never changes, or that the prediction is a copy of."""
+    """Faults of a measurement that never changes, or that the prediction copies."""
     text = "is beyond anything that is measured"
     faults = _cells(frame, name, frame[name].abs() > LARGEST, place, text)
     values = frame[name].dropna().to_numpy()
@@ -341,8 +347,8 @@ def _measured_faults(
         faults.append(Fault(f"{place}: column {name}", text))
     if prediction in frame:
         both = frame[[name, prediction]].dropna()
-        difference = (both[name] - both[prediction]).to_numpy()
-        moved = len(both) > 1 and np.ptp(difference) <= SAME * np.abs(values).max()
+        residual = (both[name] - both[prediction]).to_numpy()
+        moved = len(both) > 1 and np.ptp(residual) <= SAME * np.abs(values).max()
         if moved or (len(both) and alike(both[name], both[prediction])):
             text = f"is a copy of {name}: a prediction comes from the simulation, not from the data"
             faults.append(Fault(f"{place}: column {prediction}", text))
@@ -350,7 +356,7 @@ def _measured_faults(
 
 
 def finite_faults(predicted: Mapping[str, Any], rows: Any, place: str = "data") -> list[Fault]:
-    """Rows at which the model has no finite prediction: outside of its range."""
+    """Faults of rows where the model has no finite prediction: they are outside its range."""
     faults = []
     for name, values in predicted.items():
         bad = np.flatnonzero(~np.isfinite(values))

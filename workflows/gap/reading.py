@@ -1,4 +1,4 @@
-"""What an instrument reads: the prediction, and all that is found beside it."""
+"""The quantity that an instrument reads: the prediction with all effects added to it."""
 
 from __future__ import annotations
 
@@ -15,18 +15,17 @@ from .setup import Setup
 from .space import Space
 
 COARSE = 0.25
-"""Share of the residual's scatter from which the steps of readings are worth a word."""
+"""Fraction of the residual's scatter from which the steps of measurements are noted."""
 
 READ, CLOSER = 8, 0.01
-"""How often the instrument reads what was fitted, at most, and the share of the squares that a
-further time must save."""
+"""Largest number of iterations, and the fraction of the squares that a further one must save."""
 
 
 def as_read(setup: Setup, fit: Fit | None = None) -> Setup:
     """The setup in which an instrument reads the zeros and the effects of a fit as well.
 
-    Without a fit the zero of an output is the median of its residual. The setup itself where no
-    effect of its library is in the reading.
+    Without a fit the zero of an output is the median of its residual. The setup is unchanged where
+    no effect of its library acts on the measurement itself.
     """
     if not any(_reads(setup, candidate) for candidate in setup.library):
         return setup
@@ -49,8 +48,8 @@ def as_read(setup: Setup, fit: Fit | None = None) -> Setup:
 
 
 def read_again(setup: Setup, space: Space, fit: Fit) -> tuple[Setup, Fit]:
-    """The members of a fit fitted about a setup, and the setup in which the instrument reads what
-    they add: where one of them acts on the reading, until it reads what is fitted.
+    """The setup in which the instrument reads what the members of a fit add, and their fit in it;
+    iterated to convergence where a member acts on the measurement itself.
     """
     before = np.inf
     for _ in range(READ):
@@ -65,24 +64,28 @@ def read_again(setup: Setup, space: Space, fit: Fit) -> tuple[Setup, Fit]:
 
 
 def resolution(setup: Setup, output: str) -> float:
-    """What the steps of an output's readings alone scatter by, 0 where it is read in none."""
+    """The standard deviation due to the steps of an output's measurements; 0 where there are
+    none.
+    """
     return float((step_of(setup.data.measured[output]) or 0.0) / np.sqrt(12.0))
 
 
 def _coarse(setup: Setup, output: Output, residual: Array) -> str:
-    """What to say of readings whose steps are no small part of their residual (n,)."""
+    """The note on measurements whose steps are a large part of their residual (n,); empty where
+    not.
+    """
     scatter, whole = resolution(setup, output.name), float(np.std(residual))
     if scatter <= COARSE * whole:
         return ""
-    step, share = scatter * np.sqrt(12.0), 100.0 * min(scatter / whole, 1.0)
+    step, percent = scatter * np.sqrt(12.0), 100.0 * min(scatter / whole, 1.0)
     return (
         f"{output.name} is read in steps of {step:.4g} {output.unit}: their scatter alone is "
-        f"{share:.0f} % of what the model leaves"
+        f"{percent:.0f} % of what the model leaves"
     )
 
 
 def _reads(setup: Setup, candidate: Candidate) -> bool:
-    """Whether a candidate acts on the reading itself."""
+    """Whether a candidate acts on the measurement itself."""
     values = {number.name: max(number.choices, default=1.0) for number in candidate.shape}
     data = setup.data
     return candidate.alone and bool(

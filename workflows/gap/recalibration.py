@@ -1,4 +1,4 @@
-"""Recalibration that goes so far that it may hide a cause."""
+"""Recalibration so large that it may hide a cause."""
 
 from __future__ import annotations
 
@@ -8,24 +8,29 @@ from .ending_records import recalibrated
 from .result import Ending
 
 FAR = 0.5
-"""Share of its tolerance from which a parameter has moved far."""
+"""Fraction of its tolerance from which a parameter has moved far."""
 SURE = 4.0
-"""Standard errors that it must have moved."""
+"""Number of standard errors that it must have moved."""
 
 
 def moved_far(end: Ending) -> str:
-    """What to say of parameters that moved far, beyond their errors; empty where none has."""
+    """The note on parameters that moved far and beyond their errors; empty where none has."""
     model = end.model
     pairs = zip(model.numbers, model.errors.tolist(), strict=True)
-    errors = {one.name: float(error) for one, error in pairs if one.kind == "free"}
+    errors = {number.name: float(error) for number, error in pairs if number.kind == "free"}
     return said(
-        (move.name, move.after - move.before, move.tolerance, errors[move.name])
-        for move in recalibrated(end)
+        (
+            parameter.name,
+            parameter.after - parameter.before,
+            parameter.tolerance,
+            errors[parameter.name],
+        )
+        for parameter in recalibrated(end)
     )
 
 
 def said(moves: Iterable[tuple[str, float, float, float]]) -> str:
-    """The same of names, moves, tolerances and standard errors."""
+    """The same note from names, moves, tolerances and standard errors."""
     far = [
         name
         for name, move, tolerance, error in moves

@@ -1,4 +1,4 @@
-"""What is left without a name beside what is named, as records."""
+"""The unidentified remainder given the identified effects, as records."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from .result import Ending
 from .unresolved import is_term
 
 MOST = 3
-"""Forms beside the terms that are listed."""
+"""Number of forms listed in addition to the terms."""
 
 
 def struck_of(analysis: Analysis) -> tuple[str, ...]:
-    """Names that were accepted and are not in the answer: their form is not that of the data."""
+    """Effects that were accepted and are not in the answer: their form is not that of the data."""
     lost = tuple(analysis.fit.names[at] for at in analysis.judged.lost)
     return (*lost, *analysis.struck)
 
 
 def terms_of(end: Ending) -> tuple[UnresolvedTerm, ...]:
-    """The terms without a name that are in the corrected model."""
+    """The generic terms that are in the corrected model."""
     fitter, terms = end.analysis.search.fitter, []
     for at, member in enumerate(end.fit.members):
         if not is_term(member):
@@ -44,7 +44,9 @@ def terms_of(end: Ending) -> tuple[UnresolvedTerm, ...]:
 
 
 def remainder_of(end: Ending) -> tuple[Remainder, ...]:
-    """What stands out beside the named effects: the terms, and forms that are in none."""
+    """The remainder given the identified effects: the generic terms, and significant forms in none
+    of them.
+    """
     if not end.remains:
         return ()
     if not end.rows:
@@ -54,56 +56,58 @@ def remainder_of(end: Ending) -> tuple[Remainder, ...]:
         if is_term(member):
             term = _effect(member).term
             together.setdefault((term.output, frozenset(term.variables)), []).append(member)
-    return (*(_of_terms(end, of) for of in together.values()), *_of_forms(end))
+    return (*(_of_terms(end, members) for members in together.values()), *_of_forms(end))
 
 
 def _of_scatter(end: Ending) -> tuple[Remainder, ...]:
-    """Units that scatter about their mean in a way that nothing named has; the floor is what chance
-    reaches.
+    """Units that scatter about their mean in a way that no identified effect explains; the floor is
+    what chance reaches.
     """
-    odd, output = end.analysis.misfit, end.setup.data.outputs[0]
-    if odd is None:
+    misfit, output = end.analysis.misfit, end.setup.data.outputs[0]
+    if misfit is None:
         return ()
     whole = gaps(end).before[output.name]
-    text = f"{odd.ratio:.2f} times the standard deviation of the population"
-    text = f"another shape than the population's, {text}" if odd.stretched else text
-    share = min(1.0, (odd.distance / max(whole, 1e-300)) ** 2)
+    text = f"{misfit.ratio:.2f} times the standard deviation of the population"
+    text = f"another shape than the population's, {text}" if misfit.stretched else text
+    fraction = min(1.0, (misfit.distance / max(whole, 1e-300)) ** 2)
     return (
         Remainder(
             output.name,
             ("scatter of the units",),
             text,
-            odd.distance,
+            misfit.distance,
             output.unit,
-            odd.distance / odd.limit,
-            share,
+            misfit.distance / misfit.limit,
+            fraction,
         ),
     )
 
 
 def _beyond(end: Ending) -> float:
-    """The squared gap beyond the noise, in noise units."""
+    """The squared gap in excess of the noise, in noise units."""
     empty = end.analysis.ground.empty
     return max(empty.rss - end.analysis.search.fitter.space.count, 1e-300)
 
 
-def _of_terms(end: Ending, of: Sequence[Member]) -> Remainder:
-    """Terms of the same variables as one: each may be many times what they are together."""
-    terms, setup = [_effect(one).term for one in of], end.setup
+def _of_terms(end: Ending, members: Sequence[Member]) -> Remainder:
+    """Terms of the same variables as one: each may be many times larger than their sum."""
+    terms, setup = [_effect(member).term for member in members], end.setup
     first = terms[0]
     at = [o.name for o in setup.data.outputs].index(first.output)
     n, fitter = len(setup.data), end.analysis.search.fitter
     added, white = np.zeros(n), np.zeros(len(fitter.y))
-    for one in of:
-        coefficients = end.fit.coefficients[end.fit.members.index(one)]
-        whole = setup.columns.of(one.candidate, one.shape) @ coefficients
+    for member in members:
+        coefficients = end.fit.coefficients[end.fit.members.index(member)]
+        whole = setup.columns.of(member.candidate, member.shape) @ coefficients
         added = added + whole[at * n : (at + 1) * n]
-        white = white + fitter.white(one) @ coefficients
+        white = white + fitter.white(member) @ coefficients
     rms, unit = float(np.std(added)), setup.data.outputs[at].unit
-    white = beside(white, fitter.q)  # not what the zero and what is free would do
-    share = min(1.0, float(white @ white) / _beyond(end))
+    white = beside(white, fitter.q)  # without the part that the zeros and free parameters span
+    fraction = min(1.0, float(white @ white) / _beyond(end))
     text = ", and ".join(dict.fromkeys(shape(term) for term in terms))
-    return Remainder(first.output, first.variables, text, rms, unit, rms / _level(end, at), share)
+    return Remainder(
+        first.output, first.variables, text, rms, unit, rms / _level(end, at), fraction
+    )
 
 
 def _level(end: Ending, output: int) -> float:
@@ -111,33 +115,33 @@ def _level(end: Ending, output: int) -> float:
 
 
 def _of_forms(end: Ending) -> tuple[Remainder, ...]:
-    """Of forms that are significant still beside the terms, the strongest of each variable."""
-    generic, residual = end.analysis.ground.generic, end.analysis.judged.left
-    terms: dict[tuple[int, str], Remainder] = {}
+    """The strongest form of each variable that is still significant given the terms."""
+    generic, remaining = end.analysis.ground.generic, end.analysis.judged.left
+    remainders: dict[tuple[int, str], Remainder] = {}
     for at in end.analysis.judged.significant:
         form, output = generic.forms[at], int(generic.outputs[at])
         key = (output, form.variable)
-        if key in terms or len(terms) >= MOST:
+        if key in remainders or len(remainders) >= MOST:
             continue
-        output_record = end.setup.data.outputs[output]
+        declared_output = end.setup.data.outputs[output]
         ratio = float(
-            np.sqrt(max(residual.gains[at], 0.0) / end.analysis.search.fitter.space.readings)
+            np.sqrt(max(remaining.gains[at], 0.0) / end.analysis.search.fitter.space.readings)
         )
         name = f"order {form.order:g}" if form.kind == "order" else form.kind
         text = f"an {name}" if name[0] in "aeiou" else f"a {name}"
         text += f" of {form.variable}" + (f", {form.detail}" if form.detail else "")
         text = f"a level of its own in each {form.variable}" if form.shape == LEVELS else text
         text += ", opposite in the two directions" if form.direction else ""
-        terms[key] = Remainder(
-            output_record.name,
+        remainders[key] = Remainder(
+            declared_output.name,
             (form.variable, *form.more),
             text,
             ratio * _level(end, output),
-            output_record.unit,
+            declared_output.unit,
             ratio,
-            min(1.0, float(residual.gains[at]) / _beyond(end)),
+            min(1.0, float(remaining.gains[at]) / _beyond(end)),
         )
-    return tuple(terms.values())
+    return tuple(remainders.values())
 
 
 def _effect(member: Member) -> Unresolved:
@@ -160,11 +164,11 @@ def shape(term: Term) -> str:
         "curve": f"a curve over {term.variable}",
         "levels": f"a level of its own in each {term.variable}",
     }
-    shape_name = kinds[term.shape].removesuffix(" to the power 1")
+    text = kinds[term.shape].removesuffix(" to the power 1")
     if term.shape == "power":
         signs = (term.exponent % 2 == 1) == term.signed
-        shape_name += "" if signs or term.zero else ", odd" if term.signed else ", of the magnitude"
+        text += "" if signs or term.zero else ", odd" if term.signed else ", of the magnitude"
     if term.times and term.shape != "product":
         power = f"^{term.times_exponent:g}" if term.times_exponent != 1.0 else ""
-        shape_name += f" times {term.times}{power}"
-    return shape_name + (", opposite in the two directions" if term.turns else "")
+        text += f" times {term.times}{power}"
+    return text + (", opposite in the two directions" if term.turns else "")

@@ -1,4 +1,4 @@
-"""The replicates of a bootstrap, kept in a file as they end, and whose they are."""
+"""The replicates of a bootstrap, kept in a file as they end, and the identity of their analysis."""
 
 from __future__ import annotations
 
@@ -22,16 +22,18 @@ from .plan import GapPlan
 FILE = "replicates.jsonl"
 CONFIGURATION = "config.toml"
 WHOLE = "gap.json"
-"""Written last: where it is, the analysis has ended."""
+"""Written last: the analysis has ended where it exists."""
 BUDGET = "settings.bootstrap"
-"""The key that may differ between an analysis and what goes on with it: it may grow."""
+"""The key whose value may grow when an analysis is resumed."""
 Replicate = Mapping[str, Mapping[str, float]]
-"""Effects that a replicate names, with their parameters."""
+"""The effects that a replicate identifies, with their parameters."""
 
 
 @dataclass(frozen=True, slots=True)
 class Identity:
-    """What an analysis is of: its configuration (TOML), the SHA-256 of its data, the version."""
+    """The identity of an analysis: its configuration (TOML), the SHA-256 of its data, the
+    version.
+    """
 
     configuration: str
     data: str
@@ -39,14 +41,16 @@ class Identity:
 
 
 def identity_of(plan: GapPlan, data: GapData) -> Identity:
-    """Of this analysis; what units are simulated as may stand in other files."""
+    """The identity of this analysis. Its drawing may stand in other files, so it is part of the
+    digest.
+    """
     drawn = f"{data.digest} {plan.drawing}".encode() if plan.drawing else b""
     digest = hashlib.sha256(drawn).hexdigest() if drawn else data.digest
     return Identity(plan.configuration, digest, version("tolevo"))
 
 
 class Replicates:
-    """What replicates named, by number; kept in `path` where there is one."""
+    """The effects that replicates identified, by number; kept in `path` where there is one."""
 
     def __init__(
         self,
@@ -60,17 +64,19 @@ class Replicates:
         self._retire = retire
 
     def begin(self) -> None:
-        """Retire an older result, then write whose they are, and those that are known already."""
+        """Retire an older result, then write the identity and the replicates that are known
+        already.
+        """
         if self.path is None or self.identity is None:
             return
         self._retire()
         write_text(self.path.with_name(CONFIGURATION), self.identity.configuration)
         lines = [_head(self.identity)]
-        lines += [self._line(number, one) for number, one in sorted(self.found.items())]
+        lines += [self._line(number, replicate) for number, replicate in sorted(self.found.items())]
         write_text(self.path, "".join(f"{line}\n" for line in lines))
 
     def keep(self, replicates: Mapping[int, Replicate]) -> None:
-        """Add some that have ended."""
+        """Add replicates that have ended."""
         self.found |= replicates
         if self.path is not None:
             with self.path.open("a", encoding="utf-8") as file:
@@ -82,7 +88,7 @@ class Replicates:
                 file.flush()
 
     def missing(self, count: int) -> list[int]:
-        """Numbers of those that have not ended, out of so many."""
+        """The numbers below `count` of replicates that have not ended."""
         return [number for number in range(count) if number not in self.found]
 
     def _line(self, number: int, replicate: Replicate) -> str:
@@ -93,9 +99,9 @@ class Replicates:
 
 
 def opened(place: Ownership, identity: Identity, resume: bool) -> Replicates:
-    """Those of an analysis into a directory: none, or with `resume` those that it holds.
+    """The replicates of an analysis into a directory: none, or with `resume` those that it holds.
 
-    Raises InputError where what it holds is not the same analysis, or none.
+    Raises InputError where it holds another analysis, or none.
     """
     folder = place.folder
     keep = (CONFIGURATION, FILE) if resume else (CONFIGURATION,)
@@ -111,8 +117,8 @@ def opened(place: Ownership, identity: Identity, resume: bool) -> Replicates:
 
 
 def is_whole(place: Ownership, identity: Identity) -> bool:
-    """Whether a directory holds this analysis, ended; one without a manifest is of an earlier
-    version.
+    """Whether a directory holds this analysis and it has ended; one without a manifest is of an
+    earlier version.
     """
     files = (place.folder / FILE, place.folder / WHOLE)
     if place.standing.unfinished is not None or not all(file.is_file() for file in files):
@@ -123,7 +129,7 @@ def is_whole(place: Ownership, identity: Identity) -> bool:
 
 
 def _head(identity: Identity) -> str:
-    """The first line: whose the others are."""
+    """The first line: the identity of the analysis."""
     return json.dumps(sealed_record(asdict(identity)))
 
 
@@ -132,7 +138,7 @@ def _name(identity: Identity) -> str:
 
 
 def _read(path: Path) -> tuple[Identity, dict[int, Replicate]]:
-    """Whose they are, and all whole lines; the last one may have been cut."""
+    """The identity, and the replicates of all whole lines; the last line may have been cut."""
     place = str(path)
     try:
         first, *lines = path.read_bytes().decode("utf-8").split("\n")
@@ -149,7 +155,7 @@ def _read(path: Path) -> tuple[Identity, dict[int, Replicate]]:
 
 
 def _faults(old: Identity, new: Identity) -> list[Fault]:
-    """What makes this another analysis than that to be gone on with."""
+    """Differences between this analysis and the one to be resumed, as faults."""
     undo = "undo the change, or start again with --overwrite"
     was, now = (flat(tomllib.loads(identity.configuration)) for identity in (old, new))
     faults = [

@@ -1,4 +1,4 @@
-"""The ending of an analysis: its verdict, and the effects that keep their names."""
+"""The ending of an analysis: the final fit of the identified effects, and its verdict."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ from .settle import names_of, predicts_as_well
 from .setup import Setup
 
 FORM_OFF, FORM_ALIKE = 0.05, 0.3
-"""What a name does that another one in its variables does not, as a share of what that one does,
-and their correlation: below the one and above the other it may be no more than the form of the
-larger one, which no formula has exactly.
+"""Limits of the part of an effect that is orthogonal to a larger effect of its variables, as a
+fraction of the latter, and of their correlation. Below the first and above the second, the effect
+may be an error of the larger one's form, which no formula has exactly.
 """
 
 
 @dataclass(frozen=True)
 class Ending:
-    """An analysis with its final fit: only the effects that keep their name."""
+    """An analysis with the final fit of its identified effects."""
 
     analysis: Analysis
     fit: Fit
@@ -37,12 +37,12 @@ class Ending:
 
     @property
     def setup(self) -> Setup:
-        """What was analysed."""
+        """The setup of the final null model."""
         return self.analysis.setup
 
     @property
     def verdict(self) -> str:
-        """The one word."""
+        """The verdict."""
         if not self.analysis.significant:
             return "no_gap"
         if not self.named and not self.analysis.scatter:
@@ -54,50 +54,54 @@ class Ending:
 
     @property
     def named(self) -> tuple[int, ...]:
-        """The places of the members that have a name."""
+        """The indices of the members that are identified effects."""
         return names_of(self.fit.members)
 
     @property
     def rows(self) -> bool:
-        """Whether each row is a reading, not a unit of a population."""
+        """Whether each row is a measurement, not a unit of a population."""
         return not self.setup.data.target.population
 
     @property
     def remains(self) -> bool:
-        """Whether rows show something that has no name beside what is named, or units scatter in a
-        way that has none.
+        """Whether the residual given the identified effects is still significant, or units scatter
+        in an unidentified way.
         """
         terms = len(self.named) < len(self.fit.members)
-        structured = self.rows and bool(self.analysis.judged.significant)
-        return terms or structured or self.analysis.misfit is not None
+        forms_remain = self.rows and bool(self.analysis.judged.significant)
+        return terms or forms_remain or self.analysis.misfit is not None
 
     @property
     def twin(self) -> bool:
-        """Whether lots are off, which a second supplier would do as well."""
-        names = {one.name for one in self.setup.on_scatter}
+        """Whether offsets of lots were identified, which a second supplier would explain as
+        well.
+        """
+        names = {candidate.name for candidate in self.setup.on_scatter}
         return "lot_offset" in self.fit.names and "lot_mixture" in names
 
 
 def ended(analysis: Analysis) -> Ending:
-    """The final fit of what keeps its name, in the full model; a name whose numbers may all be 0
-    beside the others, by their joint interval, is none, and the rest is fitted and tested again. So
-    is one that may be the form of a larger name, unless held-out rows are predicted worse then.
+    """The final fit of the identified effects, in the full model. An effect is removed, and the
+    others are fitted and tested again, where the joint interval of its parameters given the others
+    contains 0. The same holds for an effect that may be an error of a larger one's form, unless
+    held-out rows are then predicted worse.
     """
-    names, needed = _ended(analysis), set[str]()
-    while names.rows and (weak := _weak(names, needed)) is not None:
+    ending, needed = _ended(analysis), set[str]()
+    while ending.rows and (weak := _weak(ending, needed)) is not None:
         name, larger = weak
-        less = without(analysis, name, larger)
-        after = _ended(less)
+        reduced = without(analysis, name, larger)
+        after = _ended(reduced)
         if larger and not _predicts_as_well(after):
             needed.add(name)
         else:
-            analysis, names = less, after
-    return names
+            analysis, ending = reduced, after
+    return ending
 
 
 def _weak(end: Ending, needed: Collection[str]) -> tuple[str, str] | None:
-    """The first name that is none, and the larger one whose form it may be, empty where its own
-    numbers may be 0; None where all are names. What is `needed` is not a form of another one.
+    """The first effect to be removed, and the larger effect whose form it may belong to (empty
+    where its parameters may be 0); None where all stay. An effect in `needed` belongs to no other
+    form.
     """
     for at in end.named:
         name = end.fit.names[at]
@@ -108,35 +112,35 @@ def _weak(end: Ending, needed: Collection[str]) -> tuple[str, str] | None:
 
 
 def _predicts_as_well(end: Ending) -> bool:
-    """Whether held-out rows are predicted as well as by every accepted step."""
-    steps = [one for _, one in end.analysis.selection.accepted]
+    """Whether held-out rows are predicted as well as by each accepted step."""
+    steps = [held_out for _, held_out in end.analysis.selection.accepted]
     return predicts_as_well(end.after, steps, end.analysis.search.labels)
 
 
 def _form_of(end: Ending, at: int) -> str:
-    """The larger name in the variables of a name which does little that the larger one does not: as
-    much as the form of that one may be off. Empty where there is none.
+    """The larger effect of the same variables that explains this effect up to an error of its own
+    form; empty where there is none.
     """
     members = end.fit.members
-    mine = acts_in(members[at].candidate.effect.needs)
-    others = [
+    variables = acts_in(members[at].candidate.effect.needs)
+    candidates = [
         k
         for k in end.named
-        if mine and k != at and mine <= acts_in(members[k].candidate.effect.needs)
+        if variables and k != at and variables <= acts_in(members[k].candidate.effect.needs)
     ]
-    return next((members[k].name for k in others if _is_form(end, at, k)), "")
+    return next((members[k].name for k in candidates if _is_form(end, at, k)), "")
 
 
 def _is_form(end: Ending, small: int, large: int) -> bool:
-    """Whether what one member does may be the form of another one."""
+    """Whether the small member's contribution may be an error of the large member's form."""
     fitter, fit = end.analysis.search.fitter, end.fit
     a, b = (
         beside(fitter.white(fit.members[k]) @ fit.coefficients[k], fitter.q) for k in (small, large)
     )
-    own, other = float(np.linalg.norm(a)), float(np.linalg.norm(b))
-    alike = abs(float(a @ b)) / max(own * other, 1e-300)
-    apart = own * np.sqrt(max(1.0 - alike**2, 0.0))
-    return bool(own < other and alike > FORM_ALIKE and apart < FORM_OFF * other)
+    small_norm, large_norm = float(np.linalg.norm(a)), float(np.linalg.norm(b))
+    alike = abs(float(a @ b)) / max(small_norm * large_norm, 1e-300)
+    apart = small_norm * np.sqrt(max(1.0 - alike**2, 0.0))
+    return bool(small_norm < large_norm and alike > FORM_ALIKE and apart < FORM_OFF * large_norm)
 
 
 def _ended(analysis: Analysis) -> Ending:
@@ -147,16 +151,21 @@ def _ended(analysis: Analysis) -> Ending:
     if not lost and not analysis.scatter and not analysis.setup.data.target.population:
         fit = analysis.fit  # as it was tested
     model = corrected(analysis.setup, search.fitter.space, fit)
-    bare = analysis.bare
-    end = Ending(analysis, fit, model, bare.search.tested(bare.empty), search.tested(fit))
-    more = misfit_of(analysis, fit)
+    null_model = analysis.bare
+    end = Ending(
+        analysis, fit, model, null_model.search.tested(null_model.empty), search.tested(fit)
+    )
+    extra_widths = misfit_of(analysis, fit)
     if end.named and end.rows and not analysis.setup.free and not search.fitter.space.is_plain:
         weighed = of_weights(model, corrected(analysis.setup, search.fitter.space, fit, plain=True))
-        more = {key: more.get(key, 0.0) + weighed.get(key, 0.0) for key in {**more, **weighed}}
-    return replace(end, model=model.widened(more))
+        extra_widths = {
+            key: extra_widths.get(key, 0.0) + weighed.get(key, 0.0)
+            for key in {**extra_widths, **weighed}
+        }
+    return replace(end, model=model.widened(extra_widths))
 
 
 def rmse(values: Array, good: object = None) -> float:
-    """Root mean square, outliers left out."""
+    """Root mean square without outliers."""
     inside = values if good is None else values[np.asarray(good, dtype=bool)]
     return float(np.sqrt(np.mean(inside**2)))

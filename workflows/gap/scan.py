@@ -1,4 +1,6 @@
-"""Every effect and every generic form against a residual at once; what noise alone reaches."""
+"""The gain of every effect and generic form against a residual at once; thresholds under noise
+alone.
+"""
 
 from __future__ import annotations
 
@@ -19,11 +21,11 @@ from .linear import Groups, beside, joined
 from .space import Space
 
 CHUNK = 250
-"""Noise records that are simulated at once."""
+"""Number of noise records that are simulated at once."""
 ALIKE = 1e-9
-"""Share of a gain that is rounding."""
+"""Fraction of a gain that is rounding error."""
 FAR = 300.0
-"""Half of a gain from which the first term of the tail's expansion does."""
+"""Half of a gain from which the first term of the tail's expansion suffices."""
 
 
 @dataclass(frozen=True)
@@ -35,20 +37,20 @@ class Dictionary:
 
     @cached_property
     def places(self) -> dict[str, tuple[int, int]]:
-        """Where the grid of each name begins, and where it has ended."""
+        """The start and the end of the grid of each effect."""
         names = [member.name for member in self.members]
         return {
-            one: (names.index(one), names.index(one) + names.count(one))
-            for one in dict.fromkeys(names)
+            name: (names.index(name), names.index(name) + names.count(name))
+            for name in dict.fromkeys(names)
         }
 
     def white(self, space: Space) -> Groups:
-        """The same in whitened space."""
+        """The columns in whitened space."""
         return Groups(space.whiten(self.raw.columns), self.raw.starts, self.raw.one_sided)
 
 
 def dictionary(library: Sequence[Candidate], columns: Columns, spread: float) -> Dictionary:
-    """Every candidate on its grid."""
+    """The dictionary of every candidate on its grid."""
     members = [
         Member(candidate, shape) for candidate in library for shape in grid(candidate, spread)
     ]
@@ -60,9 +62,9 @@ def dictionary(library: Sequence[Candidate], columns: Columns, spread: float) ->
 
 @dataclass(frozen=True)
 class Thresholds:
-    """What the best of all reaches under noise alone, but for the false rate.
+    """Quantiles of the maximum over all candidates under noise alone, at the false rate.
 
-    `library` is a gain; `generic` is minus the logarithm of a chance.
+    `library` is a gain; `generic` is minus the logarithm of a probability.
     """
 
     library: float
@@ -77,7 +79,9 @@ def thresholds(
     rate: float,
     rng: np.random.Generator,
 ) -> Thresholds:
-    """From simulated noise records (N, simulations) in whitened space, scale fitted in each."""
+    """Thresholds from simulated noise records (N, simulations) in whitened space, scale fitted in
+    each.
+    """
     named, forms = library.orthonormal(q), generic.orthonormal(q)
     tops, levels = [], []
     for start in range(0, simulations, CHUNK):
@@ -93,7 +97,9 @@ def thresholds(
 
 
 def strongest(groups: Groups, gains: Array) -> Array:
-    """The most evidence (S,) of gains (g, S): of groups of one size, that of the largest gain."""
+    """The largest evidence (S,) of gains (g, S); in groups of one size, that of the largest
+    gain.
+    """
     sizes = np.unique(groups.sizes)
     largest = [np.max(gains[groups.sizes == size], axis=0) for size in sizes]
     if not largest:
@@ -102,7 +108,9 @@ def strongest(groups: Groups, gains: Array) -> Array:
 
 
 def evidence(groups: Groups, gains: Array) -> Array:
-    """Minus the logarithm of the chance of gains (g, ...) under noise, by the size of the group."""
+    """Minus the logarithm of the probability of gains (g, ...) under noise, by the size of the
+    group.
+    """
     return _evidence(groups.sizes, gains)
 
 
@@ -117,15 +125,15 @@ def _evidence(sizes: NDArray[np.int64], gains: Array) -> Array:
 
 @dataclass(frozen=True)
 class Found:
-    """The best of one candidate beside what is already in a fit."""
+    """A candidate at its best grid point, with its gain given the members of a fit."""
 
     member: Member
     gain: float
 
 
 def scan(fitter: Fitter, white: Groups, book: Dictionary, members: Sequence[Member]) -> list[Found]:
-    """Each candidate that is not in a fit of `members`, at its best grid point, best first; of two
-    that differ by rounding alone it is the first one of the library, whatever computes them.
+    """Each candidate that is not in a fit of `members`, at its best grid point, best first. Of two
+    that differ by rounding alone the first one of the library precedes, on any machine.
     """
     gains = fitter.gains(white, members)
     taken = {member.name for member in members}
@@ -135,12 +143,12 @@ def scan(fitter: Fitter, white: Groups, book: Dictionary, members: Sequence[Memb
             continue
         if member.name not in best or gain > (1.0 + ALIKE) * best[member.name].gain:
             best[member.name] = Found(member, gain)
-    return sorted(best.values(), key=lambda one: -float(f"{one.gain:.9g}"))
+    return sorted(best.values(), key=lambda candidate: -float(f"{candidate.gain:.9g}"))
 
 
 @dataclass(frozen=True)
 class Remaining:
-    """Generic forms in whitened space: columns, what they are, and of which output."""
+    """Generic forms in whitened space: their columns, forms and outputs."""
 
     white: Groups
     forms: tuple[Form, ...]
@@ -148,13 +156,15 @@ class Remaining:
     roles: dict[str, Role]
 
     def gains(self, fitter: Fitter, fit: Fit) -> Array:
-        """Of each form, beside all that is in a fit."""
+        """The gain of each form given all members of a fit."""
         return fitter.gains(self.white, fit.members)
 
 
 @dataclass(frozen=True)
 class Left:
-    """What generic forms still find: evidence and gain of each, and which are the strongest."""
+    """Generic forms tested against a residual: evidence and gain of each, and the order of
+    evidence.
+    """
 
     evidence: Array
     gains: Array
@@ -162,7 +172,7 @@ class Left:
 
 
 def left_over(fit: Fit, fitter: Fitter, generic: Remaining) -> Left:
-    """Generic forms against the residual of a fit, beside all that is in it."""
+    """The generic forms tested against the residual of a fit, given all its members."""
     gains = generic.gains(fitter, fit)
     level = evidence(generic.white, gains)
     return Left(level, gains, np.argsort(-level))

@@ -1,4 +1,4 @@
-"""What a search works in: the noise beside what is named, and columns whitened by it."""
+"""The space of a search: the noise given the selected effects, and columns whitened by it."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from .setup import Setup, values_of
 from .space import Space
 
 SAME = 0.02
-"""Change of the noise's level and autocorrelation below which it is as it was."""
+"""Change of the noise's level and autocorrelation below which they count as unchanged."""
 
 
 def searching(
@@ -53,14 +53,14 @@ def searching(
 
 
 def noise_of(setup: Setup, contributions: Sequence[Array]) -> tuple[Noise, ...]:
-    """The noise of each output beside the model and the effects' columns (N, m)."""
+    """The noise of each output given the model and the effects' columns (N, m)."""
     outputs = setup.data.outputs
     q = len(outputs)
     kept = [
         np.column_stack(parts)
         for parts in zip(*(np.split(x, q) for x in (setup.base, *contributions)), strict=True)
     ]
-    of = remainders(
+    remaining = remainders(
         np.split(setup.residual, q),
         kept,
         setup.forms,
@@ -72,11 +72,11 @@ def noise_of(setup: Setup, contributions: Sequence[Array]) -> tuple[Noise, ...]:
         [setup.laws[o.name].std if setup.laws else 0.0 for o in outputs],
         [0.0 if setup.laws else resolution(setup, o.name) for o in outputs],
     )
-    return tuple(estimated(one) for one in of)
+    return tuple(estimated(remainder) for remainder in remaining)
 
 
 def _known(setup: Setup, name: str) -> tuple[Array, str] | None:
-    """The noise (n,) that the table or the configuration states, and which of them."""
+    """The noise (n,) that the table or the configuration states, and which of the two."""
     if name in setup.data.std:
         return setup.data.std[name], "column"
     if name in setup.plan.noise:
@@ -94,12 +94,12 @@ def spread_of(noises: Sequence[Noise]) -> float:
     return float(max(noise.level for noise in noises))
 
 
-def alike(noises: Sequence[Noise], other: Sequence[Noise]) -> bool:
-    """Whether two estimates of the noise are as good as the same."""
+def alike(first: Sequence[Noise], second: Sequence[Noise]) -> bool:
+    """Whether two estimates of the noise are practically the same."""
     return all(
         abs(a.level / b.level - 1.0) < SAME
         and abs(a.rho - b.rho) < SAME
         and a.outliers == b.outliers
         and a.varies_with == b.varies_with
-        for a, b in zip(noises, other, strict=True)
+        for a, b in zip(first, second, strict=True)
     )

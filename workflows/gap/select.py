@@ -1,4 +1,4 @@
-"""The search for names: add, refit, re-test all, until nothing significant is left to be named."""
+"""The selection of effects: add, refit and test all again until no candidate is significant."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from .plan import GapSettings
 from .scan import Dictionary, Found, Thresholds, scan
 
 REFINED = 8
-"""Candidates whose nonlinear parameters are fitted at each step."""
+"""Number of candidates whose nonlinear parameters are fitted at each step."""
 WITHIN = 40.0
 """Gain behind the best on the grid, beyond which a candidate is not refined."""
 
@@ -28,16 +28,18 @@ NO_FORM = "its form is not that of the data: fitted together with the rest it is
 BESIDE = "fits as well as any form beside the others"
 TERM = "held-out rows are predicted better, and no name of the library has this form"
 MASKED = 12
-"""Candidates that are tried in pairs where none shows alone."""
+"""Number of candidates that are tried in pairs where none is significant alone."""
 PAIRS = 2
-"""Of them, those whose nonlinear parameters are fitted."""
+"""Number of pairs whose nonlinear parameters are fitted."""
 TWO = 1.6
-"""Thresholds that two names must pass together."""
+"""Gain that two effects must reach together, in thresholds of a single one."""
 
 
 @dataclass(frozen=True)
 class Search:
-    """All that a search for names works with."""
+    """What a selection works with: the fitter, the candidates, their thresholds and the blocks of
+    rows.
+    """
 
     fitter: Fitter
     book: Dictionary
@@ -49,7 +51,7 @@ class Search:
     _tested: dict[tuple[object, ...], HeldOut] = field(init=False, default_factory=dict)
 
     def open(self, members: Sequence[Member]) -> list[Found]:
-        """The candidates beside `members` that may be named, best first."""
+        """The candidates that may be added to `members`, best first."""
         key = tuple(member.key for member in members)
         if key not in self._open:
             candidates = scan(self.fitter, self.white, self.book, members)
@@ -59,7 +61,7 @@ class Search:
         return self._open[key]
 
     def refined(self, members: Sequence[Member], candidates: Sequence[Found]) -> list[Fit]:
-        """Fits with one candidate more each, their nonlinear parameters fitted, best first."""
+        """Fits with one more candidate each, its nonlinear parameters fitted, best first."""
         if not candidates:
             return []
         best = self._reached(members, candidates[:REFINED])
@@ -72,17 +74,17 @@ class Search:
         return sorted(fits, key=lambda fit: fit.score)
 
     def _reached(self, members: Sequence[Member], candidates: Sequence[Found]) -> float:
-        """The largest gain with the signs that physics allows; a scan knows those of single
-        columns alone.
+        """The largest gain with physically admissible signs; a scan respects the signs of single
+        columns only.
         """
         before, best = 0.0, -np.inf
-        for one in candidates:
-            if one.gain <= best:
+        for scored_candidate in candidates:
+            if scored_candidate.gain <= best:
                 break
-            gain, candidate = one.gain, one.member.candidate
+            gain, candidate = scored_candidate.gain, scored_candidate.member.candidate
             if len(candidate.linear) > 1 and np.isfinite(candidate.bounds[0]).any():
                 before = before or self.fitter.fit(members).rss
-                gain = before - self.fitter.fit((*members, one.member)).rss
+                gain = before - self.fitter.fit((*members, scored_candidate.member)).rss
             best = max(best, gain)
         return best
 
@@ -107,8 +109,8 @@ class Search:
 
 @dataclass(frozen=True)
 class Selection:
-    """The fit that a search ended with, and its path; `accepted` are the fits of its accepted steps
-    with their held-out residuals, the model alone first; `named` are the names that it ended with.
+    """The final fit of a selection and its path. `accepted` are the fits of the accepted steps with
+    their held-out residuals, the null fit first; `named` are the effects in the final fit.
     """
 
     fit: Fit
@@ -119,13 +121,13 @@ class Selection:
     named: tuple[str, ...] = ()
 
     def ending_with(self, fit: Fit, tested: HeldOut) -> Selection:
-        """The same path, at the end of which another fit is accepted."""
+        """The same path, with another fit accepted at its end."""
         return replace(self, fit=fit, accepted=(*self.accepted, (fit, tested)))
 
 
 def select(search: Search, quick: bool = False) -> Selection:
-    """Names that pass the threshold and the held-out test, from none; `quick` does not
-    look for names that only show in pairs.
+    """Effects that pass the threshold and the held-out test, added to the null fit one by one;
+    `quick` does not try effects that are significant only in pairs.
     """
     fit = search.fitter.fit(())
     steps: list[Step] = []
@@ -133,7 +135,7 @@ def select(search: Search, quick: bool = False) -> Selection:
     real: dict[str, Improvement] = {}
     before = search.tested(fit)
     accepted = [(fit, before)]
-    stood = {frozenset(fit.names)}
+    visited = {frozenset(fit.names)}
     _note(steps, search, fit, before, "start", "", True, "the model as recalibrated")
     while len(fit.members) < search.settings.effects_at_most:
         grown = _next(search, fit, rejected)
@@ -168,15 +170,15 @@ def select(search: Search, quick: bool = False) -> Selection:
         _note(steps, search, grown, after, "add", name, True, BOTH, gain, better)
         fit = _retested(search, grown, steps, accepted)
         accepted.append((grown, after))
-        if frozenset(fit.names) in stood:  # back at names that it stood at: another way from here
+        if frozenset(fit.names) in visited:  # effects selected before: try another path from here
             rejected.add(frozenset(new))
         else:
-            rejected.clear()  # effects mask each other: what failed before may not fail now
-            stood.add(frozenset(fit.names))
+            rejected.clear()  # effects mask each other: one rejected before may pass now
+            visited.add(frozenset(fit.names))
         before = search.tested(fit)
     fit = search.fitter.refined(fit.members)
-    gone = sorted(name for names in rejected for name in names)
-    return Selection(fit, tuple(steps), tuple(gone), real, tuple(accepted), fit.names)
+    rejected_names = sorted(name for names in rejected for name in names)
+    return Selection(fit, tuple(steps), tuple(rejected_names), real, tuple(accepted), fit.names)
 
 
 def beside(
@@ -188,16 +190,18 @@ def beside(
     limit: float,
     better: Improvement,
 ) -> Selection:
-    """The path of a selection, of a name that was found by likelihood, and of what remains of the
-    selection beside it.
+    """The path of a selection, followed by an effect that was selected by likelihood and by the
+    changes of the other effects given that one.
     """
     steps = list(before.steps)
     tested = search.tested(after.fit)
     _note(steps, search, before.fit, tested, "add", name, True, UNITS, gain, better)
     steps[-1] = replace(steps[-1], names=(*before.fit.names, name), threshold=limit)
-    gone = [name for name in before.fit.names if name not in after.fit.names]
-    come = [name for name in after.fit.names if name not in before.fit.names]
-    for action, names in (("drop", gone), ("add", come)):
+    dropped = [
+        effect_name for effect_name in before.fit.names if effect_name not in after.fit.names
+    ]
+    added = [effect_name for effect_name in after.fit.names if effect_name not in before.fit.names]
+    for action, names in (("drop", dropped), ("add", added)):
         if names:
             _note(
                 steps,
@@ -214,16 +218,16 @@ def beside(
 
 
 def _matters(search: Search, gain: float, names: int) -> bool:
-    """Whether what each further name explains has an rms above the practical limit."""
+    """Whether the rms explained per additional effect exceeds the practical limit."""
     rms = np.sqrt(max(gain, 0.0) / names / max(search.fitter.space.count, 1))
     return bool(rms > search.settings.practical_limit)
 
 
 def _next(search: Search, fit: Fit, rejected: set[frozenset[str]]) -> Fit | None:
-    """The best fit with one name more that passes the threshold; None where there is none."""
+    """The best fit with one more effect that passes the threshold; None where there is none."""
     candidates = search.open(fit.members)
     limit = search.thresholds.library
-    # the threshold is that of the dictionary: what a finer fit adds is no evidence
+    # the threshold is that of the grid: the gain of a finer fit is no evidence
     alone = {name for names in rejected if len(names) == 1 for name in names}
     candidates = [
         candidate
@@ -231,18 +235,17 @@ def _next(search: Search, fit: Fit, rejected: set[frozenset[str]]) -> Fit | None
         if candidate.member.name not in alone and candidate.gain > limit
     ]
     fits = [
-        candidate
-        for candidate in search.refined(fit.members, candidates)
-        if fit.rss - candidate.rss > limit
+        larger for larger in search.refined(fit.members, candidates) if fit.rss - larger.rss > limit
     ]
-    fits = [one for one in fits if one.score < fit.score]
+    fits = [larger for larger in fits if larger.score < fit.score]
     return fits[0] if fits else None
 
 
 def masked(search: Search, fit: Fit, rejected: set[frozenset[str]]) -> Fit | None:
-    """The best fit with two names more, neither of which shows without the other; else None.
+    """The best fit with two more effects, neither of which is significant without the other; else
+    None.
 
-    A name that was rejected alone may be one of them: without the other it was fitted wrongly.
+    An effect that was rejected alone may be one of them: without the other its fit was biased.
     """
     limit = search.thresholds.library
     firsts = search.open(fit.members)[:MASKED]
@@ -250,16 +253,16 @@ def masked(search: Search, fit: Fit, rejected: set[frozenset[str]]) -> Fit | Non
     for first in firsts:
         members = (*fit.members, first.member)
         seconds = [
-            candidate
-            for candidate in search.open(members)
-            if frozenset([first.member.name, candidate.member.name]) not in rejected
+            second
+            for second in search.open(members)
+            if frozenset([first.member.name, second.member.name]) not in rejected
         ]
         if not seconds or first.gain + seconds[0].gain < TWO * limit:
             continue
         pairs.append(search.fitter.fit([*members, seconds[0].member]))
-    nearest = sorted(pairs, key=lambda one: one.score)[:PAIRS]
-    fits = [search.fitter.refined(candidate.members) for candidate in nearest]
-    best = min(fits, key=lambda one: one.score, default=None)
+    nearest = sorted(pairs, key=lambda pair: pair.score)[:PAIRS]
+    fits = [search.fitter.refined(pair.members) for pair in nearest]
+    best = min(fits, key=lambda pair_fit: pair_fit.score, default=None)
     if best is None or fit.rss - best.rss < TWO * limit or best.score > fit.score:
         return None
     alone = [
@@ -272,7 +275,9 @@ def masked(search: Search, fit: Fit, rejected: set[frozenset[str]]) -> Fit | Non
 def _retested(
     search: Search, fit: Fit, steps: list[Step], accepted: list[tuple[Fit, HeldOut]]
 ) -> Fit:
-    """The fit after each name was tried against all others, and against leaving it out."""
+    """The fit after each effect was exchanged for every candidate, and dropped, where that is
+    better.
+    """
     for _ in range(4):
         better = _swapped(search, fit) or _dropped(search, fit)
         if better is None:
@@ -281,10 +286,10 @@ def _retested(
             fit = better
             continue
         action = "drop" if len(better.members) < len(fit.members) else "swap"
-        gone = [name for name in fit.names if name not in better.names]
-        come = [name for name in better.names if name not in fit.names]
-        text = f"{', '.join(gone)} for {', '.join(come)}" if come else ", ".join(gone)
-        why = "fits better beside the others" if come else "no longer beyond what noise reaches"
+        dropped = [name for name in fit.names if name not in better.names]
+        added = [name for name in better.names if name not in fit.names]
+        text = f"{', '.join(dropped)} for {', '.join(added)}" if added else ", ".join(dropped)
+        why = "fits better beside the others" if added else "no longer beyond what noise reaches"
         fit = better
         accepted.append((fit, search.tested(fit)))
         _note(steps, search, fit, accepted[-1][1], action, text, True, why)
@@ -292,18 +297,18 @@ def _retested(
 
 
 def _swapped(search: Search, fit: Fit) -> Fit | None:
-    """A fit with one name exchanged that is better, None where there is none."""
+    """A better fit with one effect exchanged; None where there is none."""
     best = fit
     for at in range(len(fit.members)):
-        others = fit.without(at)
-        for candidate in search.refined(others, search.open(others))[:1]:
-            if candidate.score < best.score - 1e-3:
-                best = candidate
+        other_members = fit.without(at)
+        for swapped in search.refined(other_members, search.open(other_members))[:1]:
+            if swapped.score < best.score - 1e-3:
+                best = swapped
     return None if best is fit else best
 
 
 def _dropped(search: Search, fit: Fit) -> Fit | None:
-    """A fit without a name that is not significant beside the others."""
+    """A fit without an effect that is not significant given the others; None where all are."""
     for at in range(len(fit.members) - 1):
         less = search.fitter.fit(fit.without(at))
         if less.rss - fit.rss < search.thresholds.library:
@@ -344,21 +349,26 @@ def _note(
 def concluding(
     search: Search, selection: Selection, fit: Fit, labels: Mapping[str, str]
 ) -> tuple[Step, ...]:
-    """The path of a selection, and of what became of it in the final fit: names that were struck or
-    came, and terms without a name (`labels` by their names); held-out errors all in one noise.
+    """The path of a selection, and its changes in the final fit: effects dropped or added, and
+    generic terms (`labels` by their names). All held-out errors refer to the same noise.
     """
     count = max(search.fitter.space.count, 1)
-    errors = iter([float(np.sqrt(np.sum(one.white**2) / count)) for _, one in selection.accepted])
+    errors = iter(
+        [
+            float(np.sqrt(np.sum(held_out_rows.white**2) / count))
+            for _, held_out_rows in selection.accepted
+        ]
+    )
     path = [step for step in selection.steps if step.reason not in (NO_FORM, BESIDE, TERM)]
     steps = [replace(step, held_out=next(errors)) if step.accepted else step for step in path]
     named = tuple(name for name in fit.names if name not in labels)
     tested = search.tested(fit)
-    gone = [name for name in selection.named if name not in named]
-    come = [name for name in named if name not in selection.named]
+    dropped = [name for name in selection.named if name not in named]
+    added = [name for name in named if name not in selection.named]
     terms = [labels[name] for name in fit.names if name in labels]
     for action, names, why in (
-        ("drop", gone, NO_FORM),
-        ("add", come, BESIDE),
+        ("drop", dropped, NO_FORM),
+        ("add", added, BESIDE),
         ("add", terms, TERM),
     ):
         if names:

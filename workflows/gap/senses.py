@@ -1,8 +1,8 @@
-"""Signs that are the other way round: an output, or a column, that counts against the convention.
+"""Reversed signs: an output or a column that counts against the convention.
 
 An effect has the sign that physics gives it, and a load that resists winds a drive up. Where the
-data fit far better turned round, that is said before anything else: what is named otherwise is
-named for the wrong reason.
+data fit far better with the opposite sign, a note says so first: effects selected with the wrong
+sign are wrong.
 """
 
 from __future__ import annotations
@@ -24,27 +24,29 @@ from .library import Candidate, Columns, grid
 from .linear import basis, beside
 
 FAR = 0.25
-"""What a turned reading must leave, as a share of what the given one leaves (of squares)."""
+"""Residual squares with the opposite sign, as a fraction of those with the given one, below which a
+sign is doubted.
+"""
 SHAPES = 12
-"""Points of an effect's grid that are tried."""
+"""Number of points of an effect's grid that are tried."""
 ROWS = 600
 LEAST = 20
-"""Rows from which a sign is judged."""
+"""Number of rows from which a sign is tested."""
 
 
 STEPS = 4
-"""Effects that are fitted one after the other: a wave that dominates says nothing of a sign."""
+"""Number of effects that are fitted one after the other: a dominating wave has no sign."""
 ENOUGH = 0.98
-"""Share of the squares that a further effect must at most leave, to be fitted."""
+"""Largest fraction of the squares that may remain after a further effect."""
 FALLS = -0.7
 """Correlation from which a prediction falls with the load."""
 
 
 @dataclass(frozen=True)
 class _Best:
-    """The sum of squares that a few effects leave, and the first of them that has a sign."""
+    """The residual sum of squares after a few effects, and the first of them that has a sign."""
 
-    left: float
+    rss: float
     name: str = ""
 
 
@@ -60,25 +62,27 @@ def turned(
         return []
     rows = np.unique(np.linspace(0, len(data) - 1, min(len(data), ROWS)).astype(np.int64))
     blocks = list(_blocks(data, library, columns))
-    turned_outputs = []
+    sentences = []
     for at, output in enumerate(data.outputs):
         mine = rows + at * len(data)
         q = basis(base[mine])
-        own = [(one, beside(block[mine], q)) for one, block in blocks]
+        output_blocks = [(candidate, beside(block[mine], q)) for candidate, block in blocks]
         y = beside(data.measured[output.name][rows], q)
         p = beside(predicted[output.name][rows], q)
-        given = _best(y - p, own)
-        ways = {"reading": _best(-y - p, own), "gap": _best(p - y, own)}
-        way = min(ways, key=lambda one: ways[one].left)
-        if ways[way].left < FAR * given.left:
-            turned_outputs.append(_said(data, output.name, way, ways[way], given, library))
+        as_given = _best(y - p, output_blocks)
+        ways = {"reading": _best(-y - p, output_blocks), "gap": _best(p - y, output_blocks)}
+        way = min(ways, key=lambda name: ways[name].rss)
+        if ways[way].rss < FAR * as_given.rss:
+            sentences.append(_note(data, output.name, way, ways[way], as_given, library))
         elif text := _falls(data, output, predicted[output.name]):
-            turned_outputs.append(text)
-    return turned_outputs
+            sentences.append(text)
+    return sentences
 
 
 def _falls(data: GapData, output: Output, predicted: Array) -> str:
-    """A prediction that falls with the load, which winds a drive up; empty where it does not."""
+    """The note on a prediction that falls with the load, which winds a drive up; empty where it
+    does not.
+    """
     load = next((c for c in data.inputs if c.role in (Role.TORQUE, Role.FORCE)), None)
     if load is None or kind_of(output.unit) not in POSITIONS or not np.ptp(predicted):
         return ""
@@ -94,7 +98,7 @@ def _falls(data: GapData, output: Output, predicted: Array) -> str:
 def _blocks(
     data: GapData, library: Sequence[Candidate], columns: Columns
 ) -> Iterator[tuple[Candidate, Array]]:
-    """Columns (N, m) of effects that act at the output, at some of their shapes."""
+    """Columns (N, m) of effects that act at the output, for some of their nonlinear parameters."""
     for candidate in library:
         inside = candidate.effect.place(data.target) is not None or isinstance(
             candidate.effect, InsideSeveral
@@ -108,23 +112,31 @@ def _blocks(
 
 
 def _best(gap: Array, blocks: Sequence[tuple[Candidate, Array]]) -> _Best:
-    """A few effects on a gap (n,), each the best on what those before it left, bounds kept."""
+    """A few effects on a gap (n,), each the best on the residual of those before it, within
+    bounds.
+    """
     whole, name, taken = float(gap @ gap), "", set[str]()
     for _ in range(STEPS):
-        tried = [(*_left(gap, one, x), one) for one, x in blocks if one.name not in taken]
+        tried = [
+            (*_residual_of(gap, candidate, x), candidate)
+            for candidate, x in blocks
+            if candidate.name not in taken
+        ]
         if not tried:
             break
-        remaining, rest, sense = min(tried, key=lambda each: each[0])
-        if remaining > ENOUGH * whole:
+        rss, rest, candidate = min(tried, key=lambda attempt: attempt[0])
+        if rss > ENOUGH * whole:
             break
-        whole, gap = remaining, rest
-        taken.add(sense.name)
-        name = name or (sense.name if (sense.bounds[0] > -np.inf).any() else "")
+        whole, gap = rss, rest
+        taken.add(candidate.name)
+        name = name or (candidate.name if (candidate.bounds[0] > -np.inf).any() else "")
     return _Best(whole, name)
 
 
-def _left(gap: Array, candidate: Candidate, x: Array) -> tuple[float, Array]:
-    """What the columns (n, m) of an effect leave of a gap, within their bounds."""
+def _residual_of(gap: Array, candidate: Candidate, x: Array) -> tuple[float, Array]:
+    """The residual sum of squares, and the residual, of a gap after the columns (n, m) of an
+    effect, within bounds.
+    """
     kept = np.linalg.norm(x, axis=0) > 0.0
     low, high = (ends[kept] for ends in candidate.bounds)
     x = x[:, kept]
@@ -150,11 +162,11 @@ def _within(x: Array, gap: Array, low: Array, high: Array) -> Array:
     return sizes
 
 
-def _said(
-    data: GapData, output: str, way: str, best: _Best, given: _Best, library: Sequence[Candidate]
+def _note(
+    data: GapData, output: str, way: str, best: _Best, as_given: _Best, library: Sequence[Candidate]
 ) -> str:
     """The note about one output."""
-    ratio = np.sqrt(given.left / max(best.left, 1e-300))
+    ratio = np.sqrt(as_given.rss / max(best.rss, 1e-300))
     head = f"is the sign of {output} the other way round? "
     if way == "reading":
         what = f"Turned, it is {ratio:.3g} times nearer to its prediction"

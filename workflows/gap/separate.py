@@ -1,4 +1,4 @@
-"""The measurement that would tell two explanations apart best."""
+"""The measurement that would separate two explanations best."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from .predictor import predictor
 from .setup import Setup
 
 ROWS = 240
-"""Readings of a design that is tried."""
+"""Number of measurements of a design that is tried."""
 WIDER = 1.6
-"""How much further than now an input is taken."""
+"""Factor by which the range of an input is extended."""
 CERTAIN = 12.0
-"""Squared distance in noise units from which explanations are told apart."""
+"""Squared distance in noise units from which explanations are separated."""
 UNSEEN = {
     frozenset(
         ["viscous_friction", "read_out_lag"]
@@ -38,23 +38,25 @@ UNSEEN = {
 
 @dataclass(frozen=True)
 class Design:
-    """Operating points that could be visited, and what is new about them."""
+    """Operating points of a possible measurement, and the description of what is new in them."""
 
     text: str
     table: Mapping[str, NDArray[Any]]
     inputs: Mapping[str, tuple[float, float]]
 
 
-def separating(setup: Setup, levels: Array, fit: Fit, other: Fit) -> Measurement:
-    """The best of a few designs: each input on its own, or further out; `levels` (q,): noise."""
-    names = frozenset(set(fit.names) ^ set(other.names))
+def separating(setup: Setup, levels: Array, fit: Fit, rival: Fit) -> Measurement:
+    """The best of a few designs: each input varied alone, or further; `levels` (q,) are those of
+    the noise.
+    """
+    names = frozenset(set(fit.names) ^ set(rival.names))
     if names in UNSEEN:
         return Measurement(UNSEEN[names])
     best: tuple[float, Design] | None = None
     for design in _designs(setup.data, np.random.default_rng([setup.plan.seed, 3])):
         if not _within(setup, design):
             continue
-        size = _difference(setup, levels, design, fit, other)
+        size = _difference(setup, levels, design, fit, rival)
         if np.isfinite(size) and (best is None or size > 1.05 * best[0]):
             best = (size, design)
     if best is None or best[0] < 1e-3:
@@ -74,7 +76,9 @@ def _within(setup: Setup, design: Design) -> bool:
 
 
 def _designs(data: GapData, rng: np.random.Generator) -> Iterator[Design]:
-    """More of the same; each input apart from the others, as far as now and further; all apart."""
+    """More of the same; each input varied independently, in the present range and further; all
+    inputs at once.
+    """
     rows = rng.choice(len(data), size=min(ROWS, len(data)), replace=False)
     now = {name: values[np.sort(rows)] for name, values in data.readings.table.items()}
     yield Design("more readings like these", now, {})
@@ -111,8 +115,10 @@ def _apart(
     return {**table, column.name: new}, {column.name: (low, high)}
 
 
-def _difference(setup: Setup, levels: Array, design: Design, fit: Fit, other: Fit) -> float:
-    """Rms per reading [noise] of what the one explanation says and the other cannot follow."""
+def _difference(setup: Setup, levels: Array, design: Design, fit: Fit, rival: Fit) -> float:
+    """Rms per measurement [noise] of the prediction of `fit` outside the span of the rival's
+    columns.
+    """
     data = _at(setup.data, design.table)
     columns = Columns(data, predictor(setup.plan, data) if setup.plan.model else _nothing(data))
     level = np.repeat(levels, len(data))
@@ -123,13 +129,13 @@ def _difference(setup: Setup, levels: Array, design: Design, fit: Fit, other: Fi
         ),
         np.zeros(len(level)),
     )
-    free = [columns.of(m.candidate, m.shape) for m in other.members]
+    free = [columns.of(m.candidate, m.shape) for m in rival.members]
     ones = np.zeros((len(level), len(data.outputs)))
     for k in range(len(data.outputs)):
         ones[k * len(data) : (k + 1) * len(data), k] = 1.0
     q = basis(np.hstack([ones, *free]) / level[:, None])
-    difference = beside(np.asarray(mine) / level, q)
-    return float(np.sqrt(np.mean(difference**2)))
+    residual = beside(np.asarray(mine) / level, q)
+    return float(np.sqrt(np.mean(residual**2)))
 
 
 def _nothing(data: GapData) -> Any:

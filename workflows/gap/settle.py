@@ -1,8 +1,8 @@
-"""The final answer: names and terms without a name, fitted together and tested together.
+"""The final answer: identified effects and generic terms, fitted together and tested together.
 
-Whatever is struck, exchanged or added, everything is fitted and tested again; what lowers the
-held-out error and has no name that fits stays as a term, so that no number beside it is biased by
-leaving it out.
+After each removal, exchange or addition everything is fitted and tested again. A form that lowers
+the held-out error and fits no effect stays as a generic term, so that its omission does not bias
+the parameters of the effects.
 """
 
 from __future__ import annotations
@@ -24,25 +24,29 @@ from .select import Search
 from .unresolved import is_term, member_of, term_of
 
 TERMS = 8
-"""Terms without a name, at most."""
+"""Largest number of generic terms."""
 TRIED = 4
-"""Forms and names that are tried at each step, the likeliest first."""
+"""Number of forms and effects that are tried at each step, the likeliest first."""
 ROUNDS = 40
 FORMS_MORE = 2
-"""Forms that an answer may have beyond those that are significant, to predict as well as a step."""
+"""Number of forms that may be added although not significant, to predict as well as each step."""
 DISBELIEVED = 0.1
-"""What a form explains beside a name, as a share of what the name explains beside everything else,
-from which that name is not the form's: it does without the form what the form does without it."""
+"""Gain of a form given an effect, as a fraction of the effect's gain given everything else, above
+which the effect is not believed: the form explains the same and much more.
+"""
 BENEATH = 0.1
-"""What all names explain, as a share of what terms explain beside them, below which the names may
-be what the forms of the terms miss: no form of one or two variables is a whole law of theirs."""
+"""Gain of all effects, as a fraction of the gain of the terms given the effects, below which the
+effects may only correct the terms: no form of one or two variables is the whole law.
+"""
 FREER = 5.0
-"""What a set of fewer names must fit better by than one with more, which says more."""
+"""Score by which an answer without the displaced effects must be better than the one with them."""
 
 
 @dataclass(frozen=True)
 class Settled:
-    """The final fit, names first; the names that were struck, and what is left beside it."""
+    """The final fit, effects first; the effects that were removed, and the forms tested against the
+    residual.
+    """
 
     fit: Fit
     struck: tuple[str, ...]
@@ -52,8 +56,8 @@ class Settled:
 
 @dataclass(frozen=True)
 class Settling:
-    """What a final answer is looked for with; `tried` are accepted fits with their held-out rows,
-    `believed` names whose formula may be off by what stands without a name beside them.
+    """The search for a final answer. `tried` are accepted fits with their held-out rows, `believed`
+    effects whose formula may be off by the generic terms in the fit; `empty` is the null fit.
     """
 
     search: Search
@@ -64,7 +68,7 @@ class Settling:
     believed: frozenset[str] = frozenset()
 
     def settled(self, fit: Fit) -> Settled:
-        """The answer that follows from the names of a selection."""
+        """The answer that follows from the effects of a selection."""
         answers = [self.grown(fit, frozenset())]
         if lost := displaced(self.search, fit, self.generic):
             names = frozenset(fit.names[at] for at in lost)
@@ -73,21 +77,21 @@ class Settling:
         if len(answers) > 1 and answers[1].score < answers[0].score - FREER:
             answers.reverse()
         best = self._chosen(answers, frozenset())
-        residual = left_over(best, self.search.fitter, self.generic)
+        remaining = left_over(best, self.search.fitter, self.generic)
         struck = tuple(name for name in fit.names if name not in best.names)
-        return Settled(best, struck, residual, significant_forms(self.search, residual))
+        return Settled(best, struck, remaining, significant_forms(self.search, remaining))
 
     def again(self, fit: Fit, barred: frozenset[str], more: Sequence[Member] = ()) -> Settled:
-        """The answer without some names, with more terms to begin with."""
+        """The answer without the effects in `barred`, with more terms to begin with."""
         kept = [*(member for member in fit.members if member.name not in barred), *more]
         grown = self.grown(self.search.fitter.refined(kept), barred)
         best = self._chosen([grown], barred)
-        residual = left_over(best, self.search.fitter, self.generic)
-        return Settled(best, (), residual, significant_forms(self.search, residual))
+        remaining = left_over(best, self.search.fitter, self.generic)
+        return Settled(best, (), remaining, significant_forms(self.search, remaining))
 
     def _chosen(self, answers: Sequence[Fit], barred: frozenset[str]) -> Fit:
-        """The first answer that holds; without any name where its names are beneath its terms: in
-        their place others would imitate the same.
+        """The first answer that holds. Where its effects explain next to nothing compared with its
+        terms, all effects are excluded: others would imitate the same in their place.
         """
         best = self._first_that_holds(answers, barred)
         if not self._beneath(best):
@@ -98,7 +102,7 @@ class Settling:
         return self._first_that_holds([alone], barred)
 
     def _beneath(self, fit: Fit) -> bool:
-        """Whether a fit has names, and they explain next to nothing of what its terms do."""
+        """Whether a fit has effects, and they explain next to nothing compared with its terms."""
         terms = [member for member in fit.members if is_term(member)]
         names = [member for member in fit.members if not is_term(member)]
         if not (terms and names):
@@ -108,43 +112,47 @@ class Settling:
         return explained < BENEATH * (only - fit.rss)
 
     def holds(self, fit: Fit) -> bool:
-        """Whether rows that the fit never saw are predicted as well as by every accepted step, but
-        for its standard error, and no worse than by the model alone.
+        """Whether held-out rows are predicted as well as by every accepted step, up to its standard
+        error, and no worse than by the null fit.
         """
         return self._held(self.search.tested(fit))
 
     def _held(self, tested: HeldOut) -> bool:
-        return predicts_as_well(tested, [one for _, one in self.tried], self.search.labels)
+        return predicts_as_well(
+            tested, [held_out for _, held_out in self.tried], self.search.labels
+        )
 
     def _first_that_holds(self, answers: Sequence[Fit], barred: frozenset[str]) -> Fit:
-        """The first answer that holds, names first, terms behind them, perhaps with forms that were
-        not significant; else what predicts best, of the accepted steps without barred names as
-        well.
+        """The first answer that holds, effects first, then terms, perhaps with forms that were not
+        significant; else the one that predicts best, among the accepted steps without barred
+        effects too.
         """
-        open_ = [attempt for attempt in self.tried if not barred & {*attempt[0].names}]
+        attempts = [attempt for attempt in self.tried if not barred & {*attempt[0].names}]
         for answer in answers:
             fit = self.search.fitter.refined(sorted(answer.members, key=is_term))
             for _ in range(FORMS_MORE + 1):
                 tested = self.search.tested(fit)
                 if self._held(tested):
                     return fit
-                open_.append((fit, tested))
+                attempts.append((fit, tested))
                 fit = self._with_best_form(fit, tested, barred) or fit
-        return min(open_, key=lambda one: float(np.sum(one[1].white ** 2)))[0]
+        return min(attempts, key=lambda attempt: float(np.sum(attempt[1].white ** 2)))[0]
 
     def _with_best_form(self, fit: Fit, tested: HeldOut, barred: frozenset[str]) -> Fit | None:
-        """The fit with the form more that predicts best, None where none predicts better."""
-        residual = left_over(fit, self.search.fitter, self.generic)
+        """The fit with the one additional form that predicts best; None where none predicts
+        better.
+        """
+        remaining = left_over(fit, self.search.fitter, self.generic)
         best, least = None, float(np.sum(tested.white**2))
-        for with_form in self._with_forms(fit, barred, residual, [int(at) for at in residual.best]):
-            error = float(np.sum(self.search.tested(with_form).white ** 2))
+        for larger in self._with_forms(fit, barred, remaining, [int(at) for at in remaining.best]):
+            error = float(np.sum(self.search.tested(larger).white ** 2))
             if error < least:
-                best, least = with_form, error
+                best, least = larger, error
         return best
 
     def grown(self, fit: Fit, never: frozenset[str]) -> Fit:
-        """The fit with what is significant beside it, a name where one fits as well as any form;
-        what no longer is beside the others is left out again.
+        """The fit with all that is significant in addition: an effect where one fits as well as any
+        form. What is no longer significant given the others is removed again.
         """
         barred = set(never)
         for _ in range(ROUNDS):
@@ -155,17 +163,17 @@ class Settling:
         return fit
 
     def _weaker(self, fit: Fit, barred: set[str]) -> Fit | None:
-        """The fit without the name or term that is not significant beside the others, None where
-        all are. What was left out does not come back.
+        """The fit without the effect or term that is least significant given the others; None where
+        all are significant. A removed one is barred from then on.
         """
         fitter, limit = self.search.fitter, self.search.thresholds.library
         worst: tuple[float, int] = (0.0, -1)
         for at, member in enumerate(fit.members):
-            own = fitter.fit(fit.without(at)).rss - fit.rss
+            gain = fitter.fit(fit.without(at)).rss - fit.rss
             needed = member.candidate.price(fitter.penalty) if is_term(member) else limit
             needed = max(needed, self.least)
-            if own < needed and (worst[1] < 0 or own - needed < worst[0]):
-                worst = (own - needed, at)
+            if gain < needed and (worst[1] < 0 or gain - needed < worst[0]):
+                worst = (gain - needed, at)
         at = worst[1] if worst[1] >= 0 else self._disbelieved(fit)
         if at < 0:
             return None
@@ -174,11 +182,11 @@ class Settling:
 
     @property
     def least(self) -> float:
-        """The gain that the practical limit asks of anything."""
+        """The gain that the practical limit demands."""
         return self.search.fitter.space.count * self.search.settings.practical_limit**2
 
     def _disbelieved(self, fit: Fit) -> int:
-        """The name whose variable has a form that does what it does, and much that it does not; -1
+        """The index of an effect for whose variable a form explains the same and much more; -1
         where there is none.
         """
         fitter = self.search.fitter
@@ -197,7 +205,7 @@ class Settling:
         return -1
 
     def _holds_name(self, fit: Fit, at: int, term: int) -> bool:
-        """Whether the whole form of a term does nearly what a name does."""
+        """Whether the whole form of a term spans nearly all of an effect's contribution."""
         fitter, effect = self.search.fitter, fit.members[term].candidate.effect
         raw = effect.term.columns(self.data.readings)  # type: ignore[attr-defined]
         outputs = [o.name for o in self.data.outputs]
@@ -209,19 +217,19 @@ class Settling:
         return float(np.sum((q.T @ mine) ** 2)) > 0.9 * float(mine @ mine)
 
     def _larger(self, fit: Fit, barred: set[str]) -> Fit | None:
-        """The fit with the name or the form more that fits best and predicts better; a name goes
-        before forms that fit no better. None where there is none.
+        """The fit with one more effect or form that fits best and predicts better; an effect
+        precedes forms that fit no better. None where there is none.
         """
         before = self.search.tested(fit)
-        larger = [*self._names(fit, barred), *self._forms(fit, barred)]
-        for candidate in sorted(larger, key=lambda candidate: candidate.score)[: 2 * TRIED]:
-            tested = self.search.tested(candidate)
+        larger_fits = [*self._names(fit, barred), *self._forms(fit, barred)]
+        for larger in sorted(larger_fits, key=lambda larger: larger.score)[: 2 * TRIED]:
+            tested = self.search.tested(larger)
             if improvement(before, tested, self.search.labels).real:
-                return candidate
+                return larger
         return None
 
     def _names(self, fit: Fit, barred: set[str]) -> Iterator[Fit]:
-        """Fits with one name more, or with one in place of a term."""
+        """Fits with one more effect, or with one in place of a term."""
         search, limit = self.search, self.search.thresholds.library
         named = [member for member in fit.members if not is_term(member)]
         if len(named) >= search.settings.effects_at_most:
@@ -238,29 +246,29 @@ class Settling:
                 for candidate in search.open(start.members)
                 if candidate.gain > needed and candidate.member.name not in barred
             ]
-            for candidate in search.refined(start.members, candidates)[:TRIED]:
+            for larger in search.refined(start.members, candidates)[:TRIED]:
                 if (
-                    start.rss - candidate.rss > max(needed, self.least)
-                    and candidate.score < fit.score - 1e-3
+                    start.rss - larger.rss > max(needed, self.least)
+                    and larger.score < fit.score - 1e-3
                 ):
-                    yield candidate
+                    yield larger
 
     def _forms(self, fit: Fit, barred: set[str]) -> Iterator[Fit]:
-        """Fits with one term more, of the forms that are significant, the likeliest first."""
-        residual = left_over(fit, self.search.fitter, self.generic)
-        at = significant_forms(self.search, residual)
+        """Fits with one more term, from the significant forms, the likeliest first."""
+        remaining = left_over(fit, self.search.fitter, self.generic)
+        at = significant_forms(self.search, remaining)
         if sum(is_term(member) for member in fit.members) < TERMS:
-            yield from self._with_forms(fit, barred, residual, at)
+            yield from self._with_forms(fit, barred, remaining, at)
 
     def _with_forms(
-        self, fit: Fit, barred: Collection[str], residual: Left, at: Sequence[int]
+        self, fit: Fit, barred: Collection[str], remaining: Left, at: Sequence[int]
     ) -> Iterator[Fit]:
-        """Fits with one of these forms more, the likeliest first, some of them."""
+        """Fits with one of these forms in addition, the likeliest first, at most TRIED of them."""
         penalty, sizes = self.search.fitter.penalty, self.generic.white.sizes
         count, outputs = 0, self.data.outputs
         price = {k: penalty * (sizes[k] + more_numbers(self.generic.forms[k])) for k in at}
         named = [member for member in fit.members if not is_term(member)]
-        for k in sorted(at, key=lambda k: price[k] - residual.gains[k]):
+        for k in sorted(at, key=lambda k: price[k] - remaining.gains[k]):
             term = term_of(self.generic.forms[k], self.data, outputs[self.generic.outputs[k]].name)
             if term is None:
                 continue
@@ -272,20 +280,20 @@ class Settling:
                 yield larger
                 count += 1
             if count >= TRIED or (count < 2 and term.shape == LEVELS):
-                return  # anything else would only imitate what is off with each session
+                return  # any other form would only imitate the offsets of sessions
 
 
 def predicts_as_well(tested: HeldOut, steps: Sequence[HeldOut], labels: NDArray[np.int64]) -> bool:
-    """Whether an answer is no worse on held-out rows than the model alone, the first of the steps,
-    and than every other step but for its standard error.
+    """Whether an answer is no worse on held-out rows than the null fit, the first of the steps, and
+    than every other step up to its standard error.
     """
-    for at, other in enumerate(steps):
-        better = improvement(other, tested, labels)
+    for at, step in enumerate(steps):
+        better = improvement(step, tested, labels)
         if better.gain < (0.0 if at == 0 else -better.error):
             return False
     return True
 
 
 def names_of(members: Sequence[Member]) -> tuple[int, ...]:
-    """The places of the members that have a name."""
+    """The indices of the members that are identified effects."""
     return tuple(k for k, member in enumerate(members) if not is_term(member))

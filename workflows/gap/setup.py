@@ -1,4 +1,4 @@
-"""From a plan and its data to residuals and columns: what everything else works on."""
+"""The residuals and columns of a plan and its data, which the whole analysis works on."""
 
 from __future__ import annotations
 
@@ -25,19 +25,19 @@ from .read import finite_faults
 from .senses import turned
 
 STEP = 0.02
-"""Share of a tolerance by which a parameter is moved for its column."""
+"""Fraction of a tolerance by which a parameter is moved for its column."""
 LEAST_NAMED = 20
-"""Units of a batch below which no cause is named."""
+"""Number of units of a batch below which no cause is identified."""
 SAME_UNIT = 0.05
-"""Share of the population's scatter below which readings are as of one unit."""
+"""Fraction of the population's scatter below which measurements look like those of one unit."""
 
 
 @dataclass(frozen=True)
 class Setup:
     """Residual (N,) of the model at parameters `at`, where it fits best alone; the columns (N, p)
     of its free parameters, each for its whole tolerance, and of the zeros of outputs; `prior` is
-    the count of the former. `laws` are those of a population's outputs; `first` is what is to be
-    said before anything else.
+    the count of the former. `laws` are those of a population's outputs; `first` are the notes that
+    precede all others.
     """
 
     plan: GapPlan
@@ -63,27 +63,27 @@ class Setup:
 
     @property
     def offset(self) -> Array:
-        """How far (prior,) the parameters' own values lie from where they are, in tolerances."""
+        """Distance (prior,) of the nominal parameters from the recalibrated ones, in tolerances."""
         plan = self.plan
         offsets = [(nominal(plan, name) - self.at[name]) / plan.free[name] for name in self.free]
         return np.array(offsets, dtype=float)
 
 
 def prepared(plan: GapPlan, full: GapData) -> Setup:
-    """The setup for the rows that are used. Raises InputError where the model has no prediction."""
+    """The setup of the rows that are used. Raises InputError where the model has no prediction."""
     data, notes = thinned(plan, full)
     predicted = predictor(plan, data)({})
     raise_all(finite_faults({o.name: predicted[o.name] for o in data.outputs}, data.rows))
     at = recalibrated(plan, data, predicted)
     if data.target.population and at and plan.rebuild is not None:
-        plan = replace(plan, model=plan.rebuild(at))  # its units scatter anew as well
+        plan = replace(plan, model=plan.rebuild(at))  # the scatter of its units changes too
     parts = _parts(plan, data, at)
     forms, columns = generic(data, parts["predicted"])
-    library, few = with_lots(candidates(plan.library, data), data, parts["residual"])
+    library, more_notes = with_lots(candidates(plan.library, data), data, parts["residual"])
     laws = {o.name: law_of(plan, o.name) for o in data.outputs} if data.target.population else {}
     if why := nameless(data, laws):
         plan = replace(plan, settings=replace(plan.settings, effects_at_most=0))
-        few.append(why)
+        more_notes.append(why)
     return Setup(
         plan=plan,
         data=data,
@@ -94,14 +94,16 @@ def prepared(plan: GapPlan, full: GapData) -> Setup:
         forms=tuple(forms),
         generic=groups_of(columns),
         laws=laws,
-        notes=(*notes, *few, *left_out(plan.library, data)),
+        notes=(*notes, *more_notes, *left_out(plan.library, data)),
         first=tuple(turned(data, parts["predicted"], parts["base"], library, parts["columns"])),
         **parts,
     )
 
 
 def left_of(setup: Setup, fit: Fit, but: Sequence[str] = ()) -> Array:
-    """Residual (N,) beside what is fitted, in the outputs' units; effects named in `but` stay."""
+    """Residual (N,) of a fit, in the outputs' units; the effects named in `but` are not
+    subtracted.
+    """
     residual = setup.residual - setup.base @ fit.free
     for member, coefficients in zip(fit.members, fit.coefficients, strict=True):
         if member.name not in but:
@@ -110,7 +112,7 @@ def left_of(setup: Setup, fit: Fit, but: Sequence[str] = ()) -> Array:
 
 
 def nameless(data: GapData, laws: Mapping[str, Law]) -> str:
-    """Why no cause can be named from a batch, empty where one can."""
+    """Why no cause can be identified from a batch; empty where one can."""
     if laws and len(data) < LEAST_NAMED:
         return (
             f"cannot tell with n = {len(data)}: no cause is named from fewer than {LEAST_NAMED} "
@@ -126,7 +128,9 @@ def nameless(data: GapData, laws: Mapping[str, Law]) -> str:
 
 
 def moved_to(setup: Setup, at: Mapping[str, float], changes: Mapping[str, Array]) -> Setup:
-    """The setup with the model at other parameters, its columns taken beside changes inside."""
+    """The setup with the model at other parameters, its columns taken with `changes` inside the
+    model.
+    """
     return replace(setup, **_parts(setup.plan, setup.data, at, changes))
 
 
@@ -136,7 +140,7 @@ def _parts(
     at: Mapping[str, float],
     changes: Mapping[str, Array] = NO_CHANGES,
 ) -> dict[str, Any]:
-    """What of a setup depends on the parameters that the model is at."""
+    """The fields of a setup that depend on the parameters of the model."""
     predict = predictor(plan, data, plan.rebuild(at) if plan.rebuild and at else None)
     predicted = predict({})
     free, gradient = _gradient(plan, data, at, changes)
@@ -151,7 +155,9 @@ def _parts(
 
 
 def thinned(plan: GapPlan, full: GapData) -> tuple[GapData, tuple[str, ...]]:
-    """At most as many rows as are used: one at random out of each stretch of equal length."""
+    """The rows that are used, where there are too many one at random from each stretch of equal
+    length; and the note on it.
+    """
     most = max(200, plan.settings.rows_used // len(full.outputs))
     if len(full) <= most:
         return full, ()
@@ -167,8 +173,8 @@ def thinned(plan: GapPlan, full: GapData) -> tuple[GapData, tuple[str, ...]]:
 
 
 def recalibrated(plan: GapPlan, data: GapData, predicted: Mapping[str, Array]) -> dict[str, float]:
-    """The free parameters, within their tolerances, at which the model alone fits best; of a batch
-    at which its mean is that of the units, as near to the nominal ones as may be.
+    """The free parameters, within their tolerances, at which the null model fits best. For a batch,
+    the ones nearest to nominal at which the model's mean is that of the units.
     """
     if plan.rebuild is None or not plan.free:
         return {name: nominal(plan, name) for name in plan.free}
@@ -188,14 +194,14 @@ def recalibrated(plan: GapPlan, data: GapData, predicted: Mapping[str, Array]) -
 
     population = data.target.population
 
-    def left(x: Array) -> Array:
+    def residual(x: Array) -> Array:
         moved = _moved(plan, data, dict(zip(names, (middle + x * half).tolist(), strict=True)))
         if population:
             return np.append(np.sqrt(len(data)) * np.mean((measured - moved) / scale), x)
         return beside((measured - moved) / scale, q)
 
     solution = optimize.least_squares(
-        left,
+        residual,
         np.zeros(len(names)),
         bounds=(-1.0, 1.0),
         max_nfev=25,
@@ -211,9 +217,11 @@ def _gradient(
     at: Mapping[str, float],
     changes: Mapping[str, Array] = NO_CHANGES,
 ) -> tuple[tuple[str, ...], Array]:
-    """Free parameters that do anything here, and what the tolerance of each one does (N, p)."""
+    """Free parameters with an effect on the outputs, and the change (N, p) per tolerance of
+    each.
+    """
     count = len(data) * len(data.outputs)
-    names, rows = [], []
+    names, columns = [], []
     for name, tolerance in plan.free.items() if plan.rebuild is not None else ():
         up, down = (
             _moved(plan, data, {**at, name: at[name] + s * STEP * tolerance}, changes)
@@ -222,12 +230,12 @@ def _gradient(
         column = (up - down) / (2.0 * STEP)
         if np.isfinite(column).all() and np.abs(column).max(initial=0.0) > 0.0:
             names.append(name)
-            rows.append(column)
-    return tuple(names), np.column_stack(rows) if rows else np.zeros((count, 0))
+            columns.append(column)
+    return tuple(names), np.column_stack(columns) if columns else np.zeros((count, 0))
 
 
 def nominal(plan: GapPlan, name: str) -> float:
-    """The value of a parameter, that of a table by its dotted name; 0 where it is not given."""
+    """The value of a parameter, in a table by its dotted name; 0 where it is not set."""
     table, dot, key = name.partition(".")
     if not dot:
         return float(plan.parameters[name])
@@ -261,12 +269,12 @@ def values_of(data: GapData) -> dict[str, Array]:
     """Inputs that the size of the noise may follow: numbers that vary, and magnitudes of signed
     ones.
     """
-    by_name: dict[str, Array] = {}
+    inputs: dict[str, Array] = {}
     for column in data.inputs:
         if column.role in (Role.DIRECTION, Role.REPEAT):
             continue
         values = np.asarray(data.readings.table[column.name], dtype=float)
-        by_name[column.name] = values
+        inputs[column.name] = values
         if (values < 0).any() and (values > 0).any():
-            by_name[f"|{column.name}|"] = np.abs(values)
-    return by_name
+            inputs[f"|{column.name}|"] = np.abs(values)
+    return inputs

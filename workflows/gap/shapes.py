@@ -1,4 +1,4 @@
-"""Stage 7 as records: what is left without a name, and a formula for it where one was asked for."""
+"""The unidentified forms (stage 7) as records, and a formula where one was requested."""
 
 from __future__ import annotations
 
@@ -18,29 +18,29 @@ from .where import along, shapes
 
 
 def shape_records(end: Ending) -> tuple[Shape, ...]:
-    """Stage 7 as records: what is significant beside the final fit."""
+    """The forms that are significant given the final fit (stage 7), as records."""
     analysis, search = end.analysis, end.analysis.search
     generic = analysis.ground.generic
-    odd = () if analysis.misfit is None else (_of_misfit(end, analysis.misfit),)
+    misfit_shapes = () if analysis.misfit is None else (_of_misfit(end, analysis.misfit),)
     settled = not analysis.judged.lost and not end.remains and not analysis.judged.significant
     if not analysis.significant or (end.named and settled):
-        return odd
+        return misfit_shapes
     fit = search.fitter.fit([end.fit.members[at] for at in end.named])
-    residual = left_over(fit, search.fitter, generic)
+    remaining = left_over(fit, search.fitter, generic)
     lost = struck_of(analysis)
     records = shapes(
         end.setup,
         search.fitter,
         generic,
         analysis.judged,
-        residual,
+        remaining,
         fit,
         search.thresholds.generic,
         lost,
     )
     if end.verdict == "unnamed" and end.setup.plan.settings.empirical:
-        records = tuple(_with_formula(end, record, fit) for record in records)
-    return (*odd, *records)
+        records = tuple(_with_formula(end, shape, fit) for shape in records)
+    return (*misfit_shapes, *records)
 
 
 def _with_formula(end: Ending, shape: Shape, fit: Fit) -> Shape:
@@ -51,7 +51,7 @@ def _with_formula(end: Ending, shape: Shape, fit: Fit) -> Shape:
 
 
 def _formula(end: Ending, shape: Shape, fit: Fit) -> str:
-    """A formula over the shape's variable, empty where a spline does as well."""
+    """A formula over the shape's variable; empty where a spline fits as well."""
     from .empirical import Curve, empirical  # scikit-learn takes a second to import
 
     setup, n = end.setup, len(end.setup.data)
@@ -75,20 +75,20 @@ def _formula(end: Ending, shape: Shape, fit: Fit) -> str:
     return f"direction ({text})" if text and shape.direction == "odd" else text
 
 
-def _of_misfit(end: Ending, odd: Misfit) -> Shape:
+def _of_misfit(end: Ending, misfit: Misfit) -> Shape:
     """Units that scatter unlike the model's, as a record."""
     output = end.setup.data.outputs[0]
-    width = ", stretched to its width," if odd.stretched else ""
+    width = ", stretched to its width," if misfit.stretched else ""
     text = (
-        f"the units scatter unlike the population: {odd.distance:.3g} {output.unit} from it about "
-        f"their mean{width} where chance reaches {odd.limit:.3g}; their standard deviation is "
-        f"{odd.ratio:.2f} times as large"
+        f"the units scatter unlike the population: {misfit.distance:.3g} {output.unit} from it "
+        f"about their mean{width} where chance reaches {misfit.limit:.3g}; their standard "
+        f"deviation is {misfit.ratio:.2f} times as large"
     )
     return Shape(
         output.name,
         "population",
         "scatter of the units",
-        odd.distance,
+        misfit.distance,
         output.unit,
         text,
         torque="none",

@@ -12,10 +12,10 @@ from .noise import Noise
 
 @dataclass(frozen=True)
 class Space:
-    """Rows (N,) of q outputs with n readings each, and one row for each tolerance (prior,).
+    """Rows (N,) of q outputs with n measurements each, and one row for each tolerance (prior,).
 
-    A free parameter that moves by its tolerance costs as much as one reading one standard deviation
-    off: so wide is what the data must say before they move it further.
+    A free parameter that moves by its tolerance costs as much as a measurement that is off by one
+    standard deviation: the tolerance is the standard deviation of its prior.
     """
 
     noises: tuple[Noise, ...]
@@ -28,16 +28,16 @@ class Space:
 
     @property
     def count(self) -> int:
-        """Readings that count."""
+        """The number of measurements that count."""
         return self.readings * len(self.noises) - sum(noise.outliers for noise in self.noises)
 
     @property
     def is_plain(self) -> bool:
-        """Whether every reading of an output counts the same."""
+        """Whether every measurement of an output counts the same."""
         return all(noise.is_plain for noise in self.noises)
 
     def plain(self) -> Space:
-        """A space in which every reading of an output counts the same."""
+        """A space in which every measurement of an output counts the same."""
         return Space(tuple(noise.plain() for noise in self.noises), self.prior)
 
     def whiten(self, columns: Array) -> Array:
@@ -50,12 +50,12 @@ class Space:
         return np.concatenate([*white, tail])
 
     def with_prior(self, free: Array) -> Array:
-        """Columns (N, prior + zeros) of the free parameters, each for its whole tolerance; the
-        last ones are zeros of outputs, which have none.
+        """Columns (N, prior + zeros) of the free parameters, each for its whole tolerance; the last
+        ones are zeros of outputs, which have no tolerance.
         """
-        whitened = self.whiten(free)
-        whitened[len(whitened) - self.prior :, : self.prior] = np.eye(self.prior)
-        return whitened
+        white = self.whiten(free)
+        white[len(white) - self.prior :, : self.prior] = np.eye(self.prior)
+        return white
 
     def level(self) -> Array:
         """Noise level (q,) of each output, in its unit."""

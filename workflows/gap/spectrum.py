@@ -16,7 +16,7 @@ MOST = 20_000
 AT_ONCE = 2_000_000
 """Values of waves that are held at once."""
 NODES = 1e-9
-"""Share of a cosine's squares below which the sine beside it has none, but by rounding."""
+"""Fraction of a cosine's squares below which the sine has only rounding errors."""
 
 
 def spectrum(
@@ -26,9 +26,10 @@ def spectrum(
     noise: dict[str, float],
     limit: float,
 ) -> pd.DataFrame:
-    """Amplitude of each order in the residuals (n,) by output, and what noise reaches there.
+    """Amplitude of each order in the residuals (n,) by output, and the threshold that noise
+    reaches.
 
-    `limit` is a threshold on minus the logarithm of a chance. Empty without an angle.
+    `limit` is a threshold on minus the logarithm of a probability. Empty without an angle.
     """
     if Role.ANGLE not in data.readings or np.ptp(data.readings[Role.ANGLE]) < 0.1:
         return pd.DataFrame({name: [] for name in COLUMNS})
@@ -62,15 +63,16 @@ def amplitudes(angle: Array, orders: Array, residual: Array) -> Array:
     return np.concatenate([_amplitudes(angle, part, centred) for part in parts])
 
 
-def _amplitudes(angle: Array, orders: Array, centred: Array) -> Array:
-    """Of a few orders: normal equations of cosine and sine, by sums of waves and of their squares.
+def _amplitudes(angle: Array, orders: Array, residual: Array) -> Array:
+    """The amplitudes of a few orders: normal equations of cosine and sine from sums of waves and of
+    their squares.
 
-    Where all angles lie on the nodes of a wave, the shortest solution.
+    Where all angles lie on the nodes of a wave, the solution of least norm is taken.
     """
     wave = np.exp(1j * np.outer(orders, angle))
-    squares, sums = np.sum(wave**2, axis=1), wave @ centred
-    cross, own = squares.imag, squares.real
-    equations = np.array([[len(angle) + own, cross], [cross, len(angle) - own]]) / 2.0
+    squares, sums = np.sum(wave**2, axis=1), wave @ residual
+    cross, real = squares.imag, squares.real
+    equations = np.array([[len(angle) + real, cross], [cross, len(angle) - real]]) / 2.0
     inverse = np.linalg.pinv(equations.transpose(2, 0, 1), rcond=NODES, hermitian=True)
     both = inverse @ np.stack([sums.real, sums.imag], axis=1)[:, :, None]
     return np.asarray(np.hypot(both[:, 0, 0], both[:, 1, 0]))

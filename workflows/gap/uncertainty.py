@@ -1,4 +1,4 @@
-"""Stage 8: block bootstrap over the whole selection."""
+"""The uncertainty (stage 8): a block bootstrap of the whole selection."""
 
 from __future__ import annotations
 
@@ -22,22 +22,24 @@ from .unresolved import is_term
 PHASE = "bootstrap"
 
 CHUNK = 4
-"""Replicates that a process makes in one go, at most."""
+"""Largest number of replicates that a process makes in one go."""
 
 
 @dataclass(frozen=True)
 class Spread:
-    """What the replicates of a bootstrap named, and their numbers."""
+    """The effects that the replicates of a bootstrap identified, with their parameters."""
 
     replicates: tuple[Replicate, ...]
     level: float
 
     def frequency(self, name: str) -> float:
-        """Share of the replicates that name an effect."""
+        """Fraction of the replicates that identify an effect."""
         return float(np.mean([name in replicate for replicate in self.replicates]))
 
     def interval(self, owner: str, name: str, linear: tuple[float, float]) -> tuple[float, float]:
-        """Percentiles of a number over the replicates that have it; of fewer than 20, `linear`."""
+        """Percentiles of a parameter over the replicates that have it; `linear` for fewer than
+        20.
+        """
         values = [replicate[owner][name] for replicate in self.replicates if owner in replicate]
         if len(values) < 20 or not np.all(np.isfinite(linear)):
             return linear
@@ -48,19 +50,19 @@ class Spread:
 
 @dataclass(frozen=True)
 class Chunk:
-    """Numbers of replicates that are made in one go, of the analysis that has a `name`."""
+    """The numbers of replicates that are made in one go, for the analysis called `name`."""
 
     numbers: tuple[int, ...]
     name: str
 
     @property
     def key(self) -> str:
-        """A name of its own wherever it runs."""
+        """A unique name, wherever it runs."""
         return f"{self.name}-{self.numbers[0]}-{self.numbers[-1]}"
 
     @property
     def called(self) -> str:
-        """What a reader calls it."""
+        """The chunk in words."""
         return f"replicates {self.numbers[0]} to {self.numbers[-1]}"
 
 
@@ -71,33 +73,33 @@ def bootstrap(
     workers: Execution | int = 1,
     tell: Tell = silent,
 ) -> Spread:
-    """The selection again on records with the residuals of `fit`, drawn in blocks.
+    """The selection repeated on records with the residuals of `fit`, drawn in blocks.
 
-    What is kept already is not made again. Raises RunError where processes are lost.
+    Replicates that are kept already are not made again. Raises RunError where processes are lost.
     """
     plan = analysis.setup.plan
     count = plan.settings.bootstrap
-    open_ = kept.missing(count)
+    missing = kept.missing(count)
     task = partial(_replicates, analysis.search, fit, plan.seed)
-    begin, had = time.monotonic(), len(kept.found)
-    tell(GapProgress(PHASE, count - len(open_), count))
+    begin, already_kept = time.monotonic(), len(kept.found)
+    tell(GapProgress(PHASE, count - len(missing), count))
     with executor_of(workers) as executor:
-        size = max(1, min(CHUNK, len(open_) // (4 * max(1, executor.workers))))
+        size = max(1, min(CHUNK, len(missing) // (4 * max(1, executor.workers))))
         name = secrets.token_hex(8)
         chunks = iter(
-            [Chunk(tuple(open_[at : at + size]), name) for at in range(0, len(open_), size)]
+            [Chunk(tuple(missing[at : at + size]), name) for at in range(0, len(missing), size)]
         )
-        for chunk, found in executor.completed(task, lambda: next(chunks, None)):
-            if isinstance(found, Lost):
+        for chunk, outcome in executor.completed(task, lambda: next(chunks, None)):
+            if isinstance(outcome, Lost):
                 raise RunError(
-                    f"{chunk.called}: {found.reason}; what has ended is kept in "
+                    f"{chunk.called}: {outcome.reason}; what has ended is kept in "
                     f"{kept.path}, go on with --resume"
                 )
-            kept.keep(found)
-            done, new_fits = len(kept.found) - had, len(kept.missing(count))
+            kept.keep(outcome)
+            done, remaining = len(kept.found) - already_kept, len(kept.missing(count))
             tell(
                 GapProgress(
-                    PHASE, count - new_fits, count, (time.monotonic() - begin) * new_fits / done
+                    PHASE, count - remaining, count, (time.monotonic() - begin) * remaining / done
                 )
             )
     return Spread(tuple(kept.found[number] for number in range(count)), plan.settings.interval)
@@ -110,20 +112,19 @@ def _replicates(search: Search, fit: Fit, seed: int, chunk: Chunk) -> dict[int, 
 def _replicate(search: Search, fit: Fit, seed: int, number: int) -> Replicate:
     rng = np.random.default_rng([seed, 4, number])
     again = replace(search, fitter=search.fitter.of_record(_drawn(search, fit, rng)))
-    refit = select(again, quick=True).fit
-    if terms := [
-        member for member in fit.members if is_term(member)
-    ]:  # in every replicate, as in the answer
-        refit = again.fitter.refined([*refit.members, *terms])
+    selected = select(again, quick=True).fit
+    # the generic terms are in every replicate, as in the answer
+    if terms := [member for member in fit.members if is_term(member)]:
+        selected = again.fitter.refined([*selected.members, *terms])
     return {
         member.name: member.candidate.values(member.shape, coefficients)
-        for member, coefficients in zip(refit.members, refit.coefficients, strict=True)
+        for member, coefficients in zip(selected.members, selected.coefficients, strict=True)
         if not is_term(member)
     }
 
 
 def _drawn(search: Search, fit: Fit, rng: np.random.Generator) -> Array:
-    """A whitened record: what the fit says, and its residuals in stretches drawn anew."""
+    """A whitened record: the prediction of the fit, and its residuals redrawn in stretches."""
     y = search.fitter.y
     fitted = y - fit.residual
     outputs = len(search.fitter.space.noises)

@@ -1,4 +1,6 @@
-"""Batches as units: repeated readings of a unit are one unit, and so many units are needed."""
+"""Batches as units: repeated measurements of a unit are merged, and a least number of units is
+needed.
+"""
 
 from __future__ import annotations
 
@@ -11,16 +13,16 @@ from ...errors import Fault
 from ...models.measurable import Column, Role
 
 SEVERAL = 3
-"""Units of a model of single units, each of which may be there under several conditions."""
+"""Least number of units of a model of single units, each perhaps under several conditions."""
 LEAST = 12
-"""Rows, or units of a batch, below which nothing can be told from noise."""
+"""Rows, or units of a batch, below which nothing is distinguishable from noise."""
 
 
 def numbered(
     cells: pd.DataFrame, columns: Sequence[Column], place: str, notes: list[str]
 ) -> pd.DataFrame:
-    """The cells with a number for each unit: labels such as RG20-1203 are numbered as they come,
-    unless the model takes names, and where no column tells the units apart every row is one.
+    """The cells with a number for each unit. Labels such as RG20-1203 are numbered in their order
+    unless the model takes names; without a column of units every row is a unit.
     """
     unit = next((c for c in columns if c.role is Role.UNIT), None)
     if unit is None or not len(cells):
@@ -33,12 +35,14 @@ def numbered(
     if unit.text:
         return cells
     labels = cells[name].astype(object)
-    given = labels[labels.notna() & (labels.astype(str) != "")]
-    if pd.to_numeric(given, errors="coerce").notna().all():
+    filled = labels[labels.notna() & (labels.astype(str) != "")]
+    if pd.to_numeric(filled, errors="coerce").notna().all():
         return cells
-    number, each = pd.factorize(given)
-    notes.append(f"{place}: {len(each)} labels of units ({each[0]}, ...) are numbered as they come")
-    return cells.assign(**{name: pd.Series(number + 1, index=given.index).reindex(cells.index)})
+    number, names = pd.factorize(filled)
+    notes.append(
+        f"{place}: {len(names)} labels of units ({names[0]}, ...) are numbered as they come"
+    )
+    return cells.assign(**{name: pd.Series(number + 1, index=filled.index).reindex(cells.index)})
 
 
 def one_per_unit(
@@ -46,8 +50,8 @@ def one_per_unit(
 ) -> tuple[pd.DataFrame, list[Fault]]:
     """The table with one row per unit, the mean of its repeats; a fault where units are too few.
 
-    Units are told apart by the columns of unit and lot. A row keeps the line number of the unit's
-    first reading. Without a column of repeats every row is a unit.
+    Units are distinguished by the columns of unit and lot. A row keeps the line number of the
+    unit's first measurement. Without a column of repeats every row is a unit.
     """
     labels = [c.name for c in columns if c.role in (Role.UNIT, Role.LOT) and c.name in frame]
     if not labels:
@@ -73,14 +77,16 @@ def one_per_unit(
     if units < rows:
         notes.append(f"{rows} readings of {units} units: each unit is the mean of its readings")
     merged = frame.drop(columns=repeat).groupby(number, sort=True)
-    merged_rows = merged.agg(
+    means = merged.agg(
         {name: "first" if name in labels else "mean" for name in frame.columns if name != repeat}
     )
-    return merged_rows.set_axis(frame.index[~pd.Series(number).duplicated().to_numpy()]), []
+    return means.set_axis(frame.index[~pd.Series(number).duplicated().to_numpy()]), []
 
 
 def _readings_of_parts(frame: pd.DataFrame, columns: Sequence[Column], place: str) -> list[Fault]:
-    """Columns that make a row one of many readings of a unit, which a batch has no law for."""
+    """Faults of columns that make a row one of many measurements of a unit: a batch has no law for
+    these.
+    """
     text = (
         "a batch is compared by one reading of each unit: give the largest (or the mean) of its "
         "readings, set [parameters] positions to how many they are, and leave this column out"
@@ -90,7 +96,7 @@ def _readings_of_parts(frame: pd.DataFrame, columns: Sequence[Column], place: st
 
 
 def too_few(frame: pd.DataFrame, columns: Sequence[Column], place: str) -> list[Fault]:
-    """A fault where a model that needs the units' labels is given one unit, or two."""
+    """A fault where a model that needs the units' labels has only one or two units."""
     name = next((c.name for c in columns if c.role is Role.UNIT and c.needed), None)
     if name is None or name not in frame or frame.empty:
         return []

@@ -1,4 +1,4 @@
-"""Forms without a name as terms of the corrected model."""
+"""Generic forms as terms of the corrected model."""
 
 from __future__ import annotations
 
@@ -21,25 +21,25 @@ from .library import Candidate
 from .linear import basis, beside
 
 WITHIN = 0.9
-"""Share of a named effect's column within a form from which the form is taken without it; a form of
-one column is that effect then.
+"""Fraction of an effect's column in the span of a form from which the form is taken without it; a
+form of one column is then the effect itself.
 """
 
 
 def is_term(member: Member) -> bool:
-    """Whether a member of a fit is a term without a name."""
+    """Whether a member of a fit is a generic term."""
     return isinstance(member.candidate.effect, Unresolved)
 
 
 def label(member: Member) -> str:
-    """What a term is called on the path of a selection."""
+    """The label of a term on the path of a selection."""
     effect = member.candidate.effect
     assert isinstance(effect, Unresolved)
     return f"unresolved term of {' x '.join(effect.term.variables)}"
 
 
 def term_of(form: Form, data: GapData, output: str) -> Term | None:
-    """The term that a form is at these data; None of what is no function of their inputs."""
+    """The term of a form for these data; None where the form is no function of their inputs."""
     columns = {c.name: c for c in data.inputs}
     turns = form.direction == "odd"
     if form.kind == "direction":
@@ -85,13 +85,13 @@ def _power(base: Term, form: Form, x: Array) -> Term:
 
 
 def _product(base: Term, form: Form, data: GapData, columns: dict[str, Column]) -> Term:
-    other = form.more[0]
-    x, y = (np.asarray(data.readings.table[n], dtype=float) for n in (form.variable, other))
+    second = form.more[0]
+    x, y = (np.asarray(data.readings.table[n], dtype=float) for n in (form.variable, second))
     if form.powers is None:
         term = replace(base, shape="product", zero=float(x.mean()), scale=float(x.std()))
-        return replace(term, times=other, times_zero=float(y.mean()), times_scale=float(y.std()))
+        return replace(term, times=second, times_zero=float(y.mean()), times_scale=float(y.std()))
     p, q = form.powers
-    ends = [origin(columns[n]) for n in (form.variable, other)]
+    ends = [origin(columns[n]) for n in (form.variable, second)]
     sizes = [float(np.abs(v - z).max()) for v, z in zip((x, y), ends, strict=True)]
     return replace(
         base,
@@ -100,7 +100,7 @@ def _product(base: Term, form: Form, data: GapData, columns: dict[str, Column]) 
         signed=p == 1,
         zero=ends[0],
         scale=sizes[0],
-        times=other,
+        times=second,
         times_exponent=float(q),
         times_zero=ends[1],
         times_scale=sizes[1],
@@ -117,8 +117,8 @@ def _wave(base: Term, form: Form, data: GapData) -> Term:
 
 
 def member_of(term: Term, data: GapData, fitter: Fitter, named: Sequence[Member]) -> Member | None:
-    """A term as a member of a fit beside named effects: without what those do in it; None where
-    nothing else is in it.
+    """A term as a member of a fit with identified effects, orthogonal to those that lie in its
+    span; None where nothing else remains.
     """
     whole = _member(Unresolved(term), data)
     form = beside(fitter.white(whole), fitter.q)
@@ -147,16 +147,16 @@ def whole_of(member: Member, data: GapData) -> Member:
 
 
 def _within(q: NDArray[Any], fitter: Fitter, named: Sequence[Member]) -> list[Array]:
-    """Columns of named effects that lie in the span of a form with basis q (N, r)."""
-    kept_columns = []
-    for one in named:
-        if is_term(one):
+    """Columns of identified effects that lie in the span of a form with basis q (N, r)."""
+    inside = []
+    for member in named:
+        if is_term(member):
             continue
-        columns = beside(fitter.white(one), fitter.q)
+        columns = beside(fitter.white(member), fitter.q)
         for column in columns.T:
             if float(np.sum((q.T @ column) ** 2)) > WITHIN * float(column @ column) > 0.0:
-                kept_columns.append(column)
-    return kept_columns
+                inside.append(column)
+    return inside
 
 
 def _mixed(term: Term, data: GapData, mix: Array) -> Member:

@@ -1,4 +1,4 @@
-"""Where effects inside of a model show, and the shape of what is left without a name."""
+"""The region where effects inside a model act, and the shape of the unidentified residual."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ FAMILIES = {
 
 
 def of_inside(setup: Setup, fit: Fit, table: pd.DataFrame) -> tuple[Region, ...]:
-    """Where effects that act inside of the model change what it predicts, along the prediction."""
+    """The regions of the prediction in which effects inside the model change it."""
     if not any(member.candidate.alone for member in fit.members):
         return ()
     regions = []
@@ -41,7 +41,7 @@ def of_inside(setup: Setup, fit: Fit, table: pd.DataFrame) -> tuple[Region, ...]
         change = after - table[f"{output.name}_predicted"].to_numpy()
         low, high = densest(after, change)
         squares = float(np.mean(table[f"{output.name}_before"] ** 2))
-        mean_square = float(np.mean(table[f"{output.name}_after"] ** 2))
+        remaining_squares = float(np.mean(table[f"{output.name}_after"] ** 2))
         regions.append(
             Region(
                 output.name,
@@ -50,14 +50,14 @@ def of_inside(setup: Setup, fit: Fit, table: pd.DataFrame) -> tuple[Region, ...]
                 output.unit,
                 low,
                 high,
-                share=1.0 - mean_square / max(squares, 1e-300),
+                share=1.0 - remaining_squares / max(squares, 1e-300),
             )
         )
     return tuple(regions)
 
 
 def along(setup: Setup, variable: str) -> Array | None:
-    """Values (n,) of an input, or of what is predicted."""
+    """Values (n,) of an input, or of a predicted output; None where there is no such variable."""
     if variable.startswith(PREDICTED):
         return setup.predicted[variable.removeprefix(PREDICTED)]
     if variable == order_of_units(setup.data):
@@ -68,7 +68,7 @@ def along(setup: Setup, variable: str) -> Array | None:
 
 
 def curve_of(setup: Setup, generic: Remaining, at: int, q: Array, residual: Array) -> Array:
-    """What the form fits of a residual (N,) beside a basis (N, r), in the unit of its output."""
+    """The fit of a form to a residual (N,) given a basis (N, r), in the unit of its output."""
     which = int(generic.outputs[at])
     forms = len(generic.forms) // len(setup.data.outputs)
     raw = setup.generic.of(at - which * forms)
@@ -98,21 +98,21 @@ def shapes(
     fitter: Fitter,
     generic: Remaining,
     verdict: Judged,
-    left: Left,
+    remaining: Left,
     fit: Fit,
     limit: float,
     near: tuple[str, ...],
 ) -> tuple[Shape, ...]:
-    """What is left without a name beside the fit of what keeps its name."""
-    shapes_of: dict[tuple[int, str], Shape] = {}
-    for at in left.best:
-        if left.evidence[at] <= limit or len(shapes_of) >= 3:
+    """The strongest unidentified forms given the fit of the identified effects."""
+    records: dict[tuple[int, str], Shape] = {}
+    for at in remaining.best:
+        if remaining.evidence[at] <= limit or len(records) >= 3:
             break
         form, output = generic.forms[at], int(generic.outputs[at])
         key = (output, form.variable)
-        if key not in shapes_of and not (shapes_of and form.kind == "distribution"):
-            shapes_of[key] = _shape(setup, fitter, generic, form, int(at), fit, near)
-    return tuple(shapes_of.values())
+        if key not in records and not (records and form.kind == "distribution"):
+            records[key] = _shape(setup, fitter, generic, form, int(at), fit, near)
+    return tuple(records.values())
 
 
 def _shape(
@@ -175,7 +175,7 @@ def _explained(columns: Array, curve: Array) -> float:
 
 
 def _text(form: Form, amplitude: float, unit: str, torque: str, near: tuple[str, ...]) -> str:
-    """One sentence about a form."""
+    """A sentence about a form."""
     where = {
         "order": f"a wave of order {form.order:g}",
         "distribution": "an offset of all units",

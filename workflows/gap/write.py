@@ -39,7 +39,7 @@ def write(result: GapResult, folder: Path, lines: Sequence[str]) -> None:
 
 
 def summary_of(folder: Path) -> tuple[str, ...]:
-    """The summary of an analysis that has ended; none where its file was removed."""
+    """The summary of an analysis that has ended; empty where its file was removed."""
     path = folder / SUMMARY
     return tuple(path.read_text(encoding="utf-8").splitlines()) if path.is_file() else ()
 
@@ -53,12 +53,12 @@ def record(result: GapResult) -> dict[str, Any]:
         "effects": [_effect(effect) for effect in result.effects],
         "alternatives": [_rival(rival) for rival in result.rivals],
         "next_measurement": asdict(planned) if (planned := result.next_measurement) else None,
-        "unresolved": [asdict(one) for one in result.unresolved],
-        "remainder": [asdict(one) for one in result.remainder],
+        "unresolved": [asdict(term) for term in result.unresolved],
+        "remainder": [asdict(remainder) for remainder in result.remainder],
         "unnamed": [asdict(shape) for shape in result.shapes],
-        "where": [_region(one) for one in result.where],
-        "population": [asdict(one) for one in result.population],
-        "attribution": [asdict(one) for one in result.attribution],
+        "where": [_region(region) for region in result.where],
+        "population": [asdict(line) for line in result.population],
+        "attribution": [asdict(attribution) for attribution in result.attribution],
         "noise_floor": _numbers(result.noise_floor),
         "gap_before": _numbers(result.gap_before),
         "gap_after": _numbers(result.gap_after),
@@ -71,18 +71,16 @@ def record(result: GapResult) -> dict[str, Any]:
 
 
 def _numbers(by_output: Mapping[str, float]) -> float | dict[str, float]:
-    """One number for one output; by output, and the total in noise units, for several."""
+    """A number for a single output; for several a number by output, and the total in noise
+    units.
+    """
     outputs = [name for name in by_output if name != "total"]
     return by_output[outputs[0]] if len(outputs) == 1 else dict(by_output)
 
 
-def _region(reported: Region) -> dict[str, Any]:
-    region = (
-        [reported.low, reported.high]
-        if isfinite(reported.low) and isfinite(reported.high)
-        else None
-    )
-    return {**asdict(reported), "region": region, "text": str(reported)}
+def _region(region: Region) -> dict[str, Any]:
+    ends = [region.low, region.high] if isfinite(region.low) and isfinite(region.high) else None
+    return {**asdict(region), "region": ends, "text": str(region)}
 
 
 def _effect(effect: FoundEffect) -> dict[str, Any]:

@@ -1,1 +1,1 @@
-"""The next measurement: points that tell the names apart, or that would show an effect."""
+"""The next measurement: points that separate explanations, or that would show an effect."""

@@ -1,8 +1,8 @@
-"""The chance that the right one of two explanations fits better after further readings.
+"""The probability that the right one of two explanations fits better after further measurements.
 
-Both are taken as linear about their fits. What each says of the new readings is a normal law: its
-prediction, with the noise and what the record leaves open of its numbers. The fall of the one sum
-of squares less that of the other is a quadratic form of the readings; its law is drawn.
+Both are linearised about their fits. Each predicts a normal distribution of the new measurements:
+the noise, and the uncertainty that the record leaves in its coefficients. The difference of the two
+sums of squares is a quadratic form of the measurements; its distribution is sampled.
 """
 
 from __future__ import annotations
@@ -16,18 +16,18 @@ from ....models.inputs.distribution import Array
 from .rows import Said
 
 MOST = 1e4
-"""Times as many readings, beyond which nothing is promised."""
+"""Largest multiple of the number of measurements for which a result is given."""
 DRAWN = 2000
-"""Draws of the new readings."""
+"""Number of samples of the new measurements."""
 
 
 @dataclass(frozen=True)
 class Duel:
-    """Two explanations of the same new readings, in the few dimensions where they speak.
+    """Two explanations of the same new measurements, in the subspace of their predictions.
 
-    `apart` (r,) is the difference of their predictions, `wide` (r, p) of each what the record
-    leaves open, such that its square is a covariance; `ahead` is by how much the first fits better
-    already, the price of numbers included.
+    `apart` (r,) is the difference of their predictions, `wide` (r, p) a root of the covariance of
+    each that the record leaves open. `ahead` is by how much the first fits better already, the
+    price of parameters included.
     """
 
     apart: Array
@@ -36,7 +36,7 @@ class Duel:
 
     @classmethod
     def of(cls, record: tuple[Said, Said], points: tuple[Said, Said], ahead: float) -> Duel:
-        """Of what both say at the record and at the new readings, whitened."""
+        """The duel from both predictions at the record and at the new measurements, whitened."""
         wide = tuple(
             _open(old.columns, new.columns) for old, new in zip(record, points, strict=True)
         )
@@ -46,29 +46,32 @@ class Duel:
         return cls(r[:, 0], (r[:, 1:first], r[:, first:]), ahead)
 
     def chance(self, times: float = 1.0, by: float = 0.0) -> float:
-        """That the right one ends up ahead by more than `by`, with so many times the readings;
-        each is as likely now as its fit is.
+        """The probability that the right one ends up ahead by more than `by`, with `times` the
+        measurements; the prior probability of each follows from its fit.
         """
         mine = 1.0 / (1.0 + np.exp(-0.5 * np.clip(self.ahead, -60.0, 60.0)))
         first, second = self._ahead(times, by, 0, 1), self._ahead(times, by, 1, 0)
         return float(mine * first + (1.0 - mine) * second)
 
     def _ahead(self, times: float, by: float, right: int, wrong: int) -> float:
-        """The chance that `right`, being so, ends up ahead."""
-        own, other = (
+        """The probability that `right`, if it is true, ends up ahead."""
+        right_covariance, wrong_covariance = (
             np.eye(len(self.apart)) + times * self.wide[k] @ self.wide[k].T for k in (right, wrong)
         )
         draws = np.random.default_rng(0).standard_normal((len(self.apart), DRAWN))
         sign = 1.0 if right == 0 else -1.0
         apart = sign * np.sqrt(times) * self.apart[:, None]
-        roots = [linalg.cholesky(one, lower=True) for one in (own, other)]
+        roots = [
+            linalg.cholesky(covariance, lower=True)
+            for covariance in (right_covariance, wrong_covariance)
+        ]
         theirs = linalg.solve_triangular(roots[1], apart + roots[0] @ draws, lower=True)
         gained = np.sum(theirs**2, axis=0) - np.sum(draws**2, axis=0)
         return float(np.mean(gained + sign * self.ahead > by))
 
     def times_until(self, chance: float) -> float:
-        """How many times the readings until the right one fits better with that chance; inf where
-        that many do not do.
+        """The multiple of the measurements at which the right one fits better with that
+        probability; inf where no multiple suffices.
         """
         if self.chance(MOST) < chance:
             return float("inf")
@@ -84,7 +87,7 @@ class Duel:
 
 
 def _open(record: Array, new: Array) -> Array:
-    """New columns (n, p) times a root of what the record leaves open of their coefficients."""
+    """New columns (n, p) times a root of the covariance of their coefficients given the record."""
     size = np.sqrt(np.sum(record**2, axis=0) + np.sum(new**2, axis=0))
     kept = size > 0.0
     if not kept.any():

@@ -1,7 +1,7 @@
-"""How far readings at some points tell two explanations apart, the readings there are included.
+"""The discrimination of two explanations by measurements at some points and those of the record.
 
-The criterion is that of T-optimality: the squared norm of what the one says and the other cannot
-follow when it is fitted again. Reference: Atkinson & Fedorov, Biometrika 62, 1975.
+The criterion is that of T-optimality: the squared norm of the residual of the one prediction after
+a refit of the other. Reference: Atkinson & Fedorov, Biometrika 62, 1975.
 """
 
 from __future__ import annotations
@@ -15,15 +15,15 @@ from ....models.inputs.distribution import Array
 from .rows import Said
 
 RIDGE = 1e-10
-"""Share of a column's square that keeps a fit regular."""
+"""Fraction of a column's square that keeps a fit regular."""
 Chosen = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
 class Contest:
-    """An explanation against a rival, in noise units: of the record the rival's normal equations
-    `gram` (p, p), `cross` (p,), and `square`; of C candidates with k readings each what is left of
-    the explanation beside the rival (C, k), and the rival's columns (C, k, p).
+    """An explanation against a rival, in noise units. `gram` (p, p), `cross` (p,) and `square` are
+    the rival's normal equations at the record; `left` (C, k) is the residual of the explanation
+    given the rival at C candidates of k measurements, `columns` (C, k, p) are the rival's.
     """
 
     gram: Array
@@ -34,8 +34,8 @@ class Contest:
 
     @classmethod
     def of(cls, record: tuple[Said, Said], points: tuple[Said, Said], readings: int) -> Contest:
-        """Of what both say at the record and at candidates of that many readings, all whitened;
-        the rows of a candidate stand together.
+        """The contest from both predictions at the record and at candidates of `readings`
+        measurements, all whitened; the rows of a candidate are adjacent.
         """
         mine, rival = record
         square = np.sum(rival.columns**2, axis=0) + np.sum(points[1].columns ** 2, axis=0)
@@ -44,12 +44,12 @@ class Contest:
         x, new = rival.columns[:, kept] * scale, points[1].columns[:, kept] * scale
         y = mine.values - rival.values
         start, *_ = np.linalg.lstsq(x, y, rcond=1e-9)
-        y, difference = y - x @ start, points[0].values - points[1].values - new @ start
+        y, residual = y - x @ start, points[0].values - points[1].values - new @ start
         return cls(
             gram=x.T @ x + RIDGE * np.eye(len(scale)),
             cross=x.T @ y,
             square=float(y @ y),
-            left=difference.reshape(-1, readings),
+            left=residual.reshape(-1, readings),
             columns=new.reshape(-1, readings, len(scale)),
         )
 
@@ -69,13 +69,13 @@ class Contest:
         )
 
     def with_each(self, chosen: Chosen) -> Array:
-        """Discrimination (C,) with these candidates and one more."""
+        """Discrimination (C,) with these candidates and each one in addition."""
         level, coefficients, inverse = self.level(chosen)
         residual = self.left - self.columns @ coefficients
         spread = self.columns @ inverse
         if residual.shape[1] == 1:
             lever = np.einsum("ckp,ckp->c", spread, self.columns)
             return np.asarray(level + residual[:, 0] ** 2 / (1.0 + lever))
-        own = np.eye(residual.shape[1]) + spread @ np.swapaxes(self.columns, 1, 2)
-        solved = np.linalg.solve(own, residual[..., None])[..., 0]
+        covariance = np.eye(residual.shape[1]) + spread @ np.swapaxes(self.columns, 1, 2)
+        solved = np.linalg.solve(covariance, residual[..., None])[..., 0]
         return np.asarray(level + np.einsum("ck,ck->c", residual, solved))

@@ -13,49 +13,49 @@ from ..data import GapData
 from .points import Axis, Table, with_labels
 
 CYCLES = 7
-"""Cycles that are tried, as a power of two."""
+"""Number of cycles that are tried, as a power of two."""
 READINGS = 20
-"""Readings of a cycle."""
+"""Number of measurements of a cycle."""
 LOCKED = "rv_lost_motion"
 PATH = Column("repeat", "", "number of the cycle", False, role=Role.REPEAT)
 
 
 def along_path(data: GapData) -> bool:
-    """Whether readings depend on the path of the load."""
+    """Whether measurements depend on the path of the load."""
     return data.target.model == LOCKED
 
 
 def in_cycles(readings: int) -> tuple[int, int]:
-    """How many cycles, and readings in each, make about so many."""
+    """The number of cycles, and of measurements in each, that give about `readings` in all."""
     count = max(1, round(readings / READINGS))
     return count, max(readings // count, 1)
 
 
 def cycles(data: GapData, axes: Iterable[Axis], each: int, seed: int) -> Table:
     """A table of cycles of `each` rows: the torque from its lower end to its upper one and back,
-    other inputs as they are throughout; the first cycles take the whole range, or one side.
+    other inputs constant in a cycle; the first cycles take the whole range, or one side of it.
     """
     axes = tuple(axes)
     moving = [axis for axis in axes if axis.column.role not in (Role.TORQUE, Role.DIRECTION)]
-    ends, others = _drawn(len(moving), seed)
+    ends, other_fractions = _drawn(len(moving), seed)
     torque = next(axis for axis in axes if axis.column.role is Role.TORQUE)
     low, high = torque.at(ends[:, 0]), torque.at(ends[:, 1])
-    share = (np.arange(each) + 1.0) / each
-    wave = 1.0 - np.abs(2.0 * share - 1.0)
+    fraction = (np.arange(each) + 1.0) / each
+    wave = 1.0 - np.abs(2.0 * fraction - 1.0)
     table = {torque.column.name: (low[:, None] + (high - low)[:, None] * wave).ravel()}
     for at, axis in enumerate(moving):
-        table[axis.column.name] = np.repeat(axis.at(others[:, at]), each)
+        table[axis.column.name] = np.repeat(axis.at(other_fractions[:, at]), each)
     for axis in axes:
         if axis.column.role is Role.DIRECTION:
-            table[axis.column.name] = np.tile(np.where(share <= 0.5, 1.0, -1.0), len(ends))
+            table[axis.column.name] = np.tile(np.where(fraction <= 0.5, 1.0, -1.0), len(ends))
     whole = with_labels(data, table)
     return {**whole, PATH.name: np.repeat(np.arange(len(ends), dtype=float), each)}
 
 
-def _drawn(others: int, seed: int) -> tuple[Array, Array]:
-    """Lower and upper ends of the torque (C, 2) and shares (C, others) of the other inputs."""
-    sobol = scipy.stats.qmc.Sobol(2 + others, rng=np.random.default_rng([seed, 9]))
-    shares = np.asarray(sobol.random_base2(CYCLES))
-    ends = np.sort(shares[:, :2], axis=1)
+def _drawn(other_inputs: int, seed: int) -> tuple[Array, Array]:
+    """Lower and upper ends of the torque (C, 2) and fractions (C, others) of the other inputs."""
+    sobol = scipy.stats.qmc.Sobol(2 + other_inputs, rng=np.random.default_rng([seed, 9]))
+    fractions = np.asarray(sobol.random_base2(CYCLES))
+    ends = np.sort(fractions[:, :2], axis=1)
     ends[:32], ends[32:48, 0], ends[48:64, 1] = (0.0, 1.0), 0.0, 1.0
-    return ends, shares[:, 2:]
+    return ends, fractions[:, 2:]

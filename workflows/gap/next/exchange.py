@@ -1,4 +1,4 @@
-"""Exact designs by exchange: the points that tell the worst pair apart best.
+"""Exact designs by exchange: the points that separate the worst pair best.
 
 Reference: Fedorov, Theory of Optimal Experiments, 1972; Atkinson & Fedorov, Biometrika 62, 1975.
 """
@@ -15,26 +15,27 @@ PASSES = 3
 BETTER = 1e-4
 """Relative gain for which a point is exchanged."""
 MEAN = 0.02
-"""Weight of the mean over the pairs beside that of the worst."""
+"""Weight of the mean over the pairs; the worst pair has the rest."""
 
 
 def exchanged(contests: Sequence[Contest], count: int) -> Chosen:
-    """Numbers (count,) of the candidates whose least discrimination over the contests is largest;
-    a candidate may be chosen more than once.
+    """Indices (count,) of the candidates whose least discrimination over the contests is largest; a
+    candidate may be chosen more than once.
 
-    Points are exchanged from two beginnings: one by one the best, and in turn those that are best
-    for one contest alone: a rival that follows any few points does not show in one more.
+    Points are exchanged from two starts: the best ones added one by one, and in turn those that are
+    best for each contest alone. For a rival that follows any few points, adding a single point
+    shows no difference.
     """
     starts = [added(contests, count)]
     if len(contests) > 1:
-        own = np.concatenate([np.sort(added([contest], count)) for contest in contests])
-        starts.append(own[:: len(contests)][:count])
+        alternating = np.concatenate([np.sort(added([contest], count)) for contest in contests])
+        starts.append(alternating[:: len(contests)][:count])
     designs = [_settled(contests, start) for start in starts]
-    return max(designs, key=lambda one: _worst([c.level(one)[0] for c in contests]))
+    return max(designs, key=lambda design: _worst([c.level(design)[0] for c in contests]))
 
 
 def added(contests: Sequence[Contest], count: int) -> Chosen:
-    """The same without exchange: one by one, the best beside those that are there."""
+    """The design without exchange: the best candidate given the chosen ones is added one by one."""
     chosen = np.zeros(0, dtype=np.int64)
     for _ in range(count):
         chosen = np.append(chosen, _best(contests, chosen)[0])
@@ -42,7 +43,7 @@ def added(contests: Sequence[Contest], count: int) -> Chosen:
 
 
 def _settled(contests: Sequence[Contest], chosen: Chosen) -> Chosen:
-    """A design whose points were exchanged in turn until that gains nothing."""
+    """A design whose points are exchanged in turn until that gains nothing."""
     for _ in range(PASSES):
         before = _worst([contest.level(chosen)[0] for contest in contests])
         for at in range(len(chosen)):
@@ -63,7 +64,7 @@ def _improved(contests: Sequence[Contest], chosen: Chosen, at: int) -> Chosen:
 
 
 def _best(contests: Sequence[Contest], chosen: Chosen) -> tuple[int, float]:
-    """The candidate that is best beside these, and what both come to."""
+    """The candidate that is best given the chosen ones, and the level of both together."""
     levels = np.array([contest.with_each(chosen) for contest in contests])
     merit = (1.0 - MEAN) * levels.min(axis=0) + MEAN * levels.mean(axis=0)
     best = int(np.argmax(merit))

@@ -1,4 +1,4 @@
-"""Ranges of the next measurement that do not go with the data."""
+"""Ranges of the next measurement that do not fit the data."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from .points import NO_POINT, RANGE, axes_of, candidates, inside
 
 
 def range_faults(plan: GapPlan, data: GapData, place: str) -> list[Fault]:
-    """Faults of ranges of columns that the data have not, of times that are past, and of ranges
-    that hold no point of the model together with the data.
+    """Faults of ranges of missing columns, of times that are past, and of ranges that contain no
+    point of the model.
     """
     wanted = plan.next_measurement
     if wanted is None:

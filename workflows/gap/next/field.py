@@ -1,4 +1,4 @@
-"""The points that a next measurement chooses from, as readings of the record's kind."""
+"""The candidate points of a next measurement, as measurements of the record's kind."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from .rows import Said, base_at, columns_at, placed, said
 
 
 class _Onward(Columns):
-    """What candidates add at readings that follow on the record (K,), along its path."""
+    """Columns of candidates at K measurements that follow on the record, along its path."""
 
     def __init__(self, setup: Setup, table: Table) -> None:
         old = setup.data.readings.table
@@ -41,13 +41,13 @@ class _Onward(Columns):
         self._rows = np.concatenate(blocks)
 
     def of(self, candidate: Candidate, shape: Mapping[str, float]) -> Array:
-        """Columns (K, m) at the readings that follow."""
+        """Columns (K, m) at the measurements that follow."""
         return super().of(candidate, shape)[self._rows]
 
 
 class Ahead:
-    """Readings that follow on the record at the points of `table`; the columns (N, p) of what is
-    free there, and the record's noise.
+    """Measurements that follow on the record at the points of `table`, with the columns (N, p) of
+    the free parameters there, and the record's noise.
     """
 
     def __init__(self, setup: Setup, noises: Sequence[Noise], table: Table, base: Array) -> None:
@@ -63,18 +63,18 @@ class Ahead:
         return len(next(iter(self.table.values())))
 
     def says(self, fit: Fit) -> Said:
-        """What a fit says of them, whitened along their path."""
+        """The prediction of a fit for them, whitened along their path."""
         return self.white(said(self.columns, self.base, fit))
 
-    def white(self, predictions: Said) -> Said:
+    def white(self, prediction: Said) -> Said:
         """In noise units."""
-        return Said(self._space.whiten(predictions.values), self._space.whiten(predictions.columns))
+        return Said(self._space.whiten(prediction.values), self._space.whiten(prediction.columns))
 
 
 @dataclass(frozen=True)
 class Field:
-    """Candidates of `each` readings, their rows together in `data`; the columns (N, p) of what is
-    free there, and the noise of the record.
+    """Candidates of `each` measurements, their rows adjacent in `data`, with the columns (N, p) of
+    the free parameters there, and the noise of the record.
     """
 
     setup: Setup
@@ -86,12 +86,14 @@ class Field:
     noises: Sequence[Noise]
 
     def says(self, fit: Fit) -> Said:
-        """What a fit says of every candidate, whitened, the rows of a candidate together."""
+        """The prediction of a fit for every candidate, whitened; the rows of a candidate are
+        adjacent.
+        """
         return self.white(said(self.columns, self.base, fit))
 
-    def white(self, predictions: Said) -> Said:
-        """In noise units; one reading follows the other within a candidate."""
-        together = np.column_stack([predictions.values, predictions.columns])
+    def white(self, prediction: Said) -> Said:
+        """A prediction in noise units; the measurements within a candidate are successive."""
+        together = np.column_stack([prediction.values, prediction.columns])
         parts = np.split(together, len(self.noises))
         shape = (-1, self.each, together.shape[1])
         blocks = [
@@ -103,11 +105,13 @@ class Field:
 
     @property
     def readings(self) -> int:
-        """Numbers that are read of one candidate, all outputs."""
+        """The number of measured values per candidate, over all outputs."""
         return self.each * len(self.noises)
 
     def table(self, chosen: Chosen) -> tuple[Table, Array]:
-        """The points in the order of measuring, and what is free there (N, p)."""
+        """The points in the order of measuring, and the columns (N, p) of the free parameters
+        there.
+        """
         rows = (chosen[:, None] * self.each + np.arange(self.each)).ravel()
         table = {name: values[rows] for name, values in self.data.readings.table.items()}
         count = len(self.data)
@@ -115,21 +119,23 @@ class Field:
         known = self.setup.data.readings.table
         if PATH.name in known:
             table[PATH.name] = np.full(len(rows), float(np.max(known[PATH.name])) + 1.0)
-        there = {name: table[name] for name in known if name in table}
-        return there, self.base[np.concatenate(whole)]
+        ordered = {name: table[name] for name in known if name in table}
+        return ordered, self.base[np.concatenate(whole)]
 
 
 def _chained(blocks: Array, rho: float) -> Array:
-    """Readings (C, k, p) whose noise is autocorrelated, such that it is independent."""
+    """Blocks (C, k, p) with autocorrelated noise, whitened so that it is independent."""
     if rho == 0.0:
         return blocks
-    chained = blocks.copy()
-    chained[:, 1:] = (blocks[:, 1:] - rho * blocks[:, :-1]) / np.sqrt(1.0 - rho**2)
-    return chained
+    white = blocks.copy()
+    white[:, 1:] = (blocks[:, 1:] - rho * blocks[:, :-1]) / np.sqrt(1.0 - rho**2)
+    return white
 
 
 def field_of(setup: Setup, noises: Sequence[Noise], wanted: NextPlan) -> Field:
-    """Every candidate within the ranges. Raises InputError where the model reaches none."""
+    """The field of all candidates within the ranges. Raises InputError where the model reaches
+    none.
+    """
     count, each = in_cycles(wanted.readings) if along_path(setup.data) else (wanted.readings, 1)
     axes = axes_of(setup.data, wanted.ranges, count * each)
     seed = setup.plan.seed
@@ -147,7 +153,7 @@ def field_of(setup: Setup, noises: Sequence[Noise], wanted: NextPlan) -> Field:
 
 
 def ahead(field: Field, chosen: Chosen) -> Ahead:
-    """The chosen candidates in the order of measuring: as time has it, else at random."""
+    """The chosen candidates in the order of measuring: by time, else at random."""
     setup, time = field.setup, _time(field.setup.data)
     if time is None:
         order = np.random.default_rng([setup.plan.seed, 10]).permutation(len(chosen))
@@ -159,7 +165,7 @@ def ahead(field: Field, chosen: Chosen) -> Ahead:
 
 
 def timed(setup: Setup, axes: Sequence[Axis], table: Table) -> Table:
-    """The points with times that one can keep: one after the other, a usual step apart."""
+    """The points with feasible times: in succession, a usual step apart."""
     name = _time(setup.data)
     if name is None:
         return table
@@ -175,7 +181,7 @@ def timed(setup: Setup, axes: Sequence[Axis], table: Table) -> Table:
 
 
 def like_now(setup: Setup, noises: Sequence[Noise], count: int) -> Ahead:
-    """As many readings like those of the record, going on in time; of a path its beginning."""
+    """`count` measurements like those of the record, continued in time; of a path its beginning."""
     n, rng = len(setup.data), np.random.default_rng([setup.plan.seed, 11])
     if setup.data.target.model == LOCKED or count >= n:
         rows = np.resize(np.arange(n), count)

@@ -1,4 +1,6 @@
-"""The next measurement of an analysis that has ended: its points, and what they will tell."""
+"""The next measurement of an analysis that has ended: its points, and their expected
+discrimination.
+"""
 
 from __future__ import annotations
 
@@ -33,7 +35,7 @@ Key = tuple[tuple[str, ...], tuple[str, ...]]
 
 @dataclass(frozen=True)
 class Planned:
-    """The record, its points, and what is said beside each rival: by its names and theirs."""
+    """The record, its points, and the measurement listed with each rival, by the names of both."""
 
     record: NextMeasurement
     points: pd.DataFrame | None = None
@@ -41,7 +43,9 @@ class Planned:
 
 
 def next_measurement(end: Ending) -> Planned | None:
-    """None where none was asked for. Raises InputError where the ranges hold no point."""
+    """The next measurement; None where none was requested. Raises InputError where the ranges
+    contain no point.
+    """
     wanted = end.setup.plan.next_measurement
     if wanted is None:
         return None
@@ -53,80 +57,82 @@ def next_measurement(end: Ending) -> Planned | None:
 
 
 def _of_rivals(end: Ending, wanted: NextPlan) -> Planned:
-    """Points that separate the best name from each of its rivals."""
-    open_, measurements = [], dict[Key, Measurement]()
-    for other in end.analysis.others:
-        if _reads(end, end.fit) or _reads(end, other.fit):
-            measurements[_key(other)] = Measurement(READING)
+    """Points that separate the best explanation from each of its rivals."""
+    plannable, measurements = [], dict[Key, Measurement]()
+    for rival in end.analysis.others:
+        if _reads(end, end.fit) or _reads(end, rival.fit):
+            measurements[_key(rival)] = Measurement(READING)
         else:
-            open_.append(other)
+            plannable.append(rival)
     batch = end.setup.data.target.population
-    separations, new, inputs = (_of_batch if batch else _of_points)(end, wanted, open_)
-    for rival in separations:
-        measurements[rival.names, rival.instead_of] = _measurement(rival, new, inputs)
-    for wider in end.analysis.scatter[1:]:
-        rival = of_scatter(end, end.analysis.scatter[0], wider, wanted.readings)
-        separations.append(rival)
-        measurements[rival.names, rival.instead_of] = Measurement(rival.text, readings=rival.needed)
-    planned = new is not None and any(separation.possible for separation in separations)
-    return _planned(end, new if planned else None, inputs, tuple(separations), (), (), measurements)
+    records, new, inputs = (_of_batch if batch else _of_points)(end, wanted, plannable)
+    for record in records:
+        measurements[record.names, record.instead_of] = _measurement(record, new, inputs)
+    for scatter_rival in end.analysis.scatter[1:]:
+        record = of_scatter(end, end.analysis.scatter[0], scatter_rival, wanted.readings)
+        records.append(record)
+        measurements[record.names, record.instead_of] = Measurement(
+            record.text, readings=record.needed
+        )
+    planned = new is not None and any(record.possible for record in records)
+    return _planned(end, new if planned else None, inputs, tuple(records), (), (), measurements)
 
 
 def _of_points(
-    end: Ending, wanted: NextPlan, others: Sequence[Other]
+    end: Ending, wanted: NextPlan, rivals: Sequence[Other]
 ) -> tuple[list[Separation], Ahead | None, tuple[str, ...]]:
     """Separations by chosen points; the points; the inputs that matter most."""
-    if not others:
+    if not rivals:
         return [], None, ()
     noises = end.analysis.search.fitter.space.noises
     place = field_of(end.setup, noises, wanted)
-    pairs = [paired(end, other, place) for other in others]
+    pairs = [paired(end, rival, place) for rival in rivals]
     count = _count(place, wanted)
     gains = np.array([most(pair, count) for pair in pairs])
-    good = [pair for pair, gain in zip(pairs, gains, strict=True) if gain > HOPELESS * count]
-    worth = [pair for pair, gain in zip(pairs, gains, strict=True) if gain > LITTLE] or good
-    chosen, better = design(end, place, worth or pairs[:1], count)
+    separable = [pair for pair, gain in zip(pairs, gains, strict=True) if gain > HOPELESS * count]
+    useful = [pair for pair, gain in zip(pairs, gains, strict=True) if gain > LITTLE] or separable
+    chosen, better = design(end, place, useful or pairs[:1], count)
     pairs = [next((b for b in better if b.other is p.other), p) for p in pairs]
     new = ahead(place, chosen)
     alike = like_now(end.setup, noises, len(new))
-    kept = {id(pair.other) for pair in good}
-    separations = [separation(end, pair, new, alike) for pair in pairs]
-    separations = [
-        separation if id(pair.other) in kept else _none(separation, pair.other)
-        for separation, pair in zip(separations, pairs, strict=True)
+    separable_ids = {id(pair.other) for pair in separable}
+    records = [separation(end, pair, new, alike) for pair in pairs]
+    records = [
+        record if id(pair.other) in separable_ids else _inseparable(record, pair.other)
+        for record, pair in zip(records, pairs, strict=True)
     ]
-    return separations, new, telling(place, (worth or pairs)[0].contests[0], chosen)
+    return records, new, telling(place, (useful or pairs)[0].contests[0], chosen)
 
 
 def _of_batch(
-    end: Ending, wanted: NextPlan, others: Sequence[Other]
+    end: Ending, wanted: NextPlan, rivals: Sequence[Other]
 ) -> tuple[list[Separation], Ahead | None, tuple[str, ...]]:
     """Separations by further units."""
-    if not others:
+    if not rivals:
         return [], None, ()
     noises = end.analysis.search.fitter.space.noises
     new, alike = (further_units(end.setup, noises, wanted, spread) for spread in (True, False))
-    separations = []
-    for other in others:
-        separation_of_pair = separation(end, paired(end, other), new, alike)
-        gained = separation_of_pair.expected - separation_of_pair.now
-        separations.append(
-            separation_of_pair if gained > HOPELESS * len(new) else _none(separation_of_pair, other)
-        )
-    return separations, new, tuple(name for name in wanted.ranges)
+    records = []
+    for rival in rivals:
+        record = separation(end, paired(end, rival), new, alike)
+        gained = record.expected - record.now
+        records.append(record if gained > HOPELESS * len(new) else _inseparable(record, rival))
+    return records, new, tuple(name for name in wanted.ranges)
 
 
-def _none(separation: Separation, other: Other) -> Separation:
-    """Of a pair that no design tells apart, and what would."""
-    names = frozenset(set(other.names) ^ set(other.instead_of))
+def _inseparable(record: Separation, rival: Other) -> Separation:
+    """The record of a pair that no design separates, with the quantity that would."""
+    names = frozenset(set(rival.names) ^ set(rival.instead_of))
     text = f"{NONE}: {UNSEEN[names]}" if names in UNSEEN else f"{NONE}: another quantity is needed"
-    return replace(separation, needed=0, text=text, possible=False)
+    return replace(record, needed=0, text=text, possible=False)
 
 
 def _of_effects(end: Ending, wanted: NextPlan) -> Planned:
-    """Points that would show the effects nearest to the threshold, or those that were listed."""
-    bare = end.analysis.bare
-    noises, setup = bare.search.fitter.space.noises, bare.setup
+    """Points at which the effects nearest to the threshold, or the listed ones, would be
+    detected.
+    """
+    null_model = end.analysis.bare
+    noises, setup = null_model.search.fitter.space.noises, null_model.setup
     sought, notes = wanted_effects(end, wanted)
     sought = [effect for effect in sought if not _reads(end, effect.fit)]
     if not sought:
@@ -154,36 +160,38 @@ def _planned(
     pairs: tuple[Separation, ...],
     effects: tuple[Sensitivity, ...],
     notes: tuple[str, ...],
-    said: Mapping[Key, Measurement],
+    measurements: Mapping[Key, Measurement],
 ) -> Planned:
     if new is None:
         text = "; ".join(dict.fromkeys(pair.text for pair in pairs)) or NONE
-        return Planned(NextMeasurement(text, pairs=pairs, effects=effects, notes=notes), None, said)
+        return Planned(
+            NextMeasurement(text, pairs=pairs, effects=effects, notes=notes), None, measurements
+        )
     text = f"{len(new)} readings at the points in {FILE}"
     if effects:
         text += f": {effects[0]}"
     notes = (*notes, LIKE, *((PREDICT,) if end.setup.plan.model is None else ()))
     record = NextMeasurement(text, len(new), pairs, effects, notes, inputs, FILE)
-    return Planned(record, pd.DataFrame(dict(new.table)), said)
+    return Planned(record, pd.DataFrame(dict(new.table)), measurements)
 
 
-def _measurement(separation: Separation, new: Ahead | None, inputs: Sequence[str]) -> Measurement:
-    """What stands beside a rival."""
-    if new is None or not separation.possible:
-        return Measurement(separation.text)
+def _measurement(record: Separation, new: Ahead | None, inputs: Sequence[str]) -> Measurement:
+    """The measurement listed with a rival."""
+    if new is None or not record.possible:
+        return Measurement(record.text)
     ends = {
         name: (float(np.min(new.table[name])), float(np.max(new.table[name]))) for name in inputs
     }
-    rms = float(np.sqrt(max(separation.expected - separation.now, 0.0) / len(new)))
-    return Measurement(f"{separation.text} ({FILE})", ends, rms, separation.needed)
+    rms = float(np.sqrt(max(record.expected - record.now, 0.0) / len(new)))
+    return Measurement(f"{record.text} ({FILE})", ends, rms, record.needed)
 
 
-def _key(other: Other) -> Key:
-    return other.names, other.instead_of
+def _key(rival: Other) -> Key:
+    return rival.names, rival.instead_of
 
 
 def _reads(end: Ending, fit: Fit) -> bool:
-    """Whether an effect in a fit acts on the reading itself, as rounding does."""
+    """Whether an effect in a fit acts on the measurement itself, as rounding does."""
     data = end.setup.data
     return any(
         bool(
@@ -196,5 +204,5 @@ def _reads(end: Ending, fit: Fit) -> bool:
 
 
 def _count(place: Field, wanted: NextPlan) -> int:
-    """Candidates that make as many readings."""
+    """The number of candidates that give as many measurements."""
     return max(1, wanted.readings // place.each)

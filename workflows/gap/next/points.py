@@ -1,4 +1,4 @@
-"""Operating points that a next measurement may visit: inside the given ranges and the model's."""
+"""Operating points of a possible next measurement: inside the configured ranges and the model's."""
 
 from __future__ import annotations
 
@@ -20,33 +20,33 @@ Table = Mapping[str, NDArray[Any]]
 RANGE = "next_measurement.range"
 NO_POINT = "holds no point that the model reaches; widen it"
 INSIDE = 9
-"""Points of the Sobol sequence inside of the box, as a power of two."""
+"""Number of points of the Sobol sequence inside the box, as a power of two."""
 CORNERS = 6
-"""Inputs up to which every corner of the box is a candidate."""
+"""Number of inputs up to which every corner of the box is a candidate."""
 VISITED = 256
-"""Points of the record that are candidates as well, at most."""
+"""Largest number of points of the record that are candidates as well."""
 TURNS = 0.01
-"""Share of the largest load below which its sign is not sure."""
+"""Fraction of the largest load below which its sign is uncertain."""
 DIGITS = 4
-"""Decimal places of a point, as a share of its range."""
+"""Decimal places of a point, relative to its range."""
 
 
 @dataclass(frozen=True)
 class Axis:
-    """An input that is chosen, and what it may be."""
+    """An input of the design, and its range."""
 
     column: Column
     span: Span
 
-    def at(self, shares: Array) -> Array:
-        """Values (n,) at shares (n,) of its range."""
+    def at(self, fractions: Array) -> Array:
+        """Values (n,) at fractions (n,) of its range."""
         if self.span.values:
-            steps = (shares * len(self.span.values)).astype(np.int64)
+            steps = (fractions * len(self.span.values)).astype(np.int64)
             return np.asarray(self.span.values)[np.minimum(steps, len(self.span.values) - 1)]
-        return self.settable(self.span.low + shares * (self.span.high - self.span.low))
+        return self.settable(self.span.low + fractions * (self.span.high - self.span.low))
 
     def settable(self, values: Array) -> Array:
-        """Values (n,) rounded as one can set them, within the range."""
+        """Values (n,) rounded to settable ones, within the range."""
         if self.span.values:
             return values
         low, high = self.span.low, self.span.high
@@ -55,7 +55,7 @@ class Axis:
 
 
 def axes_of(data: GapData, ranges: Mapping[str, Span], readings: int) -> tuple[Axis, ...]:
-    """Every input that is a number: in its given range, else in that of the data."""
+    """Every numeric input: in its configured range, else in that of the data."""
     return tuple(
         Axis(column, _span(data, column, ranges.get(column.name), readings))
         for column in data.target.columns
@@ -63,18 +63,18 @@ def axes_of(data: GapData, ranges: Mapping[str, Span], readings: int) -> tuple[A
     )
 
 
-def _span(data: GapData, column: Column, given: Span | None, readings: int) -> Span:
-    """What a column may be; a time that is past is over."""
+def _span(data: GapData, column: Column, wanted: Span | None, readings: int) -> Span:
+    """The range of a column; times that are past are excluded."""
     now = _now(data, column, readings)
-    if given is None:
+    if wanted is None:
         return now
     if column.role is Role.TIME:
-        return Span(min(max(given.low, now.low), given.high), given.high)
-    return given
+        return Span(min(max(wanted.low, now.low), wanted.high), wanted.high)
+    return wanted
 
 
 def _now(data: GapData, column: Column, readings: int) -> Span:
-    """What the data hold; time goes on, one usual step per reading."""
+    """The range of the data; time continues by one usual step per measurement."""
     values = np.asarray(data.readings.table[column.name], dtype=float)
     low, high = float(values.min()), float(values.max())
     if column.role is Role.TIME:
@@ -87,20 +87,20 @@ def _now(data: GapData, column: Column, readings: int) -> Span:
 
 def candidates(data: GapData, axes: Iterable[Axis], seed: int) -> Table:
     """A table of points that cover the box of these axes, its corners and its edges, and points of
-    the record inside of it.
+    the record inside it.
     """
     axes = tuple(axes)
     moving = [axis for axis in axes if axis.span.high > axis.span.low]
-    shares = np.vstack([_inside(len(moving), seed), _corners(len(moving)), _edges(len(moving))])
-    table = {axis.column.name: np.full(len(shares), axis.span.low) for axis in axes}
-    table |= {axis.column.name: axis.at(shares[:, at]) for at, axis in enumerate(moving)}
+    fractions = np.vstack([_inside(len(moving), seed), _corners(len(moving)), _edges(len(moving))])
+    table = {axis.column.name: np.full(len(fractions), axis.span.low) for axis in axes}
+    table |= {axis.column.name: axis.at(fractions[:, at]) for at, axis in enumerate(moving)}
     visited = _visited(data, axes)
     return with_labels(data, {n: np.concatenate([v, visited[n]]) for n, v in table.items()})
 
 
 def with_labels(data: GapData, table: Table) -> dict[str, NDArray[Any]]:
-    """The table with the columns of labels: those of a unit that was not measured yet, a lot that
-    was, and the number of the repeat.
+    """The table with the columns of labels: new units, known lots, and the next number of the
+    repeat.
     """
     count = len(next(iter(table.values()))) if table else 1
     labelled: dict[str, NDArray[Any]] = dict(table)
@@ -116,21 +116,21 @@ def with_labels(data: GapData, table: Table) -> dict[str, NDArray[Any]]:
 
 
 def inside(model: MeasurableModel | None, table: Table) -> NDArray[np.bool_]:
-    """Rows (n,) of a table that are in the range of the model; a column that is missing is
+    """Rows (n,) of a table that are in the range of the model; a missing column counts as
     unknown.
     """
     count = len(next(iter(table.values())))
-    allowed = np.ones(count, dtype=bool)
+    within = np.ones(count, dtype=bool)
     if model is not None:
         unknown = {c.name: np.full(count, np.nan) for c in model.columns if not c.text}
         for wrong, _ in model.outside({**unknown, **table}).values():
-            allowed &= ~wrong
-    return allowed
+            within &= ~wrong
+    return within
 
 
 def turning(axes: Iterable[Axis], table: Table) -> NDArray[np.bool_]:
-    """Points (n,) where a load is about to turn: what jumps there in a formula is blurred in
-    truth, and so is the load that one can set.
+    """Points (n,) where a load is close to a change of sign: a jump of a formula there is blurred
+    in reality, and so is the load that can be set.
     """
     turns = np.zeros(len(next(iter(table.values()))), dtype=bool)
     for axis in axes:
@@ -158,22 +158,22 @@ def _corners(inputs: int) -> Array:
         for a in (0.0, 1.0)
         for b in (0.0, 1.0)
     ]
-    corners = np.full((len(pairs), inputs), 0.5)
-    for row, (i, j, a, b) in zip(corners, pairs, strict=True):
+    points = np.full((len(pairs), inputs), 0.5)
+    for row, (i, j, a, b) in zip(points, pairs, strict=True):
         row[i], row[j] = a, b
-    return corners
+    return points
 
 
 def _edges(inputs: int) -> Array:
     """Each input from end to end, the others in the middle or at one end together."""
     steps = np.linspace(0.0, 1.0, 17)
-    edges = [np.full((0, inputs), 0.5)]
+    lines = [np.full((0, inputs), 0.5)]
     for at in range(inputs):
-        for others in (0.0, 0.5, 1.0):
-            line = np.full((len(steps), inputs), others)
+        for level in (0.0, 0.5, 1.0):
+            line = np.full((len(steps), inputs), level)
             line[:, at] = steps
-            edges.append(line)
-    return np.vstack(edges)
+            lines.append(line)
+    return np.vstack(lines)
 
 
 def _visited(data: GapData, axes: tuple[Axis, ...]) -> dict[str, Array]:

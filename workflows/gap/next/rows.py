@@ -1,5 +1,5 @@
-"""Readings at other operating points: what an explanation says of them, and what it may still
-change.
+"""Measurements at other operating points: the prediction of an explanation, and its free
+columns.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from ..setup import STEP, Setup, zeros_of
 from .points import Table
 
 STRIDE = 0.02
-"""Share of a nonlinear parameter by which it is moved for its column."""
+"""Fraction of a nonlinear parameter by which it is moved for its column."""
 
 
 def placed(data: GapData, table: Table, more: tuple[Column, ...] = ()) -> GapData:
     """The data's columns at the rows of a table, nothing measured there; `more` are columns that
-    the data have not.
+    are not in the data.
     """
     count = len(next(iter(table.values())))
     target = replace(data.target, columns=(*data.target.columns, *more))
@@ -44,7 +44,7 @@ def placed(data: GapData, table: Table, more: tuple[Column, ...] = ()) -> GapDat
 
 
 def columns_at(setup: Setup, data: GapData) -> Columns:
-    """What effects add at rows where nothing was measured."""
+    """Columns of effects at rows where nothing was measured."""
     plan = setup.plan
     if plan.model is None:
         return Columns(data, _nothing(data))
@@ -72,8 +72,8 @@ def _nothing(data: GapData) -> Predict:
 
 @dataclass(frozen=True)
 class Said:
-    """What a fit says at N rows (N,), and the columns (N, p) of all that is fitted in it: free
-    parameters, zeros, effects, and what their nonlinear parameters do about their values.
+    """The prediction (N,) of a fit at N rows, and the columns (N, p) of all that is fitted in it:
+    free parameters, zeros, effects, and the derivatives by their nonlinear parameters.
     """
 
     values: Array
@@ -81,41 +81,45 @@ class Said:
 
 
 def said(columns: Columns, base: Array, fit: Fit) -> Said:
-    """By a fit, at the rows of `columns`, in the outputs' units."""
+    """The prediction of a fit at the rows of `columns`, in the outputs' units."""
     values, parts = base @ fit.free, [base]
     for member, coefficients in zip(fit.members, fit.coefficients, strict=True):
-        own = columns.of(member.candidate, member.shape)
-        values = values + own @ coefficients
+        member_columns = columns.of(member.candidate, member.shape)
+        values = values + member_columns @ coefficients
         if not member.candidate.alone:
-            parts.append(own)
-        parts += [coefficient[:, None] for coefficient in _moving(columns, member, coefficients)]
+            parts.append(member_columns)
+        parts += [column[:, None] for column in _moving(columns, member, coefficients)]
     return Said(np.asarray(values), np.hstack(parts))
 
 
 def _moving(columns: Columns, member: Member, coefficients: Array) -> Iterator[Array]:
-    """What each nonlinear parameter that was fitted does (N,), per unit of it."""
-    for key in member.candidate.shape:
-        if key.choices:
+    """The derivative (N,) by each fitted nonlinear parameter."""
+    for parameter in member.candidate.shape:
+        if parameter.choices:
             continue
-        value = member.shape[key.name]
+        value = member.shape[parameter.name]
         step = STRIDE * (abs(value) or 1.0)
-        ends = max(value - step, key.low), min(value + step, key.high)
-        low, high = (columns.of(member.candidate, {**member.shape, key.name: end}) for end in ends)
+        ends = max(value - step, parameter.low), min(value + step, parameter.high)
+        low, high = (
+            columns.of(member.candidate, {**member.shape, parameter.name: end}) for end in ends
+        )
         yield (high - low) @ coefficients / max(ends[1] - ends[0], 1e-300)
 
 
 def of_record(fitter: Fitter, fit: Fit) -> Said:
-    """By a fit, at the readings of the record, whitened, the tolerances below (N,)."""
-    predicted = said(fitter.columns, fitter.raw_base, fit)
+    """The prediction of a fit at the N whitened measurements of the record, followed by the
+    tolerances.
+    """
+    prediction = said(fitter.columns, fitter.raw_base, fit)
     free = fitter.base.shape[1]
-    columns = fitter.space.whiten(predicted.columns)
+    columns = fitter.space.whiten(prediction.columns)
     columns[:, :free] = fitter.base
-    values = fitter.space.whiten(predicted.values)
+    values = fitter.space.whiten(prediction.values)
     tail = slice(len(values) - fitter.space.prior, None)
     values[tail] = fitter.base[tail] @ fit.free
     return Said(values, columns)
 
 
-def distance(predictions: Said, other: Said) -> float:
-    """Squared norm of what the one says and the other cannot follow."""
-    return float(np.sum(beside(predictions.values - other.values, basis(other.columns)) ** 2))
+def distance(explanation: Said, rival: Said) -> float:
+    """Squared norm of the difference of two predictions outside the span of the rival's columns."""
+    return float(np.sum(beside(explanation.values - rival.values, basis(rival.columns)) ** 2))

@@ -1,4 +1,4 @@
-"""Points at which an effect that is barely there would be seen, and how likely it then is."""
+"""Points at which a barely present effect would be detected, and the probability of detection."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from .rows import Said, distance, of_record
 from .separations import joined
 
 NEAREST = 2
-"""Effects that are looked for where none is listed."""
+"""Number of effects that are planned for where none is listed."""
 NINE_OF_TEN = 1.2816
 """Standard normal quantile of 0.9."""
 TINY = 1e-12
@@ -28,8 +28,8 @@ TINY = 1e-12
 
 @dataclass(frozen=True)
 class Sought:
-    """An effect of the size that is looked for, alone beside the model; what it says of the record,
-    and what the model's own freedom can follow of it.
+    """An effect of the size to be detected, alone in the model; its prediction at the record, and
+    the columns of the model's free parameters that may imitate it.
     """
 
     fit: Fit
@@ -43,7 +43,9 @@ class Sought:
 
 
 def wanted_effects(end: Ending, wanted: NextPlan) -> tuple[list[Sought], list[str]]:
-    """The effects that were listed, or those nearest to the threshold; why others cannot be."""
+    """The listed effects, or those nearest to the threshold; and why others cannot be planned
+    for.
+    """
     search = end.analysis.bare.search
     members = {
         candidate.member.name: candidate.member
@@ -58,28 +60,32 @@ def wanted_effects(end: Ending, wanted: NextPlan) -> tuple[list[Sought], list[st
             why = "it has no place in these data" if member is None else "its size bends its form"
             notes.append(f"{name}: no points can be planned, {why}")
             continue
-        sought_effect = _sought(end, member, wanted.amounts.get(name))
-        if sought_effect is not None and not listed and _seen(end, sought_effect):
+        effect = _sought(end, member, wanted.amounts.get(name))
+        if effect is not None and not listed and _detected(end, effect):
             continue
-        if sought_effect is None:
+        if effect is None:
             notes.append(
                 f"{name}: cannot be seen in these data, because what is free does the same"
             )
             continue
-        sought.append(sought_effect)
+        sought.append(effect)
         if not listed and len(sought) == NEAREST:
             break
     return sought, notes if listed else []
 
 
-def _seen(end: Ending, sought: Sought) -> bool:
-    """Whether the record shows it already: then its form is in question, not its presence."""
-    detection = float(np.sqrt(end.analysis.bare.search.thresholds.library)) + NINE_OF_TEN
-    return distance(*sought.record) > detection**2
+def _detected(end: Ending, effect: Sought) -> bool:
+    """Whether the record shows the effect already: then its form is in question, not its
+    presence.
+    """
+    detectable_norm = float(np.sqrt(end.analysis.bare.search.thresholds.library)) + NINE_OF_TEN
+    return distance(*effect.record) > detectable_norm**2
 
 
 def _sought(end: Ending, member: Member, amount: float | None) -> Sought | None:
-    """The effect as large as it was found, or as it matters; as large as is seen where none was."""
+    """The effect of the fitted or the relevant size, of a detectable size where the fit has
+    none.
+    """
     search = end.analysis.bare.search
     fit = search.fitter.fit([member])
     raw = search.fitter.columns.of(member.candidate, member.shape)
@@ -109,7 +115,9 @@ def _unit(raw: Array) -> Array:
 
 
 def _record(end: Ending, fit: Fit, size: Array) -> tuple[Said, Said]:
-    """What an effect of that size says of the record, beside what the model can follow."""
+    """The prediction of an effect of that size at the record, and of the null fit with its free
+    columns.
+    """
     fitter = end.analysis.bare.search.fitter
     (member,) = fit.members
     values = fitter.white(member) @ size
@@ -118,11 +126,11 @@ def _record(end: Ending, fit: Fit, size: Array) -> tuple[Said, Said]:
 
 
 def _at(sought: Sought, at: Ahead | Field) -> tuple[Said, Said]:
-    """The same of further readings."""
+    """The same at further measurements."""
     candidate, shape = sought.member.candidate, sought.member.shape
     values = at.columns.of(candidate, shape) @ sought.size
-    white_columns = at.white(Said(values, at.base))
-    return white_columns, Said(np.zeros_like(white_columns.values), white_columns.columns)
+    prediction = at.white(Said(values, at.base))
+    return prediction, Said(np.zeros_like(prediction.values), prediction.columns)
 
 
 def contest(field: Field, sought: Sought) -> Contest:
@@ -131,7 +139,9 @@ def contest(field: Field, sought: Sought) -> Contest:
 
 
 def sensitivity(end: Ending, sought: Sought, new: Ahead, alike: Ahead) -> Sensitivity:
-    """What the planned readings show of an effect, and as many like the present ones."""
+    """The detection of an effect by the planned measurements, and by as many like the present
+    ones.
+    """
     limit = end.analysis.bare.search.thresholds.library
     levels = [distance(*sought.record)]
     levels += [joined(*sought.record, *_at(sought, at)) for at in (new, alike)]
@@ -140,13 +150,13 @@ def sensitivity(end: Ending, sought: Sought, new: Ahead, alike: Ahead) -> Sensit
         1.0 - float(chndtr(limit, max(len(size), 1), max(level, TINY))) for level in levels
     )
     column = int(np.argmax(np.abs(size)))
-    detectable = abs(float(size[column])) * (np.sqrt(limit) + NINE_OF_TEN)
-    least = [detectable / float(np.sqrt(max(level, TINY))) for level in levels]
-    size_of_one = candidate.linear[column]
+    detectable_size = abs(float(size[column])) * (np.sqrt(limit) + NINE_OF_TEN)
+    least = [detectable_size / float(np.sqrt(max(level, TINY))) for level in levels]
+    parameter = candidate.linear[column]
     return Sensitivity(
         candidate.name,
-        size_of_one.name,
-        size_of_one.unit,
+        parameter.name,
+        parameter.unit,
         float(size[column]),
         now,
         then,

@@ -1,4 +1,6 @@
-"""The design that tells the best name from its rivals, and what is to be expected of it."""
+"""The design that separates the best explanation from its rivals, and its expected
+discrimination.
+"""
 
 from __future__ import annotations
 
@@ -20,14 +22,14 @@ from .field import Ahead, Field
 from .rows import Said, distance, of_record
 
 SUPPORT = 60
-"""Readings that are chosen one by one; more of them are the same ones again."""
+"""Number of measurements that are chosen one by one; further ones repeat them."""
 HOPELESS = 1e-4
-"""Discrimination per reading below which no design separates."""
+"""Discrimination per measurement below which no design separates."""
 LITTLE = 2.0
-"""What a pair must be able to gain, to have a say in a design for several."""
+"""Gain that a pair must be able to reach to be considered in a design for several."""
 FEWEST = 2
 VARIANTS = 6
-"""Values of a rival's nonlinear parameters that the record allows, at most."""
+"""Largest number of values of a rival's nonlinear parameters that the record allows."""
 WORSE = 0.9
 ROUNDS = 2
 CERTAIN = 0.95
@@ -38,8 +40,8 @@ NONE = "no design in this range separates them"
 
 @dataclass(frozen=True)
 class Pair:
-    """The best explanation against one rival: what it says of the record, and the same of the rival
-    at each value of its nonlinear parameters that is in play, the fitted one first.
+    """The best explanation against one rival: its prediction at the record, and that of the rival
+    at each value of its nonlinear parameters under consideration, the fitted one first.
     """
 
     other: Other
@@ -49,7 +51,7 @@ class Pair:
     contests: tuple[Contest, ...] = ()
 
     def with_fit(self, fit: Fit, record: Said, contest: Contest) -> Pair:
-        """The pair with one more value in play."""
+        """The pair with one more value under consideration."""
         return replace(
             self,
             fits=(*self.fits, fit),
@@ -58,16 +60,16 @@ class Pair:
         )
 
     def least(self, chosen: Chosen) -> float:
-        """Discrimination with these candidates, at the value that follows best."""
+        """Discrimination with these candidates, at the rival's value that imitates best."""
         return min(contest.level(chosen)[0] for contest in self.contests)
 
 
-def paired(end: Ending, other: Other, field: Field | None = None) -> Pair:
+def paired(end: Ending, rival: Other, field: Field | None = None) -> Pair:
     """A pair, the rival at its fit; with a field, its contest there."""
     fitter = end.analysis.search.fitter
-    mine, record = of_record(fitter, end.fit), of_record(fitter, other.fit)
-    contests = (_contest(end, field, mine, record, other.fit),) if field else ()
-    return Pair(other, mine, (other.fit,), (record,), contests)
+    mine, record = of_record(fitter, end.fit), of_record(fitter, rival.fit)
+    contests = (_contest(end, field, mine, record, rival.fit),) if field else ()
+    return Pair(rival, mine, (rival.fit,), (record,), contests)
 
 
 def _contest(end: Ending, field: Field, mine: Said, record: Said, rival: Fit) -> Contest:
@@ -76,7 +78,7 @@ def _contest(end: Ending, field: Field, mine: Said, record: Said, rival: Fit) ->
 
 
 def most(pair: Pair, count: int) -> float:
-    """What a design for this pair alone would add to its discrimination."""
+    """The discrimination that a design for this pair alone would add."""
     few = added(pair.contests, min(count, SUPPORT))
     return pair.least(np.resize(few, count)) - pair.least(few[:0])
 
@@ -85,16 +87,16 @@ def design(
     end: Ending, field: Field, pairs: Sequence[Pair], count: int
 ) -> tuple[Chosen, list[Pair]]:
     """The candidates that separate the worst of these pairs best, and the pairs with the values of
-    nonlinear parameters that follow best.
+    nonlinear parameters that imitate best.
     """
-    ordered = list(pairs)
+    current = list(pairs)
     for _ in range(ROUNDS):
-        chosen = _exchanged(ordered, count)
-        wider = [_with_worst(end, field, pair, chosen) for pair in ordered]
-        if all(pair is other for pair, other in zip(wider, ordered, strict=True)):
-            return np.resize(chosen, count), ordered
-        ordered = wider
-    return np.resize(_exchanged(ordered, count), count), ordered
+        chosen = _exchanged(current, count)
+        wider = [_with_worst(end, field, pair, chosen) for pair in current]
+        if all(new is old for new, old in zip(wider, current, strict=True)):
+            return np.resize(chosen, count), current
+        current = wider
+    return np.resize(_exchanged(current, count), count), current
 
 
 def _exchanged(pairs: Sequence[Pair], count: int) -> Chosen:
@@ -102,7 +104,7 @@ def _exchanged(pairs: Sequence[Pair], count: int) -> Chosen:
 
 
 def _with_worst(end: Ending, field: Field, pair: Pair, chosen: Chosen) -> Pair:
-    """The pair with the rival's values that follow this design best, where they are new."""
+    """The pair with the rival's values that imitate best at this design, where they are new."""
     fitter, best = end.analysis.search.fitter, pair
     for fit in variants(end.analysis.search, pair.other.fit):
         record = of_record(fitter, fit)
@@ -114,24 +116,26 @@ def _with_worst(end: Ending, field: Field, pair: Pair, chosen: Chosen) -> Pair:
 
 def variants(search: Search, fit: Fit) -> list[Fit]:
     """A rival at values of its last effect's nonlinear parameters that the record allows."""
-    last, others = fit.members[-1], fit.members[:-1]
+    last, other_members = fit.members[-1], fit.members[:-1]
     if not last.shape or last.candidate.alone:
         return []
     at = np.array([k for k, member in enumerate(search.book.members) if member.name == last.name])
-    q = search.fitter.spanned(others)
+    q = search.fitter.spanned(other_members)
     gains = search.white.some(at).orthonormal(q).gains(beside(search.fitter.y, q))
     allowed = at[gains >= gains.max() - search.settings.set_distance]
     kept = allowed[np.unique(np.linspace(0, len(allowed) - 1, VARIANTS).round().astype(int))]
     shapes = [search.book.members[k].shape for k in kept]
-    return [search.fitter.fit((*others, Member(last.candidate, shape))) for shape in shapes]
+    return [search.fitter.fit((*other_members, Member(last.candidate, shape))) for shape in shapes]
 
 
 def separation(end: Ending, pair: Pair, new: Ahead, alike: Ahead) -> Separation:
-    """What the planned readings tell of a pair, and as many like the present ones."""
+    """The separation of a pair by the planned measurements, and by as many like the present
+    ones.
+    """
     fit, mine = end.fit, new.says(end.fit)
     levels = [
-        joined(pair.mine, record, mine, new.says(fit))
-        for fit, record in zip(pair.fits, pair.records, strict=True)
+        joined(pair.mine, record, mine, new.says(rival_fit))
+        for rival_fit, record in zip(pair.fits, pair.records, strict=True)
     ]
     planned, like = (
         Duel.of(
@@ -141,10 +145,10 @@ def separation(end: Ending, pair: Pair, new: Ahead, alike: Ahead) -> Separation:
     )
     now = min(distance(pair.mine, record) for record in pair.records)
     apart = end.analysis.search.settings.set_distance
-    return told(pair.other, (now, min(levels)), (planned, like), len(new), apart)
+    return record_of(pair.other, (now, min(levels)), (planned, like), len(new), apart)
 
 
-def told(
+def record_of(
     pair: Other, levels: tuple[float, float], duels: tuple[Duel, Duel], count: int, apart: float
 ) -> Separation:
     """The record of a pair, and its sentence; `levels` are the discrimination now and then."""
@@ -168,8 +172,8 @@ def told(
 
 
 def joined(mine: Said, rival: Said, new_mine: Said, new_rival: Said) -> float:
-    """The discrimination of the record and new readings together."""
-    joined_values = np.concatenate([mine.values, new_mine.values])
-    other = np.concatenate([rival.values, new_rival.values])
+    """The discrimination by the record and new measurements together."""
+    values = np.concatenate([mine.values, new_mine.values])
+    rival_values = np.concatenate([rival.values, new_rival.values])
     columns = np.vstack([rival.columns, new_rival.columns])
-    return distance(Said(joined_values, columns), Said(other, columns))
+    return distance(Said(values, columns), Said(rival_values, columns))

@@ -1,4 +1,4 @@
-"""The inputs in which points tell two explanations apart."""
+"""The inputs by which points separate two explanations."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from .field import Field
 from .points import Axis
 
 CELLS = 12
-"""Stretches of an input that means are taken over."""
+"""Number of stretches of an input over which means are taken."""
 
 
 def telling(field: Field, contest: Contest, chosen: Chosen) -> tuple[str, ...]:
-    """The two inputs that the difference of the explanations follows most: by the correlation ratio
-    of it, or of its square, over all candidates.
+    """The two inputs on which the difference of the explanations depends most: by the correlation
+    ratio of it, or of its square, over all candidates.
     """
     _, coefficients, _ = contest.level(chosen)
     residual = (contest.left - contest.columns @ coefficients).reshape(
@@ -24,7 +24,7 @@ def telling(field: Field, contest: Contest, chosen: Chosen) -> tuple[str, ...]:
     )
     signed = residual.sum(axis=1).ravel()
 
-    def told(axis: Axis) -> float:
+    def strength(axis: Axis) -> float:
         values = np.asarray(field.data.readings.table[axis.column.name], dtype=float)
         return max(_ratio(values, signed), _ratio(values, signed**2))
 
@@ -33,11 +33,13 @@ def telling(field: Field, contest: Contest, chosen: Chosen) -> tuple[str, ...]:
         for axis in field.axes
         if axis.span.high > axis.span.low and axis.column.role is not Role.TIME
     ]
-    return tuple(axis.column.name for axis in sorted(moving, key=told, reverse=True)[:2])
+    return tuple(axis.column.name for axis in sorted(moving, key=strength, reverse=True)[:2])
 
 
 def _ratio(values: Array, of: Array) -> float:
-    """Share of the variance of `of` (n,) that its means over stretches of `values` (n,) have."""
+    """Fraction of the variance of `of` (n,) explained by its means over stretches of `values`
+    (n,).
+    """
     edges = np.unique(np.quantile(values, np.linspace(0.0, 1.0, CELLS + 1)))
     cell = np.searchsorted(edges[1:-1], values, side="right")
     count = np.bincount(cell)

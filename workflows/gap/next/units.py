@@ -1,4 +1,4 @@
-"""The next measurement of a batch: further units, warm and cold where that was given."""
+"""The next measurement of a batch: further units, at the ends of configured ranges."""
 
 from __future__ import annotations
 
@@ -26,39 +26,39 @@ from .separations import CERTAIN, FEWEST
 
 MOST = 10**6
 QUANTILES = 1000
-"""Units that stand for a law."""
+"""Number of quantiles that represent a law."""
 
 
 def further_units(setup: Setup, noises: Sequence[Noise], wanted: NextPlan, spread: bool) -> Ahead:
-    """Units like those of the batch; `spread`: at the ends of the given ranges in turn."""
+    """Units like those of the batch; with `spread` at the ends of the configured ranges in turn."""
     count, table = wanted.readings, setup.data.readings.table
     rng = np.random.default_rng([setup.plan.seed, 11])
     rows = rng.integers(len(setup.data), size=count)
-    separations: dict[str, NDArray[Any]] = {}
+    columns: dict[str, NDArray[Any]] = {}
     for column in setup.data.target.columns:
         if column.text or column.role is Role.REPEAT:
             continue
-        separations[column.name] = np.asarray(table[column.name])[rows]
+        columns[column.name] = np.asarray(table[column.name])[rows]
         span = wanted.ranges.get(column.name)
         if spread and span is not None:
-            separations[column.name] = np.resize(span.values or (span.low, span.high), count)
-    if not separations:
-        separations = {"": np.zeros(count)}
-    whole = with_labels(setup.data, separations)
+            columns[column.name] = np.resize(span.values or (span.low, span.high), count)
+    if not columns:
+        columns = {"": np.zeros(count)}
+    whole = with_labels(setup.data, columns)
     return Ahead(setup, noises, whole, base_at(setup, placed(setup.data, whole)))
 
 
-def of_scatter(end: Ending, mine: Scatter, other: Scatter, count: int) -> Separation:
-    """What further units tell of two effects on the scatter: the log of the likelihood ratio of a
-    unit has a mean and a variance, those of many add up.
+def of_scatter(end: Ending, mine: Scatter, rival: Scatter, count: int) -> Separation:
+    """The separation of two effects on the scatter by further units: the log likelihood ratio of a
+    unit has a mean and a variance, which add up over units.
     """
     law = end.analysis.bare.batch.law
-    laws = [population.changed(law) for population in (mine, other)]
-    kinds = [one.likelihood(law)[0] for one in (mine, other)]
+    laws = [effect.changed(law) for effect in (mine, rival)]
+    kinds = [effect.likelihood(law)[0] for effect in (mine, rival)]
     moments = [_moments(right, wrong) for right, wrong in zip(laws, kinds[::-1], strict=True)]
-    both = set(mine.names) & set(other.names)
-    names, instead = (tuple(n for n in of.names if n not in both) for of in (other, mine))
-    ahead, n = other.distance, len(end.setup.data)
+    common = set(mine.names) & set(rival.names)
+    names, instead = (tuple(n for n in of.names if n not in common) for of in (rival, mine))
+    ahead, n = rival.distance, len(end.setup.data)
     chance = _chance(moments, ahead, count)
     tried = np.unique(np.geomspace(FEWEST, MOST, 400).astype(int)).tolist()
     short = [k for k in tried if _chance(moments, ahead, k) < CERTAIN]
@@ -73,10 +73,10 @@ def of_scatter(end: Ending, mine: Scatter, other: Scatter, count: int) -> Separa
 
 def _moments(right: Law, wrong: BatchLikelihood) -> tuple[float, float]:
     """Mean and variance of the log likelihood ratio of a unit of the right law, against the wrong
-    effect where it follows that law best.
+    effect at its best fit to that law.
     """
-    shares = (np.arange(QUANTILES) + 0.5) / QUANTILES
-    x = np.asarray(right.histogram.ppf(shares), dtype=np.float64)
+    fractions = (np.arange(QUANTILES) + 0.5) / QUANTILES
+    x = np.asarray(right.histogram.ppf(fractions), dtype=np.float64)
     ratio = right(x) - wrong.changed(wrong.best(x))(x)
     return float(max(ratio.mean(), 0.0)), float(ratio.var())
 
@@ -84,8 +84,8 @@ def _moments(right: Law, wrong: BatchLikelihood) -> tuple[float, float]:
 def _chance(
     moments: Sequence[tuple[float, float]], ahead: float, count: int, by: float = 0.0
 ) -> float:
-    """That the right one is ahead by more than `by` after `count` units, each as likely as it fits
-    now.
+    """The probability that the right one is ahead by more than `by` after `count` units; the prior
+    probability of each follows from its fit.
     """
     mine = 1.0 / (1.0 + np.exp(-0.5 * ahead))
     chance = 0.0

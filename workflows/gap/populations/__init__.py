@@ -1,1 +1,3 @@
-"""Populations: simulated and measured units compared, and what differs attributed to inputs."""
+"""Populations: simulated and measured units compared, and their differences attributed to
+inputs.
+"""

@@ -1,4 +1,4 @@
-"""To which input of a batch a difference may be due: by likelihood, and by what limits allow."""
+"""Attribution of a batch's difference to an input: by likelihood, and by the inputs' limits."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .weighed import Weighed, parts_of
 
 
 def of_batch(end: Ending) -> tuple[Attribution, ...]:
-    """Which inputs may be behind the gap of a batch; none where there is no gap."""
+    """The inputs that may cause the gap of a batch; empty where there is no gap."""
     analysis, data = end.analysis, end.setup.data
     sources = None if end.setup.plan.model is None else end.setup.plan.model.sources()
     if not analysis.significant or sources is None or not data.target.population:
@@ -34,57 +34,69 @@ def of_batch(end: Ending) -> tuple[Attribution, ...]:
         text = _beside(end) or f"no input of its own: cannot tell with n = {len(y)}"
         verdict = "none" if _beside(end) else "cannot tell"
         return (Attribution(names, output.name, "", (), verdict, (), text),)
-    decision = decided(weighed, names, output.name, output.unit)
+    attributions = decided(weighed, names, output.name, output.unit)
     if not sources.basis:
-        return decision
-    return tuple(replace(one, text=f"{one.text} ({sources.basis})") for one in decision)
+        return attributions
+    return tuple(
+        replace(attribution, text=f"{attribution.text} ({sources.basis})")
+        for attribution in attributions
+    )
 
 
 def decided(weighed: Weighed, effect: str, output: str, unit: str) -> tuple[Attribution, ...]:
-    """One record per kind that is left, or one that says why none is."""
+    """One record per remaining kind of change, or a single one that says why none remains."""
 
     def of(kind: str, verdict: str, text: str, names: tuple[str, ...] = ()) -> Attribution:
-        some = _records(weighed, kind, unit) if kind else ()
-        return Attribution(effect, output, kind, names, verdict, some, text)
+        changes = _records(weighed, kind, unit) if kind else ()
+        return Attribution(effect, output, kind, names, verdict, changes, text)
 
     if not weighed.standing or not weighed.explained:
         if weighed.mixed:
             text = f"{weighed.rival} explain the batch; no change of one input does"
             return (of("", "none", text),)
-        best = max(weighed.tables.changes, key=lambda one: one.best[1])
+        best = max(weighed.tables.changes, key=lambda change: change.best[1])
         text = (
             "no admissible change of one input alone explains the batch; nearest is a "
             f"{best.kind} of {best.name}"
         )
         return (of(best.kind, "none", text),)
-    text = told(weighed, unit)
+    text = explanation(weighed, unit)
     if all(change.source is None for change in weighed.standing):
         text = f"no input alone does it within its limits; {text}"
         return (of(weighed.standing[0].kind, "none", text),)
     alone = len(weighed.standing) == 1 and not weighed.mixed
-    names = {kind: tuple(o.name for o in weighed.standing if o.kind == kind) for kind in KINDS}
+    names = {
+        kind: tuple(change.name for change in weighed.standing if change.kind == kind)
+        for kind in KINDS
+    }
     verdict = "attributed" if alone else "cannot tell"
-    return tuple(of(kind, verdict, text, those) for kind, those in names.items() if those)
+    return tuple(
+        of(kind, verdict, text, kind_names) for kind, kind_names in names.items() if kind_names
+    )
 
 
 def _records(weighed: Weighed, kind: str, unit: str) -> tuple[InputChange, ...]:
-    mine = [change for change in weighed.tables.changes if change.kind == kind]
-    records = [weighed.record(change, unit) for change in mine]
-    return tuple(sorted(records, key=lambda one: (bool(one.excluded_because), one.distance)))
+    changes = [change for change in weighed.tables.changes if change.kind == kind]
+    records = [weighed.record(change, unit) for change in changes]
+    return tuple(
+        sorted(records, key=lambda record: (bool(record.excluded_because), record.distance))
+    )
 
 
-def told(weighed: Weighed, unit: str) -> str:
-    """What is left standing, and what would tell, in one sentence."""
+def explanation(weighed: Weighed, unit: str) -> str:
+    """The remaining changes, and the measurement that would decide between them, in one
+    sentence.
+    """
     names = [_way(change) for change in weighed.standing]
     names += [weighed.rival] if weighed.mixed else []
     if len(names) == 1:
         change = weighed.standing[0]
         times = change.kind == "widening" and change.source is not None
         what = "times" if times else change.unit or unit
-        message = (
+        sentence = (
             f"{names[0]} ({change.shown(change.best[0]):.3g} {what}) alone would explain the batch"
         )
-        return f"{message}; so may several inputs together"
+        return f"{sentence}; so may several inputs together"
     listed = ", ".join(names[:6]) + (f" and {len(names) - 6} more" if len(names) > 6 else "")
     text = f"cannot tell with n = {len(weighed.tables.y)} between {listed}"
     parts = {
@@ -100,31 +112,33 @@ def told(weighed: Weighed, unit: str) -> str:
 
 
 def _way(change: Change) -> str:
-    """What an input, or the gauge, does."""
+    """The change of an input, or of the gauge, in words."""
     kind = "noise" if change.source is None and change.kind == "widening" else change.kind
     return f"{kind} of {change.name}"
 
 
 def _names(end: Ending) -> str:
-    return ", ".join([*end.fit.names, *(one.candidate.name for one in end.analysis.scatter[:1])])
+    return ", ".join(
+        [*end.fit.names, *(effect.candidate.name for effect in end.analysis.scatter[:1])]
+    )
 
 
 def _refused(end: Ending) -> str:
-    """Why inputs are not asked for; empty where they are."""
+    """Why no attribution to inputs is made; empty where it is."""
     count = len(end.setup.data)
     if not end.setup.plan.settings.effects_at_most or count < LEAST_NAMED:
         return f"cannot tell with n = {count} which input it is due to"
     setup = end.analysis.bare.setup
     if any(
-        on_scatter(one.effect, one.values, setup.data.readings, setup.data.target)
-        for one in setup.plan.active
+        on_scatter(active.effect, active.values, setup.data.readings, setup.data.target)
+        for active in setup.plan.active
     ):
         return "cannot tell to which input: an effect on the scatter is in the model already"
     return ""
 
 
 def _rival(end: Ending, tables: Tables) -> tuple[str, float]:
-    """What was named on the scatter that no input does, and its log likelihood."""
+    """The identified effect on the scatter that no input explains, and its log likelihood."""
     best = end.analysis.scatter[0] if end.analysis.scatter else None
     if best is None or not best.apart_from_inputs:
         return "", -np.inf
@@ -132,12 +146,14 @@ def _rival(end: Ending, tables: Tables) -> tuple[str, float]:
 
 
 def trends(end: Ending) -> tuple[str, ...]:
-    """Effects that move unit after unit: what an input does that wears off."""
+    """Effects along the order of the units: they act as an input that drifts."""
     return tuple(member.name for member in end.fit.members if member.candidate.effect.along_units)
 
 
 def _beside(end: Ending) -> str:
-    """What is told of effects that are taken out before inputs are asked for."""
+    """The sentence on effects that are subtracted before attribution; empty where there are
+    none.
+    """
     out = [
         name
         for name in end.fit.names
@@ -147,7 +163,9 @@ def _beside(end: Ending) -> str:
 
 
 def _units(end: Ending) -> tuple[Array, Array]:
-    """Units (n,) that count, beside what moves single ones, and their order (n,) from 0 to 1."""
+    """Units (n,) that count, given the effects on single units, and their order (n,) from 0 to
+    1.
+    """
     bare = end.analysis.bare
     numbers = unit_numbers(bare.setup.data.readings).astype(float)
     units = bare.batch.units(end.fit, trends(end))

@@ -1,5 +1,5 @@
-"""Units compared with the model's: a batch with the population, before and after what was named;
-units that are simulated one by one, with the values at the same inputs.
+"""Units compared with the model's: a batch with the population, before and after correction; units
+that are simulated one by one with the values at the same inputs.
 """
 
 from __future__ import annotations
@@ -19,18 +19,19 @@ from .lines import Compared, batches
 from .statistics import Look, Statistic, along, between_lots, looks_of, two_of, unlike, values_of
 
 EXACT = 1e-9
-"""Share of the simulated scatter below which readings are the simulation itself."""
+"""Fraction of the simulated scatter below which measurements are the simulation itself."""
 PLAIN = ("mean", "two suppliers", "first to last unit")
 SHAPES = ("standard deviation", "skewness", "kurtosis")
-"""What is told of differences as they are, and of the units that have them."""
+"""Statistics of the differences themselves, and those of the units with the differences added."""
 NONE = "no difference seen: measured is as simulated"
 
 
 def compared(end: Ending) -> tuple[PopulationLine, ...]:
-    """Lines before, and after where anything was named; none where rows are no units.
+    """Lines before, and after correction where an effect was identified; empty where rows are no
+    units.
 
-    Of a population those of its one output. Before, the model of single units is as it is: not even
-    the zero of an angle is taken out.
+    A population has lines of its one output. Before correction the model of single units is
+    uncorrected: not even the zero of an angle is subtracted.
     """
     if not (population := end.setup.data.target.population) and not has_units(end):
         return ()
@@ -49,13 +50,13 @@ def compared(end: Ending) -> tuple[PopulationLine, ...]:
 
 
 def _of_batch(end: Ending, model: str, stream: int) -> tuple[PopulationLine, ...]:
-    """Of units as far as they are from what the model predicts."""
+    """The lines of the deviations of units from the model's prediction."""
     bare = end.analysis.bare
     setup, fit = (end.setup, end.fit) if model == "after" else (bare.setup, bare.empty)
     output, kept = setup.data.outputs[0], bare.noises[0].kept
     law, middle = bare.setup.laws[output.name], 0.0
-    for one in end.analysis.scatter[:1] if model == "after" else ():
-        law, middle = one.changed(law), one.moves
+    for effect in end.analysis.scatter[:1] if model == "after" else ():
+        law, middle = effect.changed(law), effect.moves
     x = left_of(setup, fit)[kept] + middle
     readings = setup.data.readings
     order = unit_numbers(readings)[kept].astype(float)
@@ -97,7 +98,7 @@ def _of_pairs(
     settings = setup.plan.settings
     count = batches(len(r))
     drawn = rng.permuted(np.tile(r, (count, 1)), axis=1) * rng.choice([-1.0, 1.0], (count, len(r)))
-    # one supplier is drawn as such: readings put in another order keep a second one
+    # one supplier is drawn as such: permuted measurements would keep a second one
     normal = float(np.std(r)) * rng.standard_normal((count, len(r)))
     looks = tuple(_drawn(look, normal) if look.name == "two suppliers" else look for look in looks)
     whole = Compared(looks, r, drawn, settings.false_rate, LEAST_NAMED)
@@ -105,7 +106,9 @@ def _of_pairs(
 
 
 def _looks(unit: str, s: Array, order: Array) -> tuple[Look, ...]:
-    """Statistics of differences (b, n) from simulated values s (n,): those of s + x less of s."""
+    """Statistics of differences (b, n) from simulated values s (n,): those of s + x minus those of
+    s.
+    """
 
     def beyond(of: Statistic) -> Statistic:
         return lambda x: of(s + x) - float(of(s[None])[0])
@@ -128,7 +131,7 @@ def _shown(s: Array, order: Array) -> dict[str, float]:
 
 
 def _drawn(look: Look, normal: Array) -> Look:
-    """The same statistic, simulated batches of which are normal ones."""
+    """The same statistic with normal simulated batches."""
     return replace(look, of=lambda x: look.of(x if len(x) == 1 else normal))
 
 

@@ -1,4 +1,4 @@
-"""What an analysis says of units as a population: one table, and one attribution."""
+"""The results of an analysis on units as a population: a table, and an attribution."""
 
 from __future__ import annotations
 
@@ -15,37 +15,36 @@ SHOWN = 3
 
 
 def attribution_of(end: Ending) -> tuple[Attribution, ...]:
-    """Which input may be behind a difference; none where rows are no units."""
+    """The inputs that may cause a difference; empty where rows are no units."""
     if end.setup.data.target.population:
         return of_batch(end)
     return of_recorded(end) if has_units(end) else ()
 
 
 def inputs_instead(end: Ending, attributions: Sequence[Attribution]) -> tuple[Rival, ...]:
-    """A process off its middle, where an input that is would make units look like a mixture.
+    """A rival: a shift of the process mean, where a shifted input would make units look like a
+    mixture.
 
-    Interference that is cut off changes their shape as a second supplier does.
+    Clipped interference changes the shape of the distribution as a second supplier does.
     """
     levels = end.analysis.bare.batch.levels if end.setup.data.target.population else ()
-    apart = [one.candidate for one in end.analysis.scatter[:1] if one.apart_from_inputs]
+    apart = [effect.candidate for effect in end.analysis.scatter[:1] if effect.apart_from_inputs]
     shifts = [
-        one for one in attributions if one.kind == "shift" and one.inputs and one.verdict != "none"
+        attribution
+        for attribution in attributions
+        if attribution.kind == "shift" and attribution.inputs and attribution.verdict != "none"
     ]
     if not apart or not levels or not shifts or end.verdict not in ("named", "ambiguous"):
         return ()
     nearest = min(
-        (
-            candidate.distance
-            for candidate in shifts[0].candidates
-            if not candidate.excluded_because
-        ),
+        (change.distance for change in shifts[0].candidates if not change.excluded_because),
         default=0.0,
     )
     return (Rival(levels[:1], (apart[0].name,), nearest, Measurement(shifts[0].text)),)
 
 
 def said(lines: Sequence[PopulationLine], attribution: Sequence[Attribution]) -> list[str]:
-    """The summary: what differs before, and to which input it may be due."""
+    """The summary: the differences before correction, and the inputs that may cause them."""
     before = [line for line in lines if line.model == "before"]
     differ = [
         f"{line.output} {line.statistic} ({line.simulated:.4g}, measured {line.measured:.4g} "
@@ -54,16 +53,16 @@ def said(lines: Sequence[PopulationLine], attribution: Sequence[Attribution]) ->
         for line in before
         if line.differs
     ]
-    messages = []
+    sentences = []
     if differ:
         more = f" and {len(differ) - SHOWN} more" if len(differ) > SHOWN else ""
-        messages.append(
+        sentences.append(
             f"units differ from the simulated ones in {', '.join(differ[:SHOWN])}{more}"
         )
     elif any(not line.enough for line in before):
-        messages.append(f"units beside the simulated ones: {before[0].verdict}")
+        sentences.append(f"units beside the simulated ones: {before[0].verdict}")
     elif before:
-        messages.append(f"units as simulated: no difference seen in {len(before)} statistics")
-    return messages + [
-        f"input: {text}" for text in dict.fromkeys(decision.text for decision in attribution)
+        sentences.append(f"units as simulated: no difference seen in {len(before)} statistics")
+    return sentences + [
+        f"input: {text}" for text in dict.fromkeys(record.text for record in attribution)
     ]

@@ -1,4 +1,4 @@
-"""What one input alone would have to do to explain a batch: a shift, a wider zone, or a trend."""
+"""The change of one input alone that explains a batch: a shift, a wider zone, or a trend."""
 
 from __future__ import annotations
 
@@ -16,28 +16,32 @@ from ....models.sources import Source
 from .unit_law import FACTORS, NOISES, REACH, SHIFTS, UnitLaw, below
 
 GAUGE = "gauge"
-"""What is no input, but moves or blurs every reading alike."""
+"""The gauge is no input, but moves or blurs every measurement alike."""
 TRENDS = np.sinh(np.linspace(-np.arcsinh(20.0), np.arcsinh(20.0), 61)) * (REACH / 20.0)
 DENSE = 401
 LIKELY = 4.0
-"""Below the highest log likelihood: amounts that an interval may hold, and more."""
+"""Distance from the highest log likelihood within which an interval may lie."""
 NEAR = 12.0
-"""Below the highest of all: changes that may explain a batch."""
+"""Distance from the highest log likelihood of all changes within which a change may explain a
+batch.
+"""
 POINTS = 33
 KINDS = ("shift", "widening", "trend")
 BATCHES, MOST = 400, 400
-"""Simulated batches, and units of one at most: a likelihood ratio does not depend on them."""
+"""Number of simulated batches, and largest number of their units: the law of a likelihood ratio
+does not depend on it.
+"""
 LEAST = 1e-7
-"""Share of a cell below which no unit is ever drawn from it."""
+"""Probability of a cell below which no unit is drawn from it."""
 
 
 @dataclass(frozen=True)
 class Change:
     """One input (None: the gauge) changed in one way.
 
-    Amounts are in the unit of the output, for a widening factors; `per` turns a shift into the
-    input's unit. `low` and `high` are the admissible ones. `log` (m,) is the log likelihood of the
-    batch at `grid` (m,).
+    Amounts are in the unit of the output, for a widening they are factors; `per` turns a shift into
+    the input's unit. `low` and `high` are the admissible ones. `log` (m,) is the log likelihood of
+    the batch at `grid` (m,).
     """
 
     kind: str
@@ -55,12 +59,12 @@ class Change:
 
     @property
     def clipped(self) -> bool:
-        """Whether it acts before interference is cut off."""
+        """Whether the input acts before interference is clipped."""
         return self.source is not None and self.source.clipped
 
     @cached_property
     def likely(self) -> tuple[float, float]:
-        """Points of the grid that hold between them whatever an interval may hold."""
+        """Points of the grid that enclose any interval."""
         inside = np.flatnonzero(self.log > self.log.max() - LIKELY)
         last = len(self.grid) - 1
         return (
@@ -70,7 +74,7 @@ class Change:
 
     @cached_property
     def _dense(self) -> tuple[Array, Array]:
-        """The likelihood between the points of the grid, about its peak as finely as needed."""
+        """The log likelihood interpolated between the points of the grid, finely about its peak."""
         curve = CubicSpline(self.grid, self.log)
         near = self.likely
         ends = np.clip([self.low, self.high], self.grid[0], self.grid[-1])
@@ -93,22 +97,22 @@ class Change:
         return float(x[at]), float(log[at])
 
     def interval(self, quantile: float) -> tuple[float, float]:
-        """Amounts whose likelihood is within `quantile` (of chi2) of the highest one."""
+        """Amounts whose log likelihood is within `quantile` (of chi2) of the highest one."""
         x, log = self._dense
         inside = x[2.0 * (log.max() - log) <= quantile]
         return float(inside.min()), float(inside.max())
 
     def shown(self, amount: float) -> float:
-        """An amount in the input's unit; a factor stays one."""
+        """An amount in the input's unit; a factor is unchanged."""
         return amount if self.kind == "widening" else amount / self.per
 
     @property
     def unit(self) -> str:
-        """Of the amounts shown; empty for a factor and for the unit of the output."""
+        """The unit of the amounts shown; empty for a factor and for the unit of the output."""
         return "" if self.source is None or self.kind == "widening" else self.source.unit
 
     def share(self, amount: float) -> float:
-        """An amount as a share of the tolerance; nan for the gauge, which has none."""
+        """An amount as a fraction of the tolerance; nan for the gauge, which has none."""
         if self.source is None:
             return float("nan")
         return amount if self.kind == "widening" else self.shown(amount) / self.source.tolerance
@@ -118,8 +122,8 @@ class Change:
 class Tables:
     """Units `y` (n,) in the output's unit, their order `u` (n,) from 0 to 1, and their law.
 
-    `out` is the share of an input's parts that may be out of its limits. A uniform input reaches it
-    when it is shifted by 2 `out` tolerances, or 1/(1 - `out`) times as wide.
+    `out` is the fraction of an input's parts that may be out of its limits. A uniform input reaches
+    it when it is shifted by 2 `out` tolerances, or 1/(1 - `out`) times as wide.
     """
 
     law: UnitLaw
@@ -129,41 +133,45 @@ class Tables:
 
     @cached_property
     def counts(self) -> Array:
-        """The units on the lattice (k,), each shared by its two neighbours."""
+        """The units on the lattice (k,), each divided between its two neighbours."""
         return counted(self.law, self.y)
 
     @cached_property
     def none(self) -> float:
-        """Log likelihood of the model as it is."""
+        """Log likelihood of the unchanged model."""
         return float(self.law.base @ self.counts)
 
     @cached_property
     def changes(self) -> tuple[Change, ...]:
-        """Every input in every way, the gauge last; finely where one may explain the batch."""
-        candidates = (*self._shifts(), *self._widenings(), *self._trends())
-        top = max(float(change.log.max()) for change in candidates)
+        """Every input changed in every way, the gauge last, on a fine grid where it may explain the
+        batch.
+        """
+        coarse = (*self._shifts(), *self._widenings(), *self._trends())
+        top = max(float(change.log.max()) for change in coarse)
         fine: dict[tuple[str, bool, str], tuple[Array, Array]] = {}
         return tuple(
             change if change.log.max() < top - NEAR else self._finely(change, fine)
-            for change in candidates
+            for change in coarse
         )
 
     def _finely(
-        self, one: Change, kept: dict[tuple[str, bool, str], tuple[Array, Array]]
+        self, change: Change, kept: dict[tuple[str, bool, str], tuple[Array, Array]]
     ) -> Change:
-        """The same with more amounts about the likeliest; inputs that act alike share them."""
-        alike = one.kind != "widening"
-        key = (one.kind, one.clipped, "" if alike else one.name)
+        """The change with more amounts about the likeliest; inputs that act alike have the same
+        grid.
+        """
+        alike = change.kind != "widening"
+        key = (change.kind, change.clipped, "" if alike else change.name)
         if key not in kept:
-            low, high = one.likely
+            low, high = change.likely
             between = np.linspace(low, high, POINTS)
-            outside = (one.grid < low) | (one.grid > high)
-            grid = np.concatenate([one.grid[outside], between])
-            log = np.concatenate([one.log[outside], self._logs(one, between)])
+            outside = (change.grid < low) | (change.grid > high)
+            grid = np.concatenate([change.grid[outside], between])
+            log = np.concatenate([change.log[outside], self._logs(change, between)])
             order = np.argsort(grid)
             kept[key] = grid[order], log[order]
         grid, log = kept[key]
-        return replace(one, grid=grid, log=log)
+        return replace(change, grid=grid, log=log)
 
     def _logs(self, change: Change, amounts: Array) -> Array:
         """Log likelihoods (m,) at amounts (m,)."""
@@ -184,12 +192,14 @@ class Tables:
         )
 
     def _off(self, amounts: Array, over: Array | float = 1.0) -> Array:
-        """Log likelihoods (m,) of readings that are off by amounts, or by as much times `over`."""
+        """Log likelihoods (m,) of measurements that are off by amounts, or by amounts times
+        `over`.
+        """
         x, base = self.law.x, self.law.base
         return np.array([np.interp(self.y - by * over, x, base).sum() for by in amounts])
 
     def _along(self, amounts: Array, clipped: bool) -> Array:
-        """Log likelihoods (m,) of what grows to amounts by the last unit."""
+        """Log likelihoods (m,) of trends that reach amounts at the last unit."""
         if not clipped:
             return self._off(amounts, self.u)
         return np.array([self.between(self.law.shifts, by * self.u).sum() for by in amounts])
@@ -209,36 +219,41 @@ class Tables:
             yield from self._moved("trend", by, self._along(by, clipped), clipped)
 
     def _moved(self, kind: str, by: Array, log: Array, clipped: bool) -> Iterator[Change]:
-        for one in self.law.sources.inputs:
-            if one.clipped is clipped and one.tolerance > 0.0 and one.moves and one.per_unit != 0.0:
-                per = one.per_unit / self.law.sources.unit
-                most = 2.0 * self.out * one.tolerance * abs(per)
-                yield Change(kind, one, by, log, -most, most, per)
+        for source in self.law.sources.inputs:
+            if (
+                source.clipped is clipped
+                and source.tolerance > 0.0
+                and source.moves
+                and source.per_unit != 0.0
+            ):
+                per = source.per_unit / self.law.sources.unit
+                most = 2.0 * self.out * source.tolerance * abs(per)
+                yield Change(kind, source, by, log, -most, most, per)
         if not clipped:
             yield Change(kind, None, by, log, -np.inf, np.inf)
 
     def _widenings(self) -> Iterator[Change]:
-        for one, table in self.law.wider:
-            most = min(1.0 / (1.0 - self.out), one.widest)
-            yield Change("widening", one, FACTORS, table @ self.counts, 1.0, most)
+        for source, table in self.law.wider:
+            most = min(1.0 / (1.0 - self.out), source.widest)
+            yield Change("widening", source, FACTORS, table @ self.counts, 1.0, most)
         noise = NOISES * self.law.std
         yield Change("widening", None, noise, self.law.noisy @ self.counts, 0.0, np.inf)
 
     def chance(self, rate: float, seed: int) -> float:
-        """Twice the log likelihood ratio of the best change that all but `rate` of the batches of
-        the model stay below.
+        """The threshold of twice the log likelihood ratio of the best change, at the false rate
+        `rate` under the null model.
 
-        Half of the rate is left to trends, which all batches alike have in two ways at most.
+        Half of the rate is reserved for trends, which have at most two forms.
         """
         law, near = self.law, np.abs(SHIFTS) < 1.5
         off = (law.read_off(by) for by in SHIFTS[near][::3] * law.std)
         tried = np.vstack(
             [law.shifts[near][::2], *off, *(table[::2] for _, table in law.wider), law.noisy[1::2]]
         )
-        share = np.exp(law.base) * law.step
-        kept = np.flatnonzero(share > LEAST)
-        shares, rng = share[kept] / share[kept].sum(), np.random.default_rng([seed, 13])
-        drawn = rng.multinomial(min(len(self.y), MOST), shares, BATCHES).astype(float)
+        fraction = np.exp(law.base) * law.step
+        kept = np.flatnonzero(fraction > LEAST)
+        fractions, rng = fraction[kept] / fraction[kept].sum(), np.random.default_rng([seed, 13])
+        drawn = rng.multinomial(min(len(self.y), MOST), fractions, BATCHES).astype(float)
         gains = drawn @ (tried[:, kept] - law.base[kept]).T
         still = float(np.quantile(2.0 * gains.max(axis=1).clip(0.0), 1.0 - 0.5 * rate))
         return max(still, float(chdtri(1, 0.25 * rate)))
@@ -262,7 +277,9 @@ class Tables:
         return np.asarray(low * (1.0 - a) + high * a)
 
     def shares_below(self, change: Change, amount: float) -> Array:
-        """Share (n,) of units that the changed model has below each unit; uniform if it is true."""
+        """Fraction (n,) of units of the changed model below each unit; uniform if the change is
+        true.
+        """
         over = np.ones_like(self.y) if change.kind == "shift" else self.u
         if change.kind == "widening":
             return np.asarray(np.interp(self.y, self.law.x, below(self.density(change, amount))))

@@ -1,4 +1,4 @@
-"""From statistics of measured and simulated batches to lines that say whether they differ."""
+"""Lines of statistics of measured and simulated batches, and whether these differ."""
 
 from __future__ import annotations
 
@@ -13,23 +13,23 @@ from .statistics import Look, values_of
 
 LEVEL = 0.9
 SEEN = 0.9
-"""Chance with which a difference of the size that is told would have been seen."""
+"""Probability of detecting a difference of the stated size."""
 COMMON = 0.05
 DIFFERS, UNSEEN = "differs", "no difference seen; one of {} would have been"
 DRAWN = 500_000
-"""Units of all simulated batches together, about."""
+"""Approximate number of units of all simulated batches together."""
 AGAIN = 200
-"""Batches drawn from the measured one for the intervals."""
+"""Number of batches drawn from the measured one for the intervals."""
 
 
 def batches(count: int) -> int:
-    """How many batches of `count` units are simulated."""
+    """The number of batches of `count` units that are simulated."""
     return int(np.clip(DRAWN // count, 300, 1000))
 
 
 def rarely(values: Array, rate: float) -> float:
-    """What so small a share of simulated values (b,) is beyond: above a commoner one the tail falls
-    exponentially, as that of a likelihood ratio does, and that of a normal more steeply.
+    """The value that a fraction `rate` of simulated values (b,) exceeds. The tail is extrapolated
+    as exponential, as that of a likelihood ratio is; that of a normal falls more steeply.
     """
     common = float(np.quantile(values, 1.0 - COMMON))
     beyond = values[values > common] - common
@@ -39,9 +39,9 @@ def rarely(values: Array, rate: float) -> float:
 
 @dataclass(frozen=True)
 class Compared:
-    """Measured units `x` (n,) and batches `drawn` (b, n) of the model, in one order.
+    """Measured units `x` (n,) and batches `drawn` (b, n) of the model, in the same order.
 
-    `offset` is what is added to both where they are shown, by name of the statistic.
+    `offset`, by name of the statistic, is added to both where they are shown.
     """
 
     looks: tuple[Look, ...]
@@ -53,7 +53,7 @@ class Compared:
     def lines(
         self, model: str, output: str, offset: dict[str, float], rng: np.random.Generator
     ) -> tuple[PopulationLine, ...]:
-        """One line per statistic; a difference is one beyond what any line reaches by chance."""
+        """One line per statistic; a difference exceeds what any line reaches by chance."""
         simulated = values_of(self.looks, self.drawn)
         measured = {
             name: float(value[0]) for name, value in values_of(self.looks, self.x[None]).items()
@@ -78,17 +78,19 @@ class Compared:
         )
 
     def _limits(self, simulated: dict[str, Array], middle: dict[str, float]) -> dict[str, float]:
-        """How far each statistic gets from its mean by chance, all of them together (Sidak)."""
+        """The deviation of each statistic from its mean by chance, for all of them together
+        (Sidak).
+        """
         rate = 1.0 - (1.0 - self.rate) ** (1.0 / len(self.looks))
         limits = {}
-        for chance_limit in self.looks:
-            far = simulated[chance_limit.name] - middle[chance_limit.name]
-            limits[chance_limit.name] = rarely(np.abs(far) if chance_limit.signed else far, rate)
+        for look in self.looks:
+            far = simulated[look.name] - middle[look.name]
+            limits[look.name] = rarely(np.abs(far) if look.signed else far, rate)
         return limits
 
     def _line(
         self,
-        one: Look,
+        look: Look,
         model: str,
         output: str,
         simulated: float,
@@ -103,19 +105,19 @@ class Compared:
         if again is not None:
             half = float(ndtri(0.5 + 0.5 * LEVEL) * np.std(again))
             low, high = difference - half, difference + half
-        beyond = abs(difference) > limit if one.signed else difference > limit
+        beyond = abs(difference) > limit if look.signed else difference > limit
         shows = limit + float(ndtri(SEEN) * np.std(drawn))
-        text = DIFFERS if beyond else UNSEEN.format(f"{shows:.3g} {one.unit}".rstrip())
+        text = DIFFERS if beyond else UNSEEN.format(f"{shows:.3g} {look.unit}".rstrip())
         enough = beyond or len(self.x) >= self.least
         if not enough:
             text = f"cannot tell with n = {len(self.x)}"
-        by = offset.get(one.name, 0.0)
+        by = offset.get(look.name, 0.0)
         return PopulationLine(
             model,
             output,
-            one.aspect,
-            one.name,
-            one.unit,
+            look.aspect,
+            look.name,
+            look.unit,
             simulated + by,
             measured + by,
             difference,

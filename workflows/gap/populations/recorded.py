@@ -1,7 +1,7 @@
-"""Which recorded input of single units may be wrong: biased, mis-scaled, or drifting.
+"""Attribution to a wrongly recorded input of single units: biased, mis-scaled, or drifting.
 
-A part error that was recorded b too large leaves -b times the model's own sensitivity to it in
-every output of every unit; one recorded (1 + g) times as large leaves it in proportion.
+A part error that was recorded b too large causes a residual of -b times the model's sensitivity to
+it in every output of every unit; one recorded as (1 + g) times its value causes a proportional one.
 """
 
 from __future__ import annotations
@@ -24,7 +24,9 @@ from ..setup import LEAST_NAMED
 
 GAIN_LOW, GAIN_HIGH = -0.5, 1.0
 BIAS_AT_MOST = 3.0
-"""In root mean squares of what was recorded. Both are assumptions: more would be seen at once."""
+"""In root mean squares of the recorded values. Both are assumptions: more would be noticed at
+once.
+"""
 NEWTON = 3
 STEP = 1e-4
 READ_AGAIN = 3
@@ -32,10 +34,10 @@ READ_AGAIN = 3
 
 @dataclass(frozen=True)
 class Wrong:
-    """One input recorded wrongly (None: the zero of an output), and what that leaves.
+    """One input recorded wrongly (or the zero of an output), and the residual given it.
 
-    `amount` is how much too large it was recorded, `left` the squared whitened residual beside it,
-    `moved` (N,) what the model then predicts, whitened.
+    `amount` is how much too large it was recorded, `left` the squared whitened residual given it,
+    `moved` (N,) the change of the model's prediction, whitened.
     """
 
     name: str
@@ -57,50 +59,50 @@ class Records:
 
     @cached_property
     def plain(self) -> Array:
-        """What the model predicts (N,) as it is."""
+        """The prediction (N,) of the uncorrected model."""
         return self._predicted({})
 
     @cached_property
     def y(self) -> Array:
-        """Measured less that, whitened: the zeros of the outputs are in it."""
+        """The whitened residual of that prediction; the zeros of the outputs are not subtracted."""
         data = self.end.setup.data
         return self._white(data.whole(data.measured) - self.plain)
 
     @cached_property
     def order(self) -> Array:
-        """Of the units, from 0 to 1."""
+        """The order of the units, from 0 to 1."""
         numbers = unit_numbers(self.end.setup.data.readings).astype(float)
         return np.asarray(numbers / max(numbers.max(), 1.0))
 
     @property
     def inputs(self) -> tuple[Column, ...]:
-        """Columns of numbers that the model works with."""
+        """Numeric inputs of the model."""
         return tuple(
             c for c in self.end.setup.data.target.columns if c.role is Role.INPUT and not c.text
         )
 
     @cached_property
     def zeros(self) -> tuple[Wrong, ...]:
-        """The gauge of one output off by the same, or drifting."""
-        data, wrong_zeros = self.end.setup.data, list[Wrong]()
+        """The gauge of each output, biased or drifting."""
+        data, gauge_errors = self.end.setup.data, list[Wrong]()
         for kind, shape in (("bias", np.ones(len(data))), ("trend", self.order)):
             for at, output in enumerate(data.outputs):
                 column = np.kron(np.eye(len(data.outputs))[at], shape)
-                wrong_zeros.append(
+                gauge_errors.append(
                     self._of_column(f"gauge of {output.name}", kind, output.unit, column)
                 )
-        return tuple(wrong_zeros)
+        return tuple(gauge_errors)
 
     @cached_property
     def wrong(self) -> tuple[Wrong, ...]:
-        """Every input in every way."""
+        """Every input, wrong in every way."""
         return tuple(self._every())
 
     def _every(self) -> Iterator[Wrong]:
         table = self.end.setup.data.readings.table
         for column in self.inputs:
             size = float(np.sqrt(np.mean(np.asarray(table[column.name], dtype=float) ** 2)))
-            weight = column.unit == ""  # of a cost: no reading that could be off by a step
+            weight = column.unit == ""  # of a cost: no measurement with a step offset
             for kind in ("gain",) if weight else ("bias", "gain", "trend"):
                 if size > 0.0:
                     yield self._fitted(column, kind, size)
@@ -109,11 +111,11 @@ class Records:
         white = self._white(column)
         square = max(float(white @ white), 1e-300)
         amount = float(white @ self.y) / square
-        remaining = float(np.sum((self.y - amount * white) ** 2))
-        return Wrong(name, kind, unit, amount, square**-0.5, remaining, amount * white, False)
+        rss = float(np.sum((self.y - amount * white) ** 2))
+        return Wrong(name, kind, unit, amount, square**-0.5, rss, amount * white, False)
 
     def _fitted(self, column: Column, kind: str, size: float) -> Wrong:
-        """The likeliest admissible amount, by Newton's method."""
+        """The error with its likeliest admissible amount, by Newton's method."""
         low, high = (
             (GAIN_LOW, GAIN_HIGH) if kind == "gain" else (-BIAS_AT_MOST * size, BIAS_AT_MOST * size)
         )
@@ -132,11 +134,11 @@ class Records:
         error = square**-0.5 if square > 0.0 else np.inf
         shown = "" if kind == "gain" else column.unit
         why = f"it would need {wanted:.3g} {shown}".rstrip() if wanted != amount else ""
-        remaining = float(np.sum((self.y - moved) ** 2))
-        return Wrong(column.name, kind, shown, amount, error, remaining, moved, True, why)
+        rss = float(np.sum((self.y - moved) ** 2))
+        return Wrong(column.name, kind, shown, amount, error, rss, moved, True, why)
 
     def _moved(self, column: Column, kind: str, amount: float) -> Array:
-        """What the model predicts of the right input beside the recorded one, whitened."""
+        """The prediction for the right input minus that for the recorded one, whitened."""
         recorded = np.asarray(self.end.setup.data.readings.table[column.name], dtype=float)
         if kind == "gain":
             right = recorded / (1.0 + amount)
@@ -149,62 +151,70 @@ class Records:
         data = setup.data
         table = {**data.readings.table, **changed}
         data = replace(data, readings=readings_of(data.target.columns, table))
-        predicted = predictor(setup.plan, data)({})
-        return data.whole({o.name: predicted[o.name] for o in data.outputs})
+        outputs = predictor(setup.plan, data)({})
+        return data.whole({o.name: outputs[o.name] for o in data.outputs})
 
     def _white(self, columns: Array) -> Array:
         return self.end.analysis.search.fitter.space.whiten(columns)
 
     def explains(self, wrong: Wrong) -> bool:
-        """Whether nothing is left beside it but noise, whatever the zeros."""
+        """Whether the residual given it is only noise, for any zeros."""
         analysis = self.end.analysis
         fitter = analysis.search.fitter.of_record(self.y - wrong.moved)
-        residual = left_over(fitter.fit(()), fitter, analysis.ground.generic)
-        return bool(residual.evidence.max(initial=0.0) <= analysis.search.thresholds.generic)
+        remaining = left_over(fitter.fit(()), fitter, analysis.ground.generic)
+        return bool(remaining.evidence.max(initial=0.0) <= analysis.search.thresholds.generic)
 
     @cached_property
     def named(self) -> float:
-        """The squared residual beside what was named and every zero, and the price of both."""
+        """The squared residual given the identified effects and all zeros, plus the price of
+        both.
+        """
         fit, fitter = self.end.fit, self.end.analysis.search.fitter
         count = sum(member.candidate.count for member in fit.members)
         return float(fit.rss + self.price * (count + fitter.q.shape[1]))
 
     @property
     def price(self) -> float:
-        """Of a number that is fitted."""
+        """The price of a fitted parameter."""
         return self.end.analysis.search.fitter.penalty
 
     @cached_property
     def gauges(self) -> float:
-        """The same of the gauges alone that pay for themselves."""
+        """The squared residual given only the gauge biases that gain more than their price."""
         whole = float(self.y @ self.y)
         pays = (
-            max(whole - zero.left - self.price, 0.0) for zero in self.zeros if zero.kind == "bias"
+            max(whole - gauge.left - self.price, 0.0)
+            for gauge in self.zeros
+            if gauge.kind == "bias"
         )
         return whole - sum(pays)
 
 
 def of_recorded(end: Ending) -> tuple[Attribution, ...]:
-    """Which recorded input alone may be behind what units are off by; none where it is noise."""
+    """The recorded inputs that alone may cause the deviations of units; empty where these are
+    noise.
+    """
     if len(end.setup.data) < LEAST_NAMED:
         return ()
     records = Records(end)
     every = (*records.wrong, *records.zeros)
     rate = end.setup.plan.settings.false_rate / max(len(every), 1)
     least = float(chdtri(1, rate))
-    best = min(records.wrong, key=lambda one: one.left, default=None)
+    best = min(records.wrong, key=lambda wrong: wrong.left, default=None)
     if best is None or float(records.y @ records.y) - best.left <= least:
         return ()
     top = min(*(wrong.left + records.price for wrong in every), records.named, records.gauges)
-    far = end.setup.plan.settings.set_distance
+    max_distance = end.setup.plan.settings.set_distance
     standing = [
-        wrong for wrong in every if not wrong.why and wrong.left + records.price - top <= far
+        wrong
+        for wrong in every
+        if not wrong.why and wrong.left + records.price - top <= max_distance
     ]
     standing = [wrong for wrong in standing if records.explains(wrong)]
     if not any(wrong.is_input for wrong in standing):
         return () if end.fit.members or not end.analysis.significant else (_none(end, best),)
-    standing.sort(key=lambda one: one.left)
-    return _records_of(end, records, standing, top, far)
+    standing.sort(key=lambda wrong: wrong.left)
+    return _records_of(end, records, standing, top, max_distance)
 
 
 def _none(end: Ending, best: Wrong) -> Attribution:
@@ -216,27 +226,29 @@ def _none(end: Ending, best: Wrong) -> Attribution:
 
 
 def _records_of(
-    end: Ending, records: Records, standing: list[Wrong], top: float, far: float
+    end: Ending, records: Records, standing: list[Wrong], top: float, max_distance: float
 ) -> tuple[Attribution, ...]:
-    """One record per kind that is left."""
+    """One record per remaining kind."""
     effect = ", ".join(end.fit.names)
-    alone = len(standing) == 1 and not (effect and records.named - top <= far)
+    alone = len(standing) == 1 and not (effect and records.named - top <= max_distance)
     verdict = "attributed" if alone else "cannot tell"
     text = _text(end, records, standing, alone)
-    lines = []
+    attributions = []
     for kind in dict.fromkeys(wrong.kind for wrong in standing):
-        mine = [wrong for wrong in (*records.wrong, *records.zeros) if wrong.kind == kind]
-        mine.sort(key=lambda one: one.left)
-        some = tuple(
+        errors = [wrong for wrong in (*records.wrong, *records.zeros) if wrong.kind == kind]
+        errors.sort(key=lambda wrong: wrong.left)
+        records_of_kind = tuple(
             _record(end, wrong, wrong in standing, wrong.left + records.price - top)
-            for wrong in mine
+            for wrong in errors
         )
         names = tuple(wrong.name for wrong in standing if wrong.kind == kind)
-        lines.append(Attribution(effect, _outputs(end), kind, names, verdict, some, text))
-    return tuple(lines)
+        attributions.append(
+            Attribution(effect, _outputs(end), kind, names, verdict, records_of_kind, text)
+        )
+    return tuple(attributions)
 
 
-def _record(end: Ending, wrong: Wrong, stands: bool, behind: float) -> InputChange:
+def _record(end: Ending, wrong: Wrong, stands: bool, distance: float) -> InputChange:
     half = float(ndtri(0.5 + 0.5 * end.setup.plan.settings.interval)) * wrong.error
     why = "" if stands else wrong.why or "it leaves the residual unexplained"
     return InputChange(
@@ -246,7 +258,7 @@ def _record(end: Ending, wrong: Wrong, stands: bool, behind: float) -> InputChan
         wrong.amount + half,
         wrong.unit,
         float("nan"),
-        max(behind, 0.0),
+        max(distance, 0.0),
         why,
         READ_AGAIN if stands and wrong.is_input else 0,
     )

@@ -1,6 +1,6 @@
-"""How batches of units are told from each other: location, spread, shape, mixture, trend, lots.
+"""Statistics that distinguish batches of units: location, spread, shape, mixture, trend, lots.
 
-Every statistic takes batches (b, n), units in the order of their making, and gives (b,).
+Every statistic maps batches (b, n), units in the order of production, to (b,).
 """
 
 from __future__ import annotations
@@ -18,20 +18,22 @@ from ..distance import likelier
 
 Statistic = Callable[[Array], Array]
 LEAST_UNITS = 3
-"""Units of a lot from which on its mean is compared with others."""
+"""Number of units of a lot from which its mean is compared with others."""
 STEPS = (-3.5, -2.5, -1.8, 1.8, 2.5, 3.5)
 SHARES = (0.1, 0.25, 0.5)
-"""Offsets, in standard deviations of one, and shares of second suppliers that are tried."""
+"""Offsets, in standard deviations of one supplier, and fractions of second suppliers that are
+tried.
+"""
 LATTICE = np.linspace(-8.0, 8.0, 1025)
 NORMAL = Law(-8.0, 1.0 / 64.0, -0.5 * LATTICE**2, 1.0)
-"""But for a constant, which no ratio has."""
+"""Up to a constant, which cancels in ratios."""
 
 
 @dataclass(frozen=True)
 class Look:
-    """One statistic: what it says, its unit, and whether it has a sign.
+    """One statistic: its aspect, its name, its unit, and whether it has a sign.
 
-    `signed` ones have an interval; the others are never negative, and chance alone lifts them.
+    A `signed` one has an interval; the others are never negative, and positive by chance alone.
     """
 
     aspect: str
@@ -52,7 +54,7 @@ def along(order: Array) -> Statistic:
 def unlike(quantiles: Array) -> Statistic:
     """Distance from a population with these `quantiles` (n,) once mean and scatter are the same.
 
-    In standard deviations: the 2-Wasserstein distance of what is standardised.
+    In standard deviations: the 2-Wasserstein distance after standardisation.
     """
     wanted = (quantiles - quantiles.mean()) / quantiles.std()
 
@@ -64,22 +66,22 @@ def unlike(quantiles: Array) -> Statistic:
 
 
 def between_lots(of_lot: NDArray[np.int64]) -> Statistic | None:
-    """F of the means of lots (number (n,) of each unit's lot); None with fewer than two that hold
-    enough units.
+    """The F ratio of the means of lots (number (n,) of each unit's lot); None with fewer than two
+    lots of enough units.
     """
     counts = np.bincount(of_lot)
     large_lots = np.flatnonzero(counts >= LEAST_UNITS)
     if len(large_lots) < 2:
         return None
     kept = np.isin(of_lot, large_lots)
-    one_of = (of_lot[kept][:, None] == large_lots).astype(float)
-    sizes = one_of.sum(axis=0)
+    indicator = (of_lot[kept][:, None] == large_lots).astype(float)
+    sizes = indicator.sum(axis=0)
 
     def ratio(x: Array) -> Array:
         part = x[:, kept]
-        means = part @ one_of / sizes
+        means = part @ indicator / sizes
         between = (sizes * (means - part.mean(axis=1, keepdims=True)) ** 2).sum(axis=1)
-        within = ((part - means @ one_of.T) ** 2).sum(axis=1)
+        within = ((part - means @ indicator.T) ** 2).sum(axis=1)
         return np.asarray(
             between / (len(large_lots) - 1) / (within / (sizes.sum() - len(large_lots)))
         )
@@ -88,18 +90,14 @@ def between_lots(of_lot: NDArray[np.int64]) -> Statistic | None:
 
 
 def two_of(law: Law = NORMAL) -> Statistic:
-    """Twice the log likelihood ratio of two suppliers to one, mean and scatter the same.
+    """Twice the log likelihood ratio of two suppliers to one, for equal mean and scatter.
 
-    `law` is that of one about its mean. The better of a few fixed mixtures: what it reaches by
-    chance is simulated.
+    `law` is that of one supplier about its mean. The best of a few fixed mixtures counts: its
+    distribution by chance is simulated.
     """
-    standardised, steps = law.standardised(LATTICE), law.std * np.array(STEPS)
+    single, steps = law.standardised(LATTICE), law.std * np.array(STEPS)
     ratios = np.array(
-        [
-            law.mixed(by, p).standardised(LATTICE, p * by) - standardised
-            for by in steps
-            for p in SHARES
-        ]
+        [law.mixed(by, p).standardised(LATTICE, p * by) - single for by in steps for p in SHARES]
     )
 
     def gain(x: Array) -> Array:
@@ -116,8 +114,8 @@ def looks_of(
     shape: Statistic | None = None,
     lots: Statistic | None = None,
 ) -> tuple[Look, ...]:
-    """All of them on one output; those that are None are left out."""
-    every = (
+    """All statistics of one output, without those that are None."""
+    looks = (
         Look("location", "mean", unit, lambda x: np.asarray(x.mean(axis=1))),
         Look("location", "median", unit, lambda x: np.asarray(np.median(x, axis=1))),
         Look("spread", "standard deviation", unit, lambda x: np.asarray(x.std(axis=1, ddof=1))),
@@ -128,7 +126,7 @@ def looks_of(
         Look("trend", "first to last unit", unit, along(order)),
         lots and Look("lots", "scatter of lots", "", lots, signed=False),
     )
-    return tuple(one for one in every if one is not None)
+    return tuple(look for look in looks if look is not None)
 
 
 def values_of(looks: tuple[Look, ...], x: Array) -> dict[str, Array]:

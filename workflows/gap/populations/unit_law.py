@@ -26,9 +26,9 @@ POINTS = 2048
 FINE = 64.0
 """Points per standard deviation of the units."""
 ODD = 1e-3
-"""Share of units that may be anything: a single one beyond the limits decides nothing."""
+"""Fraction of units of an arbitrary distribution, so that a single outlier decides nothing."""
 WIDE = 4.0
-"""Standard deviations that those scatter by, in that of the units."""
+"""Standard deviation of those, in standard deviations of the units."""
 REACH = 6.0
 FACTORS = np.geomspace(0.3, 8.0, 22)
 NOISES = np.linspace(0.0, 2.0, 21)
@@ -43,14 +43,14 @@ Integers = NDArray[np.int64]
 @dataclass(frozen=True)
 class UnitLaw:
     """Densities of units with changed inputs, on the lattice `x` (k,) in the output's unit; those
-    on a grid of amounts are kept, whatever the batch.
+    on a grid of amounts are cached, as they do not depend on the batch.
     """
 
     sources: Sources
 
     @cached_property
     def base(self) -> Array:
-        """Log density (k,) of the units as they are."""
+        """Log density (k,) of the unchanged units."""
         return np.asarray(self.shifted(np.zeros(1))[0])
 
     @cached_property
@@ -60,14 +60,14 @@ class UnitLaw:
 
     @cached_property
     def shifts_below(self) -> Array:
-        """Shares of units below, of the same."""
+        """The distribution functions of the same."""
         return below(self.shifts)
 
     @cached_property
     def wider(self) -> tuple[tuple[Source, Array], ...]:
         """Each input, and the log densities (m, k) with its zone wider by FACTORS."""
-        inputs = [one for one in self.sources.inputs if one.tolerance > 0.0]
-        return tuple((one, self.widened(one, FACTORS)) for one in inputs)
+        inputs = [source for source in self.sources.inputs if source.tolerance > 0.0]
+        return tuple((source, self.widened(source, FACTORS)) for source in inputs)
 
     @cached_property
     def noisy(self) -> Array:
@@ -75,18 +75,18 @@ class UnitLaw:
         return self.blurred(NOISES * self.std)
 
     def read_off(self, by: float) -> Array:
-        """Log density (k,) of readings that are all shifted."""
+        """Log density (k,) of measurements that are all shifted by `by`."""
         return np.asarray(np.interp(self.x - by, self.x, self.base))
 
     @cached_property
     def std(self) -> float:
-        """Of the units if nothing were clipped: the scale of the lattice."""
+        """Standard deviation of the units without clipping: the scale of the lattice."""
         terms = self.sources.total.clipped + self.sources.total.free
         return float(np.sqrt(total_cumulants(terms)[1, 0])) / self.sources.unit
 
     @cached_property
     def step(self) -> float:
-        """Of the lattice, in the output's unit."""
+        """The step of the lattice, in the output's unit."""
         return self.std / FINE
 
     @cached_property
@@ -127,7 +127,7 @@ class UnitLaw:
     def _built_anew(
         self, source: Source, factors: Array, widened: Callable[[Source, float], Term]
     ) -> Array:
-        """The same where the inputs of the clipped part do not add up."""
+        """The same where the inputs of the clipped part do not simply add."""
         sums = [self._sum((widened(source, float(factor)),)) for factor in factors]
         transform = np.concatenate([transform for transform, _ in sums])
         return self._log(transform, np.concatenate([start for _, start in sums]), *self._free)
@@ -155,11 +155,11 @@ class UnitLaw:
         return spectrum(terms, np.full(rows, self.step * self.sources.unit), POINTS)
 
     def density(self) -> Array:
-        """Of the units as they are (k,), exactly."""
+        """The exact density (k,) of the unchanged units."""
         return np.asarray(self._density(*self._clipped, *self._free)[0])
 
     def _log(self, *parts: Any) -> Array:
-        """Log density (m, k) of the sum of both parts, with a share that may be anything."""
+        """Log density (m, k) of the sum of both parts, mixed with a wide one."""
         odd = scipy.stats.norm.pdf(self.x, self.x[POINTS // 2], WIDE * self.std)
         density = (1.0 - ODD) * self._density(*parts) + ODD * odd
         return np.asarray(np.log(np.maximum(density, ODD**4 / self.std)))
@@ -167,7 +167,7 @@ class UnitLaw:
     def _density(
         self, clipped: Spectrum, start: Integers, free: Spectrum, free_start: Integers
     ) -> Array:
-        """Of the sum of both parts, (m, k): mass of C below zero is put at zero."""
+        """Density (m, k) of the sum of both parts: the mass of C below zero is put at zero."""
         at = np.full(len(clipped), -(POINTS // 2))
         mass = window(clipped, start, at, POINTS)
         zero = POINTS // 2
@@ -175,12 +175,12 @@ class UnitLaw:
         kept = fft.rfft(mass[:, zero:], n=POINTS, axis=1)
         product = kept * free
         begin = np.full(len(product), self.first)
-        density = window(product, np.broadcast_to(free_start, len(product)), begin, POINTS)
-        return np.asarray(np.maximum(density, 0.0) / self.step)
+        values = window(product, np.broadcast_to(free_start, len(product)), begin, POINTS)
+        return np.asarray(np.maximum(values, 0.0) / self.step)
 
 
 def below(log: Array) -> Array:
-    """Shares below of log densities (..., k)."""
+    """Distribution functions of log densities (..., k)."""
     density = np.exp(log)
     total = np.cumsum(density, axis=-1) - 0.5 * density
     return np.asarray(total / density.sum(axis=-1, keepdims=True))

@@ -1,4 +1,4 @@
-"""Changes of inputs weighed against each other on one batch."""
+"""Changes of inputs compared by likelihood on one batch."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from ....models.sources import Source
 from .input_changes import Change, Tables
 
 UNLIKELY = 0.005
-"""Chance of each look at whether the best change explains the batch."""
+"""Level of each test of whether the best change explains the batch."""
 SURE = float((ndtri(0.95) + ndtri(0.9)) ** 2)
-"""Squared size, in standard errors, of what is seen nine times out of ten."""
+"""Squared size, in standard errors, of an effect that is detected nine times out of ten."""
 
 
 @dataclass(frozen=True)
 class Weighed:
-    """All changes of inputs on one batch: which of them the batch leaves standing.
+    """All changes of inputs on one batch, and those that the batch does not exclude.
 
-    `rival` is what was named beside inputs, `likely` its log likelihood less the price of its
-    further number.
+    `rival` is the identified effect that is no change of an input, `likely` its log likelihood
+    minus the price of its additional parameter.
     """
 
     tables: Tables
@@ -54,7 +54,9 @@ class Weighed:
         return 2.0 * (self.top - self.likely) <= self.distance
 
     def behind(self, change: Change) -> float:
-        """How much worse than the best the admissible amounts of a change do."""
+        """Twice the log likelihood by which the best admissible amount of a change is behind the
+        best of all.
+        """
         return 2.0 * (self.top - change.best[1])
 
     @cached_property
@@ -65,7 +67,7 @@ class Weighed:
 
     @cached_property
     def explained(self) -> bool:
-        """Whether the best of them leaves nothing but chance."""
+        """Whether the residuals of the best of them are only noise."""
         best = self.standing[0]
         below = np.clip(self.tables.shares_below(best, best.best[0]), 1e-9, 1.0 - 1e-9)
         shape = scipy.stats.cramervonmises(below, "uniform").pvalue
@@ -106,28 +108,30 @@ class Weighed:
         return f"it would need {amount:.3g} times its tolerance"
 
     def _readings(self, change: Change) -> int:
-        """Units that would tell it from the best, by the divergence of their laws."""
+        """The number of units that would separate it from the best, by the divergence of their
+        laws.
+        """
         best = self.standing[0]
         if "trend" in (change.kind, best.kind) or change is best:
             return 0
-        mine, other = (self.tables.density(o, o.best[0]) for o in (change, best))
-        share = np.exp(other) * self.tables.law.step
-        apart = float(share @ (other - mine))
-        # below a distance of 0.01 in 10,000 units they are the same law
+        change_density, best_density = (self.tables.density(o, o.best[0]) for o in (change, best))
+        probability = np.exp(best_density) * self.tables.law.step
+        apart = float(probability @ (best_density - change_density))
+        # below a distance of 0.01 in 10,000 units the laws are practically the same
         return int(np.ceil(self.distance / (2.0 * apart))) if apart > 5e-7 else 0
 
 
 def parts_of(change: Change, amount: float) -> int:
-    """Parts whose measurement would show the change of an input."""
+    """The number of parts whose measurement would show the change of an input."""
     if change.source is None:
         return 0
-    share = change.share(amount)
+    fraction = change.share(amount)
     scatter, peaked = _scatter(change.source)
     if change.kind == "widening":
-        size = np.log(share) ** 2 if share > 1.0 else 0.0
+        size = np.log(fraction) ** 2 if fraction > 1.0 else 0.0
         variance = 0.25 * (peaked - 1.0)
     else:
-        size = share**2 * (1.0 if change.kind == "shift" else 1.0 / 12.0)
+        size = fraction**2 * (1.0 if change.kind == "shift" else 1.0 / 12.0)
         variance = scatter
     return int(max(np.ceil(SURE * variance / size), 3)) if size > 0.0 else 0
 
