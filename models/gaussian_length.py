@@ -52,8 +52,8 @@ def exceedance(variances: Array, length: Array | float) -> Array:
         s = variances[..., 1, None] * np.cos(phi) ** 2 + variances[..., 2, None] * np.sin(phi) ** 2
         with np.errstate(divide="ignore"):
             root = np.sqrt(np.clip(largest[..., None] / s - 1.0, LEAST, MOST))
-        each = dawsn(np.minimum(a[..., None] * root, MOST)) / root
-        probability += 2.0 / np.sqrt(np.pi) * np.exp(-(a**2)) * np.mean(each, axis=-1)
+        integrand = dawsn(np.minimum(a[..., None] * root, MOST)) / root
+        probability += 2.0 / np.sqrt(np.pi) * np.exp(-(a**2)) * np.mean(integrand, axis=-1)
     return np.asarray(probability)
 
 

@@ -33,12 +33,16 @@ class Gear:
     @property
     def unnamed(self) -> tuple[float, ...]:
         """Orders, rising, that no effect with a name of its own follows."""
-        own = {order for name, order in self.orders.items() if name not in NAMED}
-        return tuple(sorted(own))
+        unnamed_orders = {order for name, order in self.orders.items() if name not in NAMED}
+        return tuple(sorted(unnamed_orders))
 
     def name_of(self, order: float) -> str:
         """What makes the waves of an order, empty where nothing of the gear does."""
-        near = [name for name, own in self.orders.items() if abs(own - order) < 1e-6 * own]
+        near = [
+            name
+            for name, gear_order in self.orders.items()
+            if abs(gear_order - order) < 1e-6 * gear_order
+        ]
         return near[0] if near else ""
 
 

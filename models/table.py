@@ -35,11 +35,11 @@ class MeasuredTable(MeasurableModel):
         gear: Gear | None = None,
         turned: tuple[str, ...] = (),
     ) -> None:
-        carried = tuple(
+        prediction_columns = tuple(
             Column(column, unit, f"prediction of {name}", role=Role.INPUT)
             for name, (column, unit) in predictions.items()
         )
-        self.columns = (*inputs, *carried)  # type: ignore[misc]
+        self.columns = (*inputs, *prediction_columns)  # type: ignore[misc]
         self.outputs = outputs  # type: ignore[misc]
         self.predictions = dict(predictions)
         self.ignored = ignored

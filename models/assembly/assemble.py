@@ -70,21 +70,21 @@ def assemble(
     """
     shape = np.broadcast_shapes(errors.shape[:-1], gains.shape[:-3])
     x = np.zeros((*shape, process.transition.shape[-1]))
-    guess, total, commands = x, x, []
+    estimate, total, commands = x, x, []
     for step in range(process.steps):
         b = process.control[step]
-        moved = _installed(process, step, errors, departures)
+        installed = _installed(process, step, errors, departures)
         if insertion == "after":
-            x = x + moved
+            x = x + installed
         if estimator is not None:
-            guess = _corrected(estimator, step, x, guess, noise)
-        commanded = -_times(gains[..., step, :, :], x if estimator is None else guess)
+            estimate = _corrected(estimator, step, x, estimate, noise)
+        commanded = -_times(gains[..., step, :, :], x if estimator is None else estimate)
         achieved = departures.achieved(commanded) @ b.T
         x = x @ process.transition[step].T + achieved
-        guess = guess @ process.transition[step].T + commanded @ b.T
+        estimate = estimate @ process.transition[step].T + commanded @ b.T
         total = total + achieved
         if insertion == "before":
-            x = x + moved
+            x = x + installed
         commands.append(commanded)
     state = x - _column(departures.springback) * total
     return Assembled(state, np.stack(commands, axis=-2))
@@ -101,15 +101,15 @@ def _times(matrix: Array, vector: Array) -> Array:
 
 def _installed(process: Process, step: int, errors: Array, departures: Departures) -> Array:
     """What putting in the parts of a step moves (..., n)."""
-    own = np.where(process.arriving[step], errors, 0.0) @ process.error[step].T
-    return np.asarray(own + _column(departures.coupling) * (own @ process.coupling.T))
+    direct = np.where(process.arriving[step], errors, 0.0) @ process.error[step].T
+    return np.asarray(direct + _column(departures.coupling) * (direct @ process.coupling.T))
 
 
 def _corrected(
-    estimator: Estimator, step: int, x: Array, guess: Array, noise: Array | None
+    estimator: Estimator, step: int, x: Array, estimate: Array, noise: Array | None
 ) -> Array:
     """The estimate (..., n) after the reading of a step."""
-    surprise = (x - guess) @ estimator.measured[step].T
+    innovation = (x - estimate) @ estimator.measured[step].T
     if noise is not None:
-        surprise = surprise + noise[..., step, :]
-    return np.asarray(guess + surprise @ estimator.gain[step].T)
+        innovation = innovation + noise[..., step, :]
+    return np.asarray(estimate + innovation @ estimator.gain[step].T)

@@ -30,10 +30,10 @@ def radius_quantile(covariance: Array, coverage: float) -> Array:
     rate = 0.5 / (np.cos(angle) ** 2 + ratio[..., None] * np.sin(angle) ** 2)
     square = np.full(ratio.shape, ndtri(0.5 * (1.0 + coverage)) ** 2)
     for _ in range(NEWTON_STEPS):
-        each = np.exp(-rate * square[..., None])
-        total = each.sum(axis=-1)
+        exceedances = np.exp(-rate * square[..., None])
+        total = exceedances.sum(axis=-1)
         level = np.log(total / DIRECTIONS) - np.log1p(-coverage)
-        square = square + level * total / np.sum(rate * each, axis=-1)
+        square = square + level * total / np.sum(rate * exceedances, axis=-1)
     return np.asarray(np.sqrt(square * scale))
 
 

@@ -43,7 +43,7 @@ def kalman(
     observation = np.eye(process.transition.shape[-1]) if measured is None else measured
     noise = np.broadcast_to(np.asarray(noise_std, dtype=float) ** 2, len(observation))
     raise_all(_faults(process, part_std, noise, observation))
-    looked = observation * _there(process, insertion)[:, None, :]
+    observed = observation * _present(process, insertion)[:, None, :]
     covariance = np.zeros((observation.shape[1], observation.shape[1]))
     gains = []
     for step in range(process.steps):
@@ -51,17 +51,17 @@ def kalman(
         added = (f * np.where(process.arriving[step], part_std, 0.0) ** 2) @ f.T
         if insertion == "after":
             covariance = covariance + added
-        h = looked[step]
+        h = observed[step]
         spread = covariance @ h.T
         gain = spread @ np.linalg.pinv(h @ spread + np.diag(noise), hermitian=True)
         residual = np.eye(len(covariance)) - gain @ h
         covariance = residual @ covariance @ residual.T + (gain * noise) @ gain.T
         covariance = a @ covariance @ a.T + (added if insertion == "before" else 0.0)
         gains.append(gain)
-    return Estimator(looked, np.stack(gains))
+    return Estimator(observed, np.stack(gains))
 
 
-def _there(process: Process, insertion: str) -> NDArray[np.bool_]:
+def _present(process: Process, insertion: str) -> NDArray[np.bool_]:
     """Shape (N, n): the states whose own part is in when step k is measured."""
     present = process.present
     if insertion == "before":

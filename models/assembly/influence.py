@@ -61,12 +61,12 @@ class Influence:
 
     def peak_of(self, loads: Array) -> Array:
         """Peak mesh force (...) [N] of the combinations `force` x, shape (..., 3 discs)."""
-        each = [
+        by_disc = [
             np.interp(loads[..., 3 * disc], self.differences, curve)
             + np.hypot(loads[..., 3 * disc + 1], loads[..., 3 * disc + 2])
             for disc, curve in enumerate(self.peak)
         ]
-        return np.asarray(np.max(each, axis=0))
+        return np.asarray(np.max(by_disc, axis=0))
 
 
 def influence(full: Transmission) -> Influence:

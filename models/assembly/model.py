@@ -71,12 +71,12 @@ class Assembly(MeasurableModel):
         designs: Mapping[str, float] | None = None,
         inputs: Mapping[str, Distribution] | None = None,
     ) -> None:
-        given = declared.completed(parameters or {})
-        self.process = declared.process_of(given, plane_process)
-        self.reading, self.insertion = str(given["reading"]), str(given["insertion"])
-        prior = np.full(self.process.steps, float(given["part_std_mrad"]) * MRAD)
-        self.estimator = declared.estimator_of(self.process, given, prior)
-        self.noise = float(given["measurement_std_mrad"]) * MRAD
+        values = declared.completed(parameters or {})
+        self.process = declared.process_of(values, plane_process)
+        self.reading, self.insertion = str(values["reading"]), str(values["insertion"])
+        prior = np.full(self.process.steps, float(values["part_std_mrad"]) * MRAD)
+        self.estimator = declared.estimator_of(self.process, values, prior)
+        self.noise = float(values["measurement_std_mrad"]) * MRAD
 
     def gains(self, precision: Array) -> Array:
         """Gains (n, N, m, n) of precision weights (n,). Raises InputError below zero."""
@@ -84,8 +84,8 @@ class Assembly(MeasurableModel):
         if len(wrong):
             text = f"must be at least 0, got {precision[wrong[0]]:g} in row {wrong[0] + 1}"
             raise refuse("precision_weight", text)
-        each, row = np.unique(precision, return_inverse=True)
-        return gains(self.process, terminal_weight(self.process, each, self.reading))[row]
+        weights, row = np.unique(precision, return_inverse=True)
+        return gains(self.process, terminal_weight(self.process, weights, self.reading))[row]
 
     def outside(self, table: Mapping[str, NDArray[Any]]) -> Outside:
         weight = np.asarray(table["precision_weight"], dtype=float)

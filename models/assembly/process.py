@@ -122,9 +122,9 @@ def space_process(
     """
     plane = plane_process(chain, weights, absent)
     count = plane.steps
-    own = np.broadcast_to(np.eye(TURN), (count, TURN, TURN)) if frames is None else frames
-    raise_all(_rotations(own, count))
-    turned = np.einsum("ksp,pab->ksapb", plane.error, own)
+    axes = np.broadcast_to(np.eye(TURN), (count, TURN, TURN)) if frames is None else frames
+    raise_all(_rotations(axes, count))
+    turned = np.einsum("ksp,pab->ksapb", plane.error, axes)
     flow = turned.reshape(count, TURN * count, TURN * count)
 
     def thrice(matrix: Array) -> Array:
@@ -157,7 +157,7 @@ def _shapes(process: Process) -> list[Fault]:
     """Every array whose shape does not fit the others, or that is not finite."""
     steps, states = process.transition.shape[0], process.transition.shape[-1]
     moves, parts = process.control.shape[-1], process.error.shape[-1]
-    wanted = {
+    expected = {
         "transition (A)": (process.transition, (steps, states, states)),
         "control (B)": (process.control, (steps, states, moves)),
         "error (F)": (process.error, (steps, states, parts)),
@@ -168,12 +168,12 @@ def _shapes(process: Process) -> list[Fault]:
     }
     faults = [
         Fault(f"process.{name}", f"must have shape {shape}, got {array.shape}")
-        for name, (array, shape) in wanted.items()
+        for name, (array, shape) in expected.items()
         if array.shape != shape
     ]
     return faults + [
         Fault(f"process.{name}", "must be finite")
-        for name, (array, _) in wanted.items()
+        for name, (array, _) in expected.items()
         if not np.all(np.isfinite(array))
     ]
 

@@ -149,8 +149,8 @@ class Transmission:
     def amplitude(self, turned: Turned) -> Array:
         """Half peak to peak (n,) [rad] of the transmission error, wave and floor included."""
         count = turned.error.shape[1]
-        besides = np.real(self.wave * np.exp(2j * pi * np.arange(count) / count))
-        return np.asarray(0.5 * np.ptp(turned.error + besides, axis=1) + self.mapping.floor)
+        common_wave = np.real(self.wave * np.exp(2j * pi * np.arange(count) / count))
+        return np.asarray(0.5 * np.ptp(turned.error + common_wave, axis=1) + self.mapping.floor)
 
     def peak(self, turned: Turned) -> Array:
         """Largest force (n,) [N] on any pin."""

@@ -35,7 +35,7 @@ def cumulants_drawn(values: Array, draws: int, rng: np.random.Generator) -> Arra
     )
 
 
-def kept(cumulants: Sequence[Array], ends: tuple[float, float], share: float) -> float:
+def kept(cumulants: Sequence[Array], ends: tuple[float, float], fraction: float) -> float:
     """Share of draws whose sum of parts, of `cumulants` (draws, 4) each, keeps limits from its mean
     at rest with a `share` of the units, an equal rest beyond each finite limit.
     """
@@ -43,12 +43,12 @@ def kept(cumulants: Sequence[Array], ends: tuple[float, float], share: float) ->
     std = np.sqrt(np.maximum(variance, 1e-300))
     skew, excess = third / std**3, fourth / std**4
     finite = np.isfinite(ends)
-    z = float(ndtri(0.5 * (1.0 + share) if np.all(finite) else share))
-    fine = np.ones(len(mean), dtype=bool)
+    z = float(ndtri(0.5 * (1.0 + fraction) if np.all(finite) else fraction))
+    within = np.ones(len(mean), dtype=bool)
     for side, end, real in zip((-1.0, 1.0), ends, finite, strict=True):
         if real:
-            fine &= side * (end - mean) >= side * std * _quantile(side * z, skew, excess)
-    return float(fine.mean())
+            within &= side * (end - mean) >= side * std * _quantile(side * z, skew, excess)
+    return float(within.mean())
 
 
 def _quantile(z: float, skew: Array, excess: Array) -> Array:

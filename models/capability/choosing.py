@@ -99,41 +99,41 @@ def calibrated(
     Where it is not reached at any level that leaves samples a choice, the last one is not `sure`.
     """
     levels = tuple(1.0 - risk * (1.0 - aim.confidence) for risk in RISKS)
-    made, kept = np.zeros((2, len(levels)))
+    choices, kept_choices = np.zeros((2, len(levels)))
     table = _Table.of(parts, processes)
     factors = [factor_of(table.kinds, level) for level in levels]
     for _ in range(repeats):
-        truth = _drawn(processes.df, rng)
-        error = _drawn_errors(processes, truth, rng)
-        sample = _Seen(table, truth / _drawn(processes.df, rng), aim)
-        before, good = -1, False
+        truth = _variance_ratios(processes.df, rng)
+        error = _mean_errors(processes, truth, rng)
+        sample = _Sampled(table, truth / _variance_ratios(processes.df, rng), aim)
+        previous, conforming = -1, False
         for at, factor in enumerate(factors):
-            chosen = sample.cheapest(factor, max(before, 0))
+            chosen = sample.cheapest(factor, max(previous, 0))
             if chosen is None:
                 break
-            if chosen != before:
-                before, good = chosen, table.keeps(chosen, truth, error, aim)
-            made[at] += 1.0
-            kept[at] += good
-    share = kept / np.maximum(made, 1.0)
-    enough = made >= RARE * repeats
-    missed = np.flatnonzero(enough & (share < aim.confidence))
+            if chosen != previous:
+                previous, conforming = chosen, table.keeps(chosen, truth, error, aim)
+            choices[at] += 1.0
+            kept_choices[at] += conforming
+    kept_fraction = kept_choices / np.maximum(choices, 1.0)
+    enough = choices >= RARE * repeats
+    missed = np.flatnonzero(enough & (kept_fraction < aim.confidence))
     at = min(int(missed[-1]) + 1 if len(missed) else 0, len(levels) - 1)
-    sure = bool(enough[at] and share[at] >= aim.confidence)
-    return Level(levels[at], float(share[at]), float(1.0 - made[at] / repeats), sure)
+    sure = bool(enough[at] and kept_fraction[at] >= aim.confidence)
+    return Level(levels[at], float(kept_fraction[at]), float(1.0 - choices[at] / repeats), sure)
 
 
-def _drawn_errors(processes: Processes, truth: Array, rng: np.random.Generator) -> Array:
+def _mean_errors(processes: Processes, truth: Array, rng: np.random.Generator) -> Array:
     """Errors of means (q,) over estimated standard deviations, by the variances drawn."""
     scale = np.where(np.isfinite(processes.n), np.sqrt(truth / processes.n), 0.0)
     return np.asarray(scale * rng.standard_normal(len(truth)))
 
 
-def _drawn(df: Array, rng: np.random.Generator) -> Array:
+def _variance_ratios(df: Array, rng: np.random.Generator) -> Array:
     """Variances over their estimates (q,) by the posterior, 1 where they are known."""
     finite = np.isfinite(df)
-    drawn = rng.chisquare(np.where(finite, df, 1.0))
-    return np.asarray(np.where(finite, df / drawn, 1.0))
+    chi_square = rng.chisquare(np.where(finite, df, 1.0))
+    return np.asarray(np.where(finite, df / chi_square, 1.0))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -173,9 +173,9 @@ class _Table:
             )
             place += count
             if len(cost) > STATES:
-                left = _best(cost, square)
-                cost, ways = cost[left], ways[left]
-                square, mean = square[:, left], mean[:, left]
+                best = _best(cost, square)
+                cost, ways = cost[best], ways[best]
+                square, mean = square[:, best], mean[:, best]
         order = np.argsort(cost, kind="stable")
         ways, uses = ways[order], np.zeros((len(order), place))
         uses[np.arange(len(ways))[:, None], ways] = 1.0
@@ -202,16 +202,20 @@ class _Table:
         return bool(np.all(ndtr(ends[:, 1]) - ndtr(ends[:, 0]) >= aim.share))
 
 
-class _Seen:
+class _Sampled:
     """Allocations by one sample of the processes: variances `seen` (q,) over the estimates."""
 
-    def __init__(self, table: _Table, seen: Array, aim: Aim) -> None:
-        self.table, self.aim, own = table, aim, table.process
-        square = table.std**2 * seen[own][:, None] * (1.0 + table.pieces / table.n[own][:, None])
+    def __init__(self, table: _Table, variance_ratio: Array, aim: Aim) -> None:
+        self.table, self.aim, process = table, aim, table.process
+        square = (
+            table.std**2
+            * variance_ratio[process][:, None]
+            * (1.0 + table.pieces / table.n[process][:, None])
+        )
         doubt = np.zeros((len(square), len(table.kinds), square.shape[1]))
-        doubt[np.arange(len(square)), table.kind[own]] = square**2
-        self.each = np.hstack([square, doubt.reshape(len(square), -1)])
-        self.known: dict[int, Array] = {}
+        doubt[np.arange(len(square)), table.kind[process]] = square**2
+        self.terms = np.hstack([square, doubt.reshape(len(square), -1)])
+        self.cached: dict[int, Array] = {}
 
     def cheapest(self, factor: Array, first: int) -> int | None:
         """The first allocation from a place on that keeps the ends by the norm of factors (u,)."""
@@ -228,15 +232,17 @@ class _Seen:
 
     def _sums(self, start: int) -> Array:
         """Sums of variances and, by degrees of freedom, of their squares (k, r + u r)."""
-        if start not in self.known:
-            self.known[start] = self.table.uses[start : start + AT_ONCE] @ self.each
-        return self.known[start]
+        if start not in self.cached:
+            self.cached[start] = self.table.uses[start : start + AT_ONCE] @ self.terms
+        return self.cached[start]
 
 
 def _best(cost: Array, square: Array) -> NDArray[np.int64]:
     """Those of allocations that are among the best at some price of their variances (r, m)."""
     size = (square / np.maximum(square.max(axis=1, keepdims=True), 1e-300)).sum(axis=0)
     span = max(float(np.ptp(cost)), 1e-300)
-    each = max(1, STATES // (16 * len(PRICES)))
-    cheapest = [np.argpartition(cost / span + price * size, each)[:each] for price in PRICES]
+    per_price = max(1, STATES // (16 * len(PRICES)))
+    cheapest = [
+        np.argpartition(cost / span + price * size, per_price)[:per_price] for price in PRICES
+    ]
     return np.unique(np.concatenate(cheapest))

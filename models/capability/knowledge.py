@@ -109,9 +109,9 @@ class Knowledge:
         if np.isinf(self.df):
             return np.ones(count), np.zeros(count)
         variance = self.df / rng.chisquare(self.df, count)
-        readings = variance
+        observed = variance
         if (difference := self.difference) is not None:
-            share = difference.seen_df / self.df
+            fraction = difference.seen_df / self.df
             gauge = (
                 np.full(count, difference.gauge)
                 if np.isinf(difference.gauge_df)
@@ -121,10 +121,10 @@ class Knowledge:
                     / rng.chisquare(difference.gauge_df, count)
                 )
             )
-            whole = variance * (self.std**2 + share * difference.gauge)
-            variance = np.maximum(whole - share * gauge, 1e-3 * self.std**2) / self.std**2
-            readings = variance + gauge / self.std**2
-        return variance, np.sqrt(readings / self.n) * rng.standard_normal(count)
+            whole = variance * (self.std**2 + fraction * difference.gauge)
+            variance = np.maximum(whole - fraction * gauge, 1e-3 * self.std**2) / self.std**2
+            observed = variance + gauge / self.std**2
+        return variance, np.sqrt(observed / self.n) * rng.standard_normal(count)
 
 
 def _factor(df: float, confidence: float) -> float:
@@ -149,8 +149,8 @@ def knowledge_of(
         raise ValueError(
             f"has {n} equal values: the resolution of the gauge is too coarse to tell a scatter"
         )
-    own = observed if gauge is None else observed - gauge.sigma**2
-    if gauge is not None and own <= 0.0:
+    variance = observed if gauge is None else observed - gauge.sigma**2
+    if gauge is not None and variance <= 0.0:
         raise ValueError(
             f"scatters by {np.sqrt(observed):.4g}, its gauge alone by {gauge.sigma:.4g}: "
             "the gauge is unfit for these parts"
@@ -158,10 +158,10 @@ def knowledge_of(
     df, parts = n - 1.0, 0.0
     difference = None if gauge is None else Difference(observed, df, gauge.sigma**2, gauge.df)
     if prior is not None:
-        _agreeing(own, df, prior)
-        own = (prior.parts * prior.sigma**2 + df * own) / (prior.parts + df)
+        _agreeing(variance, df, prior)
+        variance = (prior.parts * prior.sigma**2 + df * variance) / (prior.parts + df)
         df, parts = df + prior.parts, prior.parts
-    return Knowledge(mean, float(np.sqrt(own)), float(n), df, parts, difference)
+    return Knowledge(mean, float(np.sqrt(variance)), float(n), df, parts, difference)
 
 
 def _agreeing(variance: float, df: float, prior: Prior) -> None:

@@ -62,11 +62,11 @@ class Surplus:
 
     def value(self, square: Array) -> tuple[Array, Array]:
         """The surplus (...,) at squares (..., f), and its derivatives by them (..., f)."""
-        each = self.own * square
+        own_terms = self.own * square
         shared = np.sum(square * self.shared, axis=-1) + self.fixed_shared
-        value = np.sqrt(np.sum(each**2, axis=-1) + self.fixed_own**2 + shared**2)
+        value = np.sqrt(np.sum(own_terms**2, axis=-1) + self.fixed_own**2 + shared**2)
         safe = np.where(value > 0.0, value, 1.0)[..., None]
-        rise = (each * self.own + shared[..., None] * self.shared) / safe
+        rise = (own_terms * self.own + shared[..., None] * self.shared) / safe
         return (value, rise) if self.error is None else self._at_one_limit(square, value, rise)
 
     def _at_one_limit(self, square: Array, value: Array, rise: Array) -> tuple[Array, Array]:
@@ -76,7 +76,7 @@ class Surplus:
         root = np.sqrt(a**2 + value)
         b, c = root - a, np.sqrt(np.sum(square * self.error, axis=-1) + self.fixed_error)
         both = np.hypot(b, c)
-        by_a, by_root, by_c = (0.5 * _inverse(one)[..., None] for one in (a, root, c))
+        by_a, by_root, by_c = (0.5 * _inverse(size)[..., None] for size in (a, root, c))
         by_b = (1.0 + rise) * by_root - by_a
         slope = (b[..., None] * by_b + c[..., None] * self.error * by_c) * _inverse(both)[..., None]
         far = (a + both)[..., None]
@@ -157,8 +157,10 @@ def norm_of(
     inflation = np.array(
         [1.0 if knowledge is None or level else knowledge.inflation for knowledge in known]
     )
-    surplus = np.array([_surplus(one, confidence, level) for one in known])
-    error = moved * np.array([0.0 if one is None else 1.0 / one.n for one in known])
+    surplus = np.array([_surplus(knowledge, confidence, level) for knowledge in known])
+    error = moved * np.array(
+        [0.0 if knowledge is None else 1.0 / knowledge.n for knowledge in known]
+    )
     if quantile is not None:
         counted = (float(ndtri(confidence)) / quantile) ** 2
         return Norm(

@@ -64,8 +64,8 @@ class PartSample:
     def statement(self, unit: str) -> str:
         """What is known, in one line."""
         indices = [
-            f"{name} {one.value:.2f} ({one.low:.2f} to {one.high:.2f})"
-            for name, one in self.indices.items()
+            f"{name} {index.value:.2f} ({index.low:.2f} to {index.high:.2f})"
+            for name, index in self.indices.items()
         ]
         return ", ".join(
             [
@@ -109,18 +109,18 @@ def read_sample(
         return None
     values = np.asarray(converted(np.array(numbers), own_unit, unit), dtype=float)
     if of_file is not None:
-        theirs = float(converted(of_file, own_unit, unit))
-        nominal = theirs if nominal is None else nominal
-        if abs(theirs - nominal) > NEAR_NOMINAL * max(abs(nominal), 1.0):
+        file_nominal = float(converted(of_file, own_unit, unit))
+        nominal = file_nominal if nominal is None else nominal
+        if abs(file_nominal - nominal) > NEAR_NOMINAL * max(abs(nominal), 1.0):
             section.fault(
                 "file",
-                f"is of a nominal of {theirs:g} {unit}, the part has {nominal:g} "
+                f"is of a nominal of {file_nominal:g} {unit}, the part has {nominal:g} "
                 f"{unit}: another revision of the drawing?",
             )
             return None
     deviations = _deviations(values, nominal) - mid
     try:
-        known = knowledge_of(deviations, prior, gauge)
+        knowledge = knowledge_of(deviations, prior, gauge)
     except ValueError as error:
         section.fault("values", str(error))
         return None
@@ -136,9 +136,9 @@ def read_sample(
     )
     return PartSample(
         deviations=deviations,
-        knowledge=known,
+        knowledge=knowledge,
         made_to=made_to,
-        offset=0.0 if mean == "corrected" else known.mean,
+        offset=0.0 if mean == "corrected" else knowledge.mean,
         found=tuple(findings(deviations, [str(lot) for lot in lots])),
         indices=capability(deviations, -made_to, made_to) if made_to else {},
         stated=dict(owner.take("measured")),
@@ -162,13 +162,13 @@ def _near(section: Section, unit: str, deviations: Array, made_to: float) -> boo
     if far <= BEYOND * width:
         return True
     hint = unit_hint(far, unit, 0.0, width)
-    what = (
+    comparison = (
         f"but were made to {width:g} {unit}{hint}: check their unit and made_to"
         if made_to
         else f"but three times their scatter is {width:.4g} {unit}{hint}: state "
         "measured.nominal, or check their unit"
     )
-    section.fault("values", f"lie up to {far:.4g} {unit} off the mid-limit, {what}")
+    section.fault("values", f"lie up to {far:.4g} {unit} off the mid-limit, {comparison}")
     return False
 
 
@@ -181,20 +181,20 @@ def _deviations(values: Array, nominal: float | None) -> Array:
 
 
 def _unit(section: Section, unit: str) -> str | None:
-    given = section.text("unit")
-    if not given:
+    stated = section.text("unit")
+    if not stated:
         return unit
     try:
-        if fits(given, unit):
-            return given
-        section.fault("unit", f'"{given}" cannot be stated in {unit}, the unit of the part')
+        if fits(stated, unit):
+            return stated
+        section.fault("unit", f'"{stated}" cannot be stated in {unit}, the unit of the part')
     except ValueError as error:
         section.fault("unit", str(error))
     return None
 
 
 def _made_to(
-    section: Section, own: str | None, unit: str, t: float | None, follows: bool
+    section: Section, own_unit: str | None, unit: str, t: float | None, follows: bool
 ) -> float | None:
     """Half-width that the measured parts were made to, in the unit of the part; 0: not known."""
     if section.take("made_to") == FIXED:
@@ -205,9 +205,9 @@ def _made_to(
                 "limits would change nothing: state a machine",
             )
         return t if follows else 0.0
-    given = section.number("made_to", own or unit, POSITIVE)
-    if given is not None:
-        return float(converted(given, own or unit, unit))
+    half_width = section.number("made_to", own_unit or unit, POSITIVE)
+    if half_width is not None:
+        return float(converted(half_width, own_unit or unit, unit))
     if "made_to" in section:
         return None
     if t is None and follows:
@@ -219,35 +219,35 @@ def _made_to(
     return t if follows else 0.0
 
 
-def _gauge(section: Section, given: str | None, unit: str) -> Gauge | None:
+def _gauge(section: Section, own_unit: str | None, unit: str) -> Gauge | None:
     if "gauge" not in section:
         return None
-    own = section.section("gauge")
-    sigma = own.number("sigma", given or unit, POSITIVE)
-    df = own.number("df", within=Range(low=1.0))
-    if "sigma" not in own:
-        own.fault("sigma", "is missing: the standard deviation of repeated readings of one part")
-    own.finish()
+    table = section.section("gauge")
+    sigma = table.number("sigma", own_unit or unit, POSITIVE)
+    df = table.number("df", within=Range(low=1.0))
+    if "sigma" not in table:
+        table.fault("sigma", "is missing: the standard deviation of repeated readings of one part")
+    table.finish()
     if sigma is None:
         return None
-    return Gauge(float(converted(sigma, given or unit, unit)), np.inf if df is None else df)
+    return Gauge(float(converted(sigma, own_unit or unit, unit)), np.inf if df is None else df)
 
 
 def _prior(section: Section, made_to: float, unit: str) -> Prior | None:
     """`prior = { cp, parts }`, or sigma in the place of cp."""
     if "prior" not in section:
         return None
-    own = section.section("prior")
-    cp, sigma = own.number("cp", within=POSITIVE), own.number("sigma", unit, POSITIVE)
-    parts = own.number("parts", within=POSITIVE)
-    if "cp" in own and "sigma" in own:
-        own.fault("sigma", "is stated beside cp: keep one")
-    elif "cp" not in own and "sigma" not in own:
-        own.fault("cp", "is missing: the capability that is believed, or sigma")
+    table = section.section("prior")
+    cp, sigma = table.number("cp", within=POSITIVE), table.number("sigma", unit, POSITIVE)
+    parts = table.number("parts", within=POSITIVE)
+    if "cp" in table and "sigma" in table:
+        table.fault("sigma", "is stated beside cp: keep one")
+    elif "cp" not in table and "sigma" not in table:
+        table.fault("cp", "is missing: the capability that is believed, or sigma")
     elif cp is not None and not made_to:
-        own.fault("cp", "needs made_to, the half-width that it is of: state sigma")
-    if "parts" not in own:
-        own.fault("parts", "is missing: how many measured parts the belief is worth")
-    own.finish()
+        table.fault("cp", "needs made_to, the half-width that it is of: state sigma")
+    if "parts" not in table:
+        table.fault("parts", "is missing: how many measured parts the belief is worth")
+    table.finish()
     believed = sigma if cp is None else made_to / (3.0 * cp)
     return None if not believed or parts is None else Prior(believed, parts)

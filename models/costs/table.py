@@ -32,7 +32,9 @@ class Table(CostCurve):
     def rising(self) -> tuple[float, ...]:
         """Listed tolerances that cost more than a tighter one."""
         return tuple(
-            t for t, own, least in zip(self.t, self.cost_at, self.least, strict=True) if own > least
+            t
+            for t, cost, least in zip(self.t, self.cost_at, self.least, strict=True)
+            if cost > least
         )
 
     def cost(self, t: Array) -> Array:

@@ -72,12 +72,15 @@ _UNITS = {"angle": "rad", "length": "m", "speed": "rad/s", "torque": "Nm", "forc
 def kind_of(unit: str) -> str:
     """The kind of a quantity of that unit; empty for a plain number or a unit that is not known."""
     try:
-        own = dimension(unit) if unit else ""
+        quantity_dimension = dimension(unit) if unit else ""
     except ValueError:
         return ""
-    if not own:
+    if not quantity_dimension:
         return ""
-    return next((kind for kind, one in _UNITS.items() if dimension(one) == own), "other")
+    return next(
+        (kind for kind, base_unit in _UNITS.items() if dimension(base_unit) == quantity_dimension),
+        "other",
+    )
 
 
 def quantity(
@@ -252,9 +255,9 @@ class Effect(ABC):
 
     def parameter(self, name: str, target: Target) -> EffectParameter | None:
         """The parameter that a configuration names, by its name or by its stem."""
-        for one in self.parameters(target):
-            if name in (one.name, one.stem):
-                return one
+        for number in self.parameters(target):
+            if name in (number.name, number.stem):
+                return number
         return None
 
     def missing(self, values: Mapping[str, float], target: Target) -> tuple[str, ...]:

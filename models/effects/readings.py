@@ -40,15 +40,15 @@ EXTRAS = (
 
 def fixed_unit(column: Column) -> str:
     """The unit that effects see a column in. Raises ValueError where its own does not fit."""
-    wanted = FIXED.get(column.role, ())
-    for unit in wanted:
+    units = FIXED.get(column.role, ())
+    for unit in units:
         try:
             converted(0.0, column.unit, unit)
         except ValueError:
             continue
         return unit
-    if wanted:
-        text = f'"{column.unit}" is no unit of a {column.role} (write {" or ".join(wanted)})'
+    if units:
+        text = f'"{column.unit}" is no unit of a {column.role} (write {" or ".join(units)})'
         raise ValueError(text)
     return column.unit
 
@@ -92,12 +92,12 @@ def own_clocks(session: NDArray[Any], time: NDArray[Any]) -> bool:
 
 def _appearance(labels: NDArray[Any]) -> NDArray[np.int64]:
     """Number (n,) of each row's label, by first appearance."""
-    _, first, which = np.unique(
+    _, first, inverse = np.unique(
         np.asarray(labels).astype(str), return_index=True, return_inverse=True
     )
     rank = np.empty(len(first), dtype=np.int64)
     rank[np.argsort(first)] = np.arange(len(first))
-    return np.asarray(rank[which.ravel()])
+    return np.asarray(rank[inverse.ravel()])
 
 
 def _turn_by_speed(by_role: dict[Role, NDArray[Any]]) -> None:
@@ -199,10 +199,10 @@ def labels_of(values: NDArray[Any]) -> tuple[NDArray[np.str_], NDArray[np.int64]
 
     A whole number is written without its decimals.
     """
-    names, which = np.unique(np.asarray(values).astype(str), return_inverse=True)
+    names, inverse = np.unique(np.asarray(values).astype(str), return_inverse=True)
     if np.asarray(values).dtype.kind == "f":
         names = np.array([name.removesuffix(".0") for name in names.tolist()], dtype=str)
-    return names, np.asarray(which, dtype=np.int64)
+    return names, np.asarray(inverse, dtype=np.int64)
 
 
 def unit_numbers(readings: Readings) -> NDArray[np.int64]:
@@ -216,8 +216,8 @@ def unit_numbers(readings: Readings) -> NDArray[np.int64]:
         numbers[order] = np.arange(len(readings))
         return numbers
     codes = [labels_of(readings[role][order])[1] for role in LABELS if role in readings]
-    _, first, which = np.unique(np.stack(codes), axis=1, return_index=True, return_inverse=True)
+    _, first, inverse = np.unique(np.stack(codes), axis=1, return_index=True, return_inverse=True)
     rank = np.empty(len(first), dtype=np.int64)
     rank[np.argsort(first)] = np.arange(len(first))  # by first appearance
-    numbers[order] = rank[which.ravel()]
+    numbers[order] = rank[inverse.ravel()]
     return numbers

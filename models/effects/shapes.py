@@ -63,8 +63,10 @@ class Shape(Effect):
     def plain(self, target: Target) -> bool:
         """Whether it is the sum of its columns at the outputs, and nothing else."""
         kind = type(self)
-        own = kind.act is Effect.act and kind.own_action is Shape.own_action
-        return own and kind.own_parameters is Shape.own_parameters and self.place(target) is None
+        unchanged = kind.act is Effect.act and kind.own_action is Shape.own_action
+        return (
+            unchanged and kind.own_parameters is Shape.own_parameters and self.place(target) is None
+        )
 
     def shape_parameters(self, target: Target) -> tuple[EffectParameter, ...]:
         """The nonlinear parameters, which all outputs share."""

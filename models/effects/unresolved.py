@@ -86,8 +86,8 @@ class Term:
         return np.asarray(column, dtype=float)
 
     def _other(self, readings: Readings) -> Array:
-        other = np.asarray(readings.table[self.times], dtype=float)
-        scaled = (other - self.times_zero) / self.times_scale
+        values = np.asarray(readings.table[self.times], dtype=float)
+        scaled = (values - self.times_zero) / self.times_scale
         return np.asarray(np.abs(scaled) if self.times_magnitude else scaled)
 
     def _shape(self, readings: Readings) -> Array:
@@ -120,16 +120,16 @@ class Term:
         if self.variable not in readings.table:
             return np.zeros((len(readings), self.count))
         names, which = labels_of(readings.table[self.variable])
-        each = np.asarray(names[which][:, None] == np.array(self.labels), dtype=float)
-        return np.asarray(each[:, 1:] - each[:, :1])
+        matches = np.asarray(names[which][:, None] == np.array(self.labels), dtype=float)
+        return np.asarray(matches[:, 1:] - matches[:, :1])
 
     def table(self, coefficients: Array) -> dict[str, Any]:
         """The `[[unresolved]]` table of it."""
         usual = {entry.name: entry.default for entry in fields(self)}
-        given = {k: v for k, v in asdict(self).items() if v != usual[k]}
+        stated = {k: v for k, v in asdict(self).items() if v != usual[k]}
         lists = {"knots": self.knots, "heights": self.heights, "labels": self.labels}
-        given |= {name: list(one) for name, one in lists.items() if one}
-        return {**given, "coefficients": [float(coefficient) for coefficient in coefficients]}
+        stated |= {name: list(elements) for name, elements in lists.items() if elements}
+        return {**stated, "coefficients": [float(coefficient) for coefficient in coefficients]}
 
 
 class Unresolved(Effect):
@@ -183,9 +183,11 @@ class Unresolved(Effect):
 
 def unresolved_of(table: Mapping[str, Any]) -> tuple[Unresolved, dict[str, float]]:
     """A term and its parameters from its checked `[[unresolved]]` table."""
-    given = {k: v for k, v in table.items() if k != "coefficients"}
-    given |= {name: tuple(given[name]) for name in ("knots", "heights", "labels") if name in given}
+    stated = {k: v for k, v in table.items() if k != "coefficients"}
+    stated |= {
+        name: tuple(stated[name]) for name in ("knots", "heights", "labels") if name in stated
+    }
     values = {
         f"c{k + 1}": float(coefficient) for k, coefficient in enumerate(table["coefficients"])
     }
-    return Unresolved(Term(**given)), values
+    return Unresolved(Term(**stated)), values

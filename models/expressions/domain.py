@@ -39,10 +39,10 @@ def _least(
 ) -> tuple[Array, Array, Array]:
     """Value and value at the middle of a node, and the least margin at or below it."""
     below = [_least(part, x, middle) for part in node.parts]
-    values, centres = [bound[0] for bound in below], [bound[1] for bound in below]
+    values, centres = [triple[0] for triple in below], [triple[1] for triple in below]
     margin = np.asarray(np.inf)
-    for _, _, own in below:
-        margin = np.fmin(margin, own)
+    for _, _, part_margin in below:
+        margin = np.fmin(margin, part_margin)
     value, centre = node.value(values, x), node.value(centres, middle)
     rooms = _room(node, values, centres), _room(node, centres, centres)
     if rooms[0] is not None and rooms[1] is not None:

@@ -74,12 +74,12 @@ def _dual(node: Expression, x: Mapping[str, Array]) -> tuple[Array, dict[str, Ar
         return node.value((), x), {node.name: np.asarray(1.0)}
     below = [_dual(part, x) for part in node.parts]
     values = [value for value, _ in below]
-    found: dict[str, Array] = {}
+    derivatives: dict[str, Array] = {}
     if any(inner for _, inner in below):
         for outer, (_, inner) in zip(node.slopes(values), below, strict=True):
             for name, slope in inner.items():
-                found[name] = found.get(name, np.asarray(0.0)) + outer * slope
-    return node.value(values, x), found
+                derivatives[name] = derivatives.get(name, np.asarray(0.0)) + outer * slope
+    return node.value(values, x), derivatives
 
 
 def _trouble(node: Expression, x: Mapping[str, Array]) -> tuple[Array, str]:

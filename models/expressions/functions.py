@@ -72,8 +72,8 @@ def _chosen(pick: Callable[..., Array]) -> Callable[..., tuple[Array, ...]]:
     """Slope 1 for the first argument that the extremum takes, 0 for the others."""
 
     def slopes(*x: Array) -> tuple[Array, ...]:
-        taken = pick(np.stack(np.broadcast_arrays(*x)), axis=0)
-        return tuple(np.where(taken == at, 1.0, 0.0) for at in range(len(x)))
+        extremum_at = pick(np.stack(np.broadcast_arrays(*x)), axis=0)
+        return tuple(np.where(extremum_at == at, 1.0, 0.0) for at in range(len(x)))
 
     return slopes
 

@@ -73,7 +73,7 @@ def _value(section: Section, key: str, kind: type[Distribution] | None) -> Any:
     if key == "cpk":
         return section.number(key, within=Range(low=0.0))
     kinds = ([] if kind is None else [kind]) + list(DISTRIBUTIONS.sound().values())
-    parameter = next(found[key] for found in map(_parameters, kinds) if key in found)
+    parameter = next(parameters[key] for parameters in map(_parameters, kinds) if key in parameters)
     if key == "values":
         return section.numbers(key)
     return section.number(key, within=allowed(parameter))
@@ -107,19 +107,19 @@ def _built(
 def _shifted(section: Section, stated: Stated) -> Stated:
     """`cpk` replaced by the shift, towards the upper limit, of Cpk = Cp (1 - |shift|)."""
     cp, cpk = stated["cp"], stated["cpk"]
-    rest = {key: value for key, value in stated.items() if key != "cpk"}
+    remaining = {key: value for key, value in stated.items() if key != "cpk"}
     if "shift" in stated:
         section.fault(
             "cpk",
             "is given together with shift: leave one of them out, since Cpk = Cp (1 - |shift|)",
         )
-        return rest | {"shift": None}
+        return remaining | {"shift": None}
     if cp is None or cpk is None:
-        return rest | {"shift": None}
+        return remaining | {"shift": None}
     if cpk > cp:
         section.fault(
             "cpk",
             f"must not be above cp ({cp:g}), got {cpk:g}: raise cp, since Cpk = Cp (1 - |shift|)",
         )
-        return rest | {"shift": None}
-    return rest | {"shift": 1.0 - cpk / cp}
+        return remaining | {"shift": None}
+    return remaining | {"shift": 1.0 - cpk / cp}

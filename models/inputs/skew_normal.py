@@ -64,8 +64,8 @@ class SkewNormal(Distribution):
         even = np.where(k % 2 == 0, half, 0.0)
         centred = _of_sum(half, powers(-sqrt(2.0 / pi)))
         _, scale = self._line
-        rest = scale / hypot(1.0, self.skew)
-        around = _of_sum(centred * powers(scale * self._delta), even * powers(rest))
+        normal_scale = scale / hypot(1.0, self.skew)
+        around = _of_sum(centred * powers(scale * self._delta), even * powers(normal_scale))
         return _of_sum(around, powers(self.shift))
 
     def partial_moments(self, z: Array) -> tuple[Array, Array, Array]:
@@ -118,8 +118,11 @@ def _table(skew: float) -> tuple[Array, Array]:
     return y[rising], mass[rising]
 
 
-def _of_sum(one: Array, other: Array) -> Array:
+def _of_sum(first: Array, second: Array) -> Array:
     """Raw moments of the sum of two independent variables from theirs, all of shape (k + 1,)."""
     return np.array(
-        [sum(comb(k, j) * one[j] * other[k - j] for j in range(k + 1)) for k in range(len(one))]
+        [
+            sum(comb(k, j) * first[j] * second[k - j] for j in range(k + 1))
+            for k in range(len(first))
+        ]
     )

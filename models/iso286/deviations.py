@@ -59,22 +59,22 @@ def deviations_um(letter: str, grade: str, size: float) -> tuple[float, float]:
     Reference: ISO 286-1:2010, clause 4.3, tables 2 to 5.
     """
     width = grade_um(grade, size)
-    own = letter.lower()
+    shaft_letter = letter.lower()
     if letter not in LETTERS:
         raise ValueError(
             f'"{letter}" is not a letter of a fundamental deviation: one of '
             f"{', '.join(SHAFTS)}, in capitals for a hole"
         )
-    if own == SYMMETRIC:
+    if shaft_letter == SYMMETRIC:
         return -0.5 * width, 0.5 * width
     hole = letter in HOLES
-    if own in ABOVE:
-        upper = shaft_um(own, grade, size)
+    if shaft_letter in ABOVE:
+        upper = shaft_um(shaft_letter, grade, size)
         return (-upper, -upper + width) if hole else (upper - width, upper)
     if hole:
-        upper = _hole_um(own, grade, size)
+        upper = _hole_um(shaft_letter, grade, size)
         return upper - width, upper
-    lower = shaft_um(own, grade, size)
+    lower = shaft_um(shaft_letter, grade, size)
     return lower, lower + width
 
 

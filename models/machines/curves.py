@@ -108,10 +108,12 @@ class GoodPartsBySpread(CostCurve):
             above = slope[middle] + linear + 2.0 * square * x[middle] > 0.0
             first, last = np.where(above, first, middle), np.where(above, middle, last)
         at = np.minimum(first, len(x) - 2)  # the slope is not above 0 there, but at the next
-        left = slope[at] + linear + 2.0 * square * x[at]
-        right = slope[at + 1] + linear + 2.0 * square * x[at + 1]
-        share = np.clip(-left / np.where(right > left, right - left, 1.0), 0.0, 1.0)
-        return np.asarray(x[at] + share * (x[at + 1] - x[at]))
+        at_left = slope[at] + linear + 2.0 * square * x[at]
+        at_right = slope[at + 1] + linear + 2.0 * square * x[at + 1]
+        fraction = np.clip(
+            -at_left / np.where(at_right > at_left, at_right - at_left, 1.0), 0.0, 1.0
+        )
+        return np.asarray(x[at] + fraction * (x[at + 1] - x[at]))
 
     @cached_property
     def _slopes(self) -> tuple[Array, Array]:
@@ -119,8 +121,8 @@ class GoodPartsBySpread(CostCurve):
         t, x = self._table
         good = self.machine.good_parts(t)
         slope = good.cost_slope / (self.scale * good.std_slope)
-        kept = np.concatenate([[True], np.diff(np.maximum.accumulate(x)) > 0.0])
-        return x[kept], np.maximum.accumulate(slope[kept])
+        rising = np.concatenate([[True], np.diff(np.maximum.accumulate(x)) > 0.0])
+        return x[rising], np.maximum.accumulate(slope[rising])
 
 
 def convex_cost(curve: CostCurve, x: Array) -> tuple[CostCurve, bool]:

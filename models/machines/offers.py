@@ -68,30 +68,30 @@ class Offer:
 
     def table(self) -> dict[str, Any]:
         """The table that states it."""
-        one, given = self.machine, self.machine.inspection
-        stated: dict[str, Any] = {"name": one.name, "price": self.price}
+        machine, settings = self.machine, self.machine.inspection
+        stated: dict[str, Any] = {"name": machine.name, "price": self.price}
         stated |= (
-            {"sigma": one.sigma, "mean": one.mean}
+            {"sigma": machine.sigma, "mean": machine.mean}
             if self.sample is None
             else {"measured": dict(self.sample.stated)}
         )
         if self.setup is not None:
             stated["setup"] = self.setup.table()
-        if given is None:
+        if settings is None:
             return stated
         inspection: dict[str, Any] = {
-            "price": given.price,
-            "u": given.u,
-            "guard": given.guard,
-            "scrap": given.scrap,
+            "price": settings.price,
+            "u": settings.u,
+            "guard": settings.guard,
+            "scrap": settings.scrap,
             "required": self.required,
         }
-        if given.rework is not None:
-            again = given.rework
+        if settings.rework is not None:
+            rework = settings.rework
             inspection["rework"] = {
-                "price": again.price,
-                "success": again.success,
-                "side": again.side,
+                "price": rework.price,
+                "success": rework.success,
+                "side": rework.side,
             }
         return stated | {"t_min": self.low, "t_max": self.high, "inspection": inspection}
 

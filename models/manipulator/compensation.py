@@ -59,11 +59,11 @@ def compensated(
     Arguments as for `exact_pose`; the axes are those at the azimuth wanted. The command is
     corrected by what the exact pose is off until that is under EXACT. Raises OutOfReach and NoPose.
     """
-    given = np.zeros(len(NAMES)) if errors is None else np.asarray(errors, dtype=float)
-    r, z, phi, _ = np.broadcast_arrays(r, z, phi, given[..., 0])
+    error_vector = np.zeros(len(NAMES)) if errors is None else np.asarray(errors, dtype=float)
+    r, z, phi, _ = np.broadcast_arrays(r, z, phi, error_vector[..., 0])
     command_r, command_z, ahead = r.astype(float), z.astype(float), np.zeros(r.shape)
     for _ in range(MOST_PASSES):
-        pose = exact_pose(manipulator, command_r, command_z, phi + ahead, given)
+        pose = exact_pose(manipulator, command_r, command_z, phi + ahead, error_vector)
         x, y = command_r + pose.position[..., 0], pose.position[..., 1]
         off_r = np.hypot(x, y) - r
         off_t = np.arctan2(y, x) + ahead

@@ -100,11 +100,11 @@ def _of_singularities(manipulator: Manipulator, r: Array, z: Array, place: str) 
     """
     for name in _rows(manipulator, r[:1], z[:1]):
         r_here, z_here, crossed = _worst(manipulator, r, z, name)
-        left, size, _ = np.linalg.svd(_rows(manipulator, r_here, z_here)[name])
+        vectors, size, _ = np.linalg.svd(_rows(manipulator, r_here, z_here)[name])
         condition = size[0, 0] / max(size[0, -1], np.finfo(float).tiny)
         if condition < WORST_CONDITION and not crossed:
             continue
-        chain = min(int(np.argmax(np.abs(left[0, :, -1]))) + 1, CHAINS)  # its rod is of chain 3
+        chain = min(int(np.argmax(np.abs(vectors[0, :, -1]))) + 1, CHAINS)  # its rod is of chain 3
         yield Fault(
             f"{place}.ring_r_mm",
             f"the ring {'crosses' if crossed else 'comes close to'} a singularity of the {name} at"

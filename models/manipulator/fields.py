@@ -46,9 +46,9 @@ def worst_deviation(variances: Array) -> Array:
 
 def worst_exceedance(variances: Array, bound: float) -> tuple[Array, Rows]:
     """Largest P(length > bound) (n,) over poses, and the pose (n,) where it is."""
-    each = exceedance(variances, bound)
-    at = np.argmax(each, axis=1)
-    return each[np.arange(len(each)), at], at
+    probabilities = exceedance(variances, bound)
+    at = np.argmax(probabilities, axis=1)
+    return probabilities[np.arange(len(probabilities)), at], at
 
 
 def worst_quantile(variances: Array, coverage: float) -> tuple[Array, Rows]:

@@ -56,8 +56,8 @@ def first_order(manipulator: Manipulator, r: Array, z: Array, phi: Array | float
     position += shift @ orientation
     if manipulator.follow_up == "fixed":
         return Maps(orientation, position, np.zeros((len(r), orientation.shape[-1])))
-    side = _beside(manipulator, chains, phi)
-    plane = position[:, 1] - manipulator.half_width * orientation[:, 2] - side
+    gap = _gap_along_e_t(manipulator, chains, phi)
+    plane = position[:, 1] - manipulator.half_width * orientation[:, 2] - gap
     plane /= (r - shift[:, 1, 2])[:, None]
     orientation[:, 2] += plane
     position += shift[:, :, 2, None] * plane[:, None]
@@ -110,7 +110,7 @@ def half_sums(manipulator: Manipulator, chains: Posture, phi: Array) -> Array:
     return columns
 
 
-def _beside(manipulator: Manipulator, chains: Posture, phi: Array) -> Array:
+def _gap_along_e_t(manipulator: Manipulator, chains: Posture, phi: Array) -> Array:
     """How far (n, 63) the sources themselves push A3 - B3 along e_t."""
     columns = np.zeros((len(chains.w), CHAINS, sources.PER_CHAIN))
     last = columns[:, 2]

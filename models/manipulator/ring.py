@@ -102,7 +102,7 @@ class Machines:
         """
         b, a = sample.u @ plane.T, sample.g - (sample.g @ plane) @ plane.T
         parts = [_quadratic(effect, a.T.copy(), b.T.copy()) for effect in effects]
-        square, product, offset = (np.concatenate(each) for each in zip(*parts, strict=True))
+        square, product, offset = (np.concatenate(blocks) for blocks in zip(*parts, strict=True))
         inverse = 1.0 / np.maximum(square, TINY)
         middle = product * inverse
         return cls(inverse, middle, offset * inverse - middle**2, variances, sample.replicates)
@@ -122,9 +122,9 @@ class Machines:
 
         `worst` is the row of the pose at which most exceed it.
         """
-        each = self._shares(bound, worst)
-        error = float(each.std(ddof=1) / np.sqrt(len(each)))
-        return min(1.0, float(each.mean())), error
+        fractions = self._shares(bound, worst)
+        error = float(fractions.std(ddof=1) / np.sqrt(len(fractions)))
+        return min(1.0, float(fractions.mean())), error
 
     def quantile(self, coverage: float, worst: int, least: float) -> tuple[float, float]:
         """Bound that a machine keeps at every pose with that probability, and its standard error:
@@ -134,36 +134,36 @@ class Machines:
         """
         if least <= 0.0:
             return 0.0, 0.0
-        some, own = self._relevant(least, worst, 1.0 - coverage)
+        relevant, row = self._relevant(least, worst, 1.0 - coverage)
 
-        def share(bound: float) -> float:
-            return float(some._shares(bound, own).mean())
+        def fraction(bound: float) -> float:
+            return float(relevant._shares(bound, row).mean())
 
         high = WIDER * least
-        while share(high) > 1.0 - coverage:
+        while fraction(high) > 1.0 - coverage:
             high *= WIDER
         root = float(
             scipy.optimize.brentq(
-                lambda at: np.log(share(at) / (1.0 - coverage)), SHORT * least, high, rtol=CLOSE
+                lambda at: np.log(fraction(at) / (1.0 - coverage)), SHORT * least, high, rtol=CLOSE
             )
         )
-        fall = share(root * (1.0 - STEP)) - share(root * (1.0 + STEP))
-        return max(root, least), some.beyond(root, own)[1] * 2.0 * STEP * root / fall
+        fall = fraction(root * (1.0 - STEP)) - fraction(root * (1.0 + STEP))
+        return max(root, least), relevant.beyond(root, row)[1] * 2.0 * STEP * root / fall
 
-    def _relevant(self, bound: float, worst: int, share: float) -> tuple[Machines, int]:
+    def _relevant(self, bound: float, worst: int, fraction: float) -> tuple[Machines, int]:
         """The same without the poses at which, all together, next to none exceeds the bound.
 
         Also the row of the worst pose among those that are left.
         """
         over = exceedance(self.variances, bound)
         order = np.argsort(over)
-        kept = np.union1d(order[np.cumsum(over[order]) > NONE * share], [worst])
+        kept = np.union1d(order[np.cumsum(over[order]) > NONE * fraction], [worst])
         return self.at(kept), int(np.searchsorted(kept, worst))
 
     def _shares(self, bound: float, worst: int) -> Array:
         """Share of machines that exceed the bound at some pose (replicates,)."""
-        own = slice(worst, worst + 1)
-        more = self._outside(bound, slice(None)) - self._outside(bound, own)
+        worst_pose = slice(worst, worst + 1)
+        more = self._outside(bound, slice(None)) - self._outside(bound, worst_pose)
         at_worst = float(exceedance(self.variances[worst], bound))
         return np.asarray(at_worst + np.mean(more.reshape(self.replicates, -1), axis=1))
 

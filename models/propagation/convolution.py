@@ -122,9 +122,11 @@ def _clip(mass: Array, first: Integers) -> tuple[Array, Integers]:
     points = mass.shape[1]
     base = np.maximum(first, 0)
     at = (base - first)[:, None] + np.arange(points)
-    kept = np.where(at < points, np.take_along_axis(mass, np.minimum(at, points - 1), axis=1), 0.0)
-    kept[:, 0] += mass.sum(axis=1) - kept.sum(axis=1)
-    return kept, base
+    clipped = np.where(
+        at < points, np.take_along_axis(mass, np.minimum(at, points - 1), axis=1), 0.0
+    )
+    clipped[:, 0] += mass.sum(axis=1) - clipped.sum(axis=1)
+    return clipped, base
 
 
 def _moments(mass: Array, x: Array) -> tuple[Array, Array]:

@@ -69,12 +69,12 @@ class EvenPlateau(Even):
         return float(Trapezoid(self.top).quantile(np.array(probability)))
 
     def characteristic(self, w: Array) -> tuple[Array, Array]:
-        flat = _sinc(0.5 * (1.0 + self.top) * w)
+        wide = _sinc(0.5 * (1.0 + self.top) * w)
         if self.top == 1.0:
-            return flat
+            return wide
         a, b = 0.5 * (1.0 + self.top), 0.5 * (1.0 - self.top)
-        other = _sinc(b * w)
-        return flat[0] * other[0], a * flat[1] * other[0] + b * flat[0] * other[1]
+        narrow = _sinc(b * w)
+        return wide[0] * narrow[0], a * wide[1] * narrow[0] + b * wide[0] * narrow[1]
 
     def value(self, w: Array) -> Array:
         flat = _sinc_alone(0.5 * (1.0 + self.top) * w)

@@ -39,8 +39,8 @@ class MonteCarlo(Propagation):
     def draw(cls, samples: int, dimensions: int, rng: np.random.Generator) -> MonteCarlo:
         """A scrambled Sobol sample, rounded up to REPLICATES powers of two."""
         points = np.empty((REPLICATES, 2 ** power_of(samples), dimensions))
-        for own, drawn in zip(points, replicates(samples, dimensions, rng), strict=True):
-            own[:] = drawn
+        for replicate, values in zip(points, replicates(samples, dimensions, rng), strict=True):
+            replicate[:] = values
         return cls(points)
 
     @property
@@ -49,7 +49,9 @@ class MonteCarlo(Propagation):
 
     def _propagate(self, total: ClippedSum, coverage: float, limit: float) -> Propagated:
         cumulants = total_cumulants(total.clipped + total.free)
-        replicates = np.array([_replicate(total, point, coverage, limit) for point in self.points])
+        replicates = np.array(
+            [_replicate(total, sample, coverage, limit) for sample in self.points]
+        )
         value = replicates.mean(axis=0)
         error = replicates.std(axis=0, ddof=1) / np.sqrt(len(replicates))
         error[2] *= QUANTILE_BIAS
@@ -85,9 +87,9 @@ def _replicate(total: ClippedSum, points: Array, coverage: float, limit: float) 
 
 def units_of(total: ClippedSum, points: Array) -> Array:
     """Units (n, samples) of the n sums at `points` (samples, inputs) in (0, 1)."""
-    split, every = len(total.clipped), slice(None)
-    clipped = _Part.of(total.clipped, points[:, :split]).units(every)
-    return np.maximum(clipped, 0.0) + _Part.of(total.free, points[:, split:]).units(every)
+    split, all_rows = len(total.clipped), slice(None)
+    clipped = _Part.of(total.clipped, points[:, :split]).units(all_rows)
+    return np.maximum(clipped, 0.0) + _Part.of(total.free, points[:, split:]).units(all_rows)
 
 
 def _unit_statistics(clipped: Array, free: Array, coverage: float, limit: float) -> Array:

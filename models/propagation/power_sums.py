@@ -85,7 +85,7 @@ class PowerSums:
     def cpk(self, lower: float, upper: float) -> Stated:
         """The lesser of the two one-sided capabilities."""
         sides = (self.to_limit(upper, 1), self.to_limit(lower, -1))
-        return min(sides, key=lambda one: one.value)
+        return min(sides, key=lambda side: side.value)
 
 
 def share(hits: int, count: int) -> Stated:

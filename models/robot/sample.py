@@ -79,8 +79,8 @@ class AccuracySample:
 
         `covariance` (poses, 3, 3) [m^2] of the links' position error, `joint` (n, joints) [rad].
         """
-        moved = np.einsum("nij,nj->ni", smooth_root(covariance)[self.pose], self.link)
-        return np.asarray(moved + np.einsum("nij,nj->ni", drives.move[self.pose], joint))
+        by_links = np.einsum("nij,nj->ni", smooth_root(covariance)[self.pose], self.link)
+        return np.asarray(by_links + np.einsum("nij,nj->ni", drives.move[self.pose], joint))
 
 
 def smooth_root(covariance: Array) -> Array:

@@ -67,10 +67,10 @@ def _frame(stem: str, axes: tuple[str, ...]) -> list[Parameter]:
     for axis in axes:
         turned = axis.startswith("r")
         units = ("deg", "mrad") if turned else ("mm", "um")
-        what = f"{'rotation vector' if turned else 'position'} of the {stem}, {axis[-1]}"
+        meaning = f"{'rotation vector' if turned else 'position'} of the {stem}, {axis[-1]}"
         parameters += [
-            Parameter(f"nominal_{stem}_{axis}_{units[0]}", 0.0, units[0], what),
-            Parameter(f"{stem}_{axis}_{units[1]}", 0.0, units[1], f"error of the {what}"),
+            Parameter(f"nominal_{stem}_{axis}_{units[0]}", 0.0, units[0], meaning),
+            Parameter(f"{stem}_{axis}_{units[1]}", 0.0, units[1], f"error of the {meaning}"),
         ]
     return parameters
 
@@ -93,10 +93,10 @@ def free_of(parameters: Mapping[str, Value]) -> dict[str, float]:
 
     beta stands for d where the next axis is parallel; one of the two is enough.
     """
-    given = completed(PARAMETERS, parameters)
+    values = completed(PARAMETERS, parameters)
     bounds = {}
-    for joint in range(1, int(float(str(given["joints"]))) + 1):
-        parallel = float(str(given[nominal("alpha", joint)])) % 180.0 == 0.0
+    for joint in range(1, int(float(str(values["joints"]))) + 1):
+        parallel = float(str(values[nominal("alpha", joint)])) % 180.0 == 0.0
         for kind, (_, _, tolerance) in ERRORS.items():
             if kind != ("d" if parallel else "beta"):
                 bounds[error(kind, joint)] = tolerance

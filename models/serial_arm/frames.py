@@ -48,10 +48,10 @@ class Frames:
         zero = self.joints()
         alpha = self._turned(self.knee[..., 0], ends)
         beta = self._turned(self.twisted[..., 1], ends)
-        moved = [np.swapaxes(axis, 1, 2) for axis in (self.axes, self.knee[..., 0])]
-        still = np.zeros_like(moved[0])
-        parts = (zero, (moved[0], still), (moved[1], still), alpha, beta)
-        move, turn = (np.stack(each, axis=3) for each in zip(*parts, strict=True))
+        directions = [np.swapaxes(axis, 1, 2) for axis in (self.axes, self.knee[..., 0])]
+        still = np.zeros_like(directions[0])
+        parts = (zero, (directions[0], still), (directions[1], still), alpha, beta)
+        move, turn = (np.stack(components, axis=3) for components in zip(*parts, strict=True))
         return move.reshape(len(move), 3, -1), turn.reshape(len(turn), 3, -1)
 
     def _turned(self, axis: Array, through: Array) -> tuple[Array, Array]:

@@ -26,12 +26,12 @@ MEMORY = 2**18
 
 def box(pieces: int, inner: int = INNER) -> Array:
     """Corners of [-1, 1]^k and points between them, shape (k, m); the first is the middle."""
-    drawn = 2.0 * scipy.stats.qmc.Sobol(pieces, scramble=False).random(INNER).T - 1.0
+    sobol = 2.0 * scipy.stats.qmc.Sobol(pieces, scramble=False).random(INNER).T - 1.0
     if pieces <= CORNERS:
         corners = np.array(list(product((-1.0, 1.0), repeat=pieces))).T
     else:
-        corners = np.where(drawn[:, 1:] > 0.0, 1.0, -1.0)
-    return np.hstack([np.zeros((pieces, 1)), corners, drawn[:, :inner]])
+        corners = np.where(sobol[:, 1:] > 0.0, 1.0, -1.0)
+    return np.hstack([np.zeros((pieces, 1)), corners, sobol[:, :inner]])
 
 
 def least_margin(mechanism: Mechanism, t: Tolerances) -> Array:
@@ -49,10 +49,10 @@ def least_margin(mechanism: Mechanism, t: Tolerances) -> Array:
     middle = {name: np.asarray(mids[i]) for name, i in zip(names, used, strict=True)}
     margins, step = np.empty(len(t)), max(1, MEMORY // z.shape[1])
     for start in range(0, len(t), step):
-        own = reach[start : start + step]
-        x = {name: middle[name] + own[:, k, None] * z[k] for k, name in enumerate(names)}
+        ends = reach[start : start + step]
+        x = {name: middle[name] + ends[:, k, None] * z[k] for k, name in enumerate(names)}
         margin = domain_margin(formula, x, middle)
-        margins[start : start + step] = np.broadcast_to(margin, (len(own), z.shape[1])).min(axis=1)
+        margins[start : start + step] = np.broadcast_to(margin, (len(ends), z.shape[1])).min(axis=1)
     return margins
 
 

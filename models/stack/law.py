@@ -115,11 +115,11 @@ class Law:
     def _scales(self, t: Tolerances) -> Array:
         return np.asarray(spread_of(t)[:, self.mechanism.owners] * self.slopes)
 
-    def _to_parts(self, each: Array) -> Array:
+    def _to_parts(self, by_piece: Array) -> Array:
         """Derivatives in t (n, p) from those in the scales of the pieces (n, k)."""
         parts = np.arange(len(self.mechanism.inputs))
         owner = (self.mechanism.owners[:, None] == parts) * self.slopes[:, None]
-        return np.asarray(each @ owner)
+        return np.asarray(by_piece @ owner)
 
 
 def law_of(mechanism: Mechanism, covariance: Array) -> Law | str:
@@ -128,12 +128,12 @@ def law_of(mechanism: Mechanism, covariance: Array) -> Law | str:
         return "the formula is not linear"
     mechanism = _alone(mechanism)
     used = dict.fromkeys(mechanism.owner)
-    each = {at: even_law(mechanism.inputs[at]) for at in used}
-    odd = [at for at, law in each.items() if law is None]
+    even_laws = {at: even_law(mechanism.inputs[at]) for at in used}
+    odd = [at for at, law in even_laws.items() if law is None]
     if odd:
         owner = mechanism.owner.index(odd[0])
         return f"the deviations of {mechanism.names[owner]} are skewed or have poles"
-    by_feature = {at: law for at, law in each.items() if law is not None}
+    by_feature = {at: law for at, law in even_laws.items() if law is not None}
     normal = all(isinstance(mechanism.inputs[at], Normal) for at in used)
     if mechanism.correlation is not None and not normal:
         return "correlated deviations have no even law"

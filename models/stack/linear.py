@@ -90,24 +90,26 @@ class Linear:
 
     def variance_shares(self, t: Tolerances) -> Array:
         """Share of each part in the variance (n, p); a negative one compensates for others."""
-        each = spread_of(t) * (spread_of(t) @ self.covariance)
-        return _shares(each, each.sum(axis=1))
+        contributions = spread_of(t) * (spread_of(t) @ self.covariance)
+        return _shares(contributions, contributions.sum(axis=1))
 
     def worst_shares(self, t: Tolerances) -> Array:
         """Share of each part in the worst case (n, p)."""
-        each = limit_of(t) * self.worst
-        return _shares(each, each.sum(axis=1))
+        contributions = limit_of(t) * self.worst
+        return _shares(contributions, contributions.sum(axis=1))
 
 
-def _shares(each: Array, total: Array) -> Array:
+def _shares(contributions: Array, total: Array) -> Array:
     """Shares that add up to 1, or are 0 where there is nothing to share."""
-    return np.divide(each, total[:, None], out=np.zeros_like(each), where=total[:, None] > 0.0)
+    return np.divide(
+        contributions, total[:, None], out=np.zeros_like(contributions), where=total[:, None] > 0.0
+    )
 
 
 def linearised(mechanism: Mechanism) -> Linear:
     """The linear model about the mid-limits."""
     parts = np.arange(len(mechanism.inputs))
-    moments = np.array([one.raw_moments(2) for one in mechanism.inputs])
+    moments = np.array([distribution.raw_moments(2) for distribution in mechanism.inputs])
     mean, std = moments[:, 1], np.sqrt(np.maximum(moments[:, 2] - moments[:, 1] ** 2, 0.0))
     owners, slope = mechanism.owners, mechanism.sensitivities
     of_part = (owners == parts[:, None]).astype(float)

@@ -33,10 +33,10 @@ class AsMade:
         return AsMade(self.limit[rows], self.spread[rows], self.mean[rows], chosen)
 
     @classmethod
-    def between(cls, low: AsMade, high: AsMade, share: Array) -> AsMade:
+    def between(cls, low: AsMade, high: AsMade, fraction: Array) -> AsMade:
         """Designs at shares (n, 1) of the way from one design to another."""
         ends = [(low.limit, high.limit), (low.spread, high.spread), (low.mean, high.mean)]
-        limit, spread, mean = (first + share * (last - first) for first, last in ends)
+        limit, spread, mean = (first + fraction * (last - first) for first, last in ends)
         return cls(limit, spread, mean)
 
 
@@ -44,11 +44,11 @@ Tolerances = Array | AsMade
 """Half-widths t (n, p), where the scatter of all parts is in proportion to them; else `AsMade`."""
 
 
-def between(low: Tolerances, high: Tolerances, share: Array) -> Tolerances:
+def between(low: Tolerances, high: Tolerances, fraction: Array) -> Tolerances:
     """Designs at shares (n, 1) of the way from one design (1, p) to another."""
     if isinstance(low, AsMade) and isinstance(high, AsMade):
-        return AsMade.between(low, high, share)
-    return limit_of(low) + share * (limit_of(high) - limit_of(low))
+        return AsMade.between(low, high, fraction)
+    return limit_of(low) + fraction * (limit_of(high) - limit_of(low))
 
 
 def limit_of(t: Tolerances) -> Array:

@@ -63,8 +63,8 @@ class Mechanism:
         wide = spread_of(t)[:, self.owners]
         mean = mean_of(t)[:, self.owners]
         if self.formula is None or self.mids is None or self.scale is None:
-            moved = (mean @ self.sensitivities)[:, None]
-            return np.asarray(self.centre + moved + (wide * self.sensitivities) @ z)
+            shift = (mean @ self.sensitivities)[:, None]
+            return np.asarray(self.centre + shift + (wide * self.sensitivities) @ z)
         reach, middle = wide * self.scale, self.mids + mean * self.scale
         x = {
             name: middle[:, i, None] + reach[:, i, None] * z[i]

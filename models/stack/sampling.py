@@ -32,15 +32,17 @@ class Sample:
         """
         kinds = [mechanism.inputs[part] for part in mechanism.owner]
         root = None if mechanism.correlation is None else _root(mechanism.correlation)
-        found = np.empty((REPLICATES, len(kinds), 2 ** power_of(samples)))
+        deviations = np.empty((REPLICATES, len(kinds), 2 ** power_of(samples)))
         # One replicate after the other: the points of all of them take as much room again.
-        for own, drawn in zip(found, replicates(samples, len(kinds), rng), strict=True):
-            points = drawn
+        for replicate, uniform in zip(
+            deviations, replicates(samples, len(kinds), rng), strict=True
+        ):
+            points = uniform
             if root is not None:
-                points = ndtr(np.clip(ndtri(drawn), -8.0, 8.0) @ root.T)
+                points = ndtr(np.clip(ndtri(uniform), -8.0, 8.0) @ root.T)
             for i, kind in enumerate(kinds):
-                own[i] = kind.quantile(points[:, i])
-        return cls(found)
+                replicate[i] = kind.quantile(points[:, i])
+        return cls(deviations)
 
     @property
     def size(self) -> int:
@@ -49,8 +51,8 @@ class Sample:
 
     def blocks(self, mechanism: Mechanism, t: Tolerances) -> Iterator[tuple[slice, Array]]:
         """Rows of a block of designs, and y (block, replicates, m) of all units of each."""
-        _, pieces, each = self.deviations.shape
-        wide = max(1, MEMORY // (8 * max(self.size, (pieces + 6) * each)))
+        _, pieces, units = self.deviations.shape
+        wide = max(1, MEMORY // (8 * max(self.size, (pieces + 6) * units)))
         for start in range(0, len(t), wide):
             chosen = slice(start, start + wide)
             block = [mechanism.values(t[chosen], z) for z in self.deviations]
@@ -85,9 +87,11 @@ def joint_yield_percent(
                 (y >= mechanism.lower) & (y <= mechanism.upper)
                 for mechanism, (_, y) in zip(mechanisms, blocks, strict=True)
             ]
-        each = np.mean(np.logical_and.reduce(within), axis=2)
-        yields[rows] = each.mean(axis=1)
-        error[rows] = np.maximum(each.std(axis=1, ddof=1) / np.sqrt(each.shape[1]), least)
+        conforming = np.mean(np.logical_and.reduce(within), axis=2)
+        yields[rows] = conforming.mean(axis=1)
+        error[rows] = np.maximum(
+            conforming.std(axis=1, ddof=1) / np.sqrt(conforming.shape[1]), least
+        )
     return 100.0 * yields, 100.0 * error
 
 

@@ -41,8 +41,8 @@ class PitchDefect(OneColumn):
     weight = Weight("height", "h, height of the pulse", low=-inf)
 
     def own_applies(self, target: Target) -> bool:
-        known = target.gear is not None and target.gear.has(PINS)
-        return known and turns(target) and super().own_applies(target)
+        has_pins = target.gear is not None and target.gear.has(PINS)
+        return has_pins and turns(target) and super().own_applies(target)
 
     def own_reason(self, target: Target) -> str:
         return no_waves(target, PINS)

@@ -72,15 +72,15 @@ class Delay(Effect):
 
     def own_action(self, readings: Readings, values: Mapping[str, float], target: Target) -> Action:
         names = [own_parameter.name for own_parameter in self.own_parameters(target)]
-        late = {
+        delays = {
             o.name: values.get(name, 0.0) for o, name in zip(target.outputs, names, strict=True)
         }
         time = np.asarray(readings[Role.TIME], dtype=float)
-        known = Role.SPEED in readings and Role.DIRECTION in readings
-        speed = np.asarray(readings[Role.SPEED] * readings[Role.DIRECTION]) if known else None
+        signed = Role.SPEED in readings and Role.DIRECTION in readings
+        speed = np.asarray(readings[Role.SPEED] * readings[Role.DIRECTION]) if signed else None
         late_by = partial(delayed, time=time, order=readings.order, speed=speed)
         return Action(
-            reading={name: partial(late_by, by=by) for name, by in late.items() if by != 0.0}
+            reading={name: partial(late_by, by=by) for name, by in delays.items() if by != 0.0}
         )
 
 

@@ -49,10 +49,10 @@ class Law:
             std=by * self.std,
         )
 
-    def mixed(self, offset: float, share: float) -> Law:
+    def mixed(self, offset: float, fraction: float) -> Law:
         """A share of the units off by `offset`: the mean moves by share times offset."""
         low, more = self.low + min(offset, 0.0), int(np.ceil(abs(offset) / self.step))
         x = np.asarray(low + self.step * np.arange(len(self.log) + more), dtype=np.float64)
-        std = float(np.sqrt(self.std**2 + share * (1.0 - share) * offset**2))
-        first, second = np.log1p(-share) + self(x), np.log(share) + self(x - offset)
+        std = float(np.sqrt(self.std**2 + fraction * (1.0 - fraction) * offset**2))
+        first, second = np.log1p(-fraction) + self(x), np.log(fraction) + self(x - offset)
         return replace(self, low=low, log=np.asarray(np.logaddexp(first, second)), std=std)

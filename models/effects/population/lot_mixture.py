@@ -48,8 +48,8 @@ class LotMixture(OfUnits):
 
     def own_parameters(self, target: Target) -> tuple[EffectParameter, ...]:
         meaning = "p, share of the second supplier"
-        share = quantity("share", "", meaning, 0.02, 0.98, linear=False)
-        return (self.weight.of(target.outputs[0], target), share)
+        fraction = quantity("share", "", meaning, 0.02, 0.98, linear=False)
+        return (self.weight.of(target.outputs[0], target), fraction)
 
     def parameter(self, name: str, target: Target) -> EffectParameter | None:
         """Its numbers, that which may be left out included."""
