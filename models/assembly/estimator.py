@@ -15,10 +15,10 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Estimator:
-    """What is measured at each step, and how far the estimate follows the reading.
+    """Measurements at each step, and how far the estimate follows them.
 
-    A reading is y(k) = `measured`(k) x(k) + v(k); the estimate moves by `gain`(k) times what the
-    reading differs from what was expected.
+    A measurement is y(k) = `measured`(k) x(k) + v(k); the estimate moves by `gain`(k) times the
+    difference between measured and expected y.
     """
 
     measured: Array
@@ -36,9 +36,9 @@ def kalman(
 ) -> Estimator:
     """The estimator of least variance, from x(0) = 0 known.
 
-    Part errors have mean 0 and standard deviations `part_std` (p,), readings `noise_std` (a number
-    or (q,)). `measured` (q, n) is what is looked at (default: every state; C for the document's
-    combined errors); what is not there yet is not seen. Raises InputError.
+    Part errors have mean 0 and standard deviations `part_std` (p,), measurements `noise_std` (a
+    number or (q,)). `measured` (q, n) is the observation matrix (default: every state; C for the
+    document's combined errors); parts not installed yet are not measured. Raises InputError.
     """
     observation = np.eye(process.transition.shape[-1]) if measured is None else measured
     noise = np.broadcast_to(np.asarray(noise_std, dtype=float) ** 2, len(observation))
@@ -62,7 +62,7 @@ def kalman(
 
 
 def _present(process: Process, insertion: str) -> NDArray[np.bool_]:
-    """Shape (N, n): the states whose own part is in when step k is measured."""
+    """Shape (N, n): the states whose own part is installed when step k is measured."""
     present = process.present
     if insertion == "before":
         present = np.vstack([np.zeros_like(present[:1]), present[:-1]])

@@ -1,14 +1,14 @@
-"""Influence coefficients: amplitude of the transmission error and peak mesh force of any angles.
+"""Influence coefficients of the final angles on transmission error amplitude and peak mesh force.
 
 Computed once from the full model, by central differences over the period of order 40:
 
     TE amplitude = A_0 + |c . x + m|,  c complex (order 40; no other order appears to first order)
     peak force   = max over discs of phi_d(d_d . x) + |h_d . x|
 
-x are the twelve final angles, m is a wave of order 40 that all units have, d_d . x the difference
-of the discs' rotations that loads disc d as much as x does on average, phi_d its peak force as a
-tabulated function of that difference (a curve, because a disc that has lost its load takes part no
-more), and h_d the part of order 40.
+x are the twelve final angles, m is a wave of order 40 that all units have. d_d . x is the
+difference of the discs' rotations that loads disc d as much as x does on average; phi_d is the peak
+force of disc d, tabulated over that difference (it is nonlinear, because an unloaded disc no longer
+takes part); h_d is the component of order 40.
 """
 
 from __future__ import annotations

@@ -29,13 +29,13 @@ class Process:
     error: Array
     """F, shape (N, n, p)."""
     arriving: NDArray[np.bool_]
-    """Shape (N, p): the part errors that come in at each step."""
+    """Shape (N, p): the part errors that are added at each step."""
     weight: Array
     """R, shape (N, m, m), symmetric and positive definite."""
     observation: Array
     """C, shape (q, n)."""
     coupling: Array
-    """Shape (n, n): which state an installing movement moves besides, per unit of coupling."""
+    """Shape (n, n): the other state that an installation moves, per unit of coupling."""
 
     def __post_init__(self) -> None:
         raise_all(_shapes(self) or _definite(self.weight))
@@ -47,14 +47,14 @@ class Process:
 
     @property
     def present(self) -> NDArray[np.bool_]:
-        """Shape (N, p): the part errors that are in after each step."""
+        """Shape (N, p): the part errors that are present after each step."""
         return np.logical_or.accumulate(self.arriving, axis=0)
 
     def weighted(self, weights: Array, absent: float = 1000.0) -> Process:
         """The same process with other weights of adjustment (N, m) on the diagonal of R.
 
-        A weight below `absent` makes an adjustment possible. Raises InputError where one is not
-        above zero, or adjusts a part that is not there yet.
+        A weight below `absent` makes an adjustment possible. Raises InputError where a weight
+        is not above zero, or adjusts a part that is not installed yet.
         """
         if weights.shape != self.arriving.shape:
             text = f"must have shape {self.arriving.shape}, got {weights.shape}"
@@ -91,8 +91,8 @@ def plane_process(
 ) -> Process:
     """Document A's process about one axis: one angle per key characteristic.
 
-    `weights` (N, N) takes the place of those that follow from the chain, `absent` is the least one
-    of a part that cannot be adjusted. Raises InputError.
+    `weights` (N, N) replaces those that follow from the chain; `absent` is the least weight of a
+    part that cannot be adjusted. Raises InputError.
     """
     chain = chain or DatumFlowChain()
     count, flow = chain.steps, chain.error_matrix()
@@ -117,8 +117,8 @@ def space_process(
     """The process in space: the angles about x, y and z of every key characteristic.
 
     `frames` (N, 3, 3) turn the part's own axes into those of the housing (default: parallel); a
-    small rotation is a vector, so that a part moves what hangs on it by the same vector.
-    `weights` (N, N) are those of the parts, alike about all three axes.
+    small rotation is a vector, so that a part moves all parts that hang on it by the same vector.
+    `weights` (N, N) are those of the parts, equal about all three axes.
     """
     plane = plane_process(chain, weights, absent)
     count = plane.steps

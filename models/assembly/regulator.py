@@ -16,8 +16,8 @@ INSERTIONS = ("before", "after")
 def terminal_weight(process: Process, precision: float | Array, reading: str = "printed") -> Array:
     """P(N), shape (..., n, n), of precision weights Q.
 
-    `printed`: P(N) = Q I, the state is weighed. `consistent`: P(N) = C'QC, y = C x is weighed, as
-    the document's cost says. A number or an array (...) of numbers stands for Q I; a square matrix
+    `printed`: P(N) = Q I weights the state. `consistent`: P(N) = C'QC weights y = C x, as the
+    document's cost does. A number or an array (...) of numbers stands for Q I; a square matrix
     is Q itself. Raises InputError where Q is below zero or does not fit.
     """
     observation = (
@@ -53,7 +53,7 @@ def _matrix_faults(weight: Array, size: int) -> list[Fault]:
 def gains(process: Process, terminal: Array, running: Array | None = None) -> Array:
     """K(k), shape (..., N, m, n), of u(k) = -K(k) x(k); `terminal` is P(N), shape (..., n, n).
 
-    K(k) = (R + B'PB)^-1 B'PA with P = P(k+1), backwards from P(N). P(k) is the printed one in the
+    K(k) = (R + B'PB)^-1 B'PA with P = P(k+1), backwards from P(N). P(k) is that printed, in the
     form Q(k) + (A - BK)'P(A - BK) + K'RK, which stays symmetric and positive for any weight.
     `running` is Q(k), shape (n, n), of a cost on the state at every step; the document has none.
     """

@@ -1,4 +1,4 @@
-"""What a sample of parts tells of the process that made them: scatter, mean, and how surely."""
+"""Inference from a sample of parts on the process: scatter, mean, and their uncertainty."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ CONTRADICTED = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class Gauge:
-    """A gauge: standard deviation of its readings, and the degrees of freedom of that estimate."""
+    """A gauge: its standard deviation, and the degrees of freedom of that estimate."""
 
     sigma: float
     df: float = np.inf
@@ -29,7 +29,7 @@ class Gauge:
 
 @dataclass(frozen=True, slots=True)
 class Prior:
-    """What is believed of a standard deviation before parts are measured, worth `parts` parts."""
+    """A prior of a standard deviation, with the weight of `parts` measured parts."""
 
     sigma: float
     parts: float
@@ -37,7 +37,7 @@ class Prior:
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """The variances of readings and gauge, of which the parts' is the difference.
+    """The variances of measurements and gauge; that of the parts is their difference.
 
     Each is an estimate with its degrees of freedom.
     """
@@ -58,8 +58,8 @@ class Knowledge:
     """Posterior of a normal process: variance scaled-inverse-chi-square (df, std^2), mean given the
     variance normal about the sample's with variance sigma^2/n.
 
-    A known process has infinite `n` and `df`. `prior_parts` is what a stated prior is worth,
-    `difference` what the gauge adds to the doubt.
+    A known process has infinite `n` and `df`. `prior_parts` is the weight of a stated
+    prior, in parts; `difference` holds the variances where a gauge adds uncertainty.
 
     Reference: Gelman et al. (2013), Bayesian Data Analysis, 3rd ed., section 3.3, with the prior
     density 1/sigma^2 or a scaled-inverse-chi-square one.
@@ -101,8 +101,9 @@ class Knowledge:
     def drawn(self, count: int, rng: np.random.Generator) -> tuple[Array, Array]:
         """Variances over std^2 and errors of the mean over std, (count,) each, of the posterior.
 
-        Of a gauge the generalised pivotal quantity of the difference: what its own variance may be
-        is taken off the readings', a negative rest counts as a thousandth.
+        With a gauge, the generalised pivotal quantity of the difference is drawn: a drawn variance
+        of the gauge is subtracted from that of the measurements; the difference is at least a
+        thousandth.
         Reference: Weerahandi (1993), Generalized confidence intervals, J. American Statistical
         Association 88(423), 899-905.
         """
@@ -135,11 +136,11 @@ def _factor(df: float, confidence: float) -> float:
 def knowledge_of(
     values: Array, prior: Prior | None = None, gauge: Gauge | None = None
 ) -> Knowledge:
-    """What `values` (n,) of one characteristic tell.
+    """The posterior of a process from measured `values` (n,) of one characteristic.
 
-    The variance of a gauge is subtracted, and the upper limit that of the difference. Raises
+    The variance of a gauge is subtracted, and the upper limit is that of the difference. Raises
     ValueError for fewer than `LEAST` values, values that are all equal, a gauge that scatters
-    at least as much as the readings, and a prior that they contradict.
+    at least as much as the measurements, and a prior that they contradict.
     """
     n = len(values)
     if n < LEAST:
@@ -165,7 +166,7 @@ def knowledge_of(
 
 
 def _agreeing(variance: float, df: float, prior: Prior) -> None:
-    """Raises ValueError where a sample contradicts a prior that claims to be worth more."""
+    """Raises ValueError where a sample contradicts a prior."""
     below = float(scipy.stats.f.cdf(variance / prior.sigma**2, df, prior.parts))
     chance = 2.0 * min(below, 1.0 - below)
     if chance < CONTRADICTED:

@@ -1,4 +1,4 @@
-"""Reads a `measured` table: what parts that were measured tell of a process or a machine."""
+"""Reads a `measured` table: the posterior of a process or a machine from measured parts."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ MEANS = ("as_found", "corrected")
 FIXED = "fixed"
 NEAR_NOMINAL = 1e-9
 BEYOND = 20.0
-"""How many times the half-width that parts were made to they hardly lie off the nominal."""
+"""Deviation, in half-widths that parts were made to, above which the unit is taken to be wrong."""
 CAPABLE = 100.0
-"""A Cp that no process has: the parts are in another unit than the half-width."""
+"""A Cp that no process has: above it parts and half-width are taken to be in different units."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PartSample:
     """Measured parts of one characteristic: deviations (n,) from the mid-limit, in the part's unit.
 
-    `knowledge` is of the process, `made_to` the half-width that the parts were made to (0 where it
-    is not known), `offset` by how much the mean of all later parts is off.
+    `knowledge` is the posterior of the process, `made_to` the half-width that the parts were made
+    to (0 where it is not known), `offset` the deviation of the mean of all later parts.
     """
 
     deviations: Array
@@ -46,7 +46,7 @@ class PartSample:
 
     @property
     def distribution(self) -> Normal:
-        """Of deviations over the half-width: what the sample's standard deviation comes to."""
+        """Distribution of deviations over the half-width, with the sample's standard deviation."""
         return Normal(cp=self.made_to / (3.0 * self.knowledge.std))
 
     @property
@@ -55,14 +55,14 @@ class PartSample:
         return distribution_type(self.found)
 
     def departures(self, owner: str) -> tuple[str, ...]:
-        """How it contradicts one stable normal process, `owner` being what was measured."""
+        """Departures from one stable normal process; `owner` names what was measured."""
         return tuple(
             f"{owner}, measured: {finding.text} (by chance: {finding.probability:.2g})"
             for finding in self.found
         )
 
     def statement(self, unit: str) -> str:
-        """What is known, in one line."""
+        """The sample and its capability, in one line."""
         indices = [
             f"{name} {index.value:.2f} ({index.low:.2f} to {index.high:.2f})"
             for name, index in self.indices.items()
@@ -87,9 +87,9 @@ def read_sample(
 ) -> PartSample | None:
     """The `measured` table of a part or machine, in its unit; None and faults where it is wrong.
 
-    `t` is the half-width of a part with a fixed one. Where the scatter `follows` the tolerance the
-    half-width that the parts were made to has to be known. Without a nominal that of a Q-DAS file
-    is taken.
+    `t` is the half-width of a part with a fixed one. Where the scatter `follows` the tolerance, the
+    half-width that the parts were made to must be known. Without a nominal that of a Q-DAS file is
+    used.
     """
     section = owner.section("measured")
     own_unit = _unit(section, unit)
@@ -147,7 +147,7 @@ def read_sample(
 
 
 def _near(section: Section, unit: str, deviations: Array, made_to: float) -> bool:
-    """Whether deviations are of the size of a tolerance, or a fault."""
+    """Whether deviations have the size of a tolerance; a fault is reported where they do not."""
     far = float(np.max(np.abs(deviations)))
     width = made_to or 3.0 * float(np.std(deviations, ddof=1))
     if made_to and made_to > CAPABLE * 3.0 * (std := float(np.std(deviations, ddof=1))):
@@ -173,7 +173,7 @@ def _near(section: Section, unit: str, deviations: Array, made_to: float) -> boo
 
 
 def _deviations(values: Array, nominal: float | None) -> Array:
-    """Deviations from the nominal: of sizes, unless the values are deviations already."""
+    """Deviations from the nominal; `values` are sizes, or deviations already."""
     middle = float(np.median(values)) if len(values) else 0.0
     if nominal is None or abs(middle) < abs(middle - nominal):
         return values
@@ -234,7 +234,7 @@ def _gauge(section: Section, own_unit: str | None, unit: str) -> Gauge | None:
 
 
 def _prior(section: Section, made_to: float, unit: str) -> Prior | None:
-    """`prior = { cp, parts }`, or sigma in the place of cp."""
+    """`prior = { cp, parts }`, or sigma in place of cp."""
     if "prior" not in section:
         return None
     table = section.section("prior")

@@ -1,4 +1,4 @@
-"""What contradicts one stable normal process: drift, lots, outliers, shape."""
+"""Tests against one stable normal process: drift, lots, outliers, shape."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 LEVEL = 0.01
-"""Probability of finding anything in a sample of one stable normal process, all tests together."""
+"""Probability of a false finding in a sample of one stable normal process, all tests together."""
 FEW = 8
-"""Values from which a shape can be judged."""
+"""Number of values from which the shape of a distribution can be tested."""
 
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One departure: what it is (`drift`, `lots`, `scatter`, `outlier`, `shape`), in words, and the
-    probability of one as large by chance.
+    """A departure: its kind (`drift`, `lots`, `scatter`, `outlier`, `shape`), a description, and
+    the probability of one as large by chance.
     """
 
     kind: str
@@ -28,10 +28,10 @@ class Finding:
 
 
 def findings(values: Array, lots: Sequence[str] = ()) -> list[Finding]:
-    """Departures of `values` (n,), in the order of making, beyond chance (Holm's procedure).
+    """Departures of `values` (n,), in the order of production, beyond chance (Holm's procedure).
 
-    `lots` (n,) name the lot of each value, empty where none is known: then values that are more
-    alike than by chance where they follow each other tell of lots (von Neumann's ratio).
+    `lots` (n,) name the lot of each value, empty where none is known: then lots are detected by
+    consecutive values that are more alike than by chance (von Neumann's ratio).
 
     Reference: Holm (1979), Scandinavian J. Statistics 6(2), 65-70; Grubbs (1969), Technometrics
     11(1), 1-21; Shapiro and Wilk (1965), Biometrika 52(3-4), 591-611; Brown and Forsythe (1974),
@@ -46,7 +46,7 @@ def findings(values: Array, lots: Sequence[str] = ()) -> list[Finding]:
         if finding.probability > LEVEL / (len(tests) - at):
             break
         significant.append(finding)
-    if any(test.kind == "outlier" for test in significant):  # a shape that one value makes is none
+    if any(test.kind == "outlier" for test in significant):  # a shape due to one value is none
         remaining = np.delete(values, np.argmax(np.abs(values - values.mean())))
         if len(remaining) >= FEW and _shape(remaining).probability > LEVEL:
             significant = [test for test in significant if test.kind != "shape"]
@@ -55,7 +55,7 @@ def findings(values: Array, lots: Sequence[str] = ()) -> list[Finding]:
 
 def distribution_type(departures: Sequence[Finding]) -> str:
     """The distribution model of ISO 22514-2: A1, A2 (stable), B (scatter moves), C1, C3 (the mean
-    moves, by lots or along a trend) or D (both), as far as the tests tell.
+    moves, by lots or along a trend) or D (both), as far as the tests show.
 
     Reference: ISO 22514-2:2017, clause 5, table 1.
     """

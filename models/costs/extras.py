@@ -1,4 +1,4 @@
-"""What a part costs beside the price of making it: its share of a set-up, its inspection."""
+"""Costs of a part in addition to its manufacture: its part of a set-up, its inspection."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .table import Table
 
 NOT_NEGATIVE = Range(low=0.0)
 EXTRAS = ("setup", "inspection")
-"""Keys of what is added to the cost of making a part."""
+"""Keys of the costs that are added to that of making a part."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,7 +24,7 @@ class Setup:
 
     @property
     def per_part(self) -> float:
-        """What each part of the lot bears."""
+        """Cost per part of the lot."""
         return self.price / self.lot
 
     def table(self) -> dict[str, Any]:
@@ -96,7 +96,7 @@ def dearer(curve: CostCurve, more: float) -> CostCurve:
 
 
 def times(curve: CostCurve, factor: float) -> CostCurve:
-    """The curve in a unit of cost of which one is `factor`."""
+    """The curve with every cost multiplied by `factor`."""
     if isinstance(curve, Table):
         return replace(curve, cost_at=tuple(factor * cost for cost in curve.cost_at))
     scaled = {key: factor * getattr(curve, key) for key in ("a", "b", "c") if hasattr(curve, key)}

@@ -40,7 +40,7 @@ class ReciprocalPower(CostCurve):
 def stationary_power(
     b: float | Array, k: float | Array, linear: Array, square: Array
 ) -> Array | None:
-    """The t at which k b / t^(k + 1) = linear + 2 square t; inf where it falls for ever.
+    """The t at which k b / t^(k + 1) = linear + 2 square t; inf where the cost falls for ever.
 
     With both prices, Newton's method on the logarithm of both sides in x = ln t. Their difference
     is concave with a slope between -(k + 2) and -(k + 1), so that it converges from everywhere, and
