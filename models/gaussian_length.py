@@ -3,7 +3,7 @@
 With the variances l_1 >= l_2 >= l_3 along the principal axes, the square of the two smaller
 components together is s(phi) = l_2 cos^2 phi + l_3 sin^2 phi times an exponential variable of mean
 2, phi uniform. At a given phi the integral over the largest component has a closed form, and one
-integral is left:
+integral remains:
 
     P(|v| > r) = erfc(a) + (2/sqrt pi) exp(-a^2) mean over phi of D(a sqrt k)/sqrt k,
     a = r/sqrt(2 l_1),  k = l_1/s(phi) - 1,  D Dawson's function.

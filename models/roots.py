@@ -77,7 +77,7 @@ def bracketed_roots(function: Callable[..., Any], ends: tuple[Any, Any], *args: 
 def _step(
     a: Array, b: Array, c: Array, fa: Array, fb: Array, fc: Array, least_fraction: Array
 ) -> Array:
-    """The next estimate, as a share of the way from b to a."""
+    """The next estimate, as a fraction of the way from b to a."""
     with np.errstate(divide="ignore", invalid="ignore"):
         xi, phi = (b - a) / (c - a), (fb - fa) / (fc - fa)
         quadratic = fb / (fa - fb) * fc / (fa - fc) + (

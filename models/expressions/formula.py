@@ -40,7 +40,7 @@ class Formula:
 
     @property
     def linear(self) -> bool:
-        """Whether it is linear in its names; a formula that only turns out so does not count."""
+        """Whether it is linear in its names as written: simplifications do not count."""
         return self.tree.degree <= 1.0
 
     def value(self, x: Mapping[str, Array]) -> Array:
@@ -69,7 +69,7 @@ def _value(node: Expression, x: Mapping[str, Array]) -> Array:
 
 
 def _dual(node: Expression, x: Mapping[str, Array]) -> tuple[Array, dict[str, Array]]:
-    """Value and partial derivatives of a node; a name that is left out has the derivative 0."""
+    """Value and partial derivatives of a node; an omitted name has the derivative 0."""
     if isinstance(node, Name):
         return node.value((), x), {node.name: np.asarray(1.0)}
     below = [_dual(part, x) for part in node.parts]

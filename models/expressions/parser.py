@@ -1,4 +1,6 @@
-"""From the text of a formula to its tree. Nothing is ever executed: the grammar is all there is.
+"""From the text of a formula to its tree. Nothing is ever executed.
+
+The grammar:
 
 sum     = product {("+" | "-") product}
 product = sign {("*" | "/") sign}
@@ -71,7 +73,7 @@ def _tokens(text: str) -> list[_Token]:
     position = 0
     while not tokens or tokens[-1].kind != "end":
         match = _TOKEN.match(text, position)
-        assert match is not None  # "other" takes whatever is left
+        assert match is not None  # "other" matches anything else
         kind = str(match.lastgroup)
         token = _Token(kind, match[kind], match.start(kind) + 1)
         if kind == "other":
@@ -102,7 +104,7 @@ class _Parser:
         return self._tokens[self._next]
 
     def _accepted(self, *signs: str) -> _Token | None:
-        """The next token if it is one of `signs`; then it is read."""
+        """The next token if it is one of `signs`, and then it is consumed."""
         token = self.now
         if token.kind != "sign" or token.text not in signs:
             return None

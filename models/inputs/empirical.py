@@ -1,4 +1,4 @@
-"""Empirical input: the deviations that were measured, as they are."""
+"""Empirical input: the distribution of measured deviations."""
 
 from __future__ import annotations
 

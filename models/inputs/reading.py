@@ -29,8 +29,8 @@ def keys() -> tuple[str, ...]:
 def read_distribution(section: Section, default: Distribution | None = None) -> Distribution | None:
     """The distribution that `section` states by `keys`, which are then known to it.
 
-    Without `distribution` its other keys change parameters of `default`, which comes back as it is
-    where nothing is stated. None after a fault; every fault is reported at its key.
+    Without `distribution` its other keys change parameters of `default`, which is returned
+    unchanged where nothing is stated. None after a fault; every fault is reported at its key.
     """
     name = section.text("distribution", DISTRIBUTIONS)
     kind = None if default is None else type(default)
@@ -82,7 +82,7 @@ def _value(section: Section, key: str, kind: type[Distribution] | None) -> Any:
 def _built(
     section: Section, kind: type[Distribution], default: Distribution | None, stated: Stated
 ) -> Distribution | None:
-    """The distribution of a kind from what is stated; the rest is that of `default`."""
+    """The distribution of a kind from the stated parameters; the others are those of `default`."""
     parameters = _parameters(kind)
     taken = {*parameters, *(["cpk"] if "shift" in parameters else [])}
     unsuited = [key for key in stated if key not in taken]

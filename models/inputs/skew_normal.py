@@ -1,4 +1,4 @@
-"""Skew normal input: a process that leans to one side, as tool wear or a stop makes it."""
+"""Skew normal input: a process that is skewed to one side, for example by tool wear or a stop."""
 
 from __future__ import annotations
 
@@ -110,7 +110,7 @@ def _mass(y: Array, skew: float) -> Array:
 
 @lru_cache(maxsize=8)
 def _table(skew: float) -> tuple[Array, Array]:
-    """Nodes y (`NODES`,) between which p is not flat to the last digit, and their mass."""
+    """Nodes y (`NODES`,) between which p rises in its last digits, and their mass."""
     wide = np.linspace(-REACH, REACH, NODES)
     y = np.union1d(wide, wide / hypot(1.0, skew))  # there the skewed side falls off
     mass = _mass(y, skew)

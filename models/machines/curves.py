@@ -18,7 +18,7 @@ KNOTS = 2049
 STEPS = 1
 """Steps of Newton's method from the tabulated inverse, which is right to eight digits."""
 FINE = 16
-"""Points per interval of a hull at which it is tried to lie below the cost."""
+"""Points per interval of a hull at which it is tested to lie below the cost."""
 
 
 @dataclass(frozen=True)
@@ -36,9 +36,9 @@ class GoodPartsByLimit(CostCurve):
 
 @dataclass(frozen=True)
 class GoodPartsBySpread(CostCurve):
-    """The same against x = `scale` times the standard deviation of good parts.
+    """Cost of a good part against x = `scale` times the standard deviation of good parts.
 
-    Limits run from `low` to `high`. The scatter rises with the limit, so that x stands for it.
+    Limits run from `low` to `high`. The scatter rises with the limit, so that x determines it.
     """
 
     machine: Machine
@@ -70,7 +70,7 @@ class GoodPartsBySpread(CostCurve):
         return scipy.interpolate.PchipInterpolator(x[rising], t[rising])
 
     def limit(self, x: Array) -> Array:
-        """The limit t of an inspection that leaves good parts with the scatter x."""
+        """The limit t of an inspection whose good parts have the scatter x."""
         t = np.clip(self._inverse(np.clip(x, *self.ends)), self.low, self.high)
         for _ in range(STEPS):
             good = self.machine.good_parts(t)
@@ -117,7 +117,7 @@ class GoodPartsBySpread(CostCurve):
 
     @cached_property
     def _slopes(self) -> tuple[Array, Array]:
-        """x and dC/dx, which the cost of good parts makes rise."""
+        """x and dC/dx, made to rise with x."""
         t, x = self._table
         good = self.machine.good_parts(t)
         slope = good.cost_slope / (self.scale * good.std_slope)
@@ -126,11 +126,11 @@ class GoodPartsBySpread(CostCurve):
 
 
 def convex_cost(curve: CostCurve, x: Array) -> tuple[CostCurve, bool]:
-    """A convex curve that is nowhere above the cost from x[0] to x[-1], and whether it is the cost.
+    """A convex curve that is nowhere above the cost from x[0] to x[-1], and whether it equals it.
 
     The cost of a good part is convex in its scatter for a centred machine without rework, and with
-    it to limits of 4 sigma; elsewhere that is tried at `x` (n,). Where it is not convex its convex
-    hull takes its place, as a table.
+    it to limits of 4 sigma; elsewhere that is tested at `x` (n,). Where it is not convex, a table
+    with its convex hull replaces it.
     """
     slope = curve.slope(x)
     if np.all(np.diff(slope) >= -1e-9 * np.ptp(slope)) and np.all(slope <= 0.0):

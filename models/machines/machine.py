@@ -1,4 +1,4 @@
-"""What a machine makes: scatter, mean, yield and cost of its good parts.
+"""The parts of a machine: scatter, mean, yield and cost of the good ones.
 
 A machine makes x ~ N(o, sigma^2). Inspection reads x + e, e ~ N(0, u^2), and passes a part whose
 reading lies within +-w, w = t - k u: the limits +-t less a guard band of k u at each (ISO 14253-1;
@@ -33,7 +33,7 @@ SIDES = ("upper", "lower", "both")
 
 @dataclass(frozen=True, slots=True)
 class Rework:
-    """Rework of rejected parts on a `side` at a `price`; a share `success` of them then passes."""
+    """Rework of rejected parts on a `side` at a `price`, with a fraction `success`."""
 
     price: float
     success: float = 1.0
@@ -44,7 +44,7 @@ class Rework:
 class Inspection:
     """Inspection of every part at a `price`, with the standard uncertainty `u`.
 
-    `scrap` says that a rejected part is lost; else it serves elsewhere for what it cost to make.
+    With `scrap` a rejected part is lost; otherwise it is used elsewhere at its price.
     """
 
     price: float
@@ -56,8 +56,8 @@ class Inspection:
 
 @dataclass(frozen=True, slots=True)
 class GoodParts:
-    """What leaves a machine, all of one shape: share `passed`, mean and standard deviation of the
-    good parts, cost of one, and derivatives of the last three by the limit t.
+    """The good parts of a machine, all of one shape: fraction `passed`, mean, standard deviation,
+    cost of a good part, and derivatives of the last three by the limit t.
     """
 
     passed: Array
@@ -71,7 +71,7 @@ class GoodParts:
 
 @dataclass(frozen=True, slots=True)
 class Machine:
-    """A machine: standard deviation and mean (from the mid-limit) of what it makes, price a part.
+    """A machine: standard deviation and mean (from the mid-limit) of its parts, price of a part.
 
     Lengths are in the unit of the part. Without an inspection every part counts as good.
     """
@@ -95,11 +95,11 @@ class Machine:
 
     @property
     def guard_band(self) -> float:
-        """What an inspection keeps from each limit."""
+        """Distance that an inspection keeps from each limit."""
         return self.inspection.guard * self.inspection.u if self.inspection else 0.0
 
     def passed(self, t: Array) -> Array:
-        """Share of parts that an inspection at limits +-t passes."""
+        """Fraction of the parts that an inspection at limits +-t passes."""
         w = t - self.guard_band
         return _between((-w - self.mean) / self.reading, (w - self.mean) / self.reading)
 
@@ -135,9 +135,9 @@ class Machine:
     def _cost(
         self, passed: Array, rise: Array, ends: tuple[Array, Array], density: tuple[Array, Array]
     ) -> tuple[Array, Array]:
-        """Cost of a good part and its derivative by t; `rise` is that of the share passed.
+        """Cost of a good part and its derivative by t; `rise` is that of the fraction passed.
 
-        (p + i + q (rho + i))/(Y + q f): q the share that is reworked for rho, f of which passes.
+        (p + i + q (rho + i))/(Y + q f): q is the fraction reworked at rho, f of which passes.
         """
         inspection = self.inspection
         assert inspection is not None

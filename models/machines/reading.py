@@ -13,14 +13,14 @@ from .machine import GUARD, SIDES, Inspection, Machine, Rework
 from .offers import Offer
 
 TIGHTEST, LOOSEST = 0.5, 4.0
-"""Limits of inspection from and to which it is searched, in standard deviations of the readings."""
+"""Range of the searched limits of inspection, in standard deviations of the measurements."""
 LEAST_YIELD = 1e-3
-"""Share of good parts below which a limit of inspection makes no sense."""
+"""Fraction of good parts below which a limit of inspection is refused."""
 
 
 @dataclass(frozen=True, slots=True)
 class Owner:
-    """What a machine makes: its `unit`, and its nominal and mid-limit, which measured parts need.
+    """The feature made by a machine: its `unit`, and nominal and mid-limit for measured parts.
 
     `ends` are limits of inspection for machines that state none.
     """
@@ -76,7 +76,7 @@ def _offer(table: Section, name: str, owner: Owner) -> Offer | None:
 
 
 def _scatter(table: Section, owner: Owner) -> tuple[tuple[float, float] | None, PartSample | None]:
-    """Standard deviation and mean of what a machine makes, stated or from parts measured."""
+    """Standard deviation and mean of a machine's parts, stated or from measured parts."""
     sigma, mean = table.number("sigma", owner.unit, POSITIVE), table.number("mean", owner.unit)
     if "measured" not in table:
         table.known(("measured",))
@@ -98,7 +98,7 @@ def _scatter(table: Section, owner: Owner) -> tuple[tuple[float, float] | None, 
 
 
 def _assumed(name: str, sample: PartSample | None) -> str:
-    """What the table of measured parts leaves open."""
+    """Assumptions where the table of measured parts is silent."""
     return "; ".join(f"machine {name}: {why}" for why in sample.assumed.values()) if sample else ""
 
 

@@ -15,23 +15,23 @@ from .sources import NAMES
 from .vectors import cofactors, cross, dot, rotation_vector, solved, turned, vector
 
 ENOUGH = 1e-9
-"""Newton's last step [m, rad]: the next would be its square, and what is left is rounding."""
+"""Newton's last step [m, rad]: the next would be its square, below rounding."""
 MOST_STEPS = 20
 BLOCK = 2048
-"""Machines that are solved at once: so many stay in a processor's cache."""
+"""Machines that are solved at once: so many fit into a processor's cache."""
 
 
 class NoPose(InputError):
-    """Errors, or a start, with which Newton's method finds no pose."""
+    """Errors, or a start, with which Newton's method does not converge."""
 
 
 @dataclass(frozen=True, slots=True)
 class PoseError:
-    """What poses (...) are off, in the axes (e_r, e_t, z) at their azimuth.
+    """Errors of poses (...), in the axes (e_r, e_t, z) at their azimuth.
 
     `position` (..., 3) [m]: dr, dt, dz; `orientation` (..., 3) [rad]: the rotation vector (two
     tilts, whose length is the squareness, and the yaw); `follow_up` (...) [rad]: how far the
-    follow-up plane is turned (0 in model M1); `steps`: the most that Newton's method took.
+    follow-up plane is turned (0 in model M1); `steps`: the most steps of Newton's method.
     """
 
     position: Array
@@ -42,7 +42,7 @@ class PoseError:
 
 @dataclass(frozen=True, slots=True)
 class _State:
-    """Poses (n,) on the way.
+    """Poses (n,) during the iteration.
 
     `position` (n, 3), platform axes `frame` (n, 3 axes, 3), joints on the platform `seat`
     (n, 3, 2, 3) and their `middle` of chain 3 (n, 3), both turned with it, and the follow-up angle
@@ -63,7 +63,7 @@ def exact_pose(
     phi: Array | float = 0.0,
     errors: Array | None = None,
 ) -> PoseError:
-    """The pose that the drives reach when they are told the nominal angles of r, z [m], phi [rad].
+    """The pose that the drives reach at the nominal angles of r, z [m], phi [rad].
 
     `errors` (..., 63) [m, rad] in the order of `sources.SOURCES`; poses (...) and errors broadcast:
     r[:, None] with errors (m, 63) gives every pose of every machine. Raises OutOfReach and NoPose.
@@ -148,7 +148,7 @@ def _step(machine: Machine, state: _State, free: bool) -> tuple[Array, Array, Ar
         return move, turn, np.zeros(len(move))
     by_psi = np.zeros_like(size)
     by_psi[:, 2] = dot(w[:, 2], cross(UP, arm[:, 2]))
-    along, about = _separated(w, lever, by_psi)  # the pose follows psi so
+    along, about = _separated(w, lever, by_psi)  # derivatives of the pose by psi
     distance, on_move, on_turn, on_psi = _follow_up(machine, state)
     residual = -distance - dot(on_move, move) - dot(on_turn, turn)
     twist = residual / (on_psi + dot(on_move, along) + dot(on_turn, about))

@@ -1,4 +1,4 @@
-"""Pose errors of one manipulator, as a measuring machine sees them."""
+"""Pose errors of one manipulator, as measured by a measuring machine."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ class ManipulatorPose(MeasurableModel):
     def _residual(
         self, r: Array, z: Array, phi: Array, changes: Mapping[str, Array], tilt: Array
     ) -> Array:
-        """Rotation vectors (n, 3) [rad] that are left when the position is made exact.
+        """Residual rotation vectors (n, 3) [rad] when the position is made exact.
 
         On a tilted base that is the pose where the base is upright; the axes are those at phi.
         """

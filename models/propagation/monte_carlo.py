@@ -15,7 +15,7 @@ from .result import Estimate, Propagated
 from .sums import ClippedSum, Term, total_cumulants
 
 BLOCK = 8
-"""Designs whose units are worked on at once: with 4096 units each they stay in the cache."""
+"""Designs whose units are computed at once: with 4096 units each they stay in the cache."""
 QUANTILE_BIAS = 2.0
 """Quantiles of the replicates are biased by up to about their standard error (measured at 0.9973
 with 4096 units each), so that error is stated twice."""
@@ -30,7 +30,7 @@ class MonteCarlo(Propagation):
     The sample is drawn once, `points` of shape (replicates, samples per replicate, dimensions) in
     (0, 1), and reused for all designs of all batches: differences between designs carry common
     random numbers. Standard errors come from the scatter over the replicates; that of a probability
-    is at least 1/samples, which is what a sample without a single hit can claim.
+    is at least 1/samples, the least error that a sample without a single hit supports.
     """
 
     points: NDArray[np.float64]
@@ -61,7 +61,7 @@ class MonteCarlo(Propagation):
 
 
 def power_of(samples: int) -> int:
-    """Of how many samples a replicate is, as a power of two."""
+    """Size of a replicate, as a power of two."""
     return max(1, int(np.ceil(np.log2(max(samples, 2 * REPLICATES) / REPLICATES))))
 
 

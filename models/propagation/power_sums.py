@@ -23,7 +23,7 @@ class Stated:
 
 @dataclass(frozen=True, slots=True)
 class PowerSums:
-    """Sums of (x - about)^k, k = 1..4, over `count` values; no digits are lost near the mean."""
+    """Sums of (x - about)^k, k = 1..4, over `count` values; `about` near the mean saves digits."""
 
     count: int
     about: float
@@ -89,7 +89,7 @@ class PowerSums:
 
 
 def share(hits: int, count: int) -> Stated:
-    """hits/count; its error is binomial, but at least 1/count: no sample can claim less."""
+    """hits/count; its error is binomial, but at least 1/count, which no sample can undercut."""
     p = hits / count
     return Stated(p, max(sqrt(p * (1.0 - p) / count), 1.0 / count))
 

@@ -14,16 +14,16 @@ Array = NDArray[np.float64]
 Kinds = Mapping[Even, Sequence[int]]
 """By law, the columns of its scales."""
 CLOSE, SQUARED = 1e-14, 1e-8
-"""Relative step at which bisection has ended, and Newton's method, whose next one is its square."""
+"""Relative step at which bisection ends, and Newton's method, whose next step is its square."""
 STEPS = 60
-"""Steps of Newton's method, bisected where it leaves its bracket."""
+"""Steps of Newton's method, with bisection where it leaves its bracket."""
 FEW = 4
-"""Times that each scale of a variable occurs, on average, for sums to be seen as alike."""
+"""Times that each scale of a variable must occur, on average, for sums to count as alike."""
 
 
 @dataclass(eq=False)
 class Series:
-    """phi of n sums at the odd frequencies k pi/R, and what the terms beyond them may add."""
+    """phi of n sums at the odd frequencies k pi/R, and bounds of the neglected terms."""
 
     k: Array
     omega: Array
@@ -68,7 +68,7 @@ class Series:
 
     @classmethod
     def of_values(cls, kinds: Kinds, s: Array, period: Array, terms: int) -> Series:
-        """The same without derivatives in the scales: nothing is known of their errors."""
+        """The series without derivatives in the scales: their errors are unknown."""
         if shared := alike(s, period):
             period = np.full_like(period, period.max())
         k = 2.0 * np.arange(terms) + 1.0
@@ -138,7 +138,7 @@ class Series:
 
 
 def _others(factors: Array) -> tuple[Array, Array]:
-    """Products of the factors before and after each, along axis 1."""
+    """Products of the factors before and after each factor, along axis 1."""
     ones = np.ones_like(factors[:, :1])
     before = np.cumprod(np.concatenate([ones, factors[:, :-1]], axis=1), axis=1)
     after = np.cumprod(np.concatenate([ones, factors[:, :0:-1]], axis=1), axis=1)[:, ::-1]
@@ -146,7 +146,7 @@ def _others(factors: Array) -> tuple[Array, Array]:
 
 
 def alike(s: Array, period: Array) -> bool:
-    """Whether sums (n, m) have so few different scales that one period for all saves work."""
+    """Whether sums (n, m) have so few different scales that a common period saves work."""
     if period.max() > 1.25 * period.min():
         return False
     distinct = len(s[0]) + np.count_nonzero(np.diff(np.sort(s, axis=0), axis=0))
@@ -154,7 +154,7 @@ def alike(s: Array, period: Array) -> bool:
 
 
 def _times(phi: Array, law: Even, s: Array, omega: Array) -> None:
-    """Multiply `phi` (n, terms) by what each column of s (n, m) adds: equal scales once."""
+    """Multiply `phi` (n, terms) by the factors of the columns of s (n, m), equal scales once."""
     order = np.argsort(s, axis=0)
     ranked = np.take_along_axis(s, order, axis=0).T
     first = np.ones(ranked.shape, dtype=bool)

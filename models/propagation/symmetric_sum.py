@@ -9,7 +9,7 @@ The distribution is a square wave's Fourier series: for |y| + |X| < R,
 
     2 F(y) - 1 = (4/pi) sum over odd k of phi(k pi/R) sin(k pi y/R)/k,
 
-which has no error of quadrature; what is left out is bounded by the envelopes of phi. Unbounded
+which has no error of quadrature; the neglected terms are bounded by the envelopes of phi. Unbounded
 inputs are cut at `REACH` standard deviations, beyond which lies less than 1e-17 of the mass.
 """
 
@@ -27,20 +27,20 @@ from .square_wave import Series, alike
 
 Array = NDArray[np.float64]
 REACH = 9.0
-"""Standard deviations beyond which X is not looked at."""
+"""Standard deviations beyond which X is neglected."""
 TERMS = (48, 96, 192, 384, 768, 1536, 3072)
-"""Odd terms of the series: the next number is tried where what is left out is too much."""
+"""Odd terms of the series: the next number is tried where the neglected terms are too large."""
 ENOUGH = 1e-14
-"""What may be left out of a probability."""
+"""Neglected part of a probability that is allowed."""
 ROUNDING = 4e-15
 """Rounding of a probability."""
 SURE, STEP = 1e-7, (1e-6, 1e-2)
-"""Share of a quantile up to which doubts of its gradient are let be, and the shares of a scale by
-which it is moved to see its slope from values."""
+"""Fraction of a quantile up to which errors of its gradient are accepted, and the fractions of a
+scale by which it is changed to bound its slope from values."""
 LARGE = 3
-"""Number of terms up to which a sum remembers how many it needs."""
+"""Index in `TERMS` up to which a sum remembers how many terms it needs."""
 BLOCK = 1 << 21
-"""Numbers that are worked on at once."""
+"""Numbers that are held at once."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,9 +71,9 @@ class SymmetricSum:
         self._ends = np.array([law.reach for law in self.laws])
 
     def quantile(self, s: Array, probability: float | Array, sure: bool = True) -> Tangent:
-        """Quantiles at a `probability` >= 1/2, or one (n,) of each, of sums of scales s (n, m).
+        """Quantiles at a `probability` >= 1/2, common or (n,), of sums of scales s (n, m).
 
-        The errors of gradients are as small as they can be told where these must be `sure`.
+        With `sure` the bounds of the errors of gradients are made as small as possible.
         """
         p, last = np.broadcast_to(np.asarray(probability, dtype=float), len(s)), self._last
         same = last is not None and np.array_equal(last[0], s) and np.array_equal(last[1], p)
@@ -90,7 +90,7 @@ class SymmetricSum:
         return tangent
 
     def values(self, s: Array, probability: float) -> Array:
-        """Quantiles (n,) alone: with less work where many sums have scales in common."""
+        """Quantiles (n,) without gradients: less work where many sums have scales in common."""
         s = np.abs(np.asarray(s, dtype=float))
         std, end = self._size(s)
         high = self._high(std, end, np.asarray(probability))
@@ -102,7 +102,7 @@ class SymmetricSum:
         )
 
     def _high(self, std: Array, end: Array, p: Array) -> Array:
-        """What quantiles lie below (n,): sums of this kind are strictly sub-Gaussian, so that
+        """Upper bounds (n,) of quantiles: sums of this kind are strictly sub-Gaussian, so that
         P(X > y) <= exp(-y^2 / (2 std^2)).
         """
         return np.minimum(end, 1.1 * std * np.sqrt(-2.0 * np.log(1.0 - p)) + 1e-300)
@@ -182,7 +182,7 @@ class SymmetricSum:
     def _blocks(
         self, tangent: Tangent, rows: NDArray[np.int64], s: Array, p: Array, start: Array, at: int
     ) -> None:
-        """Fill in some rows of `tangent` by `TERMS[at]` terms, those that need more by more."""
+        """Fill in some rows of `tangent` with `TERMS[at]` terms; rows that need more get more."""
         most = max(1, BLOCK // (TERMS[at] * max(1, s.shape[1])))
         more = []
         for begin in range(0, len(rows), most):
@@ -215,7 +215,7 @@ class SymmetricSum:
         """Gradients of sums whose series falls slowly, between the chords to either side.
 
         The quantile is convex: its slope in s_j lies between those of the chords from s_j - h and
-        to s_j + h, of values that are known to their errors.
+        to s_j + h, whose values have known errors.
         """
         doubt = np.where(s > 0.0, tangent.gradient_error * s, 0.0).sum(axis=1)
         rows = np.flatnonzero(doubt > SURE * np.abs(tangent.value))
@@ -270,7 +270,7 @@ class SymmetricSum:
         tangent.gradient_error[rows] = np.where(np.isfinite(doubt), doubt, np.inf)
 
     def _expected(self, s: Array, p: Array) -> Array:
-        """Where to begin: on the tangent at the last scales, or at the normal quantile."""
+        """Starting value: on the tangent at the last scales, or at the normal quantile."""
         last = self._last
         if last is not None and last[0].shape == s.shape and np.array_equal(last[1], p):
             return np.asarray(np.sum(np.abs(last[2].gradient) * s, axis=1))

@@ -27,7 +27,7 @@ class LinkMaps:
     """Maps of the 63 sources at poses (n,) [m/m, m/rad; rad/m, rad/rad]: (n, 3, 63) each.
 
     Where positions are calibrated, commands are corrected for the machine's own links until its
-    position is exact: `move` is 0 and `turn` what is left.
+    position is exact: `move` is 0 and `turn` the residual.
     """
 
     move: Array

@@ -1,4 +1,4 @@
-"""What the model `serial_arm` declares: the nominal table, its errors, and what may be freed."""
+"""Declarations of the model `serial_arm`: nominal table, errors, and free parameters."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def error(kind: str, joint: int) -> str:
 
 
 def joint_of(name: str) -> int:
-    """The joint that a parameter belongs to; 0 of base, tool and the whole."""
+    """The joint that a parameter belongs to; 0 for base, tool and the whole arm."""
     return int(next((part for part in name.split("_") if part.isdigit()), 0))
 
 
@@ -89,9 +89,9 @@ PARAMETERS: tuple[Parameter, ...] = (
 
 
 def free_of(parameters: Mapping[str, Value]) -> dict[str, float]:
-    """Tolerances of what a recalibration moves: errors of joints, base and tool.
+    """Tolerances of the parameters that a recalibration moves: errors of joints, base and tool.
 
-    beta stands for d where the next axis is parallel; one of the two is enough.
+    beta replaces d where the next axis is parallel; one of the two is sufficient.
     """
     values = completed(PARAMETERS, parameters)
     bounds = {}
@@ -108,7 +108,7 @@ def free_of(parameters: Mapping[str, Value]) -> dict[str, float]:
 
 
 def chain_of(parameters: Mapping[str, Value]) -> Chain:
-    """The chain (SI) of parameters by declared name; left-out ones keep their defaults."""
+    """The chain (SI) of parameters by declared name; omitted ones keep their defaults."""
     p = {n: v for n, v in completed(PARAMETERS, parameters).items() if isinstance(v, int | float)}
     joints = range(1, int(p["joints"]) + 1)
 

@@ -1,8 +1,8 @@
-"""Frames of a serial arm at many poses: what its joints and its errors do at the tool.
+"""Frames of a serial arm at many poses: motion of the tool by its joints and its errors.
 
 A rotation d about an axis z through o moves the tool p by d z x (p - o); a length along an axis
-moves it along that axis. So the axes of the frames are the derivatives of the pose (Whitney 1972),
-those by errors of the table included.
+moves it along that axis. So the axes of the frames give the derivatives of the pose (Whitney 1972),
+including those by errors of the table.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ class Frames:
         return move.reshape(len(move), 3, -1), turn.reshape(len(turn), 3, -1)
 
     def _turned(self, axis: Array, through: Array) -> tuple[Array, Array]:
-        """Of rotations about axes (n, k, 3) through points (n, k, 3)."""
+        """Motion and rotation of the tool by rotations about axes through points, (n, k, 3)."""
         move = np.cross(axis, self.tool[:, None, :] - through)
         return np.swapaxes(move, 1, 2), np.swapaxes(axis, 1, 2)
 

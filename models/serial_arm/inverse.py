@@ -14,20 +14,20 @@ from .frames import Frames, frames
 
 STEPS = 120
 HOPELESS = 1e12
-"""Damping, as a factor, at which no step has been found that comes nearer."""
+"""Damping, as a factor, above which a pose is given up: no step reduces its residual."""
 CLOSE = 1e-9
 """Residual [m, or rad times the length of the arm] that counts as reached."""
 SEEDS = (-1.0, 0.0, 1.0)
-"""Angles [rad] about the wanted ones at which the search for the first pose begins."""
+"""Shifts [rad] of the desired angles at which the search for the first pose begins."""
 SHIFTED = 5
-"""Joints that are shifted so: the last turns about the tool."""
+"""Joints that are shifted: the last turns about the tool."""
 LONGEST = 0.5
 """Longest step of a joint [rad]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Reached:
-    """Angles (n, k) [rad] nearest to poses, and what is missing (n,) [m]."""
+    """Angles (n, k) [rad] nearest to poses, and the residual distances `missing` (n,) [m]."""
 
     angles: Array
     missing: Array
@@ -46,9 +46,9 @@ def reach(chain: Chain) -> float:
 def inverse(
     chain: Chain, position: Array, turn: Array, start: Array, low: Array, high: Array
 ) -> Reached:
-    """The angles within [low, high] (k,) nearest to a pose each, from `start` (n, k).
+    """The angles within [low, high] (k,) nearest to each pose, from `start` (n, k).
 
-    `position` (n, 3) [m], `turn` (n, 3, 3); of fewer than six joints the position alone counts.
+    `position` (n, 3) [m], `turn` (n, 3, 3); with fewer than six joints the position alone counts.
     """
     q, scale = np.clip(start, low, high), reach(chain)
     whole = len(chain.d) >= 6
@@ -76,7 +76,7 @@ def inverse(
 def _residual(
     now: Frames, position: Array, turn: Array, scale: float, whole: bool
 ) -> tuple[Array, Array]:
-    """What is missing (n, 3 or 6) [m], rotations times `scale`, and its derivative by -angles."""
+    """The residual (n, 3 or 6) [m], rotations times `scale`, and its derivative by -angles."""
     move, rotate = now.joints()
     r = position - now.tool
     if not whole:
@@ -89,7 +89,7 @@ def _residual(
 
 
 def _step(jacobian: Array, r: Array, scale: float, damping: Array) -> Array:
-    """Damped least squares; the damping falls with what is missing."""
+    """Damped least squares; the damping falls with the residual."""
     diagonal = damping * 1e-3 * np.sum(r**2, axis=1) + 1e-13 * scale**2
     square = jacobian @ np.swapaxes(jacobian, 1, 2)
     square += diagonal[:, None, None] * np.eye(square.shape[1])

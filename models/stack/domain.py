@@ -1,4 +1,4 @@
-"""Where a requirement has no value: how far designs of a stack are from it."""
+"""Distance of the designs of a stack from the edge of the domain of its requirement."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from .mechanism import Mechanism
 
 Array = NDArray[np.float64]
 CORNERS = 12
-"""Pieces of a formula up to which all corners of the tolerance range are looked at; beyond, as many
-that a sample chooses."""
+"""Pieces of a formula up to which all corners of the tolerance range are tested; with more pieces,
+a sample of the corners."""
 INNER = 4096
-"""Points within the tolerance range that are looked at on loading."""
+"""Points within the tolerance range that are tested on loading."""
 FEW = 256
-"""Points within the tolerances of each design that are looked at, beside its corners."""
+"""Points within the tolerances of each design that are tested in addition to its corners."""
 MEMORY = 2**18
-"""Values of a block of designs."""
+"""Values held for a block of designs."""
 
 
 def box(pieces: int, inner: int = INNER) -> Array:
@@ -38,7 +38,7 @@ def least_margin(mechanism: Mechanism, t: Tolerances) -> Array:
     """Least domain margin (n,) over the corners of the tolerances t (n, p), and points between.
 
     1 at tolerances of 0, 0 where a unit within the tolerances just reaches the edge, below 0 where
-    one has no value. See `models/expressions/domain.py`.
+    such a unit has no value. See `models/expressions/domain.py`.
     """
     formula, mids, scale = mechanism.formula, mechanism.mids, mechanism.scale
     if formula is None or mids is None or scale is None:
@@ -57,6 +57,6 @@ def least_margin(mechanism: Mechanism, t: Tolerances) -> Array:
 
 
 def _points(mechanism: Mechanism, used: list[int]) -> Array:
-    """Corners, those that the requirement itself rises and falls to, and some points between."""
+    """Corners, the corners of the largest and least requirement, and some points between."""
     way = np.sign(mechanism.sensitivities[used])[:, None]
     return np.hstack([box(len(used), FEW), way, -way])

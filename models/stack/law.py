@@ -16,14 +16,14 @@ from .mechanism import Mechanism
 
 Array = NDArray[np.float64]
 ROUNDING = 1e-12
-"""Least error that is stated of a yield [percent]."""
+"""Least stated error of a yield [percent]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Law:
     """y = centre + sum_i S_i t (mean_i + d_i) of k pieces, d_i independent, even and log-concave.
 
-    `slopes` (k,) are |S_i|, `mean` (p,) what a unit of tolerance of each part moves the mean of y.
+    `slopes` (k,) are |S_i|, `mean` (p,) the shift of the mean of y per unit of each tolerance.
     Where all parts are normal (`covariance`, p x p, at t = 1) pieces may be correlated.
     Tolerances t have shape (n, p); derivatives are by the spread of parts that are `AsMade`.
     """
@@ -36,7 +36,7 @@ class Law:
     covariance: Array | None = None
 
     def yield_percent(self, t: Tolerances) -> tuple[Array, Array]:
-        """Share of units within the limits (n,), in percent, and a bound of its error (n,)."""
+        """Fraction of units within the limits (n,), in percent, and a bound of its error (n,)."""
         (_, high), (_, low) = self._ends(t)
         if self.covariance is None:
             yields, error = self.deviations.within(self._scales(t), low, high)
@@ -152,7 +152,7 @@ def law_of(mechanism: Mechanism, covariance: Array) -> Law | str:
 
 
 def _alone(mechanism: Mechanism) -> Mechanism:
-    """The mechanism with the pieces alone that the requirement depends on."""
+    """The mechanism with only the pieces that the requirement depends on."""
     kept = np.flatnonzero(mechanism.sensitivities)
     if len(kept) == len(mechanism.owner):
         return mechanism

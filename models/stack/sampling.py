@@ -1,4 +1,4 @@
-"""The stack as it is: yield and half-width by scrambled Sobol through the requirement itself."""
+"""The exact stack: yield and half-width by scrambled Sobol sampling of the requirement itself."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Sample:
         kinds = [mechanism.inputs[part] for part in mechanism.owner]
         root = None if mechanism.correlation is None else _root(mechanism.correlation)
         deviations = np.empty((REPLICATES, len(kinds), 2 ** power_of(samples)))
-        # One replicate after the other: the points of all of them take as much room again.
+        # One replicate after the other: the points of all of them would double the memory.
         for replicate, uniform in zip(
             deviations, replicates(samples, len(kinds), rng), strict=True
         ):
@@ -66,10 +66,10 @@ def _root(correlation: Array) -> Array:
 
 
 def yield_percent(mechanism: Mechanism, t: Tolerances, sample: Sample) -> tuple[Array, Array]:
-    """Share of units within the limits (n,), in percent, and its standard error (n,).
+    """Fraction of units within the limits (n,), in percent, and its standard error (n,).
 
-    A unit for which the requirement has no value does not conform. The error is the scatter over
-    the replicates, and at least one unit of the sample.
+    A unit for which the requirement has no value does not conform. The error follows from the
+    scatter over the replicates, and is at least one unit of the sample.
     """
     return joint_yield_percent((mechanism,), t, sample)
 
@@ -96,11 +96,11 @@ def joint_yield_percent(
 
 
 def half_width(mechanism: Mechanism, t: Tolerances, sample: Sample, coverage: float) -> Array:
-    """Half the width (n,) of the interval that holds `coverage` of the units, as much on each side.
+    """Half the width (n,) of the interval that holds `coverage` of the units, with equal tails.
 
     (q(1 - a/2) - q(a/2))/2 with a = 1 - coverage: for normal parts of a linear stack and a coverage
-    of 0.9973 the root sum square. Units without a value are left out: see `least_margin`. NaN where
-    none has one.
+    of 0.9973 the root sum square. Units without a value are omitted: see `least_margin`. NaN where
+    no unit has a value.
     """
     widths = np.empty(len(t))
     tail = 0.5 * (1.0 - coverage)

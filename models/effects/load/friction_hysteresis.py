@@ -1,4 +1,4 @@
-"""A loop between motion, or loading, there and back."""
+"""A hysteresis loop between motion, or loading, there and back."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ MOVING = Weight("half_width", "a, half of the loop")
 
 
 class FrictionHysteresis(Shape):
-    """Loop of dry friction, between there and back.
+    """Hysteresis loop of dry friction, between there and back.
 
     In motion it goes with the direction, with the input locked along the path of the load. A table
-    may be of either kind: its readings decide which numbers are fitted, those that are given what
-    is done.
+    may be of either kind: its rows decide which parameters are fitted, and the given parameters
+    decide which form acts.
     """
 
     name = "friction_hysteresis"

@@ -109,7 +109,7 @@ class BaseSample:
 
 
 def _shared(u: Array, common: Array | None, fraction: float) -> Array:
-    """Probabilities coupled by a Gaussian copula with `share` of common variance."""
+    """Probabilities coupled by a Gaussian copula with a `fraction` of common variance."""
     if common is None:
         return u
     return np.asarray(ndtr(np.sqrt(fraction) * common + np.sqrt(1.0 - fraction) * ndtri(u)))
