@@ -80,7 +80,7 @@ def solve(
     phi: Array | float = 0.0,
     errors: Array | None = None,
 ) -> PoseError:
-    """The poses, as seen from `start` (..., 3) [m], of arms at `drives` (..., 3) [rad] from e_r.
+    """The poses, relative to `start` (..., 3) [m], of arms at `drives` (..., 3) [rad] from e_r.
 
     `phi` (...) [rad] is the azimuth of e_r; in model M1 the follow-up plane stands there. The
     closures |B - A| = l2 of the six rods, with the middle of chain 3 in its plane in model M2, are
