@@ -3,7 +3,7 @@
 With the variances l_1 >= l_2 >= l_3 along the principal axes, the square of the two smaller
 components together is s(phi) = l_2 cos^2 phi + l_3 sin^2 phi times an exponential variable of mean
 2, phi uniform. At a given phi the integral over the largest component has a closed form, and one
-integral is left:
+integral remains:
 
     P(|v| > r) = erfc(a) + (2/sqrt pi) exp(-a^2) mean over phi of D(a sqrt k)/sqrt k,
     a = r/sqrt(2 l_1),  k = l_1/s(phi) - 1,  D Dawson's function.
@@ -52,8 +52,8 @@ def exceedance(variances: Array, length: Array | float) -> Array:
         s = variances[..., 1, None] * np.cos(phi) ** 2 + variances[..., 2, None] * np.sin(phi) ** 2
         with np.errstate(divide="ignore"):
             root = np.sqrt(np.clip(largest[..., None] / s - 1.0, LEAST, MOST))
-        each = dawsn(np.minimum(a[..., None] * root, MOST)) / root
-        probability += 2.0 / np.sqrt(np.pi) * np.exp(-(a**2)) * np.mean(each, axis=-1)
+        integrand = dawsn(np.minimum(a[..., None] * root, MOST)) / root
+        probability += 2.0 / np.sqrt(np.pi) * np.exp(-(a**2)) * np.mean(integrand, axis=-1)
     return np.asarray(probability)
 
 

@@ -1,4 +1,4 @@
-"""A gear as its waves: how often each of its errors passes per turn of the output."""
+"""A gear by the orders of its errors: waves per turn of the output."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from dataclasses import dataclass
 PINS, CRANK = "pin passing", "crank"
 SUN_OVER_CARRIER, SUN = "sun against the carrier", "sun"
 NAMED = (PINS, CRANK, SUN_OVER_CARRIER, SUN)
-"""Orders that effects with a name of their own follow."""
+"""Orders that named effects cover."""
 TWICE = (PINS, CRANK)
-"""Those that two discs, half a turn apart, also show doubled."""
+"""Orders that two discs, half a turn apart, also show doubled."""
 
 
 @dataclass(frozen=True)
 class Gear:
-    """Its `kind`, and waves per turn of the output by what makes them."""
+    """Its `kind`, and the waves per turn of the output by their source."""
 
     kind: str
     orders: Mapping[str, float]
@@ -32,18 +32,22 @@ class Gear:
 
     @property
     def unnamed(self) -> tuple[float, ...]:
-        """Orders, rising, that no effect with a name of its own follows."""
-        own = {order for name, order in self.orders.items() if name not in NAMED}
-        return tuple(sorted(own))
+        """Orders, rising, that no named effect covers."""
+        unnamed_orders = {order for name, order in self.orders.items() if name not in NAMED}
+        return tuple(sorted(unnamed_orders))
 
     def name_of(self, order: float) -> str:
-        """What makes the waves of an order, empty where nothing of the gear does."""
-        near = [name for name, own in self.orders.items() if abs(own - order) < 1e-6 * own]
+        """The source of the waves of an order, empty where the gear has none."""
+        near = [
+            name
+            for name, gear_order in self.orders.items()
+            if abs(gear_order - order) < 1e-6 * gear_order
+        ]
         return near[0] if near else ""
 
 
 def cycloidal(teeth: Mapping[str, int]) -> Gear:
-    """Discs on eccentrics in a ring of pins that stands; the discs' turn is the output.
+    """Discs on eccentrics in a fixed ring of pins; the rotation of the discs is the output.
 
     Per turn of the output the eccentrics turn z_c/(z_p - z_c) times in the ring, and
     z_p/(z_p - z_c) times in the output. Reference: Blanche and Yang, J. Mech. Transm. Autom. Des.
@@ -54,7 +58,7 @@ def cycloidal(teeth: Mapping[str, int]) -> Gear:
 
 
 def rv(teeth: Mapping[str, int]) -> Gear:
-    """A cycloidal stage behind planets on a sun: these turn the cranks, the carrier is the output.
+    """A cycloidal stage after planets on a sun: these turn the cranks, the carrier is the output.
 
     Against the carrier the sun turns z_2/z_1 times as often as a crank, in the housing once more:
     the reduction ratio. Reference: Yang and Blanche, Mech. Mach. Theory 25, 1990.
@@ -65,7 +69,7 @@ def rv(teeth: Mapping[str, int]) -> Gear:
 
 
 def harmonic(teeth: Mapping[str, int]) -> Gear:
-    """A wave generator in a flexspline, which is the output; the circular spline stands.
+    """A wave generator in a flexspline, which is the output; the circular spline is fixed.
 
     Per turn of the output the generator turns z_f/(z_c - z_f) times against the circular spline
     and once more against the flexspline. Its error waves twice per turn of the generator, since
@@ -85,7 +89,7 @@ def harmonic(teeth: Mapping[str, int]) -> Gear:
 
 
 def planetary(teeth: Mapping[str, int]) -> Gear:
-    """A sun in, a ring that stands, a carrier out.
+    """The sun is the input, the ring is fixed, the carrier is the output.
 
     Per turn of the carrier the sun turns z_r/z_s times against it, a planet z_r/z_p times, and z_r
     teeth pass in mesh. Reference: Inalpolat and Kahraman, J. Sound Vib. 323, 2009.
@@ -122,8 +126,8 @@ RV_40E = rv({"pins": 40, "cycloid_teeth": 39, "sun_teeth": 12, "planet_teeth": 3
 
 
 def of_ratio(pins: int, cycloid_teeth: int, ratio: float) -> Gear:
-    """An RV reducer whose involute stage is given by the reduction ratio i; of ratio z_c or less it
-    has none, and the crankshafts are the input.
+    """An RV reducer whose involute stage is given by the reduction ratio i; with a ratio of
+    z_c or less there is none, and the crankshafts are the input.
     """
     gear = cycloidal({"pins": pins, "cycloid_teeth": cycloid_teeth})
     if ratio <= gear.orders[CRANK]:
@@ -132,7 +136,7 @@ def of_ratio(pins: int, cycloid_teeth: int, ratio: float) -> Gear:
 
 
 def contradictions(kind: str, teeth: Mapping[str, int]) -> dict[str, str]:
-    """What counts of a gear cannot be, by their name."""
+    """Contradictions between the counts of a gear, by their name."""
     contradictory: dict[str, str] = {}
     smaller = {
         "rv": ("cycloid_teeth", "pins"),

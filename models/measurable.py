@@ -20,7 +20,7 @@ from .sources import Sources
 
 
 class Role(StrEnum):
-    """What a column of a measurement table is to an effect."""
+    """The role of a column of a measurement table in an effect."""
 
     ANGLE = "angle"
     TORQUE = "torque"
@@ -41,7 +41,7 @@ class Role(StrEnum):
 class Column:
     """An input column of a measurement table; `text` columns are labels, not numbers.
 
-    `sense` is -1 where the column counts against the convention; effects see it turned.
+    `sense` is -1 where the column counts against the convention; effects receive it negated.
     """
 
     name: str
@@ -57,8 +57,8 @@ class Column:
 class Changeable:
     """A quantity inside a model that an effect may change; 0 is the model as it stands.
 
-    A quantity that bears the name of an effect (`bearing_clearance_mm`, its unit aside) is where
-    that effect acts in this model.
+    A quantity with the name of an effect (`bearing_clearance_mm`, without its unit) is where that
+    effect acts in this model.
     """
 
     name: str
@@ -72,18 +72,18 @@ Outside = Mapping[str, tuple[NDArray[np.bool_], str]]
 
 
 class MeasurableModel(ABC):
-    """A model that predicts the readings of a measurement table, row by row.
+    """A model that predicts the outputs of a measurement table, row by row.
 
     `columns` are its inputs, `free` the parameters that a recalibration may move, each with its
     tolerance (half-width, in the parameter's unit), `changeable` what effects may change in it. A
     model of a `population` draws a unit for each row: it is compared with data as a distribution,
-    not row by row. `corrects` names the problems whose allocation can be repeated with what was
-    learnt of it; a problem whose `default_model` it is belongs to it as well. Of units that are
-    `made_to_a_drawing` a gap analysis takes geometry and zones from that problem's configuration;
-    `geometry` are the parameters that tell one drawing from another, `of_the_bench` those that say
-    how units are measured. `tables` of a configuration stand for some of its parameters. It is set
-    up from `parameters` and `designs` (variables by name, in their units; what is left out keeps
-    its default) and the distributions `inputs` of the variables by name.
+    not row by row. `corrects` names the problems whose allocation can be repeated with the
+    identified effects; a problem whose `default_model` it is belongs to it as well. For units that
+    are `made_to_a_drawing` a gap analysis takes geometry and zones from that problem's
+    configuration; `geometry` are the parameters that distinguish drawings, `of_the_bench` those of
+    the measurement. `tables` of a configuration define some of its parameters. It is set up from
+    `parameters` and `designs` (variables by name, in their units; omitted ones keep their default)
+    and the distributions `inputs` of the variables by name.
     """
 
     columns: ClassVar[tuple[Column, ...]]
@@ -122,22 +122,22 @@ class MeasurableModel(ABC):
 
     @classmethod
     def written(cls, top: Section) -> dict[str, Value]:
-        """The parameters that its `tables` of a configuration stand for, their faults reported."""
+        """The parameters defined by its `tables` of a configuration, with their faults reported."""
         return {}
 
     @classmethod
     def free_of(cls, parameters: Mapping[str, Value]) -> Mapping[str, float]:
-        """What a recalibration may move at these parameters, with its tolerance."""
+        """The parameters that a recalibration may move, with their tolerances."""
         return cls.free
 
     @classmethod
     def gear_of(cls, parameters: Mapping[str, Any]) -> Gear | None:
-        """The gear of a model with these parameters, None where it is of none."""
+        """The gear of a model with these parameters, None where it has none."""
         return cls.gear
 
     def row_by_row(self, columns: Collection[str]) -> bool:
-        """Whether rows of a table with these columns are predicted apart from each other, so that
-        a long one may be in blocks; False where several rows are about one unit that is drawn.
+        """Whether rows of a table with these columns are predicted independently, so that a long
+        table may be split into blocks; False where several rows belong to one drawn unit.
         """
         return True
 
@@ -150,7 +150,7 @@ class MeasurableModel(ABC):
         return {}
 
     def law_sample(self) -> Mapping[str, Array]:
-        """Outputs (k,) of units that stand for the law of a population, by name; empty where units
+        """Outputs (k,) of units that represent the law of a population, by name; empty where those
         drawn by `predict` do.
         """
         return {}

@@ -33,13 +33,13 @@ def bracketed_roots(function: Callable[..., Any], ends: tuple[Any, Any], *args: 
     of a nonlinear function without using derivatives, Advances in Engineering Software 28(3),
     145-149.
     """
-    low, high, *more = (np.array(one, dtype=float) for one in np.broadcast_arrays(*ends, *args))
+    low, high, *more = (np.array(array, dtype=float) for array in np.broadcast_arrays(*ends, *args))
     shape = low.shape
     a, b = low.ravel(), high.ravel()
-    given = [array.ravel() for array in more]
+    arguments = [array.ravel() for array in more]
 
     def values(x: Array, rows: Any) -> Array:
-        return np.asarray(function(x, *(argument[rows] for argument in given)), dtype=float)
+        return np.asarray(function(x, *(argument[rows] for argument in arguments)), dtype=float)
 
     fa, fb = values(a, slice(None)), values(b, slice(None))
     best = np.where(np.abs(fa) < np.abs(fb), a, b)
@@ -66,16 +66,18 @@ def bracketed_roots(function: Callable[..., Any], ends: tuple[Any, Any], *args: 
         ends_a[rows] = np.where(first[rows], lower, upper)
         ends_b[rows] = np.where(first[rows], upper, lower)
         least = 2.0 * np.finfo(float).eps * np.abs(near) + np.finfo(float).tiny
-        share = 0.5 * least / (upper - lower)
-        t = _step(a, b, c, fa, fb, fc, share)
-        open_ = (share <= 0.5) & (np.minimum(np.abs(fa), np.abs(fb)) > 0.0)
+        least_fraction = 0.5 * least / (upper - lower)
+        t = _step(a, b, c, fa, fb, fc, least_fraction)
+        open_ = (least_fraction <= 0.5) & (np.minimum(np.abs(fa), np.abs(fb)) > 0.0)
         rows, t = rows[open_], t[open_]
         a, b, c, fa, fb, fc = (array[open_] for array in (a, b, c, fa, fb, fc))
     return Roots(roots.reshape(shape), (ends_a.reshape(shape), ends_b.reshape(shape)))
 
 
-def _step(a: Array, b: Array, c: Array, fa: Array, fb: Array, fc: Array, share: Array) -> Array:
-    """The next estimate, as a share of the way from b to a."""
+def _step(
+    a: Array, b: Array, c: Array, fa: Array, fb: Array, fc: Array, least_fraction: Array
+) -> Array:
+    """The next estimate, as a fraction of the way from b to a."""
     with np.errstate(divide="ignore", invalid="ignore"):
         xi, phi = (b - a) / (c - a), (fb - fa) / (fc - fa)
         quadratic = fb / (fa - fb) * fc / (fa - fc) + (
@@ -83,4 +85,4 @@ def _step(a: Array, b: Array, c: Array, fa: Array, fb: Array, fc: Array, share: 
         )
     safe = (phi**2 < xi) & ((1.0 - phi) ** 2 < 1.0 - xi) & np.isfinite(quadratic)
     t = np.where(safe, quadratic, 0.5)
-    return np.clip(t, share, 1.0 - share)
+    return np.clip(t, least_fraction, 1.0 - least_fraction)

@@ -1,4 +1,4 @@
-"""The toleranced inputs of a unit of a population, as far as a model can name them."""
+"""The toleranced inputs of a unit of a population, as far as a model has them."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from .propagation import ClippedSum, Term
 class Source:
     """One toleranced input of a unit.
 
-    `part` says what is measured on parts. `tolerance` is the half-width of its zone, `law` the
-    distribution in it, and `per_unit` what one `unit` of it adds to the sum. `clipped` is whether
-    it acts in the clipped part, `at` its place in that part. A zone `from_zero` grows from its
-    lower end at zero.
+    `part` describes the quantity that is measured on parts. `tolerance` is the half-width of its
+    zone, `law` the distribution in it, and `per_unit` the change of the sum per `unit` of it.
+    `clipped` is whether it acts in the clipped part, `at` its place in that part. A zone
+    `from_zero` grows from its lower end at zero.
     """
 
     name: str
@@ -31,16 +31,16 @@ class Source:
     widest: float = float("inf")
     """The largest factor on its half-width about its middle that is physical."""
     moves: bool = True
-    """Whether units are moved by an error that all of them have alike."""
+    """Whether an error common to all units moves them."""
 
 
 @dataclass(frozen=True, slots=True)
 class Sources:
-    """The inputs of the one output of a population: that output is `total`/`unit`, one design.
+    """The inputs of the single output of a population: it is `total`/`unit`, for one design.
 
-    Where inputs of the clipped part do not add up, that part is one term of them all, `widened`
-    gives it with the zone of one of them by a factor as wide, and `basis` says how inputs are then
-    compared.
+    Where inputs of the clipped part do not add up, that part is a single term of all of them;
+    `widened` returns it with the zone of one input widened by a factor, and `basis` states how
+    inputs are then compared.
     """
 
     total: ClippedSum
@@ -50,5 +50,5 @@ class Sources:
     basis: str = ""
 
     def term(self, source: Source) -> Term:
-        """What an input contributes."""
+        """The contribution of an input."""
         return (self.total.clipped if source.clipped else self.total.free)[source.at]

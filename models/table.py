@@ -1,4 +1,4 @@
-"""Predictions that a table carries: those of any simulator, beside what was measured."""
+"""Predictions in a table: those of any simulator, next to the measurements."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from .measurable import NO_CHANGES, Column, MeasurableModel, Role
 
 
 class MeasuredTable(MeasurableModel):
-    """`model = "table"`: what it predicts is read from a column, and nothing can change inside.
+    """`model = "table"`: predictions are read from a column, and nothing can change inside.
 
     `inputs` are the columns that effects may depend on; `predictions` names the column of each
-    output and its unit; columns in `ignored` are left out, predictions in `turned` count the other
-    way round.
+    output and its unit; columns in `ignored` are omitted, predictions in `turned` count with the
+    opposite sign.
     """
 
     parameters: ClassVar[tuple[Parameter, ...]] = ()
@@ -35,11 +35,11 @@ class MeasuredTable(MeasurableModel):
         gear: Gear | None = None,
         turned: tuple[str, ...] = (),
     ) -> None:
-        carried = tuple(
+        prediction_columns = tuple(
             Column(column, unit, f"prediction of {name}", role=Role.INPUT)
             for name, (column, unit) in predictions.items()
         )
-        self.columns = (*inputs, *carried)  # type: ignore[misc]
+        self.columns = (*inputs, *prediction_columns)  # type: ignore[misc]
         self.outputs = outputs  # type: ignore[misc]
         self.predictions = dict(predictions)
         self.ignored = ignored

@@ -1,4 +1,4 @@
-"""Assembly as a state-space process: errors flow through it, adjustments fight them."""
+"""Assembly as a state-space process: part errors propagate, adjustments reduce them."""
 
 from __future__ import annotations
 

@@ -20,12 +20,13 @@ class Departures:
     gain_error: float | Array = 0.0
     """The achieved adjustment is (1 + gain_error) times the commanded one."""
     dead_band: float | Array = 0.0
-    """[rad] A commanded adjustment within +-dead_band moves nothing, a larger one loses it."""
+    """[rad] A commanded adjustment within +-dead_band moves nothing; a larger one is reduced
+    by it."""
     coupling: float | Array = 0.0
-    """Share of what a later chain's part moves on being put in that its likes in earlier chains
-    move as well (crankshaft 2 moves crankshaft 1, gear 2 moves gear 1)."""
+    """Fraction of the movement by which a part of a later chain is installed that its counterparts
+    in earlier chains follow (crankshaft 2 moves crankshaft 1, gear 2 moves gear 1)."""
     springback: float | Array = 0.0
-    """Share of the sum of all achieved adjustments that returns after the last step."""
+    """Fraction of the sum of all achieved adjustments that returns after the last step."""
 
     def achieved(self, commanded: Array) -> Array:
         """Achieved adjustment (n, m) of the commanded one."""
@@ -39,7 +40,7 @@ IDEAL = Departures()
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Assembled:
-    """What comes out of a batch of assemblies."""
+    """The results of a batch of assemblies."""
 
     state: Array
     """Final state (..., n) [rad]."""
@@ -63,28 +64,28 @@ def assemble(
 ) -> Assembled:
     """Final states and adjustments of assemblies with part errors `errors` (..., p) [rad].
 
-    `gains` (N, m, n), or one set per assembly (..., N, m, n). At step k only the errors that arrive
-    there come in: with `insertion` "before" the adjustment is made before they do, as printed, with
-    "after" when they are in. With an `estimator` the adjustment answers the estimate from readings
-    whose `noise` is (..., N, q) [rad].
+    `gains` (N, m, n), or one set per assembly (..., N, m, n). At step k only the errors of
+    the parts installed there are added: with `insertion` "before" the adjustment precedes them, as
+    printed; with "after" it follows them. With an `estimator` the adjustment is computed from the
+    estimated state; `noise` (..., N, q) [rad] is that of the measurements.
     """
     shape = np.broadcast_shapes(errors.shape[:-1], gains.shape[:-3])
     x = np.zeros((*shape, process.transition.shape[-1]))
-    guess, total, commands = x, x, []
+    estimate, total, commands = x, x, []
     for step in range(process.steps):
         b = process.control[step]
-        moved = _installed(process, step, errors, departures)
+        installed = _installed(process, step, errors, departures)
         if insertion == "after":
-            x = x + moved
+            x = x + installed
         if estimator is not None:
-            guess = _corrected(estimator, step, x, guess, noise)
-        commanded = -_times(gains[..., step, :, :], x if estimator is None else guess)
+            estimate = _corrected(estimator, step, x, estimate, noise)
+        commanded = -_times(gains[..., step, :, :], x if estimator is None else estimate)
         achieved = departures.achieved(commanded) @ b.T
         x = x @ process.transition[step].T + achieved
-        guess = guess @ process.transition[step].T + commanded @ b.T
+        estimate = estimate @ process.transition[step].T + commanded @ b.T
         total = total + achieved
         if insertion == "before":
-            x = x + moved
+            x = x + installed
         commands.append(commanded)
     state = x - _column(departures.springback) * total
     return Assembled(state, np.stack(commands, axis=-2))
@@ -100,16 +101,16 @@ def _times(matrix: Array, vector: Array) -> Array:
 
 
 def _installed(process: Process, step: int, errors: Array, departures: Departures) -> Array:
-    """What putting in the parts of a step moves (..., n)."""
-    own = np.where(process.arriving[step], errors, 0.0) @ process.error[step].T
-    return np.asarray(own + _column(departures.coupling) * (own @ process.coupling.T))
+    """Change (..., n) of the state by installing the parts of a step."""
+    direct = np.where(process.arriving[step], errors, 0.0) @ process.error[step].T
+    return np.asarray(direct + _column(departures.coupling) * (direct @ process.coupling.T))
 
 
 def _corrected(
-    estimator: Estimator, step: int, x: Array, guess: Array, noise: Array | None
+    estimator: Estimator, step: int, x: Array, estimate: Array, noise: Array | None
 ) -> Array:
-    """The estimate (..., n) after the reading of a step."""
-    surprise = (x - guess) @ estimator.measured[step].T
+    """The estimate (..., n) after the measurement of a step."""
+    innovation = (x - estimate) @ estimator.measured[step].T
     if noise is not None:
-        surprise = surprise + noise[..., step, :]
-    return np.asarray(guess + surprise @ estimator.gain[step].T)
+        innovation = innovation + noise[..., step, :]
+    return np.asarray(estimate + innovation @ estimator.gain[step].T)

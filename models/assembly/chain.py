@@ -14,14 +14,14 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class AdjustmentWeights:
-    """The rule behind the printed table of weights: they follow from what hangs on a part."""
+    """The rule behind the printed table: the weight of a part depends on what it carries."""
 
     free: float = 5.0
-    """Of a part that carries nothing yet."""
+    """Weight of a part that carries nothing yet."""
     loaded: float = 10.0
-    """Of a part that another one already hangs on."""
+    """Weight of a part that already carries another one."""
     absent: float = 1000.0
-    """Of a part that is not there yet: it cannot be adjusted."""
+    """Weight of a part that is not installed yet: it cannot be adjusted."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +58,7 @@ class DatumFlowChain:
         return len(self.parts)
 
     def error_matrix(self) -> Array:
-        """F = B, shape (N, N): a part moves itself and all that hangs on it."""
+        """F = B, shape (N, N): a part moves itself and all parts that hang on it."""
         errors = np.eye(self.steps)
         for at, parent in enumerate(self.hangs_on):
             if parent:
@@ -79,7 +79,7 @@ class DatumFlowChain:
         return np.asarray(depth == np.arange(depth.max() + 1)[:, None], dtype=float)
 
     def adjustable(self) -> NDArray[np.bool_]:
-        """T, shape (N, N): at step k the parts that are put in up to then."""
+        """T, shape (N, N): the parts that are installed up to step k."""
         return np.tri(self.steps, dtype=bool)
 
     def weights(self, rule: AdjustmentWeights | None = None) -> Array:
@@ -93,9 +93,9 @@ class DatumFlowChain:
         return matrix
 
     def coupling(self) -> Array:
-        """Shape (N, N): 1 where a part of a later chain meets its like in an earlier chain.
+        """Shape (N, N): 1 where a part of a later chain has its counterpart in an earlier chain.
 
-        Row: the part that is moved; column: the part whose installing moves it.
+        Row: the part that is moved; column: the part whose installation moves it.
         """
         depth, root = self.depth(), self.root()
         like = depth[:, None] == depth[None, :]

@@ -1,4 +1,4 @@
-"""Quantiles over units of what Gaussian angles cause."""
+"""Quantiles, over units, of quantities that depend on Gaussian angles."""
 
 from __future__ import annotations
 
@@ -21,7 +21,8 @@ def radius_quantile(covariance: Array, coverage: float) -> Array:
 
     `covariance` (..., 2, 2) with eigenvalues l_1, l_2: P(R > r) is the mean over phi of
     exp(-r^2 / (2 s)), s = l_1 cos^2 phi + l_2 sin^2 phi (Hoyt distribution). ln P is convex in
-    r^2, so that Newton's method rises to it from below, the quantile of the widest direction.
+    r^2, so that Newton's method approaches the radius from below, from the quantile of the widest
+    direction.
     """
     values = np.maximum(np.linalg.eigvalsh(covariance), 0.0)
     scale = values[..., 1]
@@ -30,10 +31,10 @@ def radius_quantile(covariance: Array, coverage: float) -> Array:
     rate = 0.5 / (np.cos(angle) ** 2 + ratio[..., None] * np.sin(angle) ** 2)
     square = np.full(ratio.shape, ndtri(0.5 * (1.0 + coverage)) ** 2)
     for _ in range(NEWTON_STEPS):
-        each = np.exp(-rate * square[..., None])
-        total = each.sum(axis=-1)
+        exceedances = np.exp(-rate * square[..., None])
+        total = exceedances.sum(axis=-1)
         level = np.log(total / DIRECTIONS) - np.log1p(-coverage)
-        square = square + level * total / np.sum(rate * each, axis=-1)
+        square = square + level * total / np.sum(rate * exceedances, axis=-1)
     return np.asarray(np.sqrt(square * scale))
 
 
@@ -61,8 +62,8 @@ def sample_quantile(
 ) -> Array:
     """Quantile (n,) over `sample` (s, k) standard normals of `of` (..., k) -> (...).
 
-    `covariance` (n, k, k) is that of its argument. Designs are taken in chunks, so that memory does
-    not grow with n.
+    `covariance` (n, k, k) is that of the argument of `of`. Designs are taken in chunks, so that
+    memory does not grow with n.
     """
     roots = root(covariance)
     step = max(1, CHUNK // sample.size)

@@ -82,7 +82,7 @@ PARAMETERS: tuple[Parameter, ...] = (
         choices=("angles", "combined"),
     ),
 )
-"""Of both."""
+"""Parameters of both."""
 
 PART_STD = Parameter(
     "part_std_mrad",
@@ -98,7 +98,7 @@ PART_STD = Parameter(
 
 
 def completed(parameters: Mapping[str, Value]) -> dict[str, Any]:
-    """Parameters by name; those left out keep their defaults."""
+    """Parameters by name; omitted ones keep their defaults."""
     return {p.name: p.default for p in (*PARAMETERS, PART_STD)} | dict(parameters)
 
 

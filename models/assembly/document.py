@@ -19,7 +19,7 @@ PART_ERRORS_MRAD = (-1.6, 5.3, 5.8, 3.2)
 PRECISION_WEIGHTS = (0.0, 5.0, 10.0, np.inf)
 """Printed rows; the last is the document's "ideal, error-free"."""
 MAPPINGS = (AngleMapping(), AngleMapping("own_cranks", absorption=1.2, floor=2.0 * ARCSEC))
-"""Mappings under which the printed figures come out; chosen so, see docs."""
+"""Mappings that reproduce the printed figures; they were chosen for that, see docs."""
 _LARGE = 1e9
 """Stands for the infinite weight."""
 

@@ -15,10 +15,10 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Estimator:
-    """What is measured at each step, and how far the estimate follows the reading.
+    """Measurements at each step, and how far the estimate follows them.
 
-    A reading is y(k) = `measured`(k) x(k) + v(k); the estimate moves by `gain`(k) times what the
-    reading differs from what was expected.
+    A measurement is y(k) = `measured`(k) x(k) + v(k); the estimate moves by `gain`(k) times the
+    difference between measured and expected y.
     """
 
     measured: Array
@@ -36,14 +36,14 @@ def kalman(
 ) -> Estimator:
     """The estimator of least variance, from x(0) = 0 known.
 
-    Part errors have mean 0 and standard deviations `part_std` (p,), readings `noise_std` (a number
-    or (q,)). `measured` (q, n) is what is looked at (default: every state; C for the document's
-    combined errors); what is not there yet is not seen. Raises InputError.
+    Part errors have mean 0 and standard deviations `part_std` (p,), measurements `noise_std` (a
+    number or (q,)). `measured` (q, n) is the observation matrix (default: every state; C for the
+    document's combined errors); parts not installed yet are not measured. Raises InputError.
     """
     observation = np.eye(process.transition.shape[-1]) if measured is None else measured
     noise = np.broadcast_to(np.asarray(noise_std, dtype=float) ** 2, len(observation))
     raise_all(_faults(process, part_std, noise, observation))
-    looked = observation * _there(process, insertion)[:, None, :]
+    observed = observation * _present(process, insertion)[:, None, :]
     covariance = np.zeros((observation.shape[1], observation.shape[1]))
     gains = []
     for step in range(process.steps):
@@ -51,18 +51,18 @@ def kalman(
         added = (f * np.where(process.arriving[step], part_std, 0.0) ** 2) @ f.T
         if insertion == "after":
             covariance = covariance + added
-        h = looked[step]
+        h = observed[step]
         spread = covariance @ h.T
         gain = spread @ np.linalg.pinv(h @ spread + np.diag(noise), hermitian=True)
         residual = np.eye(len(covariance)) - gain @ h
         covariance = residual @ covariance @ residual.T + (gain * noise) @ gain.T
         covariance = a @ covariance @ a.T + (added if insertion == "before" else 0.0)
         gains.append(gain)
-    return Estimator(looked, np.stack(gains))
+    return Estimator(observed, np.stack(gains))
 
 
-def _there(process: Process, insertion: str) -> NDArray[np.bool_]:
-    """Shape (N, n): the states whose own part is in when step k is measured."""
+def _present(process: Process, insertion: str) -> NDArray[np.bool_]:
+    """Shape (N, n): the states whose own part is installed when step k is measured."""
     present = process.present
     if insertion == "before":
         present = np.vstack([np.zeros_like(present[:1]), present[:-1]])

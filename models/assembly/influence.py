@@ -1,14 +1,14 @@
-"""Influence coefficients: amplitude of the transmission error and peak mesh force of any angles.
+"""Influence coefficients of the final angles on transmission error amplitude and peak mesh force.
 
 Computed once from the full model, by central differences over the period of order 40:
 
     TE amplitude = A_0 + |c . x + m|,  c complex (order 40; no other order appears to first order)
     peak force   = max over discs of phi_d(d_d . x) + |h_d . x|
 
-x are the twelve final angles, m is a wave of order 40 that all units have, d_d . x the difference
-of the discs' rotations that loads disc d as much as x does on average, phi_d its peak force as a
-tabulated function of that difference (a curve, because a disc that has lost its load takes part no
-more), and h_d the part of order 40.
+x are the twelve final angles, m is a wave of order 40 that all units have. d_d . x is the
+difference of the discs' rotations that loads disc d as much as x does on average; phi_d is the peak
+force of disc d, tabulated over that difference (it is nonlinear, because an unloaded disc no longer
+takes part); h_d is the component of order 40.
 """
 
 from __future__ import annotations
@@ -61,12 +61,12 @@ class Influence:
 
     def peak_of(self, loads: Array) -> Array:
         """Peak mesh force (...) [N] of the combinations `force` x, shape (..., 3 discs)."""
-        each = [
+        by_disc = [
             np.interp(loads[..., 3 * disc], self.differences, curve)
             + np.hypot(loads[..., 3 * disc + 1], loads[..., 3 * disc + 2])
             for disc, curve in enumerate(self.peak)
         ]
-        return np.asarray(np.max(each, axis=0))
+        return np.asarray(np.max(by_disc, axis=0))
 
 
 def influence(full: Transmission) -> Influence:

@@ -1,4 +1,4 @@
-"""Assemblies of one reducer after another, as the assembly line measures them."""
+"""Assemblies of one reducer after another, as measured on the assembly line."""
 
 from __future__ import annotations
 
@@ -25,16 +25,16 @@ class Assembly(MeasurableModel):
     """Angles of the key characteristics after the adjusted assembly of each unit (document A).
 
     x(k+1) = x(k) + B u(k) + F w(k) about one axis, u(k) = -K(k) x(k) with the gains of the row's
-    precision weight. What effects may change, each 0 as it stands:
+    precision weight. Effects may change the following quantities, each 0 by default:
 
     - `adjustment_gain_error` g: the achieved adjustment is (1 + g) times the commanded one.
     - `adjustment_backlash_mrad` b >= 0: dead band; a commanded adjustment u moves
       sign(u) max(|u| - b, 0), times 1 + g.
-    - `chain_coupling` c: when a part of chain 2 is put in and moves delta_3 and delta_4 by F w(k),
-      delta_1 and delta_2 move by c times that.
+    - `chain_coupling` c: when a part of chain 2 is installed and moves delta_3 and delta_4 by
+      F w(k), delta_1 and delta_2 move by c times that.
     - `springback` s: after the last step, s times the sum of all achieved B u(k) returns.
 
-    The adjuster sees the state as it is: later steps answer what earlier ones left.
+    The adjuster measures the actual state: later steps correct the residuals of earlier ones.
     """
 
     columns = (
@@ -71,12 +71,12 @@ class Assembly(MeasurableModel):
         designs: Mapping[str, float] | None = None,
         inputs: Mapping[str, Distribution] | None = None,
     ) -> None:
-        given = declared.completed(parameters or {})
-        self.process = declared.process_of(given, plane_process)
-        self.reading, self.insertion = str(given["reading"]), str(given["insertion"])
-        prior = np.full(self.process.steps, float(given["part_std_mrad"]) * MRAD)
-        self.estimator = declared.estimator_of(self.process, given, prior)
-        self.noise = float(given["measurement_std_mrad"]) * MRAD
+        values = declared.completed(parameters or {})
+        self.process = declared.process_of(values, plane_process)
+        self.reading, self.insertion = str(values["reading"]), str(values["insertion"])
+        prior = np.full(self.process.steps, float(values["part_std_mrad"]) * MRAD)
+        self.estimator = declared.estimator_of(self.process, values, prior)
+        self.noise = float(values["measurement_std_mrad"]) * MRAD
 
     def gains(self, precision: Array) -> Array:
         """Gains (n, N, m, n) of precision weights (n,). Raises InputError below zero."""
@@ -84,8 +84,8 @@ class Assembly(MeasurableModel):
         if len(wrong):
             text = f"must be at least 0, got {precision[wrong[0]]:g} in row {wrong[0] + 1}"
             raise refuse("precision_weight", text)
-        each, row = np.unique(precision, return_inverse=True)
-        return gains(self.process, terminal_weight(self.process, each, self.reading))[row]
+        weights, row = np.unique(precision, return_inverse=True)
+        return gains(self.process, terminal_weight(self.process, weights, self.reading))[row]
 
     def outside(self, table: Mapping[str, NDArray[Any]]) -> Outside:
         weight = np.asarray(table["precision_weight"], dtype=float)
@@ -116,7 +116,7 @@ class Assembly(MeasurableModel):
         return {f"delta_{at}_mrad": deviations.state[:, at - 1] / MRAD for at in range(1, 5)}
 
     def _readings(self, count: int, rng: np.random.Generator) -> Array | None:
-        """Noise (n, N, q) [rad] of the readings during assembly, None where there is none."""
+        """Noise (n, N, q) [rad] of the measurements during assembly, None where there is none."""
         if self.estimator is None or self.noise == 0.0:
             return None
         steps, _, readings = self.estimator.gain.shape

@@ -29,13 +29,13 @@ class Process:
     error: Array
     """F, shape (N, n, p)."""
     arriving: NDArray[np.bool_]
-    """Shape (N, p): the part errors that come in at each step."""
+    """Shape (N, p): the part errors that are added at each step."""
     weight: Array
     """R, shape (N, m, m), symmetric and positive definite."""
     observation: Array
     """C, shape (q, n)."""
     coupling: Array
-    """Shape (n, n): which state an installing movement moves besides, per unit of coupling."""
+    """Shape (n, n): the other state that an installation moves, per unit of coupling."""
 
     def __post_init__(self) -> None:
         raise_all(_shapes(self) or _definite(self.weight))
@@ -47,14 +47,14 @@ class Process:
 
     @property
     def present(self) -> NDArray[np.bool_]:
-        """Shape (N, p): the part errors that are in after each step."""
+        """Shape (N, p): the part errors that are present after each step."""
         return np.logical_or.accumulate(self.arriving, axis=0)
 
     def weighted(self, weights: Array, absent: float = 1000.0) -> Process:
         """The same process with other weights of adjustment (N, m) on the diagonal of R.
 
-        A weight below `absent` makes an adjustment possible. Raises InputError where one is not
-        above zero, or adjusts a part that is not there yet.
+        A weight below `absent` makes an adjustment possible. Raises InputError where a weight
+        is not above zero, or adjusts a part that is not installed yet.
         """
         if weights.shape != self.arriving.shape:
             text = f"must have shape {self.arriving.shape}, got {weights.shape}"
@@ -91,8 +91,8 @@ def plane_process(
 ) -> Process:
     """Document A's process about one axis: one angle per key characteristic.
 
-    `weights` (N, N) takes the place of those that follow from the chain, `absent` is the least one
-    of a part that cannot be adjusted. Raises InputError.
+    `weights` (N, N) replaces those that follow from the chain; `absent` is the least weight of a
+    part that cannot be adjusted. Raises InputError.
     """
     chain = chain or DatumFlowChain()
     count, flow = chain.steps, chain.error_matrix()
@@ -117,14 +117,14 @@ def space_process(
     """The process in space: the angles about x, y and z of every key characteristic.
 
     `frames` (N, 3, 3) turn the part's own axes into those of the housing (default: parallel); a
-    small rotation is a vector, so that a part moves what hangs on it by the same vector.
-    `weights` (N, N) are those of the parts, alike about all three axes.
+    small rotation is a vector, so that a part moves all parts that hang on it by the same vector.
+    `weights` (N, N) are those of the parts, equal about all three axes.
     """
     plane = plane_process(chain, weights, absent)
     count = plane.steps
-    own = np.broadcast_to(np.eye(TURN), (count, TURN, TURN)) if frames is None else frames
-    raise_all(_rotations(own, count))
-    turned = np.einsum("ksp,pab->ksapb", plane.error, own)
+    axes = np.broadcast_to(np.eye(TURN), (count, TURN, TURN)) if frames is None else frames
+    raise_all(_rotations(axes, count))
+    turned = np.einsum("ksp,pab->ksapb", plane.error, axes)
     flow = turned.reshape(count, TURN * count, TURN * count)
 
     def thrice(matrix: Array) -> Array:
@@ -157,7 +157,7 @@ def _shapes(process: Process) -> list[Fault]:
     """Every array whose shape does not fit the others, or that is not finite."""
     steps, states = process.transition.shape[0], process.transition.shape[-1]
     moves, parts = process.control.shape[-1], process.error.shape[-1]
-    wanted = {
+    expected = {
         "transition (A)": (process.transition, (steps, states, states)),
         "control (B)": (process.control, (steps, states, moves)),
         "error (F)": (process.error, (steps, states, parts)),
@@ -168,12 +168,12 @@ def _shapes(process: Process) -> list[Fault]:
     }
     faults = [
         Fault(f"process.{name}", f"must have shape {shape}, got {array.shape}")
-        for name, (array, shape) in wanted.items()
+        for name, (array, shape) in expected.items()
         if array.shape != shape
     ]
     return faults + [
         Fault(f"process.{name}", "must be finite")
-        for name, (array, _) in wanted.items()
+        for name, (array, _) in expected.items()
         if not np.all(np.isfinite(array))
     ]
 

@@ -16,34 +16,36 @@ INSERTIONS = ("before", "after")
 def terminal_weight(process: Process, precision: float | Array, reading: str = "printed") -> Array:
     """P(N), shape (..., n, n), of precision weights Q.
 
-    `printed`: P(N) = Q I, the state is weighed. `consistent`: P(N) = C'QC, y = C x is weighed, as
-    the document's cost says. A number or an array (...) of numbers stands for Q I; a square matrix
+    `printed`: P(N) = Q I weights the state. `consistent`: P(N) = C'QC weights y = C x, as the
+    document's cost does. A number or an array (...) of numbers stands for Q I; a square matrix
     is Q itself. Raises InputError where Q is below zero or does not fit.
     """
     observation = (
         process.observation if reading == "consistent" else np.eye(process.transition.shape[-1])
     )
-    given = np.asarray(precision, dtype=float)
-    if given.ndim == 2:
-        raise_all(_matrix_faults(given, len(observation)))
-        return np.asarray(observation.T @ given @ observation)
-    faults = [] if np.all(np.isfinite(given) & (given >= 0.0)) else [_negative(given)]
+    weight = np.asarray(precision, dtype=float)
+    if weight.ndim == 2:
+        raise_all(_matrix_faults(weight, len(observation)))
+        return np.asarray(observation.T @ weight @ observation)
+    faults = [] if np.all(np.isfinite(weight) & (weight >= 0.0)) else [_negative(weight)]
     if reading not in READINGS:
         faults.append(Fault("reading", f"must be one of {', '.join(READINGS)}, got {reading}"))
     raise_all(faults)
-    return np.asarray(given[..., None, None] * (observation.T @ observation))
+    return np.asarray(weight[..., None, None] * (observation.T @ observation))
 
 
-def _negative(given: Array) -> Fault:
-    wrong = np.ravel(given)[~(np.isfinite(given) & (given >= 0.0)).ravel()]
+def _negative(weight: Array) -> Fault:
+    wrong = np.ravel(weight)[~(np.isfinite(weight) & (weight >= 0.0)).ravel()]
     return Fault("precision_weight", f"must be finite and at least 0, got {wrong[0]:g}")
 
 
-def _matrix_faults(given: Array, size: int) -> list[Fault]:
-    if given.shape != (size, size):
-        return [Fault("precision_weight (Q)", f"must have shape {(size, size)}, got {given.shape}")]
-    symmetric = np.allclose(given, given.T, rtol=1e-12, atol=0.0)
-    if not symmetric or np.linalg.eigvalsh(given)[0] < -1e-12 * np.abs(given).max():
+def _matrix_faults(weight: Array, size: int) -> list[Fault]:
+    if weight.shape != (size, size):
+        return [
+            Fault("precision_weight (Q)", f"must have shape {(size, size)}, got {weight.shape}")
+        ]
+    symmetric = np.allclose(weight, weight.T, rtol=1e-12, atol=0.0)
+    if not symmetric or np.linalg.eigvalsh(weight)[0] < -1e-12 * np.abs(weight).max():
         return [Fault("precision_weight (Q)", "must be symmetric without negative eigenvalues")]
     return []
 
@@ -51,7 +53,7 @@ def _matrix_faults(given: Array, size: int) -> list[Fault]:
 def gains(process: Process, terminal: Array, running: Array | None = None) -> Array:
     """K(k), shape (..., N, m, n), of u(k) = -K(k) x(k); `terminal` is P(N), shape (..., n, n).
 
-    K(k) = (R + B'PB)^-1 B'PA with P = P(k+1), backwards from P(N). P(k) is the printed one in the
+    K(k) = (R + B'PB)^-1 B'PA with P = P(k+1), backwards from P(N). P(k) is that printed, in the
     form Q(k) + (A - BK)'P(A - BK) + K'RK, which stays symmetric and positive for any weight.
     `running` is Q(k), shape (n, n), of a cost on the state at every step; the document has none.
     """

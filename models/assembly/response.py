@@ -1,4 +1,4 @@
-"""The linear response of adjusted assemblies: how spread of parts becomes spread of the result."""
+"""The linear response of adjusted assemblies: from the scatter of parts to that of the result."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Response:
-    """Final state and adjustments per unit of each part error and of each reading's noise."""
+    """Final state and adjustments per unit of each part error and measurement noise."""
 
     state: Array
     """Shape (..., n, p + noise)."""
@@ -26,7 +26,7 @@ class Response:
     def std(self, sources: Array) -> Array:
         """Standard deviation (..., n) of the final state.
 
-        `sources` (..., p + noise) are those of independent part errors and noises.
+        `sources` (..., p + noise): standard deviations of independent part errors and noises.
         """
         return np.asarray(np.sqrt(np.einsum("...ij,...j->...i", self.state**2, sources**2)))
 
@@ -47,7 +47,7 @@ def response(
 ) -> Response:
     """The response of `gains` (..., N, m, n): unit errors and noises, assembled as a batch.
 
-    `departures` are those that act linearly: none of a dead band.
+    `departures` must act linearly: no dead band.
     """
     parts = process.error.shape[-1]
     errors, noise = np.eye(parts), None

@@ -1,8 +1,8 @@
 """From the final angles of an assembly to transmission error and mesh forces.
 
-The mapping is an assumption of ours: document A does not print its own. With the residual angles
-delta (x, y, z) of key characteristic n, an absorption a, the distance L of the disc mid-planes, the
-face width b and the eccentricity e:
+The mapping is an assumption: document A does not print its own. With the residual angles delta
+(x, y, z) of key characteristic n, an absorption a, the distance L of the disc mid-planes, the face
+width b and the eccentricity e:
 
     crankshaft about z       phase error a delta_z of an eccentric
     crankshaft about x, y    a tilt: the eccentric is displaced by +-a (L/2) delta, about x along
@@ -13,7 +13,7 @@ face width b and the eccentricity e:
 
 Crankshaft 1 acts on disc 1, crankshaft 2 on disc 2: on the eccentrics of one and the same crank
 (`one_crank`), or each on the eccentric of a crank of its own (`own_cranks`). On both eccentrics of
-a crank order 40 cancels, and nothing of the document comes out.
+a crank order 40 cancels, and no figure of the document is reproduced.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class AngleMapping:
 
     eccentrics: str = "one_crank"
     absorption: float = 1.0
-    """a: share of an angular error that reaches the contact; the rest is taken up by bearing
+    """a: fraction of an angular error that reaches the contact; the rest is absorbed by bearing
     clearance and tilting compliance."""
     floor: float = 0.0
     """[rad] Amplitude of the transmission error that is not due to these angles."""
@@ -74,7 +74,7 @@ class AngleMapping:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Turned:
-    """Units over the period of order 40: what the contact model gives at each crank angle."""
+    """Units over the period of order 40: results of the contact model at each crank angle."""
 
     error: Array
     """Transmission error (n, angles) [rad]."""
@@ -99,10 +99,10 @@ class Transmission:
     """[rad/s] of the output (15 rpm, rated); 0 is quasi-static."""
     train: Train = Train()
     wave: complex = 0j
-    """[rad] A wave of order 40 that every unit has besides: its transmission error is the real part
-    of wave exp(40 j theta), theta the angle of the output."""
+    """[rad] A wave of order 40 that is added to every unit: its transmission error is the real
+    part of wave exp(40 j theta), theta the angle of the output."""
     angles: int = 96
-    """Crank angles over one period. With perfect pins all repeats after 1/40 of an output turn;
+    """Crank angles over one period. With perfect pins it repeats after 1/40 of an output turn;
     more than two fall on each of its 39 pin pitches."""
 
     def turn(self, states: Array) -> Turned:
@@ -128,7 +128,7 @@ class Transmission:
         return blocks
 
     def _vibrating(self, mesh: Mesh, twist: Array) -> Array:
-        """The twist (n, angles) [rad] at speed, of the quasi-static one."""
+        """The twist (n, angles) [rad] at speed, from the quasi-static one."""
         if self.speed == 0.0:
             return twist
         stiffness = mesh.torque(-twist)[1].mean(axis=1)
@@ -149,8 +149,8 @@ class Transmission:
     def amplitude(self, turned: Turned) -> Array:
         """Half peak to peak (n,) [rad] of the transmission error, wave and floor included."""
         count = turned.error.shape[1]
-        besides = np.real(self.wave * np.exp(2j * pi * np.arange(count) / count))
-        return np.asarray(0.5 * np.ptp(turned.error + besides, axis=1) + self.mapping.floor)
+        common_wave = np.real(self.wave * np.exp(2j * pi * np.arange(count) / count))
+        return np.asarray(0.5 * np.ptp(turned.error + common_wave, axis=1) + self.mapping.floor)
 
     def peak(self, turned: Turned) -> Array:
         """Largest force (n,) [N] on any pin."""
@@ -158,7 +158,7 @@ class Transmission:
 
 
 def about_z(states: Array) -> Array:
-    """States (n, 4, 3) in space of plane ones (n, 4)."""
+    """States (n, 4, 3) in space from plane states (n, 4)."""
     rotations = np.zeros((*states.shape, 3))
     rotations[..., 2] = states
     return rotations

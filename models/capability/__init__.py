@@ -1,4 +1,4 @@
-"""What measured parts tell of the process that made them."""
+"""Inference from measured parts on the process that made them."""
 
 from __future__ import annotations
 

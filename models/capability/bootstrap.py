@@ -1,7 +1,8 @@
-"""How surely limits are kept by sums of parts that need not be normal: the Bayesian bootstrap.
+"""Confidence that sums of parts that need not be normal keep their limits: Bayesian bootstrap.
 
-Every draw weighs the measured values of each part (Dirichlet), takes the moments of the weighted
-sample, adds the cumulants up and asks the quantiles of the sum (Cornish & Fisher) for the limits.
+Every draw weights the measured values of each part (Dirichlet), takes the moments of the weighted
+sample, adds the cumulants up and compares the quantiles of the sum (Cornish & Fisher) with the
+limits.
 
 Reference: Rubin (1981), The Bayesian bootstrap, Annals of Statistics 9(1), 130-134; Cornish &
 Fisher (1938), Revue de l'Institut International de Statistique 5(4), 307-320.
@@ -35,20 +36,23 @@ def cumulants_drawn(values: Array, draws: int, rng: np.random.Generator) -> Arra
     )
 
 
-def kept(cumulants: Sequence[Array], ends: tuple[float, float], share: float) -> float:
-    """Share of draws whose sum of parts, of `cumulants` (draws, 4) each, keeps limits from its mean
-    at rest with a `share` of the units, an equal rest beyond each finite limit.
+def kept(cumulants: Sequence[Array], ends: tuple[float, float], fraction: float) -> float:
+    """Fraction of the draws in which the sum of parts keeps its limits.
+
+    `cumulants` (draws, 4) are those of each part, `ends` the limits of the sum from its estimated
+    mean. The limits are kept where they hold the `fraction` of the units, with equal fractions
+    beyond each finite limit.
     """
     mean, variance, third, fourth = np.sum(cumulants, axis=0).T
     std = np.sqrt(np.maximum(variance, 1e-300))
     skew, excess = third / std**3, fourth / std**4
     finite = np.isfinite(ends)
-    z = float(ndtri(0.5 * (1.0 + share) if np.all(finite) else share))
-    fine = np.ones(len(mean), dtype=bool)
+    z = float(ndtri(0.5 * (1.0 + fraction) if np.all(finite) else fraction))
+    within = np.ones(len(mean), dtype=bool)
     for side, end, real in zip((-1.0, 1.0), ends, finite, strict=True):
         if real:
-            fine &= side * (end - mean) >= side * std * _quantile(side * z, skew, excess)
-    return float(fine.mean())
+            within &= side * (end - mean) >= side * std * _quantile(side * z, skew, excess)
+    return float(within.mean())
 
 
 def _quantile(z: float, skew: Array, excess: Array) -> Array:

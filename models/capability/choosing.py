@@ -1,9 +1,10 @@
 """Processes chosen by sampled scatter: the level at which such a choice keeps an assured promise.
 
-An optimiser picks what the samples underestimate, the more so among alternatives: a confidence that
-holds for one allocation fails for the one chosen. Self-calibration repeats what is done, with
-processes drawn from their posteriors: sample them, choose, and judge the choice by the processes
-drawn. The least level of the norm whose choices are kept as often as promised is used.
+An optimiser prefers processes whose scatter the samples underestimate, the more so the more
+alternatives there are: a confidence that holds for a fixed allocation fails for the chosen one.
+Self-calibration repeats the procedure with processes drawn from their posteriors: they are sampled,
+a choice is made, and the choice is tested by the processes drawn. The least level of the norm whose
+choices keep their limits as often as promised is used.
 
 Reference: Loh (1987), Calibrating confidence coefficients, J. American Statistical Association
 82(397), 155-162; Beran (1987), Prepivoting to reduce level error of confidence sets, Biometrika
@@ -23,28 +24,29 @@ from .norm import factor_of
 
 Array = NDArray[np.float64]
 RISKS = (0.4, 0.3, 0.2, 0.1, 0.05, 0.02, 0.01)
-"""Levels of the norm that are tried, as shares of the risk that is allowed: 0.98 first for 0.95.
+"""Levels of the norm that are tried, as fractions of the allowed risk: 0.98 first for 0.95.
 
-A sample that makes a choice look safe makes its repeats look safe as well. From all levels down to
-the confidence itself self-calibration kept 93 and 89 % of the choices among 9 x 3 machines with 10
+A sample that makes a choice look safe makes its repeats look safe as well. With all levels down to
+the confidence itself, self-calibration kept 93 and 89 % of the choices among 9 x 3 machines with 10
 and 20 parts of each (200 repeats): it may raise the level of two fifths, and not lower it.
 """
 REPEATS = 200
-"""Times that processes are sampled, chosen and judged: 1.5 % is one standard error of a share."""
+"""Repeats of sampling, choosing and testing: one standard error of a fraction is 1.5 %."""
 STATES = 65_536
-"""Allocations that are compared; of more the best ones at `PRICES` of their variance are kept."""
+"""Allocations that are compared; of more, the best at `PRICES` of their variance are kept."""
 PRICES = np.geomspace(1e-3, 1e3, 25)
 AT_ONCE = 1024
-"""Allocations that are looked at together, the cheapest first."""
+"""Allocations that are tested together, the cheapest first."""
 RARE = 0.05
-"""Share of samples with an assured choice below which there is none to speak of."""
+"""Fraction of samples with an assured choice below which a level counts as without choice."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Ways:
-    """The ways (w,) of making one part: `cost`, `process` (w,) that scatters so (its place among
-    all `Processes`), and what it adds to each of r requirements: standard deviation and mean (r, w)
-    by the estimates, with `pieces` (r,) the square of an error of the mean over that of one piece.
+    """The ways (w,) of making one part: `cost` (w,) and `process` (w,), the index in `Processes`.
+
+    `std` and `mean` (r, w) are the estimated contributions to each of r requirements; `pieces` (r,)
+    is the square of an error of the mean over that of one piece.
     """
 
     cost: Array
@@ -56,7 +58,7 @@ class Ways:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Processes:
-    """What samples tell of processes: degrees of freedom and number of parts (q,), inf if known."""
+    """Samples of processes: degrees of freedom and number of parts (q,), inf if known."""
 
     df: Array
     n: Array
@@ -64,8 +66,8 @@ class Processes:
 
 @dataclass(frozen=True, slots=True)
 class Aim:
-    """What is promised: a `share` of units between the ends (r, 2) of each requirement's deviation,
-    with a `confidence`; `quantile` standard deviations (r,) are to fit to each end.
+    """The promise: a fraction `share` of the units keeps the ends (r, 2) of each requirement's
+    deviation, with a `confidence`; `quantile` standard deviations (r,) must fit to each end.
     """
 
     share: float
@@ -76,9 +78,9 @@ class Aim:
 
 @dataclass(frozen=True, slots=True)
 class Level:
-    """A level of the norm, the share of choices at it that are kept, and of samples without any.
+    """A level of the norm, the fraction of choices that are kept, and of samples without any.
 
-    `confidence` is that of the highest level tried where none is sure enough (`sure` is False).
+    `confidence` is that of the highest level tried where none is sufficient (`sure` is False).
     """
 
     confidence: float
@@ -94,46 +96,46 @@ def calibrated(
     rng: np.random.Generator,
     repeats: int = REPEATS,
 ) -> Level:
-    """The least level from which on choices are kept with the confidence that is aimed at.
+    """The least level from which on choices are kept with the confidence of the aim.
 
-    Where it is not reached at any level that leaves samples a choice, the last one is not `sure`.
+    Where no level with a choice reaches it, the last level is returned and is not `sure`.
     """
     levels = tuple(1.0 - risk * (1.0 - aim.confidence) for risk in RISKS)
-    made, kept = np.zeros((2, len(levels)))
+    choices, kept_choices = np.zeros((2, len(levels)))
     table = _Table.of(parts, processes)
     factors = [factor_of(table.kinds, level) for level in levels]
     for _ in range(repeats):
-        truth = _drawn(processes.df, rng)
-        error = _drawn_errors(processes, truth, rng)
-        sample = _Seen(table, truth / _drawn(processes.df, rng), aim)
-        before, good = -1, False
+        truth = _variance_ratios(processes.df, rng)
+        error = _mean_errors(processes, truth, rng)
+        sample = _Sampled(table, truth / _variance_ratios(processes.df, rng), aim)
+        previous, conforming = -1, False
         for at, factor in enumerate(factors):
-            chosen = sample.cheapest(factor, max(before, 0))
+            chosen = sample.cheapest(factor, max(previous, 0))
             if chosen is None:
                 break
-            if chosen != before:
-                before, good = chosen, table.keeps(chosen, truth, error, aim)
-            made[at] += 1.0
-            kept[at] += good
-    share = kept / np.maximum(made, 1.0)
-    enough = made >= RARE * repeats
-    missed = np.flatnonzero(enough & (share < aim.confidence))
+            if chosen != previous:
+                previous, conforming = chosen, table.keeps(chosen, truth, error, aim)
+            choices[at] += 1.0
+            kept_choices[at] += conforming
+    kept_fraction = kept_choices / np.maximum(choices, 1.0)
+    enough = choices >= RARE * repeats
+    missed = np.flatnonzero(enough & (kept_fraction < aim.confidence))
     at = min(int(missed[-1]) + 1 if len(missed) else 0, len(levels) - 1)
-    sure = bool(enough[at] and share[at] >= aim.confidence)
-    return Level(levels[at], float(share[at]), float(1.0 - made[at] / repeats), sure)
+    sure = bool(enough[at] and kept_fraction[at] >= aim.confidence)
+    return Level(levels[at], float(kept_fraction[at]), float(1.0 - choices[at] / repeats), sure)
 
 
-def _drawn_errors(processes: Processes, truth: Array, rng: np.random.Generator) -> Array:
-    """Errors of means (q,) over estimated standard deviations, by the variances drawn."""
+def _mean_errors(processes: Processes, truth: Array, rng: np.random.Generator) -> Array:
+    """Errors of means (q,) over estimated standard deviations, given the drawn variances."""
     scale = np.where(np.isfinite(processes.n), np.sqrt(truth / processes.n), 0.0)
     return np.asarray(scale * rng.standard_normal(len(truth)))
 
 
-def _drawn(df: Array, rng: np.random.Generator) -> Array:
-    """Variances over their estimates (q,) by the posterior, 1 where they are known."""
+def _variance_ratios(df: Array, rng: np.random.Generator) -> Array:
+    """Variances over their estimates (q,), drawn from the posterior; 1 where they are known."""
     finite = np.isfinite(df)
-    drawn = rng.chisquare(np.where(finite, df, 1.0))
-    return np.asarray(np.where(finite, df / drawn, 1.0))
+    chi_square = rng.chisquare(np.where(finite, df, 1.0))
+    return np.asarray(np.where(finite, df / chi_square, 1.0))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -142,7 +144,7 @@ class _Table:
     all parts, `uses` (m, w) the same as ones and zeros, and the mean (r, m) of each.
 
     `process` (w,), `std` and `pieces` (w, r) are of all ways; `kinds` (u,) are the different
-    degrees of freedom, `kind` (q,) names that of a process.
+    degrees of freedom, `kind` (q,) is the index of a process among them.
     """
 
     ways: NDArray[np.int64]
@@ -173,9 +175,9 @@ class _Table:
             )
             place += count
             if len(cost) > STATES:
-                left = _best(cost, square)
-                cost, ways = cost[left], ways[left]
-                square, mean = square[:, left], mean[:, left]
+                best = _best(cost, square)
+                cost, ways = cost[best], ways[best]
+                square, mean = square[:, best], mean[:, best]
         order = np.argsort(cost, kind="stable")
         ways, uses = ways[order], np.zeros((len(order), place))
         uses[np.arange(len(ways))[:, None], ways] = 1.0
@@ -202,16 +204,20 @@ class _Table:
         return bool(np.all(ndtr(ends[:, 1]) - ndtr(ends[:, 0]) >= aim.share))
 
 
-class _Seen:
-    """Allocations by one sample of the processes: variances `seen` (q,) over the estimates."""
+class _Sampled:
+    """Allocations by one sample of the processes: sampled variances (q,) over the estimates."""
 
-    def __init__(self, table: _Table, seen: Array, aim: Aim) -> None:
-        self.table, self.aim, own = table, aim, table.process
-        square = table.std**2 * seen[own][:, None] * (1.0 + table.pieces / table.n[own][:, None])
+    def __init__(self, table: _Table, variance_ratio: Array, aim: Aim) -> None:
+        self.table, self.aim, process = table, aim, table.process
+        square = (
+            table.std**2
+            * variance_ratio[process][:, None]
+            * (1.0 + table.pieces / table.n[process][:, None])
+        )
         doubt = np.zeros((len(square), len(table.kinds), square.shape[1]))
-        doubt[np.arange(len(square)), table.kind[own]] = square**2
-        self.each = np.hstack([square, doubt.reshape(len(square), -1)])
-        self.known: dict[int, Array] = {}
+        doubt[np.arange(len(square)), table.kind[process]] = square**2
+        self.terms = np.hstack([square, doubt.reshape(len(square), -1)])
+        self.cached: dict[int, Array] = {}
 
     def cheapest(self, factor: Array, first: int) -> int | None:
         """The first allocation from a place on that keeps the ends by the norm of factors (u,)."""
@@ -228,15 +234,17 @@ class _Seen:
 
     def _sums(self, start: int) -> Array:
         """Sums of variances and, by degrees of freedom, of their squares (k, r + u r)."""
-        if start not in self.known:
-            self.known[start] = self.table.uses[start : start + AT_ONCE] @ self.each
-        return self.known[start]
+        if start not in self.cached:
+            self.cached[start] = self.table.uses[start : start + AT_ONCE] @ self.terms
+        return self.cached[start]
 
 
 def _best(cost: Array, square: Array) -> NDArray[np.int64]:
-    """Those of allocations that are among the best at some price of their variances (r, m)."""
+    """Indices of allocations that are best at some price of their variances (r, m)."""
     size = (square / np.maximum(square.max(axis=1, keepdims=True), 1e-300)).sum(axis=0)
     span = max(float(np.ptp(cost)), 1e-300)
-    each = max(1, STATES // (16 * len(PRICES)))
-    cheapest = [np.argpartition(cost / span + price * size, each)[:each] for price in PRICES]
+    per_price = max(1, STATES // (16 * len(PRICES)))
+    cheapest = [
+        np.argpartition(cost / span + price * size, per_price)[:per_price] for price in PRICES
+    ]
     return np.unique(np.concatenate(cheapest))

@@ -22,7 +22,7 @@ class Index:
 
 
 def capability(values: Array, lower: float | None, upper: float | None) -> dict[str, Index]:
-    """Cp and Cpk (whichever the limits allow) of normal values (n,), n >= 2.
+    """Cp and Cpk (those that the limits allow) of normal values (n,), n >= 2.
 
     Limits of Cp are exact (chi-square); those of Cpk are approximate.
 

@@ -1,4 +1,4 @@
-"""What a sample of parts tells of the process that made them: scatter, mean, and how surely."""
+"""Inference from a sample of parts on the process: scatter, mean, and their uncertainty."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ CONTRADICTED = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class Gauge:
-    """A gauge: standard deviation of its readings, and the degrees of freedom of that estimate."""
+    """A gauge: its standard deviation, and the degrees of freedom of that estimate."""
 
     sigma: float
     df: float = np.inf
@@ -29,7 +29,7 @@ class Gauge:
 
 @dataclass(frozen=True, slots=True)
 class Prior:
-    """What is believed of a standard deviation before parts are measured, worth `parts` parts."""
+    """A prior of a standard deviation, with the weight of `parts` measured parts."""
 
     sigma: float
     parts: float
@@ -37,7 +37,7 @@ class Prior:
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """The variances of readings and gauge, of which the parts' is the difference.
+    """The variances of measurements and gauge; that of the parts is their difference.
 
     Each is an estimate with its degrees of freedom.
     """
@@ -58,8 +58,8 @@ class Knowledge:
     """Posterior of a normal process: variance scaled-inverse-chi-square (df, std^2), mean given the
     variance normal about the sample's with variance sigma^2/n.
 
-    A known process has infinite `n` and `df`. `prior_parts` is what a stated prior is worth,
-    `difference` what the gauge adds to the doubt.
+    A known process has infinite `n` and `df`. `prior_parts` is the weight of a stated
+    prior, in parts; `difference` holds the variances where a gauge adds uncertainty.
 
     Reference: Gelman et al. (2013), Bayesian Data Analysis, 3rd ed., section 3.3, with the prior
     density 1/sigma^2 or a scaled-inverse-chi-square one.
@@ -101,17 +101,18 @@ class Knowledge:
     def drawn(self, count: int, rng: np.random.Generator) -> tuple[Array, Array]:
         """Variances over std^2 and errors of the mean over std, (count,) each, of the posterior.
 
-        Of a gauge the generalised pivotal quantity of the difference: what its own variance may be
-        is taken off the readings', a negative rest counts as a thousandth.
+        With a gauge, the generalised pivotal quantity of the difference is drawn: a drawn variance
+        of the gauge is subtracted from that of the measurements; the difference is at least a
+        thousandth.
         Reference: Weerahandi (1993), Generalized confidence intervals, J. American Statistical
         Association 88(423), 899-905.
         """
         if np.isinf(self.df):
             return np.ones(count), np.zeros(count)
         variance = self.df / rng.chisquare(self.df, count)
-        readings = variance
+        observed = variance
         if (difference := self.difference) is not None:
-            share = difference.seen_df / self.df
+            fraction = difference.seen_df / self.df
             gauge = (
                 np.full(count, difference.gauge)
                 if np.isinf(difference.gauge_df)
@@ -121,10 +122,10 @@ class Knowledge:
                     / rng.chisquare(difference.gauge_df, count)
                 )
             )
-            whole = variance * (self.std**2 + share * difference.gauge)
-            variance = np.maximum(whole - share * gauge, 1e-3 * self.std**2) / self.std**2
-            readings = variance + gauge / self.std**2
-        return variance, np.sqrt(readings / self.n) * rng.standard_normal(count)
+            whole = variance * (self.std**2 + fraction * difference.gauge)
+            variance = np.maximum(whole - fraction * gauge, 1e-3 * self.std**2) / self.std**2
+            observed = variance + gauge / self.std**2
+        return variance, np.sqrt(observed / self.n) * rng.standard_normal(count)
 
 
 def _factor(df: float, confidence: float) -> float:
@@ -135,11 +136,11 @@ def _factor(df: float, confidence: float) -> float:
 def knowledge_of(
     values: Array, prior: Prior | None = None, gauge: Gauge | None = None
 ) -> Knowledge:
-    """What `values` (n,) of one characteristic tell.
+    """The posterior of a process from measured `values` (n,) of one characteristic.
 
-    The variance of a gauge is subtracted, and the upper limit that of the difference. Raises
+    The variance of a gauge is subtracted, and the upper limit is that of the difference. Raises
     ValueError for fewer than `LEAST` values, values that are all equal, a gauge that scatters
-    at least as much as the readings, and a prior that they contradict.
+    at least as much as the measurements, and a prior that they contradict.
     """
     n = len(values)
     if n < LEAST:
@@ -149,8 +150,8 @@ def knowledge_of(
         raise ValueError(
             f"has {n} equal values: the resolution of the gauge is too coarse to tell a scatter"
         )
-    own = observed if gauge is None else observed - gauge.sigma**2
-    if gauge is not None and own <= 0.0:
+    variance = observed if gauge is None else observed - gauge.sigma**2
+    if gauge is not None and variance <= 0.0:
         raise ValueError(
             f"scatters by {np.sqrt(observed):.4g}, its gauge alone by {gauge.sigma:.4g}: "
             "the gauge is unfit for these parts"
@@ -158,14 +159,14 @@ def knowledge_of(
     df, parts = n - 1.0, 0.0
     difference = None if gauge is None else Difference(observed, df, gauge.sigma**2, gauge.df)
     if prior is not None:
-        _agreeing(own, df, prior)
-        own = (prior.parts * prior.sigma**2 + df * own) / (prior.parts + df)
+        _agreeing(variance, df, prior)
+        variance = (prior.parts * prior.sigma**2 + df * variance) / (prior.parts + df)
         df, parts = df + prior.parts, prior.parts
-    return Knowledge(mean, float(np.sqrt(own)), float(n), df, parts, difference)
+    return Knowledge(mean, float(np.sqrt(variance)), float(n), df, parts, difference)
 
 
 def _agreeing(variance: float, df: float, prior: Prior) -> None:
-    """Raises ValueError where a sample contradicts a prior that claims to be worth more."""
+    """Raises ValueError where a sample contradicts a prior."""
     below = float(scipy.stats.f.cdf(variance / prior.sigma**2, df, prior.parts))
     chance = 2.0 * min(below, 1.0 - below)
     if chance < CONTRADICTED:

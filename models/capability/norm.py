@@ -1,4 +1,4 @@
-"""The standard deviation that an assured allocation reckons with: a norm of the tolerances.
+"""The standard deviation in an assured allocation: a norm of the tolerances.
 
 Of squares v_j = (a_j t_j)^2 of independent parts, E_j the posterior mean of a variance over its
 estimate, G_j its upper confidence limit less that,
@@ -38,13 +38,13 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Surplus:
-    """What doubt adds to a sum a^2 of squares v (..., f) under a root.
+    """What uncertainty adds to a sum a^2 of squares v (..., f) under a root.
 
     N = sqrt( sum_j (own_j v_j)^2 + fixed_own^2 + (sum_j shared_j v_j + fixed_shared)^2 ) between
     two limits. At one limit, where the mean's error counts in full, `error` is given and it is
     (a + H)^2 - a^2, H = sqrt(b^2 + c^2), b = sqrt(a^2 + N) - a, c^2 = sum_j error_j v_j +
-    fixed_error, a^2 = sum_j v_j + fixed_even. `own`, `shared` and `error` (f,) are of the squares
-    that vary.
+    fixed_error, a^2 = sum_j v_j + fixed_even. `own`, `shared` and `error` (f,) belong to the
+    squares that vary.
     """
 
     own: Array
@@ -57,16 +57,16 @@ class Surplus:
 
     @property
     def convex(self) -> bool:
-        """Whether it is convex in the squares; the root is one in the tolerances in any case."""
+        """Whether it is convex in the squares; the root is convex in the tolerances in any case."""
         return self.error is None
 
     def value(self, square: Array) -> tuple[Array, Array]:
         """The surplus (...,) at squares (..., f), and its derivatives by them (..., f)."""
-        each = self.own * square
+        own_terms = self.own * square
         shared = np.sum(square * self.shared, axis=-1) + self.fixed_shared
-        value = np.sqrt(np.sum(each**2, axis=-1) + self.fixed_own**2 + shared**2)
+        value = np.sqrt(np.sum(own_terms**2, axis=-1) + self.fixed_own**2 + shared**2)
         safe = np.where(value > 0.0, value, 1.0)[..., None]
-        rise = (each * self.own + shared[..., None] * self.shared) / safe
+        rise = (own_terms * self.own + shared[..., None] * self.shared) / safe
         return (value, rise) if self.error is None else self._at_one_limit(square, value, rise)
 
     def _at_one_limit(self, square: Array, value: Array, rise: Array) -> tuple[Array, Array]:
@@ -76,7 +76,7 @@ class Surplus:
         root = np.sqrt(a**2 + value)
         b, c = root - a, np.sqrt(np.sum(square * self.error, axis=-1) + self.fixed_error)
         both = np.hypot(b, c)
-        by_a, by_root, by_c = (0.5 * _inverse(one)[..., None] for one in (a, root, c))
+        by_a, by_root, by_c = (0.5 * _inverse(size)[..., None] for size in (a, root, c))
         by_b = (1.0 + rise) * by_root - by_a
         slope = (b[..., None] * by_b + c[..., None] * self.error * by_c) * _inverse(both)[..., None]
         far = (a + both)[..., None]
@@ -84,7 +84,7 @@ class Surplus:
 
 
 def _inverse(value: Array) -> Array:
-    """1/value, 0 of nothing."""
+    """1/value, and 0 for 0."""
     return np.divide(1.0, value, out=np.zeros_like(value), where=value > 0.0)
 
 
@@ -92,8 +92,8 @@ def _inverse(value: Array) -> Array:
 class Norm:
     """h by parts: `even` (p,) are E_j, `own` G_j and `shared` M_j, each times (a_j/t_j)^2.
 
-    Of parts by several processes all may be (n, p), a row for each design. At one limit `error` is
-    by how much the square of the mean's error counts in h.
+    For parts made by several processes all may be (n, p), a row for each design. At one limit
+    `error` is the weight of the square of the mean's error in h.
     """
 
     even: Array
@@ -102,7 +102,7 @@ class Norm:
     error: Array | None = None
 
     def value(self, t: Array, rest: Array | float = 0.0) -> Array:
-        """h (n,) of tolerances (n, p), beside a variance `rest` (n,) that is known."""
+        """h (n,) of tolerances (n, p), in addition to a known variance `rest` (n,)."""
         square = t**2 * self.even
         more = self.surplus(rest).value(square)[0]
         return np.asarray(np.sqrt(np.sum(square, axis=1) + rest + more))
@@ -114,7 +114,7 @@ class Norm:
         return np.divide(rise, value, out=np.zeros_like(t), where=value > 0.0)
 
     def surplus(self, rest: Array | float = 0.0) -> Surplus:
-        """What doubt adds, by the squares E v."""
+        """What uncertainty adds, as a function of the squares E v."""
         error = None if self.error is None else over(self.error, self.even)
         return Surplus(
             over(self.own, self.even), over(self.shared, self.even), error=error, fixed_even=rest
@@ -122,7 +122,7 @@ class Norm:
 
 
 def over(value: Array, by: Array, otherwise: float = 0.0) -> Array:
-    """A ratio, or what stands for it where it is of nothing."""
+    """value/by, and `otherwise` where `by` is 0."""
     return np.divide(value, by, out=np.full_like(value, otherwise), where=by > 0.0)
 
 
@@ -142,23 +142,25 @@ def norm_of(
     level: float | None = None,
     quantile: float | None = None,
 ) -> Norm:
-    """The norm of parts whose processes are known as `known`, None where without doubt.
+    """The norm of parts with the processes `known`, None for one without uncertainty.
 
     `square` (p,) is the variance that each adds to the requirement at t = 1, `moved` (p,) by how
     much that rises with the square of its mean's error: (sum of slopes)^2, in units of variances.
-    M is there only for parts with a stated prior: without one the doubt of the variance outweighs
-    that of the mean. With a `level` of its own the limit is that of the estimates (E = 1): among
-    alternatives no moment of one process is what counts, but how often the choice is kept.
+    M differs from 0 only for parts with a stated prior: without one the uncertainty of the variance
+    outweighs that of the mean. With a `level` the limit is that of the estimates (E = 1): among
+    alternatives it matters how often the choice is kept, not the moments of a single process.
 
     Between two limits the error of the mean counts by the variance that it adds (Howe 1969). At one
-    limit alone, `quantile` standard deviations from it, it counts in full beside the doubt of the
-    variance: as the root of the sum of both squares.
+    limit alone, `quantile` standard deviations from it, it counts in full in addition to the
+    uncertainty of the variance: as the root of the sum of both squares.
     """
     inflation = np.array(
         [1.0 if knowledge is None or level else knowledge.inflation for knowledge in known]
     )
-    surplus = np.array([_surplus(one, confidence, level) for one in known])
-    error = moved * np.array([0.0 if one is None else 1.0 / one.n for one in known])
+    surplus = np.array([_surplus(knowledge, confidence, level) for knowledge in known])
+    error = moved * np.array(
+        [0.0 if knowledge is None else 1.0 / knowledge.n for knowledge in known]
+    )
     if quantile is not None:
         counted = (float(ndtri(confidence)) / quantile) ** 2
         return Norm(

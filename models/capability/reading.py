@@ -1,4 +1,4 @@
-"""Reads a `measured` table: what parts that were measured tell of a process or a machine."""
+"""Reads a `measured` table: the posterior of a process or a machine from measured parts."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ MEANS = ("as_found", "corrected")
 FIXED = "fixed"
 NEAR_NOMINAL = 1e-9
 BEYOND = 20.0
-"""How many times the half-width that parts were made to they hardly lie off the nominal."""
+"""Deviation, in half-widths that parts were made to, above which the unit is taken to be wrong."""
 CAPABLE = 100.0
-"""A Cp that no process has: the parts are in another unit than the half-width."""
+"""A Cp that no process has: above it parts and half-width are taken to be in different units."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PartSample:
     """Measured parts of one characteristic: deviations (n,) from the mid-limit, in the part's unit.
 
-    `knowledge` is of the process, `made_to` the half-width that the parts were made to (0 where it
-    is not known), `offset` by how much the mean of all later parts is off.
+    `knowledge` is the posterior of the process, `made_to` the half-width that the parts were made
+    to (0 where it is not known), `offset` the deviation of the mean of all later parts.
     """
 
     deviations: Array
@@ -46,7 +46,7 @@ class PartSample:
 
     @property
     def distribution(self) -> Normal:
-        """Of deviations over the half-width: what the sample's standard deviation comes to."""
+        """Distribution of deviations over the half-width, with the sample's standard deviation."""
         return Normal(cp=self.made_to / (3.0 * self.knowledge.std))
 
     @property
@@ -55,17 +55,17 @@ class PartSample:
         return distribution_type(self.found)
 
     def departures(self, owner: str) -> tuple[str, ...]:
-        """How it contradicts one stable normal process, `owner` being what was measured."""
+        """Departures from one stable normal process; `owner` names what was measured."""
         return tuple(
             f"{owner}, measured: {finding.text} (by chance: {finding.probability:.2g})"
             for finding in self.found
         )
 
     def statement(self, unit: str) -> str:
-        """What is known, in one line."""
+        """The sample and its capability, in one line."""
         indices = [
-            f"{name} {one.value:.2f} ({one.low:.2f} to {one.high:.2f})"
-            for name, one in self.indices.items()
+            f"{name} {index.value:.2f} ({index.low:.2f} to {index.high:.2f})"
+            for name, index in self.indices.items()
         ]
         return ", ".join(
             [
@@ -87,9 +87,9 @@ def read_sample(
 ) -> PartSample | None:
     """The `measured` table of a part or machine, in its unit; None and faults where it is wrong.
 
-    `t` is the half-width of a part with a fixed one. Where the scatter `follows` the tolerance the
-    half-width that the parts were made to has to be known. Without a nominal that of a Q-DAS file
-    is taken.
+    `t` is the half-width of a part with a fixed one. Where the scatter `follows` the tolerance, the
+    half-width that the parts were made to must be known. Without a nominal that of a Q-DAS file is
+    used.
     """
     section = owner.section("measured")
     own_unit = _unit(section, unit)
@@ -109,18 +109,18 @@ def read_sample(
         return None
     values = np.asarray(converted(np.array(numbers), own_unit, unit), dtype=float)
     if of_file is not None:
-        theirs = float(converted(of_file, own_unit, unit))
-        nominal = theirs if nominal is None else nominal
-        if abs(theirs - nominal) > NEAR_NOMINAL * max(abs(nominal), 1.0):
+        file_nominal = float(converted(of_file, own_unit, unit))
+        nominal = file_nominal if nominal is None else nominal
+        if abs(file_nominal - nominal) > NEAR_NOMINAL * max(abs(nominal), 1.0):
             section.fault(
                 "file",
-                f"is of a nominal of {theirs:g} {unit}, the part has {nominal:g} "
+                f"is of a nominal of {file_nominal:g} {unit}, the part has {nominal:g} "
                 f"{unit}: another revision of the drawing?",
             )
             return None
     deviations = _deviations(values, nominal) - mid
     try:
-        known = knowledge_of(deviations, prior, gauge)
+        knowledge = knowledge_of(deviations, prior, gauge)
     except ValueError as error:
         section.fault("values", str(error))
         return None
@@ -136,9 +136,9 @@ def read_sample(
     )
     return PartSample(
         deviations=deviations,
-        knowledge=known,
+        knowledge=knowledge,
         made_to=made_to,
-        offset=0.0 if mean == "corrected" else known.mean,
+        offset=0.0 if mean == "corrected" else knowledge.mean,
         found=tuple(findings(deviations, [str(lot) for lot in lots])),
         indices=capability(deviations, -made_to, made_to) if made_to else {},
         stated=dict(owner.take("measured")),
@@ -147,7 +147,7 @@ def read_sample(
 
 
 def _near(section: Section, unit: str, deviations: Array, made_to: float) -> bool:
-    """Whether deviations are of the size of a tolerance, or a fault."""
+    """Whether deviations have the size of a tolerance; a fault is reported where they do not."""
     far = float(np.max(np.abs(deviations)))
     width = made_to or 3.0 * float(np.std(deviations, ddof=1))
     if made_to and made_to > CAPABLE * 3.0 * (std := float(np.std(deviations, ddof=1))):
@@ -162,18 +162,18 @@ def _near(section: Section, unit: str, deviations: Array, made_to: float) -> boo
     if far <= BEYOND * width:
         return True
     hint = unit_hint(far, unit, 0.0, width)
-    what = (
+    comparison = (
         f"but were made to {width:g} {unit}{hint}: check their unit and made_to"
         if made_to
         else f"but three times their scatter is {width:.4g} {unit}{hint}: state "
         "measured.nominal, or check their unit"
     )
-    section.fault("values", f"lie up to {far:.4g} {unit} off the mid-limit, {what}")
+    section.fault("values", f"lie up to {far:.4g} {unit} off the mid-limit, {comparison}")
     return False
 
 
 def _deviations(values: Array, nominal: float | None) -> Array:
-    """Deviations from the nominal: of sizes, unless the values are deviations already."""
+    """Deviations from the nominal; `values` are sizes, or deviations already."""
     middle = float(np.median(values)) if len(values) else 0.0
     if nominal is None or abs(middle) < abs(middle - nominal):
         return values
@@ -181,20 +181,20 @@ def _deviations(values: Array, nominal: float | None) -> Array:
 
 
 def _unit(section: Section, unit: str) -> str | None:
-    given = section.text("unit")
-    if not given:
+    stated = section.text("unit")
+    if not stated:
         return unit
     try:
-        if fits(given, unit):
-            return given
-        section.fault("unit", f'"{given}" cannot be stated in {unit}, the unit of the part')
+        if fits(stated, unit):
+            return stated
+        section.fault("unit", f'"{stated}" cannot be stated in {unit}, the unit of the part')
     except ValueError as error:
         section.fault("unit", str(error))
     return None
 
 
 def _made_to(
-    section: Section, own: str | None, unit: str, t: float | None, follows: bool
+    section: Section, own_unit: str | None, unit: str, t: float | None, follows: bool
 ) -> float | None:
     """Half-width that the measured parts were made to, in the unit of the part; 0: not known."""
     if section.take("made_to") == FIXED:
@@ -205,9 +205,9 @@ def _made_to(
                 "limits would change nothing: state a machine",
             )
         return t if follows else 0.0
-    given = section.number("made_to", own or unit, POSITIVE)
-    if given is not None:
-        return float(converted(given, own or unit, unit))
+    half_width = section.number("made_to", own_unit or unit, POSITIVE)
+    if half_width is not None:
+        return float(converted(half_width, own_unit or unit, unit))
     if "made_to" in section:
         return None
     if t is None and follows:
@@ -219,35 +219,35 @@ def _made_to(
     return t if follows else 0.0
 
 
-def _gauge(section: Section, given: str | None, unit: str) -> Gauge | None:
+def _gauge(section: Section, own_unit: str | None, unit: str) -> Gauge | None:
     if "gauge" not in section:
         return None
-    own = section.section("gauge")
-    sigma = own.number("sigma", given or unit, POSITIVE)
-    df = own.number("df", within=Range(low=1.0))
-    if "sigma" not in own:
-        own.fault("sigma", "is missing: the standard deviation of repeated readings of one part")
-    own.finish()
+    table = section.section("gauge")
+    sigma = table.number("sigma", own_unit or unit, POSITIVE)
+    df = table.number("df", within=Range(low=1.0))
+    if "sigma" not in table:
+        table.fault("sigma", "is missing: the standard deviation of repeated readings of one part")
+    table.finish()
     if sigma is None:
         return None
-    return Gauge(float(converted(sigma, given or unit, unit)), np.inf if df is None else df)
+    return Gauge(float(converted(sigma, own_unit or unit, unit)), np.inf if df is None else df)
 
 
 def _prior(section: Section, made_to: float, unit: str) -> Prior | None:
-    """`prior = { cp, parts }`, or sigma in the place of cp."""
+    """`prior = { cp, parts }`, or sigma in place of cp."""
     if "prior" not in section:
         return None
-    own = section.section("prior")
-    cp, sigma = own.number("cp", within=POSITIVE), own.number("sigma", unit, POSITIVE)
-    parts = own.number("parts", within=POSITIVE)
-    if "cp" in own and "sigma" in own:
-        own.fault("sigma", "is stated beside cp: keep one")
-    elif "cp" not in own and "sigma" not in own:
-        own.fault("cp", "is missing: the capability that is believed, or sigma")
+    table = section.section("prior")
+    cp, sigma = table.number("cp", within=POSITIVE), table.number("sigma", unit, POSITIVE)
+    parts = table.number("parts", within=POSITIVE)
+    if "cp" in table and "sigma" in table:
+        table.fault("sigma", "is stated beside cp: keep one")
+    elif "cp" not in table and "sigma" not in table:
+        table.fault("cp", "is missing: the capability that is believed, or sigma")
     elif cp is not None and not made_to:
-        own.fault("cp", "needs made_to, the half-width that it is of: state sigma")
-    if "parts" not in own:
-        own.fault("parts", "is missing: how many measured parts the belief is worth")
-    own.finish()
+        table.fault("cp", "needs made_to, the half-width that it is of: state sigma")
+    if "parts" not in table:
+        table.fault("parts", "is missing: how many measured parts the belief is worth")
+    table.finish()
     believed = sigma if cp is None else made_to / (3.0 * cp)
     return None if not believed or parts is None else Prior(believed, parts)

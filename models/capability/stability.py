@@ -1,4 +1,4 @@
-"""What contradicts one stable normal process: drift, lots, outliers, shape."""
+"""Tests against one stable normal process: drift, lots, outliers, shape."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 LEVEL = 0.01
-"""Probability of finding anything in a sample of one stable normal process, all tests together."""
+"""Probability of a false finding in a sample of one stable normal process, all tests together."""
 FEW = 8
-"""Values from which a shape can be judged."""
+"""Number of values from which the shape of a distribution can be tested."""
 
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One departure: what it is (`drift`, `lots`, `scatter`, `outlier`, `shape`), in words, and the
-    probability of one as large by chance.
+    """A departure: its kind (`drift`, `lots`, `scatter`, `outlier`, `shape`), a description, and
+    the probability of one as large by chance.
     """
 
     kind: str
@@ -28,38 +28,38 @@ class Finding:
 
 
 def findings(values: Array, lots: Sequence[str] = ()) -> list[Finding]:
-    """Departures of `values` (n,), in the order of making, beyond chance (Holm's procedure).
+    """Departures of `values` (n,), in the order of production, beyond chance (Holm's procedure).
 
-    `lots` (n,) name the lot of each value, empty where none is known: then values that are more
-    alike than by chance where they follow each other tell of lots (von Neumann's ratio).
+    `lots` (n,) name the lot of each value, empty where none is known: then lots are detected by
+    consecutive values that are more alike than by chance (von Neumann's ratio).
 
     Reference: Holm (1979), Scandinavian J. Statistics 6(2), 65-70; Grubbs (1969), Technometrics
     11(1), 1-21; Shapiro and Wilk (1965), Biometrika 52(3-4), 591-611; Brown and Forsythe (1974),
     J. American Statistical Association 69(346), 364-367; von Neumann (1941), Annals of Mathematical
     Statistics 12(4), 367-395.
     """
-    tried = [_drift(values), _outlier(values), *_lots(values, lots)]
+    tests = [_drift(values), _outlier(values), *_lots(values, lots)]
     if len(values) >= FEW:
-        tried.append(_shape(values))
-    kept: list[Finding] = []
-    for at, one in enumerate(sorted(tried, key=lambda each: each.probability)):
-        if one.probability > LEVEL / (len(tried) - at):
+        tests.append(_shape(values))
+    significant: list[Finding] = []
+    for at, finding in enumerate(sorted(tests, key=lambda finding: finding.probability)):
+        if finding.probability > LEVEL / (len(tests) - at):
             break
-        kept.append(one)
-    if any(test.kind == "outlier" for test in kept):  # a shape that one value makes is none
-        rest = np.delete(values, np.argmax(np.abs(values - values.mean())))
-        if len(rest) >= FEW and _shape(rest).probability > LEVEL:
-            kept = [test for test in kept if test.kind != "shape"]
-    return kept
+        significant.append(finding)
+    if any(test.kind == "outlier" for test in significant):  # a shape due to one value is none
+        remaining = np.delete(values, np.argmax(np.abs(values - values.mean())))
+        if len(remaining) >= FEW and _shape(remaining).probability > LEVEL:
+            significant = [test for test in significant if test.kind != "shape"]
+    return significant
 
 
-def distribution_type(found: Sequence[Finding]) -> str:
+def distribution_type(departures: Sequence[Finding]) -> str:
     """The distribution model of ISO 22514-2: A1, A2 (stable), B (scatter moves), C1, C3 (the mean
-    moves, by lots or along a trend) or D (both), as far as the tests tell.
+    moves, by lots or along a trend) or D (both), as far as the tests show.
 
     Reference: ISO 22514-2:2017, clause 5, table 1.
     """
-    kinds = {finding.kind for finding in found}
+    kinds = {finding.kind for finding in departures}
     if "scatter" in kinds:
         return "D" if kinds & {"drift", "lots"} else "B"
     if "drift" in kinds:
@@ -102,9 +102,9 @@ def _succession(values: Array) -> Finding:
     parts do not depend on those before (a little more, for the line is fitted).
     """
     n, at = len(values), np.arange(len(values), dtype=float)
-    rest = values - np.polyval(np.polyfit(at, values, 1), at)
-    total = float(np.sum(rest**2))
-    ratio = float(np.sum(np.diff(rest) ** 2)) / total if total > 0.0 else 2.0
+    residual = values - np.polyval(np.polyfit(at, values, 1), at)
+    total = float(np.sum(residual**2))
+    ratio = float(np.sum(np.diff(residual) ** 2)) / total if total > 0.0 else 2.0
     z = (0.5 * ratio - 1.0) * np.sqrt((n**2 - 1.0) / (n - 2.0))
     text = (
         f"has parts that follow those before them (steps of {ratio:.2g} variances in the mean "

@@ -12,7 +12,7 @@ from .reciprocal_squared import ReciprocalSquared
 from .table import Table
 
 CURVES: Kinds[CostCurve] = Kinds("curves", CostCurve)
-"""Those of plugins included."""
+"""Plugins included."""
 
 __all__ = [
     "CURVES",

@@ -10,7 +10,7 @@ from scipy.special import wrightomega
 from .curve import Array, CostCurve, not_negative
 
 STRAIGHT = 1e8
-"""Ratio of the prices from which on the square one makes no difference."""
+"""Ratio of the prices above which that of the square is negligible."""
 
 
 @dataclass(frozen=True, slots=True)

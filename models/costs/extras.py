@@ -1,4 +1,4 @@
-"""What a part costs beside the price of making it: its share of a set-up, its inspection."""
+"""Costs of a part in addition to its manufacture: its part of a set-up, its inspection."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .table import Table
 
 NOT_NEGATIVE = Range(low=0.0)
 EXTRAS = ("setup", "inspection")
-"""Keys of what is added to the cost of making a part."""
+"""Keys of the costs that are added to that of making a part."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,7 +24,7 @@ class Setup:
 
     @property
     def per_part(self) -> float:
-        """What each part of the lot bears."""
+        """Cost per part of the lot."""
         return self.price / self.lot
 
     def table(self) -> dict[str, Any]:
@@ -37,12 +37,12 @@ def read_setup(section: Section) -> Setup | None:
     if "setup" not in section:
         section.known(("setup",))
         return None
-    own = section.section("setup")
-    price, lot = own.number("price", within=NOT_NEGATIVE), own.integer("lot", Range(low=1))
-    for key, what in (("price", "the price of a set-up"), ("lot", "how many parts it is for")):
-        if key not in own and isinstance(section.take("setup"), dict):
-            own.fault(key, f"is missing: {what}")
-    own.finish()
+    table = section.section("setup")
+    price, lot = table.number("price", within=NOT_NEGATIVE), table.integer("lot", Range(low=1))
+    for key, meaning in (("price", "the price of a set-up"), ("lot", "how many parts it is for")):
+        if key not in table and isinstance(section.take("setup"), dict):
+            table.fault(key, f"is missing: {meaning}")
+    table.finish()
     return None if price is None or lot is None else Setup(price, lot)
 
 
@@ -50,15 +50,15 @@ def read_extras(section: Section) -> float:
     """What `setup` and `inspection = { price = 0.4 }` add to the cost of a part; 0 without them."""
     setup, more = read_setup(section), 0.0
     if "inspection" in section:
-        own = section.section("inspection")
-        price = own.number("price", within=POSITIVE)
-        if "price" not in own:
-            own.fault("price", "is missing: what the inspection of a part costs")
+        table = section.section("inspection")
+        price = table.number("price", within=POSITIVE)
+        if "price" not in table:
+            table.fault("price", "is missing: what the inspection of a part costs")
         for key in ("u", "guard", "scrap", "rework", "required"):
-            if key in own:
-                own.take(key)
-                own.fault(key, "needs a scatter that does not follow t: state sigma in a machine")
-        own.finish()
+            if key in table:
+                table.take(key)
+                table.fault(key, "needs a scatter that does not follow t: state sigma in a machine")
+        table.finish()
         more = price or 0.0
     section.known(("inspection",))
     return more + (setup.per_part if setup else 0.0)
@@ -68,12 +68,12 @@ def read_extras_by(section: Section, keys: Sequence[str]) -> dict[str, float]:
     """The same for each of `keys`, for which the price of a set-up may differ:
     `setup = { price = { IT6 = 240, IT7 = 120 }, lot = 50 }`.
     """
-    own = section.take("setup")
-    prices = own.get("price") if isinstance(own, dict) else None
+    stated = section.take("setup")
+    prices = stated.get("price") if isinstance(stated, dict) else None
     if not isinstance(prices, dict):
         return dict.fromkeys(keys, read_extras(section))
-    table, setup = section.section("setup").section("price"), section.of("setup", own)
-    each = {key: table.number(key, within=NOT_NEGATIVE) for key in keys}
+    table, setup = section.section("setup").section("price"), section.of("setup", stated)
+    price_of = {key: table.number(key, within=NOT_NEGATIVE) for key in keys}
     lot = setup.integer("lot", Range(low=1))
     setup.known(("price",))
     if "lot" not in setup:
@@ -82,8 +82,8 @@ def read_extras_by(section: Section, keys: Sequence[str]) -> dict[str, float]:
         table.fault(key, "is missing: state the set-up of each grade, or one price for all")
     for part in (table, setup):
         part.finish()
-    rest = read_extras(section.having("setup", {"price": 0.0, "lot": 1}))
-    return {key: rest + (price or 0.0) / (lot or 1) for key, price in each.items()}
+    inspection = read_extras(section.having("setup", {"price": 0.0, "lot": 1}))
+    return {key: inspection + (price or 0.0) / (lot or 1) for key, price in price_of.items()}
 
 
 def dearer(curve: CostCurve, more: float) -> CostCurve:
@@ -96,7 +96,7 @@ def dearer(curve: CostCurve, more: float) -> CostCurve:
 
 
 def times(curve: CostCurve, factor: float) -> CostCurve:
-    """The curve in a unit of cost of which one is `factor`."""
+    """The curve with every cost multiplied by `factor`."""
     if isinstance(curve, Table):
         return replace(curve, cost_at=tuple(factor * cost for cost in curve.cost_at))
     scaled = {key: factor * getattr(curve, key) for key in ("a", "b", "c") if hasattr(curve, key)}

@@ -28,7 +28,7 @@ class Joint:
 
     @classmethod
     def of(cls, curves: Sequence[CostCurve]) -> Joint | None:
-        """The curves as one; None where one of them is of another family."""
+        """The curves combined; None where a curve is of another family."""
         groups = []
         for curve in curves:
             if not isinstance(curve, Reciprocal | ReciprocalSquared | ReciprocalPower):
@@ -43,5 +43,5 @@ class Joint:
         return np.asarray(self.a + self.b / (t if np.all(self.k == 1.0) else t**self.k))
 
     def stationary(self, linear: Array, square: Array) -> Array | None:
-        """As `CostCurve.stationary`, of prices (n, features)."""
+        """As `CostCurve.stationary`, for prices (n, features)."""
         return stationary_power(self.b, self.k, linear, square)

@@ -22,12 +22,12 @@ def read_curve(section: Section, default: CostCurve | None = None) -> CostCurve 
         return None
     kind = CURVES[name]
     keys = [field.name for field in fields(kind)]  # type: ignore[arg-type]
-    given = {key: section.numbers(key) if name == "table" else section.number(key) for key in keys}
+    values = {key: section.numbers(key) if name == "table" else section.number(key) for key in keys}
     for key in keys:
         if key not in section and key not in base:
             section.fault(key, f"is missing: the cost model {name} needs {', '.join(keys)}")
     section.finish()
-    stated = base | {key: value for key, value in given.items() if value is not None}
+    stated = base | {key: value for key, value in values.items() if value is not None}
     if len(stated) < len(keys):
         return None
     curve = kind(**stated)

@@ -40,7 +40,7 @@ class ReciprocalPower(CostCurve):
 def stationary_power(
     b: float | Array, k: float | Array, linear: Array, square: Array
 ) -> Array | None:
-    """The t at which k b / t^(k + 1) = linear + 2 square t; inf where it falls for ever.
+    """The t at which k b / t^(k + 1) = linear + 2 square t; inf where the cost falls for ever.
 
     With both prices, Newton's method on the logarithm of both sides in x = ln t. Their difference
     is concave with a slope between -(k + 2) and -(k + 1), so that it converges from everywhere, and
@@ -50,14 +50,14 @@ def stationary_power(
         return None
     linear = linear + 0.0  # no negative zero: it has no price, and its reciprocal no root
     with np.errstate(divide="ignore", over="ignore"):
-        stationary = _root(k * b / linear, k + 1.0)
+        by_linear = _root(k * b / linear, k + 1.0)
         if not np.any(square):
-            return stationary
-        other = _root(0.5 * k * b / square, k + 2.0)
+            return by_linear
+        by_square = _root(0.5 * k * b / square, k + 2.0)
         if not np.any(linear):
-            return other
+            return by_square
     free = (linear == 0.0) & (square == 0.0)
-    x = np.log(np.where(free, 1.0, np.minimum(stationary, other)))
+    x = np.log(np.where(free, 1.0, np.minimum(by_linear, by_square)))
     for _ in range(STEPS):
         bent = 2.0 * square * np.exp(x)
         level = linear + bent

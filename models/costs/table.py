@@ -14,10 +14,10 @@ from .curve import Array, CostCurve
 class Table(CostCurve):
     """Cost at listed tolerances (or grades), linear between them; not defined outside the list.
 
-    `t` rises strictly. Where `cost_at` rises the lower cost of a tighter tolerance counts, which a
-    part may have all the same. At a listed tolerance the slope is that of the
-    interval above it, at the last one that of the interval below. Outside the list C is infinite:
-    nobody quoted that tolerance.
+    `t` rises strictly. Where `cost_at` rises, the lower cost of a tighter tolerance counts, since
+    the part may be made to that one. At a listed tolerance the slope is that of the interval above
+    it, at the last that of the interval below. Outside the list C is infinite: nobody quoted that
+    tolerance.
     """
 
     t: tuple[float, ...]
@@ -25,14 +25,16 @@ class Table(CostCurve):
 
     @property
     def least(self) -> tuple[float, ...]:
-        """Least cost of each listed tolerance or a tighter one."""
+        """Least cost over each listed tolerance and all tighter ones."""
         return tuple(accumulate(self.cost_at, min))
 
     @property
     def rising(self) -> tuple[float, ...]:
         """Listed tolerances that cost more than a tighter one."""
         return tuple(
-            t for t, own, least in zip(self.t, self.cost_at, self.least, strict=True) if own > least
+            t
+            for t, cost, least in zip(self.t, self.cost_at, self.least, strict=True)
+            if cost > least
         )
 
     def cost(self, t: Array) -> Array:

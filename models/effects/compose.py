@@ -1,4 +1,4 @@
-"""Effects in a model: what it predicts with them, in the one order in which they compose.
+"""Effects in a model: its predictions with them, composed in a fixed order.
 
 1. Changes inside of the model, summed over the effects; 2. the model's prediction; 3. the
 population, effect after effect; 4. the sum of what is added to the outputs; 5. the instrument's
@@ -20,7 +20,7 @@ from .readings import Table, readings_of, target_of
 
 @dataclass(frozen=True, slots=True)
 class Active:
-    """An effect that is in the model, with the values of its parameters by name."""
+    """An active effect of the model, with the values of its parameters by name."""
 
     effect: Effect
     values: Mapping[str, float]
@@ -36,7 +36,7 @@ def predicted(
 ) -> dict[str, Array]:
     """Every output (n,) of the model `name` at the rows of a table, with the effects in it.
 
-    `zero` is added to what the model predicts, by output.
+    `zero` is added to the model's predictions, by output.
     """
     active = tuple(effects)
     if not active:
@@ -50,14 +50,14 @@ def predicted(
 
 
 def with_zero(outputs: Mapping[str, Array], zero: Mapping[str, float]) -> dict[str, Array]:
-    """Outputs (n,) with what the instrument adds to each of them."""
+    """Outputs (n,) with the zero of the instrument added to each of them."""
     return {
         name: values + zero[name] if name in zero else values for name, values in outputs.items()
     }
 
 
 def acting(effects: Sequence[Active], readings: Readings, target: Target) -> list[Action]:
-    """What each effect does to the rows."""
+    """The action of each effect on the rows."""
     return [effect.effect.act(readings, effect.values, target) for effect in effects]
 
 
@@ -76,7 +76,7 @@ def added(
     means: Mapping[str, float],
     rng: np.random.Generator,
 ) -> dict[str, Array]:
-    """Predicted outputs (n,) with what effects do after it; `means` are of a population."""
+    """Predicted outputs (n,) with the effects that act on them; `means` are of a population."""
     total = dict(outputs)
     for action in actions:
         if action.population is not None:

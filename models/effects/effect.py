@@ -34,9 +34,9 @@ FAMILIES = (
 class EffectParameter:
     """A number of an effect; physics bounds it, sign included.
 
-    The name carries the unit (`rate_arcsec_per_K`). What the effect does is a sum of its `linear`
-    parameters, each times something that depends on the others alone; at 0 (their default) it does
-    nothing. A nonlinear one has no default: it must be given. It may be one of `choices` only.
+    The name carries the unit (`rate_arcsec_per_K`). The effect is a sum of its `linear`
+    parameters, each times a function of the nonlinear ones; at 0 (their default) it does nothing. A
+    nonlinear parameter has no default: it must be given. It may be one of `choices` only.
     """
 
     name: str
@@ -49,7 +49,7 @@ class EffectParameter:
 
     @property
     def phase(self) -> bool:
-        """Whether it goes once around a circle; the step of a reading in degrees does not."""
+        """Whether it is an angle over a full circle; a resolution in degrees is not."""
         return self.unit == "deg" and self.high - self.low == 360.0
 
     @property
@@ -70,14 +70,17 @@ _UNITS = {"angle": "rad", "length": "m", "speed": "rad/s", "torque": "Nm", "forc
 
 
 def kind_of(unit: str) -> str:
-    """The kind of a quantity of that unit; empty for a plain number or a unit that is not known."""
+    """The kind of a quantity of that unit; empty for a plain number or an unknown unit."""
     try:
-        own = dimension(unit) if unit else ""
+        quantity_dimension = dimension(unit) if unit else ""
     except ValueError:
         return ""
-    if not own:
+    if not quantity_dimension:
         return ""
-    return next((kind for kind, one in _UNITS.items() if dimension(one) == own), "other")
+    return next(
+        (kind for kind, base_unit in _UNITS.items() if dimension(base_unit) == quantity_dimension),
+        "other",
+    )
 
 
 def quantity(
@@ -100,15 +103,15 @@ def _nothing() -> Mapping[Any, Any]:
 
 @dataclass(frozen=True, slots=True)
 class Target:
-    """What an effect is added to: a model's name, its outputs, the columns that the table has,
-    what may be changed inside, and whether each row is a unit of a population.
+    """The model that an effect is added to: its name and outputs, the columns of the table, the
+    quantities that may be changed inside, and whether each row is a unit of a population.
 
     Where the table is known, `largest` holds the largest magnitude of a column by role (in the
     units of `Readings`), `labels` the labels of unit and lot, and `locked` whether the rows follow
-    the load of a unit whose input stands still (None where no table is known); `pace` is the usual
-    step of the clock [s], `derived` are roles that follow from another column. `several` outputs of
-    the model make the names of an effect's parameters begin with that of their output. `gear` says
-    which orders its errors have, None where it is not known.
+    the load of a unit with a locked input (None where no table is known); `pace` is the usual
+    step of the clock [s], `derived` are roles that follow from another column. With `several`
+    outputs the names of an effect's parameters begin with that of their output. `gear` has the
+    orders of its errors, None where it is not known.
     """
 
     model: str
@@ -126,15 +129,15 @@ class Target:
     derived: frozenset[Role] = frozenset()
 
     def roles(self) -> frozenset[Role]:
-        """The roles of the columns that are there."""
+        """The roles of the columns of the table."""
         return frozenset(column.role for column in self.columns) | self.derived
 
     def changes(self, *names: str) -> bool:
-        """Whether all these quantities may be changed inside of the model."""
+        """Whether all these quantities may be changed inside the model."""
         return set(names) <= {changeable.name for changeable in self.changeable}
 
     def prefix(self, output: Output) -> str:
-        """What the names of parameters of one output begin with."""
+        """The prefix of the names of parameters of one output."""
         stem = output.name.removesuffix(f"_{unit_key(output.unit)}")
         return f"{stem}_" if self.several else ""
 
@@ -145,8 +148,8 @@ class Readings:
 
     By role: angle [rad], torque [N m], force [N], direction [+1, -1], speed [rpm], temperature
     [degC], time [s], payload [kg], position [m] (a column that moves along a line instead of
-    turning: angle [m], speed [m/s]); unit and lot are labels. Rows stand as in the table; `order`
-    (n,) lists them in the order of measuring (`time` where there is one).
+    turning: angle [m], speed [m/s]); unit and lot are labels. Rows are those of the table; `order`
+    (n,) lists them in the order of measurement (by `time` where there is one).
     """
 
     table: Mapping[str, NDArray[Any]]
@@ -166,13 +169,13 @@ class Readings:
 
 @dataclass(frozen=True, slots=True)
 class Action:
-    """What an effect does to n rows; it acts in exactly one of the places.
+    """The action of an effect on n rows; exactly one of the fields is used.
 
-    - `changes`: added to changeable quantities inside of the model, by name, (n,);
+    - `changes`: added to changeable quantities inside the model, by name, (n,);
     - `output`: added to outputs, by name, (n,), in their units;
-    - `reading`: what the instrument makes of an output, by name: a function of the output (n,);
-    - `population`: what becomes of the units of a batch: a function of the drawn values (n,), the
-      model's mean and a generator.
+    - `reading`: what the instrument shows of an output, by name: a function of the output (n,);
+    - `population`: the changed units of a batch: a function of the drawn values (n,), the model's
+      mean and a generator.
     """
 
     changes: Mapping[str, Array] = field(default_factory=_nothing)
@@ -182,10 +185,10 @@ class Action:
 
 
 class Effect(ABC):
-    """A named physical effect: its cause, what it needs to be seen, and what it does.
+    """A named physical effect: its cause, the columns that it needs, and its action.
 
-    Composed in a fixed order: changes inside of the model, then the population, then the outputs,
-    then the readings of the instrument. Where a model has a changeable quantity of the effect's
+    Effects compose in a fixed order: changes inside the model, then the population, then the
+    outputs, then the instrument. Where a model has a changeable quantity of the effect's
     name (`bearing_clearance_mm`), the effect acts there, with that quantity as its one parameter,
     in `inside_bounds`; elsewhere it does its `own_action`.
     """
@@ -195,21 +198,21 @@ class Effect(ABC):
     cause: ClassVar[str]
     """One sentence."""
     formula: ClassVar[str] = ""
-    """What is added, in the symbols of docs/effects.md."""
+    """The term that is added, in the symbols of docs/effects.md."""
     needs: ClassVar[tuple[Role, ...]] = ()
     mistaken_for: ClassVar[tuple[str, ...]] = ()
-    """Names of the effects that it is easily mistaken for."""
+    """Names of the effects that it is easily confused with."""
     reference: ClassVar[str] = ""
     along_units: ClassVar[bool] = False
-    """Whether it moves unit after unit, as an input that wears off does."""
+    """Whether it grows from unit to unit, as tool wear does."""
     dimensions: ClassVar[tuple[str, ...]] = ()
     """The kinds of outputs that it can act on, of `KINDS`; empty for any."""
     inside_bounds: ClassVar[tuple[float, float]] = (0.0, inf)
     inside_name: ClassVar[str] = ""
-    """The quantity inside of a model that stands for the effect, where not the one of its name."""
+    """The quantity inside a model that represents the effect, where it has another name."""
 
     def place(self, target: Target) -> Changeable | None:
-        """The changeable quantity that bears the effect's name, its unit aside."""
+        """The changeable quantity with the effect's name, without its unit."""
         name = self.inside_name or self.name
         for changeable in target.changeable:
             if changeable.name in (name, f"{name}_{unit_key(changeable.unit)}"):
@@ -223,12 +226,12 @@ class Effect(ABC):
         return bool(self.reached(target)) and self.own_applies(target)
 
     def reached(self, target: Target) -> tuple[Output, ...]:
-        """The outputs that it can act on: of its `dimensions`, or of a unit that is not known."""
+        """The outputs that it can act on: of its `dimensions`, or of an unknown unit."""
         kinds = (*self.dimensions, "")
         return tuple(o for o in target.outputs if not self.dimensions or kind_of(o.unit) in kinds)
 
     def left_out(self, target: Target) -> str:
-        """Why it has no place in this model with these columns, empty where it has one."""
+        """Why it does not apply to this model with these columns; empty where it does."""
         if self.applies(target):
             return ""
         if missing := [str(role) for role in self.needs if role not in target.roles()]:
@@ -243,7 +246,7 @@ class Effect(ABC):
         return "no place in this model"
 
     def parameters(self, target: Target) -> tuple[EffectParameter, ...]:
-        """Its numbers, for this target."""
+        """Its parameters for this target."""
         place = self.place(target)
         if place is None:
             return self.own_parameters(target)
@@ -252,24 +255,24 @@ class Effect(ABC):
 
     def parameter(self, name: str, target: Target) -> EffectParameter | None:
         """The parameter that a configuration names, by its name or by its stem."""
-        for one in self.parameters(target):
-            if name in (one.name, one.stem):
-                return one
+        for number in self.parameters(target):
+            if name in (number.name, number.stem):
+                return number
         return None
 
     def missing(self, values: Mapping[str, float], target: Target) -> tuple[str, ...]:
-        """Names of parameters that must be given beside those of `values`: nonlinear ones."""
+        """Names of the parameters that must be given in addition to `values`: nonlinear ones."""
         numbers = self.parameters(target)
         return tuple(n.name for n in numbers if not n.linear and n.name not in values)
 
     def shown(self, measured: Mapping[str, Array], target: Target) -> Mapping[str, float] | None:
-        """Nonlinear parameters that the readings of the outputs (n,), by name, show by themselves;
-        None where they show that the effect is not there.
+        """Nonlinear parameters that follow from the measured outputs (n,), by name; None where
+        these show that the effect is absent.
         """
         return {}
 
     def act(self, readings: Readings, values: Mapping[str, float], target: Target) -> Action:
-        """What it does to the rows, with `values` of its parameters by name."""
+        """Its action on the rows, with `values` of its parameters by name."""
         place = self.place(target)
         if place is None:
             return self.own_action(readings, values, target)
@@ -278,20 +281,20 @@ class Effect(ABC):
     def described(
         self, values: Mapping[str, float], target: Target
     ) -> dict[str, tuple[float, str]]:
-        """What a reader wants to see beside the parameters (amplitude, phase): value and unit."""
+        """Quantities reported in addition to the parameters (amplitude, phase): value and unit."""
         return {}
 
     def own_applies(self, target: Target) -> bool:
-        """Whether it can act where no quantity bears its name."""
+        """Whether it can act where no quantity inside has its name."""
         return set(self.needs) <= target.roles()
 
     @abstractmethod
     def own_parameters(self, target: Target) -> tuple[EffectParameter, ...]:
-        """Its numbers where no quantity inside bears its name."""
+        """Its parameters where no quantity inside has its name."""
 
     @abstractmethod
     def own_action(self, readings: Readings, values: Mapping[str, float], target: Target) -> Action:
-        """What it does to the rows where no quantity inside bears its name."""
+        """Its action on the rows where no quantity inside has its name."""
 
 
 def known(values: Mapping[str, float], name: str) -> float:

@@ -1,4 +1,4 @@
-"""Effects that act inside of a model only."""
+"""Effects that act inside a model only."""
 
 from __future__ import annotations
 
@@ -45,5 +45,5 @@ class InsideSeveral(Inside):
         return ()
 
     def factor(self, readings: Readings, values: Mapping[str, float]) -> np.ndarray:
-        """What the parameters are multiplied by, (n,)."""
+        """The factor (n,) of the parameters."""
         return np.ones(len(readings))

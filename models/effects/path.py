@@ -10,17 +10,17 @@ from ..measurable import Role
 from .effect import Readings
 
 FEW = 0.1
-"""Turns of a path per row, above which it is none."""
+"""Reversals per row above which rows are not a path."""
 MOSTLY = 0.9
-"""Share of the load's path that must go in the direction that is given."""
+"""Fraction of the load's path that must go in the stated direction."""
 TWIST = 0.1
-"""[rad] More than a locked unit twists."""
+"""[rad] Largest twist of a locked unit."""
 
 
 def play(x: Array, width: float, starts: NDArray[np.bool_] | None = None) -> Array:
     """Output (n,) of a play of half-width `width` [unit of x], driven along the path x (n,).
 
-    p_i = max(x_i - w, min(x_i + w, p_(i-1))): the output stands until the input has crossed the
+    p_i = max(x_i - w, min(x_i + w, p_(i-1))): the output rests until the input has crossed the
     play. A path begins where `starts` (n,) is true, at rest and never loaded before (p = 0 within
     the play). The steps are clips; clips compose to clips, so their running composition takes
     log2(n) passes over the whole path. Reference: Visintin, Differential Models of Hysteresis.
@@ -29,7 +29,7 @@ def play(x: Array, width: float, starts: NDArray[np.bool_] | None = None) -> Arr
     begins = np.zeros(len(x), dtype=bool) if starts is None else starts.copy()
     begins[:1] = True
     fresh = np.clip(0.0, low[begins], high[begins])
-    low[begins] = high[begins] = fresh  # nothing before a beginning is remembered
+    low[begins] = high[begins] = fresh  # a path has no memory of the one before
     step = 1
     while step < len(x):
         # the clip of rows i-step+1..i after that of the rows before it
@@ -42,7 +42,7 @@ def play(x: Array, width: float, starts: NDArray[np.bool_] | None = None) -> Arr
 
 
 def along_path(readings: Readings, x: Array, width: float) -> Array:
-    """`play` over rows in the order of measuring; each unit and repeat is a path of its own."""
+    """`play` over rows in the order of measurement; each unit and repeat is a path of its own."""
     order, starts = _order(readings), _starts(readings)
     values = np.empty(len(x))
     values[order] = play(x[order], width, starts)
@@ -50,8 +50,8 @@ def along_path(readings: Readings, x: Array, width: float) -> Array:
 
 
 def follows_load(readings: Readings) -> bool:
-    """Whether the rows are the path of a load on a unit that stands: its direction is that of the
-    load's steps, which seldom turns round, and nothing moves.
+    """Whether the rows are a load path on a unit at rest: the direction is that of the load's
+    steps, it seldom reverses, and nothing moves.
     """
     load = next((r for r in (Role.TORQUE, Role.FORCE) if r in readings), None)
     if load is None or Role.DIRECTION not in readings or _moves(readings):
@@ -67,7 +67,7 @@ def follows_load(readings: Readings) -> bool:
 
 
 def _moves(readings: Readings) -> bool:
-    """Whether a speed is not 0, or the angle differs from row to row by more than a twist does."""
+    """Whether a speed is not 0, or the angle changes from row to row by more than a twist."""
     if Role.SPEED in readings and np.any(readings[Role.SPEED]):
         return True
     angle = readings[Role.ANGLE] if Role.ANGLE in readings else np.zeros(len(readings))
@@ -80,7 +80,7 @@ def _order(readings: Readings) -> NDArray[np.int64]:
 
 
 def _starts(readings: Readings) -> NDArray[np.bool_]:
-    """Where (n,) a path begins, in the order of measuring."""
+    """Where (n,) a path begins, in the order of measurement."""
     order, starts = _order(readings), np.zeros(len(readings), dtype=bool)
     starts[:1] = True
     for role in (Role.UNIT, Role.REPEAT):

@@ -27,10 +27,10 @@ FIXED: Mapping[Role, tuple[str, ...]] = {
     Role.PAYLOAD: ("kg",),
     Role.POSITION: ("m",),
 }
-"""Units by role; the second is that of what moves along a line."""
+"""Units by role; the second is that of linear motion."""
 LABELS = (Role.UNIT, Role.LOT)
 SESSION = "session"
-"""A column that any table may have: which rows were measured in one go."""
+"""A column that any table may have: the rows that were measured in one session."""
 EXTRAS = (
     Column("time_s", "s", "order of measuring", False, role=Role.TIME),
     Column("repeat", "", "number of the repeat", False, role=Role.REPEAT),
@@ -39,16 +39,16 @@ EXTRAS = (
 
 
 def fixed_unit(column: Column) -> str:
-    """The unit that effects see a column in. Raises ValueError where its own does not fit."""
-    wanted = FIXED.get(column.role, ())
-    for unit in wanted:
+    """The unit in which effects receive a column. Raises ValueError where its own does not fit."""
+    units = FIXED.get(column.role, ())
+    for unit in units:
         try:
             converted(0.0, column.unit, unit)
         except ValueError:
             continue
         return unit
-    if wanted:
-        text = f'"{column.unit}" is no unit of a {column.role} (write {" or ".join(wanted)})'
+    if units:
+        text = f'"{column.unit}" is no unit of a {column.role} (write {" or ".join(units)})'
         raise ValueError(text)
     return column.unit
 
@@ -71,7 +71,7 @@ def readings_of(columns: Iterable[Column], table: Table) -> Readings:
 
 
 def _order(time: NDArray[Any], session: NDArray[Any] | None) -> NDArray[np.int64]:
-    """Rows in the order of measuring: by the clock, session by session where each has its own."""
+    """Rows in the order of measurement: by the clock, session by session where each has its own."""
     if session is None or not own_clocks(session, time):
         return np.argsort(time, kind="stable")
     return np.lexsort((time, _appearance(session)))
@@ -92,16 +92,16 @@ def own_clocks(session: NDArray[Any], time: NDArray[Any]) -> bool:
 
 def _appearance(labels: NDArray[Any]) -> NDArray[np.int64]:
     """Number (n,) of each row's label, by first appearance."""
-    _, first, which = np.unique(
+    _, first, inverse = np.unique(
         np.asarray(labels).astype(str), return_index=True, return_inverse=True
     )
     rank = np.empty(len(first), dtype=np.int64)
     rank[np.argsort(first)] = np.arange(len(first))
-    return np.asarray(rank[which.ravel()])
+    return np.asarray(rank[inverse.ravel()])
 
 
 def _turn_by_speed(by_role: dict[Role, NDArray[Any]]) -> None:
-    """A speed with a sign tells the direction: effects see its magnitude beside that sign."""
+    """A signed speed gives the direction: effects receive magnitude and direction."""
     if Role.SPEED not in by_role:
         return
     speed = np.asarray(by_role[Role.SPEED], dtype=float)
@@ -130,7 +130,7 @@ def target_of(
     name: str,
     table: Table | None = None,
 ) -> Target:
-    """What effects may do in a model; of a known table, in the columns that it has."""
+    """The target of effects in a model; with a known table, only of the columns that it has."""
     columns = (*model.columns, *(extra for extra in EXTRAS if table is None or extra.name in table))
     target = target_from(name, model.outputs, columns, table, model.changeable, model.population)
     return replace(target, gear=model.gear)
@@ -144,7 +144,7 @@ def target_from(
     changeable: tuple[Changeable, ...] = (),
     population: bool = False,
 ) -> Target:
-    """A target of these columns; with a table, only of those it has, and with what it shows.
+    """A target of these columns; with a table, only of those it has, with the ranges of its values.
 
     Raises ValueError where a column's unit does not fit its role.
     """
@@ -195,20 +195,20 @@ def _present(columns: Iterable[Column], table: Table) -> list[Column]:
 
 
 def labels_of(values: NDArray[Any]) -> tuple[NDArray[np.str_], NDArray[np.int64]]:
-    """The labels (k,) of a column in their order, and which of them each row (n,) bears.
+    """The labels (k,) of a column in their order, and the index (n,) of each row's label.
 
     A whole number is written without its decimals.
     """
-    names, which = np.unique(np.asarray(values).astype(str), return_inverse=True)
+    names, inverse = np.unique(np.asarray(values).astype(str), return_inverse=True)
     if np.asarray(values).dtype.kind == "f":
         names = np.array([name.removesuffix(".0") for name in names.tolist()], dtype=str)
-    return names, np.asarray(which, dtype=np.int64)
+    return names, np.asarray(inverse, dtype=np.int64)
 
 
 def unit_numbers(readings: Readings) -> NDArray[np.int64]:
-    """Number (n,) of the unit that each row is about, in the order of measuring, from 0.
+    """Number (n,) of the unit of each row, in the order of measurement, from 0.
 
-    Rows of one unit (and lot) are one unit where the table tells repeats, else each row is one.
+    Rows of one unit (and lot) are one unit where the table has repeats; otherwise each row is one.
     """
     order = np.arange(len(readings)) if readings.order is None else readings.order
     numbers = np.empty(len(readings), dtype=np.int64)
@@ -216,8 +216,8 @@ def unit_numbers(readings: Readings) -> NDArray[np.int64]:
         numbers[order] = np.arange(len(readings))
         return numbers
     codes = [labels_of(readings[role][order])[1] for role in LABELS if role in readings]
-    _, first, which = np.unique(np.stack(codes), axis=1, return_index=True, return_inverse=True)
+    _, first, inverse = np.unique(np.stack(codes), axis=1, return_index=True, return_inverse=True)
     rank = np.empty(len(first), dtype=np.int64)
     rank[np.argsort(first)] = np.arange(len(first))  # by first appearance
-    numbers[order] = rank[which.ravel()]
+    numbers[order] = rank[inverse.ravel()]
     return numbers

@@ -1,4 +1,4 @@
-"""Effects that are sums of known columns: what most effects share."""
+"""Effects that are sums of known columns: the base of most effects."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from ..measurable import Role
 from .effect import Action, Effect, EffectParameter, Readings, Target, known, quantity
 
 REFERENCE_TEMPERATURE = 20.0
-"""[degC], ISO 1: the temperature at which nothing grows."""
+"""[degC], ISO 1: the reference temperature of lengths."""
 POSITIONS = ("angle", "length")
-"""Kinds of outputs of effects that twist, shift, or come late with the motion."""
+"""Kinds of outputs of effects that twist, shift, or lag behind the motion."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,11 +63,13 @@ class Shape(Effect):
     def plain(self, target: Target) -> bool:
         """Whether it is the sum of its columns at the outputs, and nothing else."""
         kind = type(self)
-        own = kind.act is Effect.act and kind.own_action is Shape.own_action
-        return own and kind.own_parameters is Shape.own_parameters and self.place(target) is None
+        unchanged = kind.act is Effect.act and kind.own_action is Shape.own_action
+        return (
+            unchanged and kind.own_parameters is Shape.own_parameters and self.place(target) is None
+        )
 
     def shape_parameters(self, target: Target) -> tuple[EffectParameter, ...]:
-        """The nonlinear parameters, which all outputs share."""
+        """The nonlinear parameters, common to all outputs."""
         return ()
 
     @abstractmethod
@@ -96,14 +98,14 @@ class OneColumn(Shape):
 
     @abstractmethod
     def column(self, readings: Readings, values: Mapping[str, float], target: Target) -> Array:
-        """What the weight is multiplied by, (n,)."""
+        """The column (n,) that the weight multiplies."""
 
 
 class Orders(Shape):
     """Waves over the angle: cosine and sine of each order, so many waves per turn.
 
-    The orders are fixed (`orders`), or those of the gear (`follows`: what makes them, and how many
-    waves of that it makes). The parameters are the two components, which are linear; `described`
+    The orders are fixed (`orders`), or those of the gear (`follows`: names of its orders, and the
+    multiple of each). The parameters are the two components, which are linear; `described`
     gives the amplitude (above or at 0) and phase of amplitude cos(order angle - phase).
     """
 
@@ -112,14 +114,14 @@ class Orders(Shape):
     needs: ClassVar[tuple[Role, ...]] = (Role.ANGLE,)
 
     def own_applies(self, target: Target) -> bool:
-        """Only what turns, and has not arms for it, has waves over its angle."""
+        """Only rotating outputs, without arms of their own, have waves over the angle."""
         return turns(target) and bool(self.orders_of(target)) and super().own_applies(target)
 
     def own_reason(self, target: Target) -> str:
         return no_waves(target, *(name for name, _ in self.follows))
 
     def orders_of(self, target: Target) -> tuple[float, ...]:
-        """Its orders in this target; none where the gear does not say them."""
+        """Its orders in this target; none where the gear does not have them."""
         if not self.follows:
             return self.orders
         if target.gear is None or not target.gear.has(*(name for name, _ in self.follows)):
@@ -139,11 +141,11 @@ class Orders(Shape):
         )
 
     def per(self, target: Target) -> str:
-        """What the unit of the components is divided by."""
+        """The unit that the components are divided by."""
         return ""
 
     def factor(self, readings: Readings) -> Array | float:
-        """What the waves are multiplied by."""
+        """The factor of the waves."""
         return 1.0
 
     def columns(
@@ -170,24 +172,24 @@ class Orders(Shape):
 def polar(
     values: Mapping[str, float], c: EffectParameter, s: EffectParameter, at: str
 ) -> dict[str, tuple[float, str]]:
-    """Amplitude and phase [deg] of two components, under the names that `at` makes."""
+    """Amplitude and phase [deg] of two components; `at` is the template of their names."""
     x, y = known(values, c.name), known(values, s.name)
     phase = degrees(atan2(y, x))
     return {at % "amplitude": (hypot(x, y), c.unit), at % "phase": (phase, "deg")}
 
 
 def order_key(order: float) -> str:
-    """An order as names of parameters have it: 39, 97_5."""
+    """An order as written in names of parameters: 39, 97_5."""
     return f"{order:.6g}".replace(".", "_")
 
 
 def turns(target: Target) -> bool:
-    """Whether the angle is that of something that turns; the manipulator has arms for it."""
+    """Whether the angle is that of a rotating output; the manipulator has effects of its arms."""
     return target.units.get(Role.ANGLE, "rad") == "rad" and target.model != "manipulator_pose"
 
 
 def no_waves(target: Target, *names: str) -> str:
-    """Why there are no waves over the angle of what makes these orders."""
+    """Why there are no waves of these orders over the angle."""
     if not turns(target):
         return "nothing turns by the angle"
     if target.gear is None:
@@ -223,7 +225,7 @@ class Load:
 
     @staticmethod
     def share(target: Target, low: float, high: float) -> tuple[float, float]:
-        """Bounds of a load that lies in shares of the largest, which a known table gives."""
+        """Bounds of a load as fractions of the largest load, which a known table gives."""
         role = Load.role(target)
         largest = target.largest.get(role, 0.0) if role else 0.0
         return (low * largest, high * largest) if largest > 0.0 else (0.0, inf)
@@ -244,5 +246,5 @@ def warming(readings: Readings) -> Array:
 
 
 def speed_unit(target: Target) -> str:
-    """The unit of the speed: what moves along a line has m/s."""
+    """The unit of the speed: m/s for linear motion."""
     return target.units.get(Role.SPEED, "rpm")

@@ -1,8 +1,9 @@
-"""A smooth term without a name: what data need beside the named effects, and no cause explains.
+"""A smooth term without a name: needed by the data in addition to the named effects, of no known
+cause.
 
 A term is a shape over one variable, perhaps times another one and times the direction. It describes
-the rows that it was fitted on; beyond their range it keeps its value at the end (splines) or goes
-on as its power does.
+the rows that it was fitted on; beyond their range it keeps its value at the end (splines) or
+extrapolates as its power.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ SHAPES = ("constant", "spline", "power", "step", "wave", "swing", "product", "le
 
 @dataclass(frozen=True, slots=True)
 class Term:
-    """Where a term acts: added to `output`, over the column `variable` x, by its `shape`.
+    """A term: added to `output`, a function of the column `variable` x of the given `shape`.
 
     - `constant`: 1;
     - `spline`: cubic B-splines with `knots`;
@@ -39,8 +40,8 @@ class Term:
       without sessions, get none of them;
     - `product`: z w, z^2 w, z w^2, z^2 w^2 of z = (x - zero) / scale and w, which `times` gives.
 
-    All of it times w^times_exponent of w = (y - times_zero) / times_scale of the column `times`,
-    where one is given (`times_magnitude`: of its magnitude), and times the direction where it
+    The whole is multiplied by w^times_exponent of w = (y - times_zero) / times_scale of the column
+    `times`, where one is given (`times_magnitude`: of its magnitude), and by the direction where it
     `turns`.
     """
 
@@ -73,7 +74,7 @@ class Term:
 
     @property
     def variables(self) -> tuple[str, ...]:
-        """Columns of the table that it is a function of, the direction aside."""
+        """Columns of the table that it is a function of, without the direction."""
         return (self.variable, self.times) if self.times else (self.variable,)
 
     def columns(self, readings: Readings) -> Array:
@@ -86,8 +87,8 @@ class Term:
         return np.asarray(column, dtype=float)
 
     def _other(self, readings: Readings) -> Array:
-        other = np.asarray(readings.table[self.times], dtype=float)
-        scaled = (other - self.times_zero) / self.times_scale
+        values = np.asarray(readings.table[self.times], dtype=float)
+        scaled = (values - self.times_zero) / self.times_scale
         return np.asarray(np.abs(scaled) if self.times_magnitude else scaled)
 
     def _shape(self, readings: Readings) -> Array:
@@ -120,23 +121,23 @@ class Term:
         if self.variable not in readings.table:
             return np.zeros((len(readings), self.count))
         names, which = labels_of(readings.table[self.variable])
-        each = np.asarray(names[which][:, None] == np.array(self.labels), dtype=float)
-        return np.asarray(each[:, 1:] - each[:, :1])
+        matches = np.asarray(names[which][:, None] == np.array(self.labels), dtype=float)
+        return np.asarray(matches[:, 1:] - matches[:, :1])
 
     def table(self, coefficients: Array) -> dict[str, Any]:
         """The `[[unresolved]]` table of it."""
         usual = {entry.name: entry.default for entry in fields(self)}
-        given = {k: v for k, v in asdict(self).items() if v != usual[k]}
+        stated = {k: v for k, v in asdict(self).items() if v != usual[k]}
         lists = {"knots": self.knots, "heights": self.heights, "labels": self.labels}
-        given |= {name: list(one) for name, one in lists.items() if one}
-        return {**given, "coefficients": [float(coefficient) for coefficient in coefficients]}
+        stated |= {name: list(elements) for name, elements in lists.items() if elements}
+        return {**stated, "coefficients": [float(coefficient) for coefficient in coefficients]}
 
 
 class Unresolved(Effect):
-    """A term as an effect, in which it has linear parameters alone.
+    """A term as an effect with linear parameters only.
 
-    `mix` (count, m) makes its columns from those of the term: what a named effect does is left out
-    of them, so that its number stays its own.
+    `mix` (count, m) combines its columns from those of the term: the part that a named effect
+    explains is removed from them, so that its parameter is unaffected.
     """
 
     family = "unresolved"
@@ -150,14 +151,14 @@ class Unresolved(Effect):
             self.name += f" {sha256(mix.tobytes()).hexdigest()[:12]}"  # type: ignore[misc]
 
     def own_applies(self, target: Target) -> bool:
-        """Only where its columns and its output are there."""
+        """Only where its columns and its output exist."""
         names = {SESSION, *(column.name for column in target.columns)}
         turns = not self.term.turns or Role.DIRECTION in target.roles()
         outputs = {output.name for output in target.outputs}
         return {*self.term.variables} <= names and turns and self.term.output in outputs
 
     def place(self, target: Target) -> None:
-        """It is never inside of a model."""
+        """It never acts inside a model."""
 
     def own_parameters(self, target: Target) -> tuple[EffectParameter, ...]:
         unit = next(output.unit for output in target.outputs if output.name == self.term.output)
@@ -171,7 +172,7 @@ class Unresolved(Effect):
         return np.asarray(self.term.columns(readings) @ self.mix)
 
     def coefficients(self, values: Mapping[str, float]) -> Array:
-        """Those of the term (count,)."""
+        """Coefficients of the term (count,)."""
         weights = np.array([values.get(f"c{k + 1}", 0.0) for k in range(self.mix.shape[1])])
         return np.asarray(self.mix @ weights)
 
@@ -183,9 +184,11 @@ class Unresolved(Effect):
 
 def unresolved_of(table: Mapping[str, Any]) -> tuple[Unresolved, dict[str, float]]:
     """A term and its parameters from its checked `[[unresolved]]` table."""
-    given = {k: v for k, v in table.items() if k != "coefficients"}
-    given |= {name: tuple(given[name]) for name in ("knots", "heights", "labels") if name in given}
+    stated = {k: v for k, v in table.items() if k != "coefficients"}
+    stated |= {
+        name: tuple(stated[name]) for name in ("knots", "heights", "labels") if name in stated
+    }
     values = {
         f"c{k + 1}": float(coefficient) for k, coefficient in enumerate(table["coefficients"])
     }
-    return Unresolved(Term(**given)), values
+    return Unresolved(Term(**stated)), values

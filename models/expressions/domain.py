@@ -1,10 +1,11 @@
-"""How far a formula is from where it has no value.
+"""Distance of a formula from the edge of its domain.
 
-The room of a function is the distance of its argument from the edge of its domain, above 0 inside:
+The margin of a function is the distance of its argument from the edge of its domain, above 0
+inside:
 
     asin, acos   1 - |x|             sqrt, log   x
     a/b          b, by its sign at the middle
-    a**b         a for a broken b, a by its sign at the middle for a negative b
+    a**b         a for a fractional b, a by its sign at the middle for a negative b
     tan          distance from the nearest pole of the middle's own period
     atan2        distance from the half line on which it jumps, by the side of the middle
 """
@@ -24,9 +25,9 @@ Values = list[Array]
 
 
 def domain_margin(formula: Formula, x: Mapping[str, Array], middle: Mapping[str, Array]) -> Array:
-    """The least room at quantities `x` over all functions, each in units of that at the `middle`.
+    """The least margin at quantities `x` over all functions, each relative to that at the `middle`.
 
-    1 where nothing has moved, 0 at the edge of the domain, below 0 outside of it; infinite where
+    1 at the middle, 0 at the edge of the domain, below 0 outside of it; infinite where
     the formula has a value everywhere. `x` broadcasts to the shape of the result, `middle` holds
     single numbers.
     """
@@ -39,10 +40,10 @@ def _least(
 ) -> tuple[Array, Array, Array]:
     """Value and value at the middle of a node, and the least margin at or below it."""
     below = [_least(part, x, middle) for part in node.parts]
-    values, centres = [bound[0] for bound in below], [bound[1] for bound in below]
+    values, centres = [triple[0] for triple in below], [triple[1] for triple in below]
     margin = np.asarray(np.inf)
-    for _, _, own in below:
-        margin = np.fmin(margin, own)
+    for _, _, part_margin in below:
+        margin = np.fmin(margin, part_margin)
     value, centre = node.value(values, x), node.value(centres, middle)
     rooms = _room(node, values, centres), _room(node, centres, centres)
     if rooms[0] is not None and rooms[1] is not None:

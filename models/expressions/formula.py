@@ -40,7 +40,7 @@ class Formula:
 
     @property
     def linear(self) -> bool:
-        """Whether it is linear in its names; a formula that only turns out so does not count."""
+        """Whether it is linear in its names as written: simplifications do not count."""
         return self.tree.degree <= 1.0
 
     def value(self, x: Mapping[str, Array]) -> Array:
@@ -69,17 +69,17 @@ def _value(node: Expression, x: Mapping[str, Array]) -> Array:
 
 
 def _dual(node: Expression, x: Mapping[str, Array]) -> tuple[Array, dict[str, Array]]:
-    """Value and partial derivatives of a node; a name that is left out has the derivative 0."""
+    """Value and partial derivatives of a node; an omitted name has the derivative 0."""
     if isinstance(node, Name):
         return node.value((), x), {node.name: np.asarray(1.0)}
     below = [_dual(part, x) for part in node.parts]
     values = [value for value, _ in below]
-    found: dict[str, Array] = {}
+    derivatives: dict[str, Array] = {}
     if any(inner for _, inner in below):
         for outer, (_, inner) in zip(node.slopes(values), below, strict=True):
             for name, slope in inner.items():
-                found[name] = found.get(name, np.asarray(0.0)) + outer * slope
-    return node.value(values, x), found
+                derivatives[name] = derivatives.get(name, np.asarray(0.0)) + outer * slope
+    return node.value(values, x), derivatives
 
 
 def _trouble(node: Expression, x: Mapping[str, Array]) -> tuple[Array, str]:

@@ -20,9 +20,9 @@ def _everywhere(*_: Array) -> str:
 class Function:
     """A function of `least` to `most` arguments.
 
-    `value` and `slopes` (one partial derivative per argument) are vectorised. `trouble` says, empty
-    where nothing is wrong, why the function is not defined or jumps somewhere on a connected set
-    that the arguments are sampled from.
+    `value` and `slopes` (one partial derivative per argument) are vectorised. `trouble` returns
+    why the function is not defined or jumps somewhere on a connected set that the arguments are
+    sampled from; empty where it is defined and continuous.
     """
 
     value: Callable[..., Array]
@@ -56,7 +56,7 @@ def _positive(x: Array) -> str:
 
 
 def _no_pole(x: Array) -> str:
-    """Poles of the tangent lie between two samples where these are in different periods."""
+    """A pole of the tangent lies between two samples in different periods."""
     period = np.floor(np.asarray(x) / np.pi + 0.5)
     return "" if np.all(period == np.ravel(period)[0]) else f"has a pole within {span(x)} rad"
 
@@ -72,8 +72,8 @@ def _chosen(pick: Callable[..., Array]) -> Callable[..., tuple[Array, ...]]:
     """Slope 1 for the first argument that the extremum takes, 0 for the others."""
 
     def slopes(*x: Array) -> tuple[Array, ...]:
-        taken = pick(np.stack(np.broadcast_arrays(*x)), axis=0)
-        return tuple(np.where(taken == at, 1.0, 0.0) for at in range(len(x)))
+        extremum_at = pick(np.stack(np.broadcast_arrays(*x)), axis=0)
+        return tuple(np.where(extremum_at == at, 1.0, 0.0) for at in range(len(x)))
 
     return slopes
 

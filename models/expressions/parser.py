@@ -1,4 +1,6 @@
-"""From the text of a formula to its tree. Nothing is ever executed: the grammar is all there is.
+"""From the text of a formula to its tree. Nothing is ever executed.
+
+The grammar:
 
 sum     = product {("+" | "-") product}
 product = sign {("*" | "/") sign}
@@ -71,7 +73,7 @@ def _tokens(text: str) -> list[_Token]:
     position = 0
     while not tokens or tokens[-1].kind != "end":
         match = _TOKEN.match(text, position)
-        assert match is not None  # "other" takes whatever is left
+        assert match is not None  # "other" matches anything else
         kind = str(match.lastgroup)
         token = _Token(kind, match[kind], match.start(kind) + 1)
         if kind == "other":
@@ -101,8 +103,8 @@ class _Parser:
         """The token to be read next."""
         return self._tokens[self._next]
 
-    def _taken(self, *signs: str) -> _Token | None:
-        """The next token if it is one of `signs`; then it is read."""
+    def _accepted(self, *signs: str) -> _Token | None:
+        """The next token if it is one of `signs`, and then it is consumed."""
         token = self.now
         if token.kind != "sign" or token.text not in signs:
             return None
@@ -112,7 +114,7 @@ class _Parser:
     def _chain(self, operand: str, *signs: str) -> Expression:
         read = self._product if operand == "product" else self._sign
         expression, length = read(), 1
-        while token := self._taken(*signs):
+        while token := self._accepted(*signs):
             length += 1
             if length > DEEPEST:
                 raise FormulaError(token.at, f"at most {DEEPEST} operations in a row")
@@ -129,7 +131,7 @@ class _Parser:
         self._level += 1
         if self._level > NESTED:
             raise FormulaError(self.now.at, f"is nested too deeply: at most {NESTED} levels")
-        token = self._taken("-", "+")
+        token = self._accepted("-", "+")
         if token is None:
             expression = self._power()
         else:
@@ -140,18 +142,18 @@ class _Parser:
 
     def _power(self) -> Expression:
         base = self._atom()
-        token = self._taken("**")
+        token = self._accepted("**")
         return base if token is None else Operation(token.at, "**", base, self._sign())
 
     def _atom(self) -> Expression:
         token = self.now
-        if self._taken("("):
+        if self._accepted("("):
             expression = self.sum()
             self._close(token)
             return expression
         if token.kind not in ("number", "name"):
-            what = "ends too early" if token.kind == "end" else f"unexpected `{token.text}`"
-            raise FormulaError(token.at, f"{what}: a number, a name or ( is expected here")
+            problem = "ends too early" if token.kind == "end" else f"unexpected `{token.text}`"
+            raise FormulaError(token.at, f"{problem}: a number, a name or ( is expected here")
         self._next += 1
         if token.kind == "name":
             return self._named(token)
@@ -162,12 +164,13 @@ class _Parser:
 
     def _named(self, token: _Token) -> Expression:
         opening = self.now
-        if self._taken("("):
+        if self._accepted("("):
             if token.text not in FUNCTIONS:
-                known = ", ".join(FUNCTIONS)
+                function_names = ", ".join(FUNCTIONS)
                 close = nearest(token.text, FUNCTIONS)
                 raise FormulaError(
-                    token.at, f"`{token.text}` is not a function of formulas{close}; one of {known}"
+                    token.at,
+                    f"`{token.text}` is not a function of formulas{close}; one of {function_names}",
                 )
             return self._call(token, opening)
         if token.text in FUNCTIONS:
@@ -178,7 +181,7 @@ class _Parser:
 
     def _call(self, token: _Token, opening: _Token) -> Expression:
         arguments = [self.sum()]
-        while self._taken(","):
+        while self._accepted(","):
             arguments.append(self.sum())
         self._close(opening)
         kind = FUNCTIONS[token.text]
@@ -190,7 +193,7 @@ class _Parser:
         return Call(token.at, token.text, tuple(arguments))
 
     def _close(self, opening: _Token) -> None:
-        if not self._taken(")"):
+        if not self._accepted(")"):
             if self.now.kind == "end":
                 raise FormulaError(opening.at, "this parenthesis is never closed")
             raise FormulaError(self.now.at, f"unexpected `{self.now.text}`: ) is expected here")

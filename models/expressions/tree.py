@@ -1,4 +1,4 @@
-"""The nodes of an expression tree, each with its value, its slopes and where it has none."""
+"""The nodes of an expression tree, each with its value, its slopes and its domain."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ from .uniform import Uniform
 from .zone import Zone
 
 DISTRIBUTIONS: Kinds[Distribution] = Kinds("distributions", Distribution)
-"""Those of plugins included."""
+"""Plugins included."""
 
 __all__ = [
     "DISTRIBUTIONS",

@@ -15,7 +15,7 @@ class Beta(Distribution):
     """z on [-1, 1] with a density proportional to (1 + z)^(alpha - 1) (1 - z)^(beta - 1).
 
     `alpha`, `beta` > 0 without default: 1, 1 is uniform, below 1 the density has a pole at that
-    limit. It fills the zone, so it has no Cp and no shift. Mean (alpha - beta)/(alpha + beta).
+    limit. It fills the zone, so that it has no Cp and no shift. Mean (alpha - beta)/(alpha + beta).
 
     Integrating d[z^k (1 - z^2) f(z)] gives both the raw moments,
     m_(k+1) = (k m_(k-1) + (alpha - beta) m_k)/(k + alpha + beta), whose terms never cancel, and the

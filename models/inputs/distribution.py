@@ -1,4 +1,4 @@
-"""The interface of a toleranced input: input = mid + t z, with z on the scale of the zone."""
+"""The interface of a toleranced input: input = mid + t z, with z in units of the half-width."""
 
 from __future__ import annotations
 

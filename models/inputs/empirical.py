@@ -1,4 +1,4 @@
-"""Empirical input: the deviations that were measured, as they are."""
+"""Empirical input: the distribution of measured deviations."""
 
 from __future__ import annotations
 
@@ -54,10 +54,10 @@ class Empirical(Distribution):
         at = np.clip(np.searchsorted(x, z, side="right") - 1, 0, pieces - 1)
         low, high = x[at], x[at + 1]
         end, width = np.clip(z, low, high), high - low
-        share = np.where(width > 0.0, (end - low) / np.where(width > 0.0, width, 1.0), z >= low)
+        fraction = np.where(width > 0.0, (end - low) / np.where(width > 0.0, width, 1.0), z >= low)
         whole, part = _piece(x[:-1], x[1:]), _piece(low, end)
         before = [np.concatenate([[0.0], np.cumsum(value)])[at] for value in whole]
-        mass, first, second = (b + share * p for b, p in zip(before, part, strict=True))
+        mass, first, second = (b + fraction * p for b, p in zip(before, part, strict=True))
         return mass / pieces, first / pieces, second / pieces
 
     def quantile(self, probability: Array) -> Array:

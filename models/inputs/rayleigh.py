@@ -25,7 +25,7 @@ class Rayleigh(Distribution):
     do that. So an input that is not mid +- t (a full clearance) cannot have this distribution, and
     where only the component in one direction acts, that component is a `Normal`.
 
-    `cp` is the capability against the one limit: the share beyond z = 1 is Phi(-3 Cp), as beyond
+    `cp` is the capability against the one limit: the fraction beyond z = 1 is Phi(-3 Cp), as beyond
     either limit of a centred normal process (0.135 % at Cp = 1), which makes
     sigma = 1/sqrt(-2 ln Phi(-3 Cp)). There is no other limit, so Cpk is Cp, and there is no shift.
 

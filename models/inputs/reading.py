@@ -29,8 +29,8 @@ def keys() -> tuple[str, ...]:
 def read_distribution(section: Section, default: Distribution | None = None) -> Distribution | None:
     """The distribution that `section` states by `keys`, which are then known to it.
 
-    Without `distribution` its other keys change parameters of `default`, which comes back as it is
-    where nothing is stated. None after a fault; every fault is reported at its key.
+    Without `distribution` its other keys change parameters of `default`, which is returned
+    unchanged where nothing is stated. None after a fault; every fault is reported at its key.
     """
     name = section.text("distribution", DISTRIBUTIONS)
     kind = None if default is None else type(default)
@@ -73,7 +73,7 @@ def _value(section: Section, key: str, kind: type[Distribution] | None) -> Any:
     if key == "cpk":
         return section.number(key, within=Range(low=0.0))
     kinds = ([] if kind is None else [kind]) + list(DISTRIBUTIONS.sound().values())
-    parameter = next(found[key] for found in map(_parameters, kinds) if key in found)
+    parameter = next(parameters[key] for parameters in map(_parameters, kinds) if key in parameters)
     if key == "values":
         return section.numbers(key)
     return section.number(key, within=allowed(parameter))
@@ -82,7 +82,7 @@ def _value(section: Section, key: str, kind: type[Distribution] | None) -> Any:
 def _built(
     section: Section, kind: type[Distribution], default: Distribution | None, stated: Stated
 ) -> Distribution | None:
-    """The distribution of a kind from what is stated; the rest is that of `default`."""
+    """The distribution of a kind from the stated parameters; the others are those of `default`."""
     parameters = _parameters(kind)
     taken = {*parameters, *(["cpk"] if "shift" in parameters else [])}
     unsuited = [key for key in stated if key not in taken]
@@ -107,19 +107,19 @@ def _built(
 def _shifted(section: Section, stated: Stated) -> Stated:
     """`cpk` replaced by the shift, towards the upper limit, of Cpk = Cp (1 - |shift|)."""
     cp, cpk = stated["cp"], stated["cpk"]
-    rest = {key: value for key, value in stated.items() if key != "cpk"}
+    remaining = {key: value for key, value in stated.items() if key != "cpk"}
     if "shift" in stated:
         section.fault(
             "cpk",
             "is given together with shift: leave one of them out, since Cpk = Cp (1 - |shift|)",
         )
-        return rest | {"shift": None}
+        return remaining | {"shift": None}
     if cp is None or cpk is None:
-        return rest | {"shift": None}
+        return remaining | {"shift": None}
     if cpk > cp:
         section.fault(
             "cpk",
             f"must not be above cp ({cp:g}), got {cpk:g}: raise cp, since Cpk = Cp (1 - |shift|)",
         )
-        return rest | {"shift": None}
-    return rest | {"shift": 1.0 - cpk / cp}
+        return remaining | {"shift": None}
+    return remaining | {"shift": 1.0 - cpk / cp}

@@ -1,4 +1,4 @@
-"""Skew normal input: a process that leans to one side, as tool wear or a stop makes it."""
+"""Skew normal input: a process that is skewed to one side, for example by tool wear or a stop."""
 
 from __future__ import annotations
 
@@ -64,8 +64,8 @@ class SkewNormal(Distribution):
         even = np.where(k % 2 == 0, half, 0.0)
         centred = _of_sum(half, powers(-sqrt(2.0 / pi)))
         _, scale = self._line
-        rest = scale / hypot(1.0, self.skew)
-        around = _of_sum(centred * powers(scale * self._delta), even * powers(rest))
+        normal_scale = scale / hypot(1.0, self.skew)
+        around = _of_sum(centred * powers(scale * self._delta), even * powers(normal_scale))
         return _of_sum(around, powers(self.shift))
 
     def partial_moments(self, z: Array) -> tuple[Array, Array, Array]:
@@ -110,7 +110,7 @@ def _mass(y: Array, skew: float) -> Array:
 
 @lru_cache(maxsize=8)
 def _table(skew: float) -> tuple[Array, Array]:
-    """Nodes y (`NODES`,) between which p is not flat to the last digit, and their mass."""
+    """Nodes y (`NODES`,) between which p rises in its last digits, and their mass."""
     wide = np.linspace(-REACH, REACH, NODES)
     y = np.union1d(wide, wide / hypot(1.0, skew))  # there the skewed side falls off
     mass = _mass(y, skew)
@@ -118,8 +118,11 @@ def _table(skew: float) -> tuple[Array, Array]:
     return y[rising], mass[rising]
 
 
-def _of_sum(one: Array, other: Array) -> Array:
+def _of_sum(first: Array, second: Array) -> Array:
     """Raw moments of the sum of two independent variables from theirs, all of shape (k + 1,)."""
     return np.array(
-        [sum(comb(k, j) * one[j] * other[k - j] for j in range(k + 1)) for k in range(len(one))]
+        [
+            sum(comb(k, j) * first[j] * second[k - j] for j in range(k + 1))
+            for k in range(len(first))
+        ]
     )

@@ -11,7 +11,7 @@ from .plateau import Plateau
 class Trapezoid(Plateau):
     """z symmetric on [-1, 1] with a level density on [-top, top]: variance (1 + top^2)/6.
 
-    `top` in [0, 1] is the share of the zone that is level: 0 is the triangle, 1 is uniform. It
+    `top` in [0, 1] is the fraction of the zone that is level: 0 is the triangle, 1 is uniform. It
     fills the zone, so it has no Cp and no shift. It is the sum of two independent uniform errors of
     half-widths (1 + top)/2 and (1 - top)/2.
 

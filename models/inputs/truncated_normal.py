@@ -1,4 +1,4 @@
-"""Normal input whose rejects are sorted out: nothing outside the zone is built in."""
+"""Normal input with sorting: no part outside the zone is assembled."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .distribution import Array, Distribution
 from .normal import density
 
 REACH = 12.0
-"""Standard deviations beyond which the density is left out."""
+"""Standard deviations beyond which the density is neglected."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -44,7 +44,7 @@ SYMMETRIC = "js"
 ABOVE = SHAFTS[: SHAFTS.index("h") + 1]
 """Letters of shafts below the nominal size, whose deviation is the upper one."""
 REDUCED = ("k", "m", "n")
-"""Of the letters K, M, N holes up to IT8 are moved by Delta, of all later ones those up to IT7."""
+"""Letters K, M, N: their holes up to IT8 are moved by Delta, those of later letters up to IT7."""
 SMALLEST = 3.0
 """Up to this nominal size [mm] Delta is 0."""
 
@@ -59,22 +59,22 @@ def deviations_um(letter: str, grade: str, size: float) -> tuple[float, float]:
     Reference: ISO 286-1:2010, clause 4.3, tables 2 to 5.
     """
     width = grade_um(grade, size)
-    own = letter.lower()
+    shaft_letter = letter.lower()
     if letter not in LETTERS:
         raise ValueError(
             f'"{letter}" is not a letter of a fundamental deviation: one of '
             f"{', '.join(SHAFTS)}, in capitals for a hole"
         )
-    if own == SYMMETRIC:
+    if shaft_letter == SYMMETRIC:
         return -0.5 * width, 0.5 * width
     hole = letter in HOLES
-    if own in ABOVE:
-        upper = shaft_um(own, grade, size)
+    if shaft_letter in ABOVE:
+        upper = shaft_um(shaft_letter, grade, size)
         return (-upper, -upper + width) if hole else (upper - width, upper)
     if hole:
-        upper = _hole_um(own, grade, size)
+        upper = _hole_um(shaft_letter, grade, size)
         return upper - width, upper
-    lower = shaft_um(own, grade, size)
+    lower = shaft_um(shaft_letter, grade, size)
     return lower, lower + width
 
 
@@ -86,7 +86,7 @@ def shaft_um(letter: str, grade: str, size: float) -> float:
     check_size(size)
     if letter in ("a", "b") and size <= 1.0:
         raise ValueError(f"the letters a, b, A and B are not used up to 1 mm, got {size:g} mm")
-    number = GRADES.index(grade) - 1  # IT01 and IT0 have what IT1 has
+    number = GRADES.index(grade) - 1  # IT01 and IT0 have the deviations of IT1
     for first, last, over, up_to, value in _shafts()[letter]:
         if first <= max(number, 1) <= last and over < size <= up_to:
             return value

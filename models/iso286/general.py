@@ -1,4 +1,4 @@
-"""General tolerances of ISO 2768: what holds where a drawing states none of its own."""
+"""General tolerances of ISO 2768, which apply where a drawing states none."""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ KNOTS = 2049
 STEPS = 1
 """Steps of Newton's method from the tabulated inverse, which is right to eight digits."""
 FINE = 16
-"""Points per interval of a hull at which it is tried to lie below the cost."""
+"""Points per interval of a hull at which it is tested to lie below the cost."""
 
 
 @dataclass(frozen=True)
@@ -36,9 +36,9 @@ class GoodPartsByLimit(CostCurve):
 
 @dataclass(frozen=True)
 class GoodPartsBySpread(CostCurve):
-    """The same against x = `scale` times the standard deviation of good parts.
+    """Cost of a good part against x = `scale` times the standard deviation of good parts.
 
-    Limits run from `low` to `high`. The scatter rises with the limit, so that x stands for it.
+    Limits run from `low` to `high`. The scatter rises with the limit, so that x determines it.
     """
 
     machine: Machine
@@ -70,7 +70,7 @@ class GoodPartsBySpread(CostCurve):
         return scipy.interpolate.PchipInterpolator(x[rising], t[rising])
 
     def limit(self, x: Array) -> Array:
-        """The limit t of an inspection that leaves good parts with the scatter x."""
+        """The limit t of an inspection whose good parts have the scatter x."""
         t = np.clip(self._inverse(np.clip(x, *self.ends)), self.low, self.high)
         for _ in range(STEPS):
             good = self.machine.good_parts(t)
@@ -108,27 +108,29 @@ class GoodPartsBySpread(CostCurve):
             above = slope[middle] + linear + 2.0 * square * x[middle] > 0.0
             first, last = np.where(above, first, middle), np.where(above, middle, last)
         at = np.minimum(first, len(x) - 2)  # the slope is not above 0 there, but at the next
-        left = slope[at] + linear + 2.0 * square * x[at]
-        right = slope[at + 1] + linear + 2.0 * square * x[at + 1]
-        share = np.clip(-left / np.where(right > left, right - left, 1.0), 0.0, 1.0)
-        return np.asarray(x[at] + share * (x[at + 1] - x[at]))
+        at_left = slope[at] + linear + 2.0 * square * x[at]
+        at_right = slope[at + 1] + linear + 2.0 * square * x[at + 1]
+        fraction = np.clip(
+            -at_left / np.where(at_right > at_left, at_right - at_left, 1.0), 0.0, 1.0
+        )
+        return np.asarray(x[at] + fraction * (x[at + 1] - x[at]))
 
     @cached_property
     def _slopes(self) -> tuple[Array, Array]:
-        """x and dC/dx, which the cost of good parts makes rise."""
+        """x and dC/dx, made to rise with x."""
         t, x = self._table
         good = self.machine.good_parts(t)
         slope = good.cost_slope / (self.scale * good.std_slope)
-        kept = np.concatenate([[True], np.diff(np.maximum.accumulate(x)) > 0.0])
-        return x[kept], np.maximum.accumulate(slope[kept])
+        rising = np.concatenate([[True], np.diff(np.maximum.accumulate(x)) > 0.0])
+        return x[rising], np.maximum.accumulate(slope[rising])
 
 
 def convex_cost(curve: CostCurve, x: Array) -> tuple[CostCurve, bool]:
-    """A convex curve that is nowhere above the cost from x[0] to x[-1], and whether it is the cost.
+    """A convex curve that is nowhere above the cost from x[0] to x[-1], and whether it equals it.
 
     The cost of a good part is convex in its scatter for a centred machine without rework, and with
-    it to limits of 4 sigma; elsewhere that is tried at `x` (n,). Where it is not convex its convex
-    hull takes its place, as a table.
+    it to limits of 4 sigma; elsewhere that is tested at `x` (n,). Where it is not convex, a table
+    with its convex hull replaces it.
     """
     slope = curve.slope(x)
     if np.all(np.diff(slope) >= -1e-9 * np.ptp(slope)) and np.all(slope <= 0.0):

@@ -1,4 +1,4 @@
-"""What a machine makes: scatter, mean, yield and cost of its good parts.
+"""The parts of a machine: scatter, mean, yield and cost of the good ones.
 
 A machine makes x ~ N(o, sigma^2). Inspection reads x + e, e ~ N(0, u^2), and passes a part whose
 reading lies within +-w, w = t - k u: the limits +-t less a guard band of k u at each (ISO 14253-1;
@@ -33,7 +33,7 @@ SIDES = ("upper", "lower", "both")
 
 @dataclass(frozen=True, slots=True)
 class Rework:
-    """Rework of rejected parts on a `side` at a `price`; a share `success` of them then passes."""
+    """Rework of rejected parts on a `side` at a `price`, with a fraction `success`."""
 
     price: float
     success: float = 1.0
@@ -44,7 +44,7 @@ class Rework:
 class Inspection:
     """Inspection of every part at a `price`, with the standard uncertainty `u`.
 
-    `scrap` says that a rejected part is lost; else it serves elsewhere for what it cost to make.
+    With `scrap` a rejected part is lost; otherwise it is used elsewhere at its price.
     """
 
     price: float
@@ -56,8 +56,8 @@ class Inspection:
 
 @dataclass(frozen=True, slots=True)
 class GoodParts:
-    """What leaves a machine, all of one shape: share `passed`, mean and standard deviation of the
-    good parts, cost of one, and derivatives of the last three by the limit t.
+    """The good parts of a machine, all of one shape: fraction `passed`, mean, standard deviation,
+    cost of a good part, and derivatives of the last three by the limit t.
     """
 
     passed: Array
@@ -71,7 +71,7 @@ class GoodParts:
 
 @dataclass(frozen=True, slots=True)
 class Machine:
-    """A machine: standard deviation and mean (from the mid-limit) of what it makes, price a part.
+    """A machine: standard deviation and mean (from the mid-limit) of its parts, price of a part.
 
     Lengths are in the unit of the part. Without an inspection every part counts as good.
     """
@@ -95,20 +95,20 @@ class Machine:
 
     @property
     def guard_band(self) -> float:
-        """What an inspection keeps from each limit."""
+        """Distance that an inspection keeps from each limit."""
         return self.inspection.guard * self.inspection.u if self.inspection else 0.0
 
     def passed(self, t: Array) -> Array:
-        """Share of parts that an inspection at limits +-t passes."""
+        """Fraction of the parts that an inspection at limits +-t passes."""
         w = t - self.guard_band
         return _between((-w - self.mean) / self.reading, (w - self.mean) / self.reading)
 
     def good_parts(self, t: Array) -> GoodParts:
         """The good parts at limits +-t, t above the guard band."""
         if self.inspection is None:
-            one, nothing = np.ones_like(t), np.zeros_like(t)
+            ones, zeros = np.ones_like(t), np.zeros_like(t)
             return GoodParts(
-                one, one * self.mean, one * self.sigma, one * self.price, nothing, nothing, nothing
+                ones, ones * self.mean, ones * self.sigma, ones * self.price, zeros, zeros, zeros
             )
         w, scale, o = t - self.guard_band, self.reading, self.mean
         a, b = (-w - o) / scale, (w - o) / scale
@@ -116,43 +116,45 @@ class Machine:
         passed = _between(a, b)
         mean = o - scale**2 * (at_b - at_a) / passed
         variance = scale**2 * (1.0 - (b * at_b - a * at_a) * scale / passed) - (mean - o) ** 2
-        share = (self.sigma / scale) ** 2
-        spread = share**2 * variance + share * self.inspection.u**2
+        reliability = (self.sigma / scale) ** 2
+        spread = reliability**2 * variance + reliability * self.inspection.u**2
         std = np.sqrt(spread)
         mean_slope = (at_b * (w - mean) - at_a * (w + mean)) / passed
         rise = (at_b * ((w - mean) ** 2 - variance) + at_a * ((w + mean) ** 2 - variance)) / passed
         cost, cost_slope = self._cost(passed, at_a + at_b, (a, b), (at_a, at_b))
         return GoodParts(
             passed=passed,
-            mean=o + share * (mean - o),
+            mean=o + reliability * (mean - o),
             std=std,
             cost=cost,
-            mean_slope=share * mean_slope,
-            std_slope=0.5 * share**2 * rise / std,
+            mean_slope=reliability * mean_slope,
+            std_slope=0.5 * reliability**2 * rise / std,
             cost_slope=cost_slope,
         )
 
     def _cost(
         self, passed: Array, rise: Array, ends: tuple[Array, Array], density: tuple[Array, Array]
     ) -> tuple[Array, Array]:
-        """Cost of a good part and its derivative by t; `rise` is that of the share passed.
+        """Cost of a good part and its derivative by t; `rise` is that of the fraction passed.
 
-        (p + i + q (rho + i))/(Y + q f): q the share that is reworked for rho, f of which passes.
+        (p + i + q (rho + i))/(Y + q f): q is the fraction reworked at rho, f of which passes.
         """
-        given = self.inspection
-        assert given is not None
-        share, share_slope, again, success = np.zeros_like(passed), np.zeros_like(passed), 0.0, 0.0
-        if given.rework is not None:
-            again, success = given.rework.price + given.price, given.rework.success
-            if given.rework.side in ("upper", "both"):
-                share, share_slope = share + ndtr(-ends[1]), share_slope - density[1]
-            if given.rework.side in ("lower", "both"):
-                share, share_slope = share + ndtr(ends[0]), share_slope - density[0]
-        good, good_slope = passed + success * share, rise + success * share_slope
-        lost = self.price if given.scrap else 0.0
-        spent, spent_slope = lost + given.price + again * share, again * share_slope
-        kept = 0.0 if given.scrap else self.price
-        return kept + spent / good, (spent_slope - spent / good * good_slope) / good
+        inspection = self.inspection
+        assert inspection is not None
+        reworked, reworked_slope = np.zeros_like(passed), np.zeros_like(passed)
+        rework_cost, success = 0.0, 0.0
+        if (rework := inspection.rework) is not None:
+            rework_cost, success = rework.price + inspection.price, rework.success
+            if rework.side in ("upper", "both"):
+                reworked, reworked_slope = reworked + ndtr(-ends[1]), reworked_slope - density[1]
+            if rework.side in ("lower", "both"):
+                reworked, reworked_slope = reworked + ndtr(ends[0]), reworked_slope - density[0]
+        good, good_slope = passed + success * reworked, rise + success * reworked_slope
+        scrap_cost = self.price if inspection.scrap else 0.0
+        spent = scrap_cost + inspection.price + rework_cost * reworked
+        spent_slope = rework_cost * reworked_slope
+        base_cost = 0.0 if inspection.scrap else self.price
+        return base_cost + spent / good, (spent_slope - spent / good * good_slope) / good
 
 
 def _density(x: Array) -> Array:

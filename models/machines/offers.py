@@ -1,4 +1,4 @@
-"""Machines as they are offered for a tolerance, and the ways to use each."""
+"""Machines offered for a tolerance, and the ways to use each."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .curves import GoodPartsByLimit
 from .machine import Machine
 
 PLUG_IN = "the standard deviation of the sample counts as that of all later parts"
-"""What is assumed where a scatter is that of measured parts."""
+"""The assumption where a scatter is that of measured parts."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,11 +41,11 @@ class Way:
 
 @dataclass(frozen=True, slots=True)
 class Offer:
-    """A machine as a table states it. The price of `machine` has its share of the `setup`.
+    """A machine as a table states it. The price of `machine` includes its part of the `setup`.
 
-    `low` and `high` are the limits of inspection that are searched, `required` says that parts are
-    never used without inspection, `assumed` what the table leaves open. `sample` is what measured
-    parts tell of its scatter and mean, where the table states these so.
+    `low` and `high` are the limits of inspection that are searched; with `required` parts are never
+    used without inspection; `assumed` has the assumptions where the table is silent. `sample` are
+    the measured parts, where the table states scatter and mean by these.
     """
 
     machine: Machine
@@ -68,36 +68,36 @@ class Offer:
 
     def table(self) -> dict[str, Any]:
         """The table that states it."""
-        one, given = self.machine, self.machine.inspection
-        stated: dict[str, Any] = {"name": one.name, "price": self.price}
+        machine, settings = self.machine, self.machine.inspection
+        stated: dict[str, Any] = {"name": machine.name, "price": self.price}
         stated |= (
-            {"sigma": one.sigma, "mean": one.mean}
+            {"sigma": machine.sigma, "mean": machine.mean}
             if self.sample is None
             else {"measured": dict(self.sample.stated)}
         )
         if self.setup is not None:
             stated["setup"] = self.setup.table()
-        if given is None:
+        if settings is None:
             return stated
         inspection: dict[str, Any] = {
-            "price": given.price,
-            "u": given.u,
-            "guard": given.guard,
-            "scrap": given.scrap,
+            "price": settings.price,
+            "u": settings.u,
+            "guard": settings.guard,
+            "scrap": settings.scrap,
             "required": self.required,
         }
-        if given.rework is not None:
-            again = given.rework
+        if settings.rework is not None:
+            rework = settings.rework
             inspection["rework"] = {
-                "price": again.price,
-                "success": again.success,
-                "side": again.side,
+                "price": rework.price,
+                "success": rework.success,
+                "side": rework.side,
             }
         return stated | {"t_min": self.low, "t_max": self.high, "inspection": inspection}
 
 
 def samples_of(offers: Iterable[Offer]) -> tuple[tuple[str, PartSample], ...]:
-    """Names of machines with the parts measured of each, where there are some."""
+    """Names of machines with their measured parts, where there are any."""
     return tuple((offer.machine.name, offer.sample) for offer in offers if offer.sample is not None)
 
 

@@ -13,14 +13,14 @@ from .machine import GUARD, SIDES, Inspection, Machine, Rework
 from .offers import Offer
 
 TIGHTEST, LOOSEST = 0.5, 4.0
-"""Limits of inspection from and to which it is searched, in standard deviations of the readings."""
+"""Range of the searched limits of inspection, in standard deviations of the measurements."""
 LEAST_YIELD = 1e-3
-"""Share of good parts below which a limit of inspection makes no sense."""
+"""Fraction of good parts below which a limit of inspection is refused."""
 
 
 @dataclass(frozen=True, slots=True)
 class Owner:
-    """What a machine makes: its `unit`, and its nominal and mid-limit, which measured parts need.
+    """The feature made by a machine: its `unit`, and nominal and mid-limit for measured parts.
 
     `ends` are limits of inspection for machines that state none.
     """
@@ -33,37 +33,37 @@ class Owner:
 
 def read_offers(section: Section, owner: Owner) -> tuple[Offer, ...] | None:
     """The `machine` tables of a part or variable; None after a fault."""
-    return section.named_items("machine", lambda own, name: _offer(own, name, owner))
+    return section.named_items("machine", lambda table, name: _offer(table, name, owner))
 
 
-def _offer(own: Section, name: str, owner: Owner) -> Offer | None:
-    price, setup = own.number("price", within=NOT_NEGATIVE), read_setup(own)
-    made, sample = _scatter(own, owner)
-    if "price" not in own:
-        own.fault("price", "is missing: what a part costs on the machine")
-    if "cost" in own:
-        own.take("cost")
-        own.fault(
+def _offer(table: Section, name: str, owner: Owner) -> Offer | None:
+    price, setup = table.number("price", within=NOT_NEGATIVE), read_setup(table)
+    scatter, sample = _scatter(table, owner)
+    if "price" not in table:
+        table.fault("price", "is missing: what a part costs on the machine")
+    if "cost" in table:
+        table.take("cost")
+        table.fault(
             "cost",
             "is no key of a machine, whose scatter does not follow t: give price, or "
             "state a process",
         )
-    inspection = _inspection(own, owner.unit) if "inspection" in own else None
-    limits = [own.number(key, owner.unit, POSITIVE) for key in ("t_min", "t_max")]
-    if "inspection" not in own:
+    inspection = _inspection(table, owner.unit) if "inspection" in table else None
+    limits = [table.number(key, owner.unit, POSITIVE) for key in ("t_min", "t_max")]
+    if "inspection" not in table:
         for key in ("inspection", "t_min", "t_max"):
-            if key in own:
-                own.fault(
+            if key in table:
+                table.fault(
                     key,
                     "is the limit of an inspection, and the machine has none: state "
                     "inspection = { price = ... }, or leave it out",
                 )
-    if made is None or price is None or ("inspection" in own and inspection is None):
+    if scatter is None or price is None or ("inspection" in table and inspection is None):
         return None
-    if "setup" in own and setup is None:
+    if "setup" in table and setup is None:
         return None
-    whole = price + (setup.per_part if setup else 0.0)
-    machine = Machine(name, made[0], whole, made[1], inspection and inspection[0])
+    with_setup = price + (setup.per_part if setup else 0.0)
+    machine = Machine(name, scatter[0], with_setup, scatter[1], inspection and inspection[0])
     offer = Offer(
         machine,
         price,
@@ -72,42 +72,46 @@ def _offer(own: Section, name: str, owner: Owner) -> Offer | None:
         assumed=_assumed(name, sample),
         sample=sample,
     )
-    return offer if inspection is None else _searched(own, offer, limits, owner)
+    return offer if inspection is None else _searched(table, offer, limits, owner)
 
 
-def _scatter(own: Section, owner: Owner) -> tuple[tuple[float, float] | None, PartSample | None]:
-    """Standard deviation and mean of what a machine makes, stated or from parts measured."""
-    sigma, mean = own.number("sigma", owner.unit, POSITIVE), own.number("mean", owner.unit)
-    if "measured" not in own:
-        own.known(("measured",))
-        if "sigma" not in own:
-            own.fault(
+def _scatter(table: Section, owner: Owner) -> tuple[tuple[float, float] | None, PartSample | None]:
+    """Standard deviation and mean of a machine's parts, stated or from measured parts."""
+    sigma, mean = table.number("sigma", owner.unit, POSITIVE), table.number("mean", owner.unit)
+    if "measured" not in table:
+        table.known(("measured",))
+        if "sigma" not in table:
+            table.fault(
                 "sigma",
                 "is missing: the standard deviation of what the machine makes, or "
                 "measured = { file = ... }",
             )
-        faulty = sigma is None or ("mean" in own and mean is None)
+        faulty = sigma is None or ("mean" in table and mean is None)
         return (None if faulty or sigma is None else (sigma, mean or 0.0)), None
-    stated = [key for key in ("sigma", "mean") if key in own]
+    stated = [key for key in ("sigma", "mean") if key in table]
     for key in stated:
-        own.fault(key, "is stated beside measured, which tells it: keep one")
-    sample = read_sample(own, owner.unit, owner.nominal, owner.mid, follows=False)
+        table.fault(key, "is stated beside measured, which tells it: keep one")
+    sample = read_sample(table, owner.unit, owner.nominal, owner.mid, follows=False)
     if sample is None or stated:
         return None, None
     return (sample.knowledge.std, sample.offset), sample
 
 
 def _assumed(name: str, sample: PartSample | None) -> str:
-    """What the table of measured parts leaves open."""
+    """Assumptions where the table of measured parts is silent."""
     return "; ".join(f"machine {name}: {why}" for why in sample.assumed.values()) if sample else ""
 
 
-def _searched(own: Section, offer: Offer, limits: list[float | None], owner: Owner) -> Offer | None:
+def _searched(
+    table: Section, offer: Offer, limits: list[float | None], owner: Owner
+) -> Offer | None:
     """The offer with the limits of inspection that are searched."""
-    one, unit, ends = offer.machine, owner.unit, owner.ends
+    machine, unit, ends = offer.machine, owner.unit, owner.ends
     usual = (
-        one.guard_band + TIGHTEST * one.reading + max(0.0, abs(one.mean) - one.reading),
-        one.guard_band + LOOSEST * one.reading + abs(one.mean),
+        machine.guard_band
+        + TIGHTEST * machine.reading
+        + max(0.0, abs(machine.mean) - machine.reading),
+        machine.guard_band + LOOSEST * machine.reading + abs(machine.mean),
     )
     stated = [ends[at] if limits[at] is None else limits[at] for at in (0, 1)]
     low, high = (usual[at] if (end := stated[at]) is None else end for at in (0, 1))
@@ -115,27 +119,27 @@ def _searched(own: Section, offer: Offer, limits: list[float | None], owner: Own
     assumed = [offer.assumed] if offer.assumed else []
     if open_:
         assumed.append(
-            f"machine {one.name} is inspected at {low:.4g} to {high:.4g} {unit}; "
+            f"machine {machine.name} is inspected at {low:.4g} to {high:.4g} {unit}; "
             f"{' and '.join(open_)} not given"
         )
     if low >= high:
-        own.fault(
-            "t_min" if "t_min" in own else "t_max",
+        table.fault(
+            "t_min" if "t_min" in table else "t_max",
             f"must leave a range: limits of inspection from {low:g} to {high:g} {unit}",
         )
         return None
-    if low <= one.guard_band:
-        own.fault(
-            "t_min" if "t_min" in own else "inspection.u",
+    if low <= machine.guard_band:
+        table.fault(
+            "t_min" if "t_min" in table else "inspection.u",
             f"leaves nothing between the guard bands: limits of {low:g} {unit} less "
-            f"{one.guard_band:.4g} at each (guard x u)",
+            f"{machine.guard_band:.4g} at each (guard x u)",
         )
         return None
-    share = float(one.passed(np.array([low]))[0])
-    if not share >= LEAST_YIELD:
-        own.fault(
-            "mean" if one.mean else "t_min",
-            f"lets {100.0 * share:.2g} % of the parts pass "
+    passed = float(machine.passed(np.array([low]))[0])
+    if not passed >= LEAST_YIELD:
+        table.fault(
+            "mean" if machine.mean else "t_min",
+            f"lets {100.0 * passed:.2g} % of the parts pass "
             f"at the tightest limits ({low:g} {unit}): correct the mean or widen "
             "t_min",
         )
@@ -143,13 +147,13 @@ def _searched(own: Section, offer: Offer, limits: list[float | None], owner: Own
     return replace(offer, low=low, high=high, assumed="; ".join(assumed))
 
 
-def _inspection(own: Section, unit: str) -> tuple[Inspection, bool] | None:
+def _inspection(machine_table: Section, unit: str) -> tuple[Inspection, bool] | None:
     """The inspection, and whether it is required."""
-    table = own.section("inspection")
+    table = machine_table.section("inspection")
     price, u = table.number("price", within=NOT_NEGATIVE), table.number("u", unit, NOT_NEGATIVE)
     guard, scrap = table.number("guard", within=NOT_NEGATIVE), table.flag("scrap")
     required = table.flag("required")
-    if "price" not in table and isinstance(own.take("inspection"), dict):
+    if "price" not in table and isinstance(machine_table.take("inspection"), dict):
         table.fault("price", "is missing: what the inspection of a part costs")
     rework = _rework(table) if "rework" in table else None
     table.known(("rework",))
@@ -171,18 +175,18 @@ def _inspection(own: Section, unit: str) -> tuple[Inspection, bool] | None:
 
 
 def _rework(table: Section) -> Rework | None:
-    own = table.section("rework")
-    price = own.number("price", within=NOT_NEGATIVE)
-    success = own.number("success", within=Range(0.0, 1.0, open_low=True))
-    side = own.text("side", SIDES)
+    rework_table = table.section("rework")
+    price = rework_table.number("price", within=NOT_NEGATIVE)
+    success = rework_table.number("success", within=Range(0.0, 1.0, open_low=True))
+    side = rework_table.text("side", SIDES)
     needed = {
         "price": "what the rework of a part costs",
         "side": "upper, lower or both: which rejected parts can be reworked",
     }
-    for key, what in needed.items():
-        if key not in own and isinstance(table.take("rework"), dict):
-            own.fault(key, f"is missing: {what}")
-    own.finish()
-    if price is None or side is None or ("success" in own and success is None):
+    for key, meaning in needed.items():
+        if key not in rework_table and isinstance(table.take("rework"), dict):
+            rework_table.fault(key, f"is missing: {meaning}")
+    rework_table.finish()
+    if price is None or side is None or ("success" in rework_table and success is None):
         return None
     return Rework(price, 1.0 if success is None else success, side)

@@ -1,4 +1,4 @@
-"""Which combinations of the sources measured poses can tell, and which none."""
+"""Which combinations of the sources measured poses identify, and which they do not."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from .maps import first_order
 from .sources import NAMES, SCALES, Combination, matrix
 
 TOLERANCE = 1e-9
-"""Singular value, relative to the largest, below which a direction is not seen."""
+"""Singular value, relative to the largest, below which a direction is not identifiable."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +32,7 @@ class Identifiable:
 
     @property
     def rank(self) -> int:
-        """How many combinations can be told."""
+        """Number of identifiable combinations."""
         return len(self.combinations)
 
 
@@ -44,8 +44,8 @@ def identifiable(
     measured: Literal["orientation", "position", "pose"] = "pose",
     combinations: Mapping[str, Combination] | None = None,
 ) -> Identifiable:
-    """What pose errors measured at r, z [m], phi [rad], each (n,), say at first order about the 63
-    sources, or about `combinations` of them. Raises OutOfReach.
+    """Identifiability, to first order, of the 63 sources or of `combinations` of them from pose
+    errors measured at r, z [m], phi [rad], each (n,). Raises OutOfReach.
     """
     maps = first_order(manipulator, r, z, phi)
     parts = {"orientation": [maps.orientation], "position": [maps.position]}

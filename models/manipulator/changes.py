@@ -1,4 +1,4 @@
-"""What effects may change in the manipulator, as elementary errors of each pose."""
+"""Changes of the manipulator by effects, as elementary errors of each pose."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ GRAVITY = 9.80665
 PPM = 1e-6
 TILTS = ("tilt_x_mrad", "tilt_y_mrad")
 BLOCK = 4096
-"""Poses whose first-order maps are held at once."""
+"""Poses whose first-order maps are held in memory at once."""
 
 
 def _of_drives() -> Iterator[Changeable]:
@@ -119,7 +119,7 @@ def _waves(
 def _under_weight(
     manipulator: Manipulator, r: Array, z: Array, phi: Array, changes: Mapping[str, Array]
 ) -> Array:
-    """Errors (n, 63) of drives and rods that give way to the weight.
+    """Errors (n, 63) of drives and rods that yield to the weight.
 
     By virtual work the torque of a weight m g on a drive is -m g dz/dtheta, and the pull of a rod
     -m g dz/dl: both from the first-order maps of the height.

@@ -1,4 +1,4 @@
-"""What correcting the command removes of a pose error, and what it leaves."""
+"""Pose errors that correcting the command removes, and the residual."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ MOST_PASSES = 30
 
 @dataclass(frozen=True, slots=True)
 class Split:
-    """First-order effects at poses (n,) of the 63 sources, by what a corrected command does.
+    """First-order effects at poses (n,) of the 63 sources, split by what a command corrects.
 
     `compensatable` (n, 3, 63): the whole position error, which the three drives can remove;
     `through_orientation` (n, 3, 63): the part of it that the orientation causes; `left` (n, 3, 63):
-    the orientation that stays, both tilts as they are and the yaw less dt/r, by which the machine
-    is turned about z to remove dt.
+    the residual orientation, both tilts unchanged and the yaw less dt/r, by which the machine is
+    turned about z to remove dt.
     """
 
     compensatable: Array
@@ -54,16 +54,16 @@ def compensated(
     phi: Array | float = 0.0,
     errors: Array | None = None,
 ) -> Array:
-    """Rotation vectors (..., 3) [rad] that are left when commands make the position exact.
+    """Residual rotation vectors (..., 3) [rad] when commands make the position exact.
 
-    Arguments as for `exact_pose`; the axes are those at the azimuth wanted. The command is
-    corrected by what the exact pose is off until that is under EXACT. Raises OutOfReach and NoPose.
+    Arguments as for `exact_pose`; the axes are those at the desired azimuth. The command is
+    corrected by the error of the exact pose until that is below EXACT. Raises OutOfReach, NoPose.
     """
-    given = np.zeros(len(NAMES)) if errors is None else np.asarray(errors, dtype=float)
-    r, z, phi, _ = np.broadcast_arrays(r, z, phi, given[..., 0])
+    error_vector = np.zeros(len(NAMES)) if errors is None else np.asarray(errors, dtype=float)
+    r, z, phi, _ = np.broadcast_arrays(r, z, phi, error_vector[..., 0])
     command_r, command_z, ahead = r.astype(float), z.astype(float), np.zeros(r.shape)
     for _ in range(MOST_PASSES):
-        pose = exact_pose(manipulator, command_r, command_z, phi + ahead, given)
+        pose = exact_pose(manipulator, command_r, command_z, phi + ahead, error_vector)
         x, y = command_r + pose.position[..., 0], pose.position[..., 1]
         off_r = np.hypot(x, y) - r
         off_t = np.arctan2(y, x) + ahead

@@ -1,4 +1,4 @@
-"""What the manipulator's models declare, by the names of configurations.
+"""Declarations of the manipulator's models, by the names of configurations.
 
 Shared by the problem `pose_accuracy` and the model `manipulator_pose`.
 """
@@ -66,7 +66,7 @@ PARAMETERS: tuple[Parameter, ...] = (
         choices=("fixed", "rod"),
     ),
 )
-"""Of both."""
+"""Parameters of both."""
 
 ERRORS = Parameter(
     "elementary_errors", {}, "", "elementary errors by name; those left out are 0", choices=NAMES
@@ -81,7 +81,7 @@ COMPENSATION = Parameter(
 
 
 def manipulator(parameters: Mapping[str, Value]) -> Manipulator:
-    """The machine (SI) of `parameters` by declared name; left-out ones keep their defaults."""
+    """The machine (SI) of `parameters` by declared name; omitted ones keep their defaults."""
     p = _completed(parameters)
     return Manipulator(
         half_length=p["half_length_mm"] * MM,
@@ -103,8 +103,8 @@ def task_ring(parameters: Mapping[str, Value]) -> TaskRing:
 def elementary_errors(parameters: Mapping[str, Value]) -> Array:
     """All 63 errors (63,) [m, rad] of the table `elementary_errors`.
 
-    A single one may also stand in `parameters` as `elementary_errors.NAME`: so a recalibration
-    names what it moves. Raises InputError.
+    A single one may also stand in `parameters` as `elementary_errors.NAME`, the name that a
+    recalibration uses. Raises InputError.
     """
     table: dict[str, Any] = dict(parameters.get(ERRORS.name, {}))  # type: ignore[arg-type]
     table |= {

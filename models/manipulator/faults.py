@@ -1,4 +1,4 @@
-"""What is wrong with a manipulator's dimensions, or with its task ring."""
+"""Faults of a manipulator's dimensions, or of its task ring."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ CHOICES = ("fixed", "rod")
 def faults(manipulator: Manipulator, ring: TaskRing, place: str = "parameters") -> list[Fault]:
     """Every fault, at the keys of a configuration (`arm_length_mm`, `ring_r_mm`, ...).
 
-    Wrong lists and lengths first; with these right, chains that do not close, poses out of reach
-    and singular poses of the ring, each with the pose, the chain and the number that says so.
+    Wrong lists and lengths first; without these, chains that do not close, poses out of reach and
+    singular poses of the ring, each with the pose, the chain and the number that shows it.
     """
     named = [*_of_lengths(manipulator, place), *_of_ring(ring, place)]
     if not named:
@@ -63,7 +63,7 @@ def _of_ring(ring: TaskRing, place: str) -> Iterator[Fault]:
 
 
 def _poses(manipulator: Manipulator, ring: TaskRing) -> tuple[Array, Array]:
-    """Poses r, z (n,) that hold the ring's edges and the extremes of the chains' distances."""
+    """Poses r, z (n,) that include the ring's edges and the extremes of the chains' distances."""
     r = np.append(np.linspace(*ring.r, GRID), np.clip(manipulator.half_width, *ring.r))
     z = np.append(np.linspace(*ring.z, GRID), np.clip([0.0, manipulator.hinge_offset], *ring.z))
     r, z = np.meshgrid(np.sort(r), np.sort(z), indexing="ij")
@@ -94,17 +94,17 @@ def _of_reach(manipulator: Manipulator, r: Array, z: Array, place: str) -> Itera
 
 
 def _of_singularities(manipulator: Manipulator, r: Array, z: Array, place: str) -> Iterator[Fault]:
-    """Poses where the equations of the position or of the orientation depend on each other.
+    """Poses where the equations of the position or of the orientation are linearly dependent.
 
-    The chain is the one whose equation takes most part in it.
+    The chain is that with the largest component in the dependence.
     """
     for name in _rows(manipulator, r[:1], z[:1]):
         r_here, z_here, crossed = _worst(manipulator, r, z, name)
-        left, size, _ = np.linalg.svd(_rows(manipulator, r_here, z_here)[name])
+        vectors, size, _ = np.linalg.svd(_rows(manipulator, r_here, z_here)[name])
         condition = size[0, 0] / max(size[0, -1], np.finfo(float).tiny)
         if condition < WORST_CONDITION and not crossed:
             continue
-        chain = min(int(np.argmax(np.abs(left[0, :, -1]))) + 1, CHAINS)  # its rod is of chain 3
+        chain = min(int(np.argmax(np.abs(vectors[0, :, -1]))) + 1, CHAINS)  # its rod is of chain 3
         yield Fault(
             f"{place}.ring_r_mm",
             f"the ring {'crosses' if crossed else 'comes close to'} a singularity of the {name} at"

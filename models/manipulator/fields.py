@@ -16,7 +16,7 @@ from ..inputs.distribution import Array
 
 Rows = NDArray[np.int64]
 KEPT = 1e-9
-"""Relative difference of two probabilities that makes no pose worse than another."""
+"""Relative difference of two probabilities that counts as equal."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,17 +46,17 @@ def worst_deviation(variances: Array) -> Array:
 
 def worst_exceedance(variances: Array, bound: float) -> tuple[Array, Rows]:
     """Largest P(length > bound) (n,) over poses, and the pose (n,) where it is."""
-    each = exceedance(variances, bound)
-    at = np.argmax(each, axis=1)
-    return each[np.arange(len(each)), at], at
+    probabilities = exceedance(variances, bound)
+    at = np.argmax(probabilities, axis=1)
+    return probabilities[np.arange(len(probabilities)), at], at
 
 
 def worst_quantile(variances: Array, coverage: float) -> tuple[Array, Rows]:
     """Largest quantile (n,) of the length over poses, and the pose (n,) where it is.
 
-    A pose has a larger quantile than another where more than 1 - coverage exceeds that of the
-    other. The widest axis of all poses alone, half-normal, gives a length that the worst pose
-    reaches: only poses where too much exceeds it are looked at again.
+    A pose has a larger quantile than another where its error exceeds that of the other with a
+    probability above 1 - coverage. The widest axis of all poses alone, half-normal, gives a lower
+    bound of the worst quantile: only poses that exceed it too often are examined again.
     """
     rows, missed = np.arange(len(variances)), (1.0 - coverage) * (1.0 + KEPT)
     axis = np.zeros((len(variances), 3))

@@ -15,23 +15,23 @@ from .sources import NAMES
 from .vectors import cofactors, cross, dot, rotation_vector, solved, turned, vector
 
 ENOUGH = 1e-9
-"""Newton's last step [m, rad]: the next would be its square, and what is left is rounding."""
+"""Newton's last step [m, rad]: the next would be its square, below rounding."""
 MOST_STEPS = 20
 BLOCK = 2048
-"""Machines that are solved at once: so many stay in a processor's cache."""
+"""Machines that are solved at once: so many fit into a processor's cache."""
 
 
 class NoPose(InputError):
-    """Errors, or a start, with which Newton's method finds no pose."""
+    """Errors, or a start, with which Newton's method does not converge."""
 
 
 @dataclass(frozen=True, slots=True)
 class PoseError:
-    """What poses (...) are off, in the axes (e_r, e_t, z) at their azimuth.
+    """Errors of poses (...), in the axes (e_r, e_t, z) at their azimuth.
 
     `position` (..., 3) [m]: dr, dt, dz; `orientation` (..., 3) [rad]: the rotation vector (two
     tilts, whose length is the squareness, and the yaw); `follow_up` (...) [rad]: how far the
-    follow-up plane is turned (0 in model M1); `steps`: the most that Newton's method took.
+    follow-up plane is turned (0 in model M1); `steps`: the most steps of Newton's method.
     """
 
     position: Array
@@ -42,7 +42,7 @@ class PoseError:
 
 @dataclass(frozen=True, slots=True)
 class _State:
-    """Poses (n,) on the way.
+    """Poses (n,) during the iteration.
 
     `position` (n, 3), platform axes `frame` (n, 3 axes, 3), joints on the platform `seat`
     (n, 3, 2, 3) and their `middle` of chain 3 (n, 3), both turned with it, and the follow-up angle
@@ -63,7 +63,7 @@ def exact_pose(
     phi: Array | float = 0.0,
     errors: Array | None = None,
 ) -> PoseError:
-    """The pose that the drives reach when they are told the nominal angles of r, z [m], phi [rad].
+    """The pose that the drives reach at the nominal angles of r, z [m], phi [rad].
 
     `errors` (..., 63) [m, rad] in the order of `sources.SOURCES`; poses (...) and errors broadcast:
     r[:, None] with errors (m, 63) gives every pose of every machine. Raises OutOfReach and NoPose.
@@ -80,18 +80,18 @@ def solve(
     phi: Array | float = 0.0,
     errors: Array | None = None,
 ) -> PoseError:
-    """The poses, as seen from `start` (..., 3) [m], of arms at `drives` (..., 3) [rad] from e_r.
+    """The poses, relative to `start` (..., 3) [m], of arms at `drives` (..., 3) [rad] from e_r.
 
     `phi` (...) [rad] is the azimuth of e_r; in model M1 the follow-up plane stands there. The
     closures |B - A| = l2 of the six rods, with the middle of chain 3 in its plane in model M2, are
     solved by Newton's method with analytic slopes from `start` on. Raises NoPose.
     """
-    given = np.zeros(len(NAMES)) if errors is None else np.asarray(errors, dtype=float)
+    error_vectors = np.zeros(len(NAMES)) if errors is None else np.asarray(errors, dtype=float)
     azimuth = np.asarray(phi, dtype=float)
-    heads = (drives.shape[:-1], start.shape[:-1], azimuth.shape, given.shape[:-1])
+    heads = (drives.shape[:-1], start.shape[:-1], azimuth.shape, error_vectors.shape[:-1])
     shape = np.broadcast_shapes(*heads)
     count = int(np.prod(shape))
-    flat = [np.broadcast_to(a, (*shape, a.shape[-1])) for a in (drives, start, given)]
+    flat = [np.broadcast_to(a, (*shape, a.shape[-1])) for a in (drives, start, error_vectors)]
     flat = [a.reshape(count, a.shape[-1]) for a in flat]
     azimuth = np.broadcast_to(azimuth, shape).reshape(count)
     position, turn, psi = np.empty((count, 3)), np.empty((count, 3)), np.empty(count)
@@ -99,10 +99,10 @@ def solve(
     for first in range(0, count, BLOCK):
         at = slice(first, first + BLOCK)
         machine = built(manipulator, flat[0][at], azimuth[at], flat[2][at])
-        state, taken = _newton(machine, flat[1][at], manipulator.follow_up == "rod", first)
+        state, steps_taken = _newton(machine, flat[1][at], manipulator.follow_up == "rod", first)
         position[at], psi[at] = state.position - flat[1][at], state.psi
         turn[at] = rotation_vector(state.frame)
-        steps = max(steps, taken)
+        steps = max(steps, steps_taken)
     return PoseError(
         position.reshape(*shape, 3), turn.reshape(*shape, 3), psi.reshape(shape), steps
     )
@@ -114,7 +114,7 @@ def _newton(machine: Machine, start: Array, free: bool, first: int) -> tuple[_St
     frame = np.broadcast_to(np.eye(3), (count, 3, 3))
     state = _State(start, frame, machine.platform, machine.middle, np.zeros(count))
     size = np.full(count, np.inf)
-    for taken in range(1, MOST_STEPS + 1):
+    for step in range(1, MOST_STEPS + 1):
         with np.errstate(all="ignore"):
             move, turn, twist = _step(machine, state, free)
             state = _State(
@@ -127,7 +127,7 @@ def _newton(machine: Machine, start: Array, free: bool, first: int) -> tuple[_St
             size = np.maximum(np.abs(move).max(axis=-1), np.abs(turn).max(axis=-1))
             size = np.maximum(size, np.abs(twist))
         if np.all(size <= ENOUGH):
-            return state, taken
+            return state, step
         if not np.isfinite(size).all():
             break
     raise _no_pose(size, first)
@@ -148,9 +148,9 @@ def _step(machine: Machine, state: _State, free: bool) -> tuple[Array, Array, Ar
         return move, turn, np.zeros(len(move))
     by_psi = np.zeros_like(size)
     by_psi[:, 2] = dot(w[:, 2], cross(UP, arm[:, 2]))
-    along, about = _separated(w, lever, by_psi)  # the pose follows psi so
-    rest, on_move, on_turn, on_psi = _follow_up(machine, state)
-    residual = -rest - dot(on_move, move) - dot(on_turn, turn)
+    along, about = _separated(w, lever, by_psi)  # derivatives of the pose by psi
+    distance, on_move, on_turn, on_psi = _follow_up(machine, state)
+    residual = -distance - dot(on_move, move) - dot(on_turn, turn)
     twist = residual / (on_psi + dot(on_move, along) + dot(on_turn, about))
     return move + twist[:, None] * along, turn + twist[:, None] * about, twist
 
@@ -165,12 +165,12 @@ def _separated(w: Array, lever: Array, right: Array) -> tuple[Array, Array]:
     w_gap, lever_gap, right_gap = (a[:, :, 0] - a[:, :, 1] for a in (w, lever, right))
     columns = cofactors(w_sum)
     determinant = dot(w_sum[:, 0], columns[0])[:, None]
-    rows, rest = lever_gap, right_gap
+    rows, remaining = lever_gap, right_gap
     for chain, column in enumerate(columns):
-        share = dot(w_gap, column[:, None, :]) / determinant
-        rows = rows - share[..., None] * lever_sum[:, chain, None, :]
-        rest = rest - share * right_sum[:, chain, None]
-    turn = solved(rows, rest)
+        factors = dot(w_gap, column[:, None, :]) / determinant
+        rows = rows - factors[..., None] * lever_sum[:, chain, None, :]
+        remaining = remaining - factors * right_sum[:, chain, None]
+    turn = solved(rows, remaining)
     return solved(w_sum, right_sum - dot(lever_sum, turn[:, None, :])), turn
 
 

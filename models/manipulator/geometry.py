@@ -17,8 +17,8 @@ Triple = tuple[float, float, float]
 class Manipulator:
     """Nominal dimensions [m]; the defaults are assumed, the document's Table 1 is lost.
 
-    Lists hold one value per chain. `follow_up`: the plane of chain 3 stands at the azimuth
-    commanded ("fixed", model M1), or a rod turns it after the platform ("rod", M2).
+    Lists hold one value per chain. `follow_up`: the plane of chain 3 is at the commanded azimuth
+    ("fixed", model M1), or a rod turns it with the platform ("rod", M2).
     """
 
     half_length: float = 0.060  # platform attachments 1 and 2 at +-a e_t
@@ -58,7 +58,7 @@ class Manipulator:
 
 @dataclass(frozen=True, slots=True)
 class TaskRing:
-    """The poses wanted: radius and height [m] from low to high, at every azimuth."""
+    """The task poses: radius and height [m] from low to high, at every azimuth."""
 
     r: tuple[float, float] = (0.300, 0.650)
     z: tuple[float, float] = (0.100, 0.300)

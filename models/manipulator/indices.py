@@ -23,9 +23,9 @@ FINEST = 192
 """Nodes per axis at most: an effect that changes its sign within the ring has a kink in its size,
 on which the quadrature converges slowly."""
 CLOSE = 1e-3
-"""Relative change by doubling the nodes with which an index is good enough."""
+"""Relative change by doubling the nodes at which an index counts as converged."""
 GRID = 41
-"""Nodes per axis where every pose is looked at."""
+"""Nodes per axis of a grid of all poses."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,8 +45,8 @@ class Sensitivity:
     order: int
 
     def contributions(self, output: str, sigma: Array | float = 1.0) -> Array:
-        """Shares (m,) [percent] in the variance of `output` ("squareness", "yaw", "position") of
-        sources with the standard deviations `sigma` (m,) [m, rad].
+        """Contributions (m,) [percent] to the variance of `output` ("squareness", "yaw",
+        "position") of sources with the standard deviations `sigma` (m,) [m, rad].
         """
         part = np.asarray(getattr(self, output) * sigma) ** 2
         total = part.sum()
@@ -63,7 +63,7 @@ def quadrature(ring: TaskRing, index: Index, order: int = ORDER) -> tuple[Array,
 
 
 def grid(ring: TaskRing, count: int = GRID) -> tuple[Array, Array]:
-    """Poses r, z (count^2,) [m] on a regular grid that holds the ring's edges."""
+    """Poses r, z (count^2,) [m] on a regular grid that includes the ring's edges."""
     r, z = np.meshgrid(np.linspace(*ring.r, count), np.linspace(*ring.z, count), indexing="ij")
     return r.ravel(), z.ravel()
 
@@ -91,7 +91,7 @@ def sensitivity(
 
 
 def _change(fine: Array, coarse: Array) -> float:
-    """Largest relative change; what is rounding beside the largest of its row counts as zero."""
+    """Largest relative change; values below rounding of the largest of their row count as zero."""
     floor = 1e-9 * fine.max(axis=1, keepdims=True)
     size = np.maximum(np.maximum(fine, floor), np.finfo(float).tiny)
     return float(np.max(np.abs(fine - coarse) / size))

@@ -37,7 +37,7 @@ class Machine:
 
 
 def built(manipulator: Manipulator, drives: Array, phi: Array, errors: Array) -> Machine:
-    """Machines with `errors` (..., 63) [m, rad], their arms told to stand at `drives` (..., 3)
+    """Machines with `errors` (..., 63) [m, rad], their arms commanded to `drives` (..., 3)
     [rad] from e_r at the azimuth `phi` (...) [rad].
 
     A_ij = O + dO + F exp(dT) ((l1 + dl1) x + s_j (d + ddA)/2 exp(dA) n) and

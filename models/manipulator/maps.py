@@ -10,7 +10,7 @@ and half their sum the position,
     w.dP + (p x w).dth = (dl2_a + dl2_b)/2 - w.dp + w.dO
                          + (l1 u x w).dT + (w.u) dl1 + l1 (w.v) dth0.
 
-In model M2 the follow-up plane turns by dpsi besides: dth_z grows by it, and it solves
+In model M2 the follow-up plane also turns by dpsi: dth_z grows by it, and it solves
 (B3 - A3).e_t = 0.
 """
 
@@ -43,7 +43,7 @@ class Maps:
 def first_order(manipulator: Manipulator, r: Array, z: Array, phi: Array | float = 0.0) -> Maps:
     """The maps of all 63 sources at poses r, z [m], phi [rad], each (n,) or a number.
 
-    The azimuth matters to the sources fixed in the base (origins) alone. Raises OutOfReach.
+    The azimuth matters only to the sources fixed in the base (origins). Raises OutOfReach.
     """
     r, z, phi = (np.asarray(coordinate, dtype=float).ravel() for coordinate in (r, z, phi))
     r, z = np.broadcast_arrays(r, z)
@@ -56,8 +56,8 @@ def first_order(manipulator: Manipulator, r: Array, z: Array, phi: Array | float
     position += shift @ orientation
     if manipulator.follow_up == "fixed":
         return Maps(orientation, position, np.zeros((len(r), orientation.shape[-1])))
-    side = _beside(manipulator, chains, phi)
-    plane = position[:, 1] - manipulator.half_width * orientation[:, 2] - side
+    gap = _gap_along_e_t(manipulator, chains, phi)
+    plane = position[:, 1] - manipulator.half_width * orientation[:, 2] - gap
     plane /= (r - shift[:, 1, 2])[:, None]
     orientation[:, 2] += plane
     position += shift[:, :, 2, None] * plane[:, None]
@@ -67,8 +67,8 @@ def first_order(manipulator: Manipulator, r: Array, z: Array, phi: Array | float
 def separated(chains: Posture) -> tuple[Array, Array, Array]:
     """Matrices (n, 3, 3) of the separated equations, solved.
 
-    What the differences of the closures do to the orientation, what their half sums do to the
-    position, and what the orientation does to the position.
+    They map the differences of the closures to the orientation, their half sums to the position,
+    and the orientation to the position.
     """
     across, lever = cross(chains.n, chains.w), cross(chains.p, chains.w)
     turn = np.linalg.inv(across).astype(np.float64, copy=False)
@@ -110,8 +110,8 @@ def half_sums(manipulator: Manipulator, chains: Posture, phi: Array) -> Array:
     return columns
 
 
-def _beside(manipulator: Manipulator, chains: Posture, phi: Array) -> Array:
-    """How far (n, 63) the sources themselves push A3 - B3 along e_t."""
+def _gap_along_e_t(manipulator: Manipulator, chains: Posture, phi: Array) -> Array:
+    """Displacement (n, 63) of A3 - B3 along e_t by the sources themselves."""
     columns = np.zeros((len(chains.w), CHAINS, sources.PER_CHAIN))
     last = columns[:, 2]
     last[:, sources.ORIGIN.start] = -np.sin(phi)

@@ -23,7 +23,7 @@ class Nonlinearity:
     """Root mean squares over the ring and over machines with random errors.
 
     `position` [m] and `orientation` [rad] of the exact pose error; `position_off` and
-    `orientation_off` of what the first-order maps miss of it, in the same units.
+    `orientation_off` of the residuals of the first-order maps, in the same units.
     """
 
     position: float

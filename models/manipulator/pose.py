@@ -1,4 +1,4 @@
-"""Pose errors of one manipulator, as a measuring machine sees them."""
+"""Pose errors of one manipulator, as measured by a measuring machine."""
 
 from __future__ import annotations
 
@@ -65,11 +65,11 @@ class ManipulatorPose(MeasurableModel):
         designs: Mapping[str, float] | None = None,
         inputs: Mapping[str, Distribution] | None = None,
     ) -> None:
-        given = parameters or {}
-        self.machine = declared.manipulator(given)
-        self.errors = declared.elementary_errors(given)
-        self.correct = given.get(declared.COMPENSATION.name) == "position"
-        raise_all(faults(self.machine, declared.task_ring(given)))
+        values = parameters or {}
+        self.machine = declared.manipulator(values)
+        self.errors = declared.elementary_errors(values)
+        self.correct = values.get(declared.COMPENSATION.name) == "position"
+        raise_all(faults(self.machine, declared.task_ring(values)))
 
     def outside(self, table: Mapping[str, NDArray[Any]]) -> Outside:
         r, z = (np.asarray(table[name], dtype=float) * MM for name in ("r_mm", "z_mm"))
@@ -87,7 +87,7 @@ class ManipulatorPose(MeasurableModel):
         phi = np.radians(table["phi_deg"])
         tilt = base_tilt(changes, phi)
         if self.correct:
-            position, turn = np.zeros((len(r), 3)), self._left(r, z, phi, changes, tilt)
+            position, turn = np.zeros((len(r), 3)), self._residual(r, z, phi, changes, tilt)
         else:
             errors = changed_errors(self.machine, r, z, phi, self.errors, changes)
             pose = exact_pose(self.machine, r, z, phi, errors)
@@ -97,10 +97,10 @@ class ManipulatorPose(MeasurableModel):
         readings = np.concatenate([position / MM, turn / MRAD], axis=-1)
         return {output.name: readings[:, i] for i, output in enumerate(self.outputs)}
 
-    def _left(
+    def _residual(
         self, r: Array, z: Array, phi: Array, changes: Mapping[str, Array], tilt: Array
     ) -> Array:
-        """Rotation vectors (n, 3) [rad] that are left when the position is made exact.
+        """Residual rotation vectors (n, 3) [rad] when the position is made exact.
 
         On a tilted base that is the pose where the base is upright; the axes are those at phi.
         """

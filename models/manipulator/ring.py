@@ -7,8 +7,8 @@ pose are convex, at given u and g an interval of rho, so that rho is integrated 
 
     P(some pose > L) = 1 - exp(-lo^2/2) + exp(-hi^2/2),  [lo, hi] the intersection of the intervals.
 
-What exceeds L at the worst pose alone is known exactly, so that only what the other poses add to it
-is sampled. The sum is never below the share at that pose.
+The probability of exceeding L at the worst pose alone is known exactly, so that only the
+contribution of the other poses is sampled. The sum is never below the probability at that pose.
 """
 
 from __future__ import annotations
@@ -29,23 +29,23 @@ Rows = NDArray[np.int64]
 WIDER = 1.1
 """Factor by which the bracket of a quantile grows."""
 BLOCK = 128
-"""Machines that are worked on at once: matrices so small are multiplied by one thread, which on a
-busy computer is many times faster than waiting for another."""
+"""Machines that are computed at once: matrices this small are multiplied by a single thread, which
+on a busy computer is many times faster than waiting for another."""
 SHORT = 0.999
-"""Its lower end in units of the quantile at the worst pose, where too many exceed it."""
+"""Lower end of the bracket in units of the quantile at the worst pose, where too many exceed it."""
 STEP = 1e-3
 """Relative step of the density at a quantile."""
 CLOSE = 1e-9
 """Relative tolerance of a quantile."""
 NONE = 1e-4
-"""Share of the machines in question that counts as none: 1e-5 of a quantile at most."""
+"""Fraction of the exceeding machines that is neglected: 1e-5 of a quantile at most."""
 TINY = 1e-200
-"""Square of an effect in the plane that is none."""
+"""Square of an effect in the plane that counts as zero."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sample:
-    """What every design's machines are made of: `u` (m, 2) of length 1, `g` (m, sources) normal.
+    """The sample common to all designs: `u` (m, 2) of length 1, `g` (m, sources) normal.
 
     The m machines are `replicates` scrambled Sobol samples, one after another.
     """
@@ -67,8 +67,8 @@ class Sample:
 def main_plane(effects: Sequence[Array], near: Array | None = None) -> Array:
     """Orthonormal E (sources, 2) of the plane in which errors act most, over all poses.
 
-    `effects` (poses, c, sources) are those of one standard deviation of each source. Turned as near
-    to the frame `near` as it can be, E changes smoothly with the design.
+    `effects` (poses, c, sources) are those of one standard deviation of each source. E is turned
+    as near to the frame `near` as possible, so that it changes smoothly with the design.
     """
     rows = np.concatenate([effect.reshape(-1, effect.shape[-1]) for effect in effects])
     plane = np.linalg.eigh(rows.T @ rows)[1][:, -2:]
@@ -97,12 +97,12 @@ class Machines:
     def of(
         cls, effects: Sequence[Array], variances: Array, sample: Sample, plane: Array
     ) -> Machines:
-        """Of one kind of error, `effects` (poses, c, sources), or of several in units of their
-        bounds, the poses of which follow each other in `variances`; `plane` is E (sources, 2).
+        """Machines with one kind of error, `effects` (poses, c, sources), or with several in units
+        of their bounds, whose poses follow each other in `variances`; `plane` is E (sources, 2).
         """
         b, a = sample.u @ plane.T, sample.g - (sample.g @ plane) @ plane.T
         parts = [_quadratic(effect, a.T.copy(), b.T.copy()) for effect in effects]
-        square, product, offset = (np.concatenate(each) for each in zip(*parts, strict=True))
+        square, product, offset = (np.concatenate(blocks) for blocks in zip(*parts, strict=True))
         inverse = 1.0 / np.maximum(square, TINY)
         middle = product * inverse
         return cls(inverse, middle, offset * inverse - middle**2, variances, sample.replicates)
@@ -118,52 +118,52 @@ class Machines:
         )
 
     def beyond(self, bound: float, worst: int) -> tuple[float, float]:
-        """Share of machines that exceed the bound at some pose, and its standard error.
+        """Fraction of machines that exceed the bound at some pose, and its standard error.
 
         `worst` is the row of the pose at which most exceed it.
         """
-        each = self._shares(bound, worst)
-        error = float(each.std(ddof=1) / np.sqrt(len(each)))
-        return min(1.0, float(each.mean())), error
+        fractions = self._shares(bound, worst)
+        error = float(fractions.std(ddof=1) / np.sqrt(len(fractions)))
+        return min(1.0, float(fractions.mean())), error
 
     def quantile(self, coverage: float, worst: int, least: float) -> tuple[float, float]:
         """Bound that a machine keeps at every pose with that probability, and its standard error:
-        that of the share, over the density.
+        that of the fraction, over the density.
 
         `least` is the largest quantile at a pose, and `worst` the row of that pose.
         """
         if least <= 0.0:
             return 0.0, 0.0
-        some, own = self._relevant(least, worst, 1.0 - coverage)
+        relevant, row = self._relevant(least, worst, 1.0 - coverage)
 
-        def share(bound: float) -> float:
-            return float(some._shares(bound, own).mean())
+        def fraction(bound: float) -> float:
+            return float(relevant._shares(bound, row).mean())
 
         high = WIDER * least
-        while share(high) > 1.0 - coverage:
+        while fraction(high) > 1.0 - coverage:
             high *= WIDER
         root = float(
             scipy.optimize.brentq(
-                lambda at: np.log(share(at) / (1.0 - coverage)), SHORT * least, high, rtol=CLOSE
+                lambda at: np.log(fraction(at) / (1.0 - coverage)), SHORT * least, high, rtol=CLOSE
             )
         )
-        fall = share(root * (1.0 - STEP)) - share(root * (1.0 + STEP))
-        return max(root, least), some.beyond(root, own)[1] * 2.0 * STEP * root / fall
+        fall = fraction(root * (1.0 - STEP)) - fraction(root * (1.0 + STEP))
+        return max(root, least), relevant.beyond(root, row)[1] * 2.0 * STEP * root / fall
 
-    def _relevant(self, bound: float, worst: int, share: float) -> tuple[Machines, int]:
-        """The same without the poses at which, all together, next to none exceeds the bound.
+    def _relevant(self, bound: float, worst: int, fraction: float) -> tuple[Machines, int]:
+        """The same without the poses at which, all together, almost no machine exceeds the bound.
 
-        Also the row of the worst pose among those that are left.
+        Also the row of the worst pose among the remaining ones.
         """
         over = exceedance(self.variances, bound)
         order = np.argsort(over)
-        kept = np.union1d(order[np.cumsum(over[order]) > NONE * share], [worst])
+        kept = np.union1d(order[np.cumsum(over[order]) > NONE * fraction], [worst])
         return self.at(kept), int(np.searchsorted(kept, worst))
 
     def _shares(self, bound: float, worst: int) -> Array:
-        """Share of machines that exceed the bound at some pose (replicates,)."""
-        own = slice(worst, worst + 1)
-        more = self._outside(bound, slice(None)) - self._outside(bound, own)
+        """Fraction of machines that exceed the bound at some pose (replicates,)."""
+        worst_pose = slice(worst, worst + 1)
+        more = self._outside(bound, slice(None)) - self._outside(bound, worst_pose)
         at_worst = float(exceedance(self.variances[worst], bound))
         return np.asarray(at_worst + np.mean(more.reshape(self.replicates, -1), axis=1))
 

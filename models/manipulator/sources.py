@@ -26,7 +26,7 @@ class Source:
 
     @property
     def scale(self) -> float:
-        """Metres or radians in one of `unit`."""
+        """Metres or radians in one `unit`."""
         return UM if self.unit == "um" else MRAD
 
 
@@ -76,7 +76,7 @@ SCALES: Array = np.array([source.scale for source in SOURCES])
 
 
 def error_vector(errors: Mapping[str, float], place: str = "elementary_errors") -> Array:
-    """All 63 errors (63,) [m, rad], of those given by name in their units.
+    """All 63 errors (63,) [m, rad] from those by name in their units; the others are 0.
 
     Raises InputError with the nearest name where one is unknown, or a value is not finite.
     """
@@ -126,8 +126,9 @@ def position_sources() -> tuple[str, ...]:
     """The 36 that move the platform, 12 per chain.
 
     Origin 3, arm length 1, arm orientation 3 (the drive's zero acts as its third), rod lengths 2,
-    platform attachment 3. Of these the arm's rotation about itself does nothing at nominal
-    dimensions; what moves chain 3 out of its plane acts in model M2 alone, by the follow-up rod.
+    platform attachment 3. Of these the arm's rotation about itself has no effect at nominal
+    dimensions; sources that move chain 3 out of its plane act in model M2 alone, by the follow-up
+    rod.
     """
     stems = ("origin_", "arm_length_", "arm_orientation_", "rod_length_", "platform_attachment_")
     return tuple(name for name in NAMES if name.startswith(stems))

@@ -1,7 +1,7 @@
 """Small vector algebra on the last axis, in batches.
 
-Vectors are built with their components apart in memory (the last axis is the slowest): every
-operation then runs over whole batches, several times faster than over triples.
+Vectors have their components apart in memory (the last axis is the slowest): every operation then
+runs over whole batches, several times faster than over triples.
 """
 
 from __future__ import annotations

@@ -16,7 +16,7 @@ from .sums import ClippedSum, Term, total_cumulants
 REACH = 9.0
 """Standard deviations that the lattice covers on either side where the inputs are unbounded."""
 HEAVY = 1e-9
-"""Mass that an input may have beyond REACH of its own standard deviations; else its own bounds."""
+"""Mass that an input may have beyond REACH standard deviations; with more its bounds are used."""
 ROUNDING = 1e-12
 """Floor of the stated errors: rounding of the transforms, relative to the step or probability."""
 
@@ -26,9 +26,9 @@ class Convolution(Propagation):
     """Clipped part by convolution, its negative mass put at zero, convolved with the free part.
 
     The lattice has `points` points over the range of the sum, so the discretisation error falls
-    with points^-2. With `errors` the same is done on half the points; stated is the difference,
-    about three times the error, and the least that the lattice can be blamed for. Without, the
-    errors are NaN (unknown), at two thirds of the time, as a search needs it.
+    with points^-2. With `errors` the same is done on half the points; the stated error is the
+    difference, about three times the true one, plus a floor of the discretisation. Without, the
+    errors are NaN (unknown), at two thirds of the time, for use in a search.
     """
 
     points: int = 4096
@@ -49,7 +49,7 @@ class Convolution(Propagation):
         return Propagated(cumulants[0], np.sqrt(cumulants[1]), *estimates)
 
     def _floor(self, total: ClippedSum, fine: Array) -> Array:
-        """What the lattice may miss where fine and coarse agree by chance, shape (5, n).
+        """Floor of the errors for the case that fine and coarse agree by chance, shape (5, n).
 
         Linear allocation adds up to step^2/6 to the variance of each term, so the spread s grows by
         about terms step^2/(12 s); the quantile moves by up to three of it, a probability by up to a
@@ -83,7 +83,7 @@ def _statistics(total: ClippedSum, coverage: float, limit: float, points: int) -
 
 
 def _range(terms: tuple[Term, ...]) -> tuple[Array, Array, Array]:
-    """Lower end, upper end and width of what a sum of terms can be, each (n,)."""
+    """Lower end, upper end and width of the range of a sum of terms, each (n,)."""
     ends = np.array([term.bounds() for term in terms]).sum(axis=0)
     light = [_light(term) for term in terms]
     wide = [term.bounds() for term, covered in zip(terms, light, strict=True) if not covered]
@@ -100,7 +100,7 @@ def _range(terms: tuple[Term, ...]) -> tuple[Array, Array, Array]:
 def _light(term: Term) -> bool:
     """Whether REACH standard deviations cover the contribution.
 
-    They never do for z^2 of a normal z, nor for a rare outlier.
+    They do not for z^2 of a normal z, nor for a rare outlier.
     """
     if term.quadratic is not None:
         return False
@@ -122,9 +122,11 @@ def _clip(mass: Array, first: Integers) -> tuple[Array, Integers]:
     points = mass.shape[1]
     base = np.maximum(first, 0)
     at = (base - first)[:, None] + np.arange(points)
-    kept = np.where(at < points, np.take_along_axis(mass, np.minimum(at, points - 1), axis=1), 0.0)
-    kept[:, 0] += mass.sum(axis=1) - kept.sum(axis=1)
-    return kept, base
+    clipped = np.where(
+        at < points, np.take_along_axis(mass, np.minimum(at, points - 1), axis=1), 0.0
+    )
+    clipped[:, 0] += mass.sum(axis=1) - clipped.sum(axis=1)
+    return clipped, base
 
 
 def _moments(mass: Array, x: Array) -> tuple[Array, Array]:

@@ -1,6 +1,6 @@
 """Laws of deviations that are even and log-concave, by their characteristic functions.
 
-A quantile of a weighted sum of independent ones is convex in the weights (`symmetric_sum`).
+A quantile of a weighted sum of such deviations is convex in the weights (`symmetric_sum`).
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from ..inputs import Beta, Distribution, Normal, Trapezoid, Triangular, Truncate
 
 Array = NDArray[np.float64]
 NEAR = 1e-3
-"""Arguments below which a power series takes the place of a quotient."""
+"""Arguments below which a power series replaces a quotient."""
 LANDAU = 0.7858
 """|J_nu(x)| <= 0.7858 x^(-1/3), nu >= 0, x > 0 (Landau 2000, J. London Math. Soc. 61)."""
 
@@ -51,7 +51,7 @@ class Even(ABC):
         """A bound of |phi| that falls from w on at least like w^-d, and d, each shape of `w`."""
 
     def slope_envelope(self, w: Array) -> tuple[Array, Array]:
-        """The same of |phi'|; E|z| <= 1 where nothing better is known."""
+        """The same of |phi'|; E|z| <= 1 is the default bound."""
         return np.ones_like(w), np.zeros_like(w)
 
 
@@ -69,12 +69,12 @@ class EvenPlateau(Even):
         return float(Trapezoid(self.top).quantile(np.array(probability)))
 
     def characteristic(self, w: Array) -> tuple[Array, Array]:
-        flat = _sinc(0.5 * (1.0 + self.top) * w)
+        wide = _sinc(0.5 * (1.0 + self.top) * w)
         if self.top == 1.0:
-            return flat
+            return wide
         a, b = 0.5 * (1.0 + self.top), 0.5 * (1.0 - self.top)
-        other = _sinc(b * w)
-        return flat[0] * other[0], a * flat[1] * other[0] + b * flat[0] * other[1]
+        narrow = _sinc(b * w)
+        return wide[0] * narrow[0], a * wide[1] * narrow[0] + b * wide[0] * narrow[1]
 
     def value(self, w: Array) -> Array:
         flat = _sinc_alone(0.5 * (1.0 + self.top) * w)
@@ -201,7 +201,7 @@ UNIFORM = EvenPlateau()
 
 
 def even_law(law: Distribution) -> tuple[float, Even] | None:
-    """Mean and even, log-concave rest of a law of z; None where it is not of that kind.
+    """Mean and even, log-concave law of z minus its mean; None for other laws.
 
     Skewed laws, and those with poles at the limits (beta below 1), have quantiles that are not
     convex in the tolerances.

@@ -47,11 +47,11 @@ def _stop_loss_bent(term: Term, away: Array) -> Array:
     square = b * b + 4.0 * a * away
     root = np.sqrt(np.maximum(square, 0.0))
     stable = -0.5 * (b + np.where(b < 0.0, -root, root))
-    ratio = stable / a
+    first_root = stable / a
     single = (square <= 0.0) | (stable == 0.0)  # beyond the vertex: no root, an empty interval
-    other = np.where(single, ratio, -away / np.where(single, 1.0, stable))
-    low = term.distribution.partial_moments(np.minimum(ratio, other))
-    high = term.distribution.partial_moments(np.maximum(ratio, other))
+    second_root = np.where(single, first_root, -away / np.where(single, 1.0, stable))
+    low = term.distribution.partial_moments(np.minimum(first_root, second_root))
+    high = term.distribution.partial_moments(np.maximum(first_root, second_root))
     inside = [upper - lower for lower, upper in zip(low, high, strict=True)]
     between = away * inside[0] - b * inside[1] - a * inside[2]
     _, first, second = term.distribution.raw_moments(2)

@@ -9,12 +9,12 @@ from .sums import ClippedSum
 
 
 class Propagation(ABC):
-    """How the spread of the inputs becomes the spread of a `ClippedSum`."""
+    """Propagates the spread of the inputs to that of a `ClippedSum`."""
 
     @property
     @abstractmethod
     def block(self) -> int:
-        """Designs worked on at once, so that the working set stays in the cache."""
+        """Designs computed at once, so that the working set stays in the cache."""
 
     @abstractmethod
     def _propagate(self, total: ClippedSum, coverage: float, limit: float) -> Propagated:

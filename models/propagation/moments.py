@@ -15,7 +15,7 @@ from .result import Estimate, Propagated
 from .sums import ClippedSum, cumulants_of, total_cumulants
 
 TINY = 1e-75
-"""Stands for no spread: its fourth power, which divides a fourth cumulant, is still above 0."""
+"""Replaces a spread of 0: its fourth power, which divides a fourth cumulant, is still above 0."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +57,7 @@ def _ends(total: ClippedSum) -> tuple[Array, Array]:
 
 
 def _within(moments: tuple[Array, ...], ends: tuple[Array, Array]) -> tuple[Array, ...]:
-    """Mean and quantile moved into the support: a series may leave it where almost all is cut."""
+    """Mean and quantile moved into the support: a series may leave it where most mass is cut."""
     mean, std, quantile, *rest = moments
     return (np.clip(mean, *ends), std, np.clip(quantile, *ends), *rest)
 
@@ -68,10 +68,10 @@ def _gaussian(cumulants: Array) -> Array:
 
 
 def _doubt(clipped: Array, free: Array, coverage: float) -> tuple[Array, ...]:
-    """What the series may miss whatever its terms happen to cancel to, per statistic.
+    """Estimated error of the series, whatever its terms cancel to, per statistic.
 
     The size of the terms with the largest Hermite polynomials times density instead of those at the
-    point asked for: 0.40, 0.55 and 1.4 for the orders 2, 3 and 5.
+    evaluated point: 0.40, 0.55 and 1.4 for the orders 2, 3 and 5.
     """
     effective = cumulants_of(_upper_moments(clipped)[1:]) + free
     part, whole = _series_size(clipped), _series_size(effective)
@@ -83,7 +83,7 @@ def _doubt(clipped: Array, free: Array, coverage: float) -> tuple[Array, ...]:
 
 def _series_size(cumulants: Array) -> Array:
     sigma = np.sqrt(np.maximum(cumulants[1], TINY**2))
-    with np.errstate(over="ignore"):  # where the series gives no variance it may miss anything
+    with np.errstate(over="ignore"):  # where the series gives no variance its error is unbounded
         skew, excess = np.abs(cumulants[2]) / sigma**3, np.abs(cumulants[3]) / sigma**4
         return np.asarray(0.40 * skew / 6.0 + 0.55 * excess / 24.0 + 1.4 * skew**2 / 72.0)
 

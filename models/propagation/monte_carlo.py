@@ -15,7 +15,7 @@ from .result import Estimate, Propagated
 from .sums import ClippedSum, Term, total_cumulants
 
 BLOCK = 8
-"""Designs whose units are worked on at once: with 4096 units each they stay in the cache."""
+"""Designs whose units are computed at once: with 4096 units each they stay in the cache."""
 QUANTILE_BIAS = 2.0
 """Quantiles of the replicates are biased by up to about their standard error (measured at 0.9973
 with 4096 units each), so that error is stated twice."""
@@ -30,7 +30,7 @@ class MonteCarlo(Propagation):
     The sample is drawn once, `points` of shape (replicates, samples per replicate, dimensions) in
     (0, 1), and reused for all designs of all batches: differences between designs carry common
     random numbers. Standard errors come from the scatter over the replicates; that of a probability
-    is at least 1/samples, which is what a sample without a single hit can claim.
+    is at least 1/samples, the least error that a sample without a single hit supports.
     """
 
     points: NDArray[np.float64]
@@ -39,8 +39,8 @@ class MonteCarlo(Propagation):
     def draw(cls, samples: int, dimensions: int, rng: np.random.Generator) -> MonteCarlo:
         """A scrambled Sobol sample, rounded up to REPLICATES powers of two."""
         points = np.empty((REPLICATES, 2 ** power_of(samples), dimensions))
-        for own, drawn in zip(points, replicates(samples, dimensions, rng), strict=True):
-            own[:] = drawn
+        for replicate, values in zip(points, replicates(samples, dimensions, rng), strict=True):
+            replicate[:] = values
         return cls(points)
 
     @property
@@ -49,7 +49,9 @@ class MonteCarlo(Propagation):
 
     def _propagate(self, total: ClippedSum, coverage: float, limit: float) -> Propagated:
         cumulants = total_cumulants(total.clipped + total.free)
-        replicates = np.array([_replicate(total, point, coverage, limit) for point in self.points])
+        replicates = np.array(
+            [_replicate(total, sample, coverage, limit) for sample in self.points]
+        )
         value = replicates.mean(axis=0)
         error = replicates.std(axis=0, ddof=1) / np.sqrt(len(replicates))
         error[2] *= QUANTILE_BIAS
@@ -59,7 +61,7 @@ class MonteCarlo(Propagation):
 
 
 def power_of(samples: int) -> int:
-    """Of how many samples a replicate is, as a power of two."""
+    """Size of a replicate, as a power of two."""
     return max(1, int(np.ceil(np.log2(max(samples, 2 * REPLICATES) / REPLICATES))))
 
 
@@ -85,9 +87,9 @@ def _replicate(total: ClippedSum, points: Array, coverage: float, limit: float) 
 
 def units_of(total: ClippedSum, points: Array) -> Array:
     """Units (n, samples) of the n sums at `points` (samples, inputs) in (0, 1)."""
-    split, every = len(total.clipped), slice(None)
-    clipped = _Part.of(total.clipped, points[:, :split]).units(every)
-    return np.maximum(clipped, 0.0) + _Part.of(total.free, points[:, split:]).units(every)
+    split, all_rows = len(total.clipped), slice(None)
+    clipped = _Part.of(total.clipped, points[:, :split]).units(all_rows)
+    return np.maximum(clipped, 0.0) + _Part.of(total.free, points[:, split:]).units(all_rows)
 
 
 def _unit_statistics(clipped: Array, free: Array, coverage: float, limit: float) -> Array:

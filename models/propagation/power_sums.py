@@ -23,7 +23,7 @@ class Stated:
 
 @dataclass(frozen=True, slots=True)
 class PowerSums:
-    """Sums of (x - about)^k, k = 1..4, over `count` values; no digits are lost near the mean."""
+    """Sums of (x - about)^k, k = 1..4, over `count` values; `about` near the mean saves digits."""
 
     count: int
     about: float
@@ -85,11 +85,11 @@ class PowerSums:
     def cpk(self, lower: float, upper: float) -> Stated:
         """The lesser of the two one-sided capabilities."""
         sides = (self.to_limit(upper, 1), self.to_limit(lower, -1))
-        return min(sides, key=lambda one: one.value)
+        return min(sides, key=lambda side: side.value)
 
 
 def share(hits: int, count: int) -> Stated:
-    """hits/count; its error is binomial, but at least 1/count: no sample can claim less."""
+    """hits/count; its error is binomial, but at least 1/count, which no sample can undercut."""
     p = hits / count
     return Stated(p, max(sqrt(p * (1.0 - p) / count), 1.0 / count))
 

@@ -1,4 +1,4 @@
-"""What a propagation returns: estimates, each with the error that its method states."""
+"""Results of a propagation: estimates, each with the error that its method states."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Propagated:
 
 
 def joined(parts: list[Propagated]) -> Propagated:
-    """The results of consecutive blocks of designs as one."""
+    """The results of consecutive blocks of designs, joined."""
     fields_of: dict[str, Any] = {}
     for field in fields(Propagated):
         pieces = [getattr(part, field.name) for part in parts]

@@ -14,16 +14,16 @@ Array = NDArray[np.float64]
 Kinds = Mapping[Even, Sequence[int]]
 """By law, the columns of its scales."""
 CLOSE, SQUARED = 1e-14, 1e-8
-"""Relative step at which bisection has ended, and Newton's method, whose next one is its square."""
+"""Relative step at which bisection ends, and Newton's method, whose next step is its square."""
 STEPS = 60
-"""Steps of Newton's method, bisected where it leaves its bracket."""
+"""Steps of Newton's method, with bisection where it leaves its bracket."""
 FEW = 4
-"""Times that each scale of a variable occurs, on average, for sums to be seen as alike."""
+"""Times that each scale of a variable must occur, on average, for sums to count as alike."""
 
 
 @dataclass(eq=False)
 class Series:
-    """phi of n sums at the odd frequencies k pi/R, and what the terms beyond them may add."""
+    """phi of n sums at the odd frequencies k pi/R, and bounds of the neglected terms."""
 
     k: Array
     omega: Array
@@ -39,44 +39,48 @@ class Series:
         """The series of scales s (n, m) with so many odd terms and periods R (n,)."""
         k = 2.0 * np.arange(terms) + 1.0
         omega = np.pi * k / period[:, None]
-        each = np.empty((len(s), s.shape[1], terms))
-        slope = np.empty_like(each)
+        factors = np.empty((len(s), s.shape[1], terms))
+        slope = np.empty_like(factors)
         last = omega[:, -1:] * s
         bound, fall = np.empty_like(s), np.empty_like(s)
         slope_bound, slope_fall = np.empty_like(s), np.empty_like(s)
-        for law, own in kinds.items():
-            each[:, own], slope[:, own] = law.characteristic(s[:, own, None] * omega[:, None, :])
-            bound[:, own], fall[:, own] = law.envelope(last[:, own])
-            slope_bound[:, own], slope_fall[:, own] = law.slope_envelope(last[:, own])
-        before, after = _others(each)
-        phi = before[:, -1] * each[:, -1]
+        for law, columns in kinds.items():
+            factors[:, columns], slope[:, columns] = law.characteristic(
+                s[:, columns, None] * omega[:, None, :]
+            )
+            bound[:, columns], fall[:, columns] = law.envelope(last[:, columns])
+            slope_bound[:, columns], slope_fall[:, columns] = law.slope_envelope(last[:, columns])
+        before, after = _others(factors)
+        phi = before[:, -1] * factors[:, -1]
         slopes = slope * before * after
         # sum over odd k > K of (K/k)^D/k is at most 1/(2 D)
         whole, order = np.prod(bound, axis=1), np.sum(fall, axis=1)
-        rest, rest_order = _others(bound[:, :, None]), order[:, None] - fall + slope_fall
-        partial = (rest[0] * rest[1])[:, :, 0] * slope_bound
+        other_bounds, others_order = _others(bound[:, :, None]), order[:, None] - fall + slope_fall
+        partial = (other_bounds[0] * other_bounds[1])[:, :, 0] * slope_bound
         with np.errstate(divide="ignore"):
             missing = np.where(order > 0.0, whole / (np.pi * order), 1.0)
             room = k[-1] / period
             dense = np.where(order > 1.0, whole * room / (order - 1.0), np.inf)
-            steep = np.where(rest_order > 1.0, partial * room[:, None] / (rest_order - 1.0), np.inf)
+            steep = np.where(
+                others_order > 1.0, partial * room[:, None] / (others_order - 1.0), np.inf
+            )
         return cls(np.asarray(k, dtype=float), omega, phi, slopes, period, missing, dense, steep)
 
     @classmethod
     def of_values(cls, kinds: Kinds, s: Array, period: Array, terms: int) -> Series:
-        """The same without derivatives in the scales: nothing is known of their errors."""
+        """The series without derivatives in the scales: their errors are unknown."""
         if shared := alike(s, period):
             period = np.full_like(period, period.max())
         k = 2.0 * np.arange(terms) + 1.0
         omega = np.pi * k / period[:, None]
         phi, last = np.ones_like(omega), omega[:, -1:] * s
         whole, order = np.ones(len(s)), np.zeros(len(s))
-        for law, own in kinds.items():
+        for law, columns in kinds.items():
             if shared:
-                _times(phi, law, s[:, own], omega[0])
+                _times(phi, law, s[:, columns], omega[0])
             else:
-                phi *= np.prod(law.value(s[:, own, None] * omega[:, None, :]), axis=1)
-            bound, fall = law.envelope(last[:, own])
+                phi *= np.prod(law.value(s[:, columns, None] * omega[:, None, :]), axis=1)
+            bound, fall = law.envelope(last[:, columns])
             whole, order = whole * np.prod(bound, axis=1), order + np.sum(fall, axis=1)
         with np.errstate(divide="ignore"):
             missing = np.where(order > 0.0, whole / (np.pi * order), 1.0)
@@ -88,7 +92,7 @@ class Series:
         """The series of some sums."""
         if isinstance(rows, slice):
             return self
-        each = (
+        arrays = (
             self.omega,
             self.phi,
             self.slopes_of_phi,
@@ -97,7 +101,7 @@ class Series:
             self.missing_density,
             self.missing_slopes,
         )
-        return Series(self.k, *(part[rows] for part in each))
+        return Series(self.k, *(part[rows] for part in arrays))
 
     def below(self, y: Array) -> Array:
         """F(y), (n,)."""
@@ -112,8 +116,8 @@ class Series:
     def slopes(self, y: Array) -> Array:
         """dF(y)/ds, (n, m)."""
         wave = np.sin(self.omega * y[:, None])
-        each = np.einsum("nmk,nk->nm", self.slopes_of_phi, wave)
-        return np.asarray(2.0 / self.period[:, None] * each)
+        sums = np.einsum("nmk,nk->nm", self.slopes_of_phi, wave)
+        return np.asarray(2.0 / self.period[:, None] * sums)
 
     def solved(self, p: Array, high: Array, start: Array) -> Array:
         """The y (n,) with F(y) = p (n,) between 0 and `high`, from `start` (n,) on."""
@@ -124,25 +128,25 @@ class Series:
             low, high = np.where(excess < 0.0, y, low), np.where(excess < 0.0, high, y)
             dense = self.density(y)
             step = excess / np.where(dense > 0.0, dense, 1.0)
-            moved = y - step
-            inside = (dense > 0.0) & (moved >= low) & (moved <= high)  # y itself is solved
-            new = np.where(inside, moved, 0.5 * (low + high))
+            candidate = y - step
+            inside = (dense > 0.0) & (candidate >= low) & (candidate <= high)  # y itself is solved
+            new = np.where(inside, candidate, 0.5 * (low + high))
             if np.all(np.abs(new - y) <= np.where(inside, SQUARED, CLOSE) * np.abs(new)):
                 return new
             y = new
         return y
 
 
-def _others(each: Array) -> tuple[Array, Array]:
-    """Products of the factors before and after each, along axis 1."""
-    ones = np.ones_like(each[:, :1])
-    before = np.cumprod(np.concatenate([ones, each[:, :-1]], axis=1), axis=1)
-    after = np.cumprod(np.concatenate([ones, each[:, :0:-1]], axis=1), axis=1)[:, ::-1]
+def _others(factors: Array) -> tuple[Array, Array]:
+    """Products of the factors before and after each factor, along axis 1."""
+    ones = np.ones_like(factors[:, :1])
+    before = np.cumprod(np.concatenate([ones, factors[:, :-1]], axis=1), axis=1)
+    after = np.cumprod(np.concatenate([ones, factors[:, :0:-1]], axis=1), axis=1)[:, ::-1]
     return np.asarray(before, dtype=float), np.asarray(after, dtype=float)
 
 
 def alike(s: Array, period: Array) -> bool:
-    """Whether sums (n, m) have so few different scales that one period for all saves work."""
+    """Whether sums (n, m) have so few different scales that a common period saves work."""
     if period.max() > 1.25 * period.min():
         return False
     distinct = len(s[0]) + np.count_nonzero(np.diff(np.sort(s, axis=0), axis=0))
@@ -150,7 +154,7 @@ def alike(s: Array, period: Array) -> bool:
 
 
 def _times(phi: Array, law: Even, s: Array, omega: Array) -> None:
-    """Multiply `phi` (n, terms) by what each column of s (n, m) adds: equal scales once."""
+    """Multiply `phi` (n, terms) by the factors of the columns of s (n, m), equal scales once."""
     order = np.argsort(s, axis=0)
     ranked = np.take_along_axis(s, order, axis=0).T
     first = np.ones(ranked.shape, dtype=bool)
@@ -159,5 +163,5 @@ def _times(phi: Array, law: Even, s: Array, omega: Array) -> None:
     rows = np.empty(ranked.shape, dtype=np.int64)
     at = np.cumsum(first).reshape(ranked.shape) - 1
     np.put_along_axis(rows, order.T, at, axis=1)
-    for own in rows:
-        phi *= values[own]
+    for places in rows:
+        phi *= values[places]

@@ -1,4 +1,4 @@
-"""What is propagated: a sum of independent inputs, part of which cannot go below zero."""
+"""The propagated sum of independent inputs, a part of which cannot go below zero."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ class ClippedSum:
     """X = sum(free) + max(0, sum(clipped)) of independent terms, for n designs at once.
 
     `sum(free) + sum(clipped)` is the geometric value, X the effective one; a negative clipped part
-    is interference (preload), which is no play.
+    is interference (preload), not play.
     """
 
     free: tuple[Term, ...]

@@ -9,7 +9,7 @@ The distribution is a square wave's Fourier series: for |y| + |X| < R,
 
     2 F(y) - 1 = (4/pi) sum over odd k of phi(k pi/R) sin(k pi y/R)/k,
 
-which has no error of quadrature; what is left out is bounded by the envelopes of phi. Unbounded
+which has no error of quadrature; the neglected terms are bounded by the envelopes of phi. Unbounded
 inputs are cut at `REACH` standard deviations, beyond which lies less than 1e-17 of the mass.
 """
 
@@ -27,20 +27,20 @@ from .square_wave import Series, alike
 
 Array = NDArray[np.float64]
 REACH = 9.0
-"""Standard deviations beyond which X is not looked at."""
+"""Standard deviations beyond which X is neglected."""
 TERMS = (48, 96, 192, 384, 768, 1536, 3072)
-"""Odd terms of the series: the next number is tried where what is left out is too much."""
+"""Odd terms of the series: the next number is tried where the neglected terms are too large."""
 ENOUGH = 1e-14
-"""What may be left out of a probability."""
+"""Neglected part of a probability that is allowed."""
 ROUNDING = 4e-15
 """Rounding of a probability."""
 SURE, STEP = 1e-7, (1e-6, 1e-2)
-"""Share of a quantile up to which doubts of its gradient are let be, and the shares of a scale by
-which it is moved to see its slope from values."""
+"""Fraction of a quantile up to which errors of its gradient are accepted, and the fractions of a
+scale by which it is changed to bound its slope from values."""
 LARGE = 3
-"""Number of terms up to which a sum remembers how many it needs."""
+"""Index in `TERMS` up to which a sum remembers how many terms it needs."""
 BLOCK = 1 << 21
-"""Numbers that are worked on at once."""
+"""Numbers that are held at once."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,32 +64,33 @@ class SymmetricSum:
 
     def __post_init__(self) -> None:
         self._kinds = {
-            law: [j for j, one in enumerate(self.laws) if one == law] for law in self.laws
+            law: [j for j, other_law in enumerate(self.laws) if other_law == law]
+            for law in self.laws
         }
         self._std = np.array([law.std for law in self.laws])
         self._ends = np.array([law.reach for law in self.laws])
 
     def quantile(self, s: Array, probability: float | Array, sure: bool = True) -> Tangent:
-        """Quantiles at a `probability` >= 1/2, or one (n,) of each, of sums of scales s (n, m).
+        """Quantiles at a `probability` >= 1/2, common or (n,), of sums of scales s (n, m).
 
-        The errors of gradients are as small as they can be told where these must be `sure`.
+        With `sure` the bounds of the errors of gradients are made as small as possible.
         """
         p, last = np.broadcast_to(np.asarray(probability, dtype=float), len(s)), self._last
         same = last is not None and np.array_equal(last[0], s) and np.array_equal(last[1], p)
         if last is not None and same and self._sure >= sure:
             return last[2]
-        kept, p, s = np.array(s, dtype=float), np.array(p), np.abs(np.array(s, dtype=float))
+        scales, p, s = np.array(s, dtype=float), np.array(p), np.abs(np.array(s, dtype=float))
         start = self._expected(s, p)
         tangent = Tangent(np.zeros(len(s)), np.zeros_like(s), np.zeros(len(s)), np.zeros_like(s))
         self._blocks(tangent, np.arange(len(s)), s, p, start, self._begin)
         self._alone(s, p, tangent)
         if sure:
             self._surer(tangent, s, p)
-        self._last, self._sure = (kept, p, tangent), sure
+        self._last, self._sure = (scales, p, tangent), sure
         return tangent
 
     def values(self, s: Array, probability: float) -> Array:
-        """Quantiles (n,) alone: with less work where many sums have scales in common."""
+        """Quantiles (n,) without gradients: less work where many sums have scales in common."""
         s = np.abs(np.asarray(s, dtype=float))
         std, end = self._size(s)
         high = self._high(std, end, np.asarray(probability))
@@ -101,7 +102,7 @@ class SymmetricSum:
         )
 
     def _high(self, std: Array, end: Array, p: Array) -> Array:
-        """What quantiles lie below (n,): sums of this kind are strictly sub-Gaussian, so that
+        """Upper bounds (n,) of quantiles: sums of this kind are strictly sub-Gaussian, so that
         P(X > y) <= exp(-y^2 / (2 std^2)).
         """
         return np.minimum(end, 1.1 * std * np.sqrt(-2.0 * np.log(1.0 - p)) + 1e-300)
@@ -143,8 +144,10 @@ class SymmetricSum:
         probability, error = np.zeros(len(s)), np.zeros(len(s))
         for side, y, most in ((-1.0, low, ends[0]), (1.0, high, ends[1])):
             beyond = np.abs(y) >= end
-            share = np.where(beyond, 1.0, 2.0 * series.below(most) - 1.0)
-            below = np.where(std > 0.0, 0.5 + 0.5 * np.sign(y) * share, (y >= 0.0).astype(float))
+            mass_within = np.where(beyond, 1.0, 2.0 * series.below(most) - 1.0)
+            below = np.where(
+                std > 0.0, 0.5 + 0.5 * np.sign(y) * mass_within, (y >= 0.0).astype(float)
+            )
             doubt = np.where(beyond, 2e-17, series.missing + ROUNDING)
             probability += side * np.clip(below, 0.0, 1.0)
             error += np.where((std > 0.0) & np.isfinite(y), doubt, 0.0)
@@ -168,71 +171,77 @@ class SymmetricSum:
     def _series(
         self, s: Array, end: Array, most: Array, make: Callable[..., Series] | None = None
     ) -> Series:
-        of, safe = make or Series.of, np.where(end > 0.0, end + most, 1.0)
-        series = of(self._kinds, s, safe, TERMS[self._begin])
+        build, safe = make or Series.of, np.where(end > 0.0, end + most, 1.0)
+        series = build(self._kinds, s, safe, TERMS[self._begin])
         for terms in TERMS[self._begin + 1 :]:
             if np.all((series.missing <= ENOUGH) | (end <= 0.0)):
                 break
-            series = of(self._kinds, s, safe, terms)
+            series = build(self._kinds, s, safe, terms)
         return series
 
     def _blocks(
         self, tangent: Tangent, rows: NDArray[np.int64], s: Array, p: Array, start: Array, at: int
     ) -> None:
-        """Fill in some rows of `tangent` by `TERMS[at]` terms, those that need more by more."""
+        """Fill in some rows of `tangent` with `TERMS[at]` terms; rows that need more get more."""
         most = max(1, BLOCK // (TERMS[at] * max(1, s.shape[1])))
         more = []
         for begin in range(0, len(rows), most):
-            own = rows[begin : begin + most]
-            std, end = self._size(s[own])
-            high = self._high(std, end, p[own])
-            series = Series.of(self._kinds, s[own], np.where(end > 0.0, end + high, 1.0), TERMS[at])
+            block = rows[begin : begin + most]
+            std, end = self._size(s[block])
+            high = self._high(std, end, p[block])
+            series = Series.of(
+                self._kinds, s[block], np.where(end > 0.0, end + high, 1.0), TERMS[at]
+            )
             done = (series.missing <= ENOUGH) | (end <= 0.0) | (at + 1 == len(TERMS))
             if np.any(done):
                 some = slice(None) if np.all(done) else done
                 self._fill(
                     tangent,
-                    own[some],
+                    block[some],
                     series.of_rows(some),
-                    p[own[some]],
+                    p[block[some]],
                     high[some],
-                    start[own[some]],
+                    start[block[some]],
                     end[some],
                 )
-            more.append(own[~done])
-        rest = np.concatenate(more) if more else rows
-        if len(rest) == len(rows) > 0 and at == self._begin < LARGE:
+            more.append(block[~done])
+        remaining = np.concatenate(more) if more else rows
+        if len(remaining) == len(rows) > 0 and at == self._begin < LARGE:
             self._begin = at + 1
-        if len(rest):
-            self._blocks(tangent, rest, s, p, start, at + 1)
+        if len(remaining):
+            self._blocks(tangent, remaining, s, p, start, at + 1)
 
     def _surer(self, tangent: Tangent, s: Array, p: Array) -> None:
         """Gradients of sums whose series falls slowly, between the chords to either side.
 
         The quantile is convex: its slope in s_j lies between those of the chords from s_j - h and
-        to s_j + h, of values that are known to their errors.
+        to s_j + h, whose values have known errors.
         """
         doubt = np.where(s > 0.0, tangent.gradient_error * s, 0.0).sum(axis=1)
         rows = np.flatnonzero(doubt > SURE * np.abs(tangent.value))
         if not len(rows):
             return
         m, value, error = s.shape[1], tangent.value[rows], tangent.value_error[rows]
-        share = np.clip(2.0 * np.sqrt(error / np.maximum(value, 1e-300)), *STEP)
-        h = share[:, None] * s[rows]
+        relative_step = np.clip(2.0 * np.sqrt(error / np.maximum(value, 1e-300)), *STEP)
+        h = relative_step[:, None] * s[rows]
         ends = []
         for side in (1.0, -1.0):
-            moved = (s[rows][:, None, :] + side * h[:, :, None] * np.eye(m)).reshape(-1, m)
-            every = np.repeat(p[rows], m)
-            own = Tangent(
-                np.zeros(len(moved)),
-                np.zeros_like(moved),
-                np.zeros(len(moved)),
-                np.zeros_like(moved),
+            shifted = (s[rows][:, None, :] + side * h[:, :, None] * np.eye(m)).reshape(-1, m)
+            probabilities = np.repeat(p[rows], m)
+            at_shifted = Tangent(
+                np.zeros(len(shifted)),
+                np.zeros_like(shifted),
+                np.zeros(len(shifted)),
+                np.zeros_like(shifted),
             )
-            self._blocks(own, np.arange(len(moved)), moved, every, np.repeat(value, m), 0)
-            self._alone(moved, every, own)
-            rise = own.value - np.repeat(value, m)
-            ends.append((rise.reshape(-1, m), own.value_error.reshape(-1, m) + error[:, None]))
+            self._blocks(
+                at_shifted, np.arange(len(shifted)), shifted, probabilities, np.repeat(value, m), 0
+            )
+            self._alone(shifted, probabilities, at_shifted)
+            rise = at_shifted.value - np.repeat(value, m)
+            ends.append(
+                (rise.reshape(-1, m), at_shifted.value_error.reshape(-1, m) + error[:, None])
+            )
         safe = np.where(h > 0.0, h, 1.0)
         above = (ends[0][0] + ends[0][1]) / safe - tangent.gradient[rows]
         below = tangent.gradient[rows] + (ends[1][0] + ends[1][1]) / safe
@@ -261,7 +270,7 @@ class SymmetricSum:
         tangent.gradient_error[rows] = np.where(np.isfinite(doubt), doubt, np.inf)
 
     def _expected(self, s: Array, p: Array) -> Array:
-        """Where to begin: on the tangent at the last scales, or at the normal quantile."""
+        """Starting value: on the tangent at the last scales, or at the normal quantile."""
         last = self._last
         if last is not None and last[0].shape == s.shape and np.array_equal(last[1], p):
             return np.asarray(np.sum(np.abs(last[2].gradient) * s, axis=1))

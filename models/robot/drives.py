@@ -1,4 +1,4 @@
-"""How the joints of a machine move its tool: maps of errors, by pose, of any machine."""
+"""Maps from joint errors of any machine to its tool, by pose."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 WHOLE = 6
-"""Joints from which on position and orientation can be kept together."""
+"""Least number of joints with which position and orientation can both be kept."""
 STILL = 1e-9
-"""Rate of a joint, over the largest, that is rounding."""
+"""Rate of a joint, over the largest, below which it is rounding."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,15 +38,17 @@ class Drives:
 
     def worst_of_two(self, first: int = 0, second: int = 1) -> Array:
         """Squared displacement (n,) of two joints at 1 rad each, in the worse relative sense."""
-        first_move, other = self.move[:, :, first], self.move[:, :, second]
-        together, against = (np.sum((first_move + s * other) ** 2, axis=1) for s in (1.0, -1.0))
+        first_move, second_move = self.move[:, :, first], self.move[:, :, second]
+        together, against = (
+            np.sum((first_move + s * second_move) ** 2, axis=1) for s in (1.0, -1.0)
+        )
         return np.asarray(np.maximum(together, against))
 
     def approach_sides(self, directions: Array) -> Array:
         """Signs (approaches, n, joints) of the joints' motion towards `directions` (k, 3).
 
         With six joints or more the orientation is kept; with fewer they move the position alone,
-        with the least motion of them all. 0 of a joint that does not move.
+        with the least motion of all joints. 0 for a joint that does not move.
         """
         whole = self.move.shape[2] >= WHOLE
         rows = np.concatenate([self.move, self.turn], axis=1) if whole else self.move

@@ -1,10 +1,10 @@
-"""What a geared joint adds to its angle: backlash, hysteresis, transmission error, wind-up.
+"""Errors of the angle of a geared joint: backlash, hysteresis, transmission error, wind-up.
 
     q = side b/2 + side h/2 + te + tau/K
 
 b is the backlash; the side, +1 or -1, is that from which the joint was approached, unless gravity
-holds a flank: then it is that of the torque, whatever the approach, and b/2 is a zero of the drive.
-h = 2 tau_f/K is the lost motion of friction, which gravity does not take away.
+holds a flank: then it is that of the torque for any approach, and b/2 is an offset of the drive.
+h = 2 tau_f/K is the lost motion of friction, which gravity does not remove.
 """
 
 from __future__ import annotations

@@ -27,7 +27,7 @@ class LinkMaps:
     """Maps of the 63 sources at poses (n,) [m/m, m/rad; rad/m, rad/rad]: (n, 3, 63) each.
 
     Where positions are calibrated, commands are corrected for the machine's own links until its
-    position is exact: `move` is 0 and `turn` what is left.
+    position is exact: `move` is 0 and `turn` the residual.
     """
 
     move: Array
@@ -50,8 +50,8 @@ def drives_over(
 def links(manipulator: Manipulator, r: Array, z: Array, calibrated: str = "none") -> LinkMaps:
     """The maps of the links' sources at poses r, z (n,) [m]. Raises OutOfReach."""
     if calibrated == "position":
-        left = split(manipulator, r, z).left
-        return LinkMaps(np.zeros_like(left), left)
+        residual = split(manipulator, r, z).left
+        return LinkMaps(np.zeros_like(residual), residual)
     maps = first_order(manipulator, r, z)
     return LinkMaps(maps.position, maps.orientation)
 
@@ -69,5 +69,5 @@ def emptying_acceleration(machine: Drives, payload: float, friction: float = 0.0
 
     Virtual work of m a along e_t against that of m g along z, less friction [N m].
     """
-    held = np.maximum(payload * GRAVITY * np.abs(machine.move[:, 2, :2]) - friction, 0.0)
-    return np.asarray(held / (payload * np.abs(machine.move[:, 1, :2])))
+    static_torque = np.maximum(payload * GRAVITY * np.abs(machine.move[:, 2, :2]) - friction, 0.0)
+    return np.asarray(static_torque / (payload * np.abs(machine.move[:, 1, :2])))

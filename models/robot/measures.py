@@ -1,9 +1,9 @@
-"""Accuracy of attained positions: the measures of ISO 9283, and what they leave out.
+"""Accuracy of attained positions: the measures of ISO 9283, and their bidirectional extension.
 
-ISO 9283:1998 (quoted after secondary sources) knows the pose accuracy AP, the distance from the
-command to the mean of what one approach attains; the repeatability RP; the multi-directional
-variation vAP of three approaches; path accuracy AT. Repeatability, the figure of data sheets, is
-free of everything that tolerances change. The bidirectional pose accuracy is the quantile of the
+ISO 9283:1998 (quoted after secondary sources) defines the pose accuracy AP, the distance from the
+command to the mean attained from one approach; the repeatability RP; the multi-directional
+variation vAP of three approaches; path accuracy AT. Repeatability, the figure of data sheets, does
+not depend on tolerances. The bidirectional pose accuracy is the quantile of the
 error over units, sides of approach, phases of waves, and poses.
 """
 

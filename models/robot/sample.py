@@ -1,7 +1,7 @@
 """Bidirectional pose accuracy of a design by Monte Carlo: its quantile over its rms.
 
-One sample serves all designs. Units are drawn at every pose anew, since the quantile is of errors
-over units and poses together; the links' errors at a pose are jointly normal.
+One sample serves all designs. Units are drawn anew at every pose, since the quantile is taken over
+units and poses together; the links' errors at a pose are jointly normal.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from .measures import COVERAGE
 Array = NDArray[np.float64]
 POSES = 512
 PER_JOINT = 4
-"""Dimensions of a joint beside its backlash: side, phase, and the wave's two components."""
+"""Dimensions of a joint in addition to its backlash: side, phase, two components of the wave."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AccuracySample:
-    """Units (n,) at poses: `pose` (n,) numbers those of the maps.
+    """Units (n,) at poses: `pose` (n,) is the index of the pose in the maps.
 
     `link` (n, 3) are standard normal, `side` (n, joints) is +1 or -1, `wave` (2, 2, n, joints) the
     cosine and sine of the phase times two standard normal components, `unit` (n, dimensions) in
@@ -79,8 +79,8 @@ class AccuracySample:
 
         `covariance` (poses, 3, 3) [m^2] of the links' position error, `joint` (n, joints) [rad].
         """
-        moved = np.einsum("nij,nj->ni", smooth_root(covariance)[self.pose], self.link)
-        return np.asarray(moved + np.einsum("nij,nj->ni", drives.move[self.pose], joint))
+        by_links = np.einsum("nij,nj->ni", smooth_root(covariance)[self.pose], self.link)
+        return np.asarray(by_links + np.einsum("nij,nj->ni", drives.move[self.pose], joint))
 
 
 def smooth_root(covariance: Array) -> Array:

@@ -12,7 +12,7 @@ LARGEST, MEAN = "max", "mean"
 _A = "no document prints it"
 
 
-def _share(name: str, meaning: str) -> Parameter:
+def _fraction(name: str, meaning: str) -> Parameter:
     return Parameter(
         name,
         0.0,
@@ -62,8 +62,8 @@ _OWN: tuple[Parameter, ...] = (
         "whether there is an involute stage before the cycloid stage; matters to the contact alone",
         "",
     ),
-    _share("share_pins", "the errors of pins and their holes"),
-    _share("share_discs", "equidistance and shift of the discs"),
+    _fraction("share_pins", "the errors of pins and their holes"),
+    _fraction("share_discs", "equidistance and shift of the discs"),
     *(parameter for parameter in contact.PARAMETERS if parameter.name in ("discs", "cranks")),
 )
 _NAMES = {parameter.name for parameter in declared.PARAMETERS}

@@ -145,16 +145,16 @@ class Answers:
 
     def __init__(self, unit: LoadedUnit, samples: int, most: float) -> None:
         self.unit, self.samples, self.most = unit, samples, most
-        self._known: dict[str, OrderTable] = {}
+        self._cached: dict[str, OrderTable] = {}
 
     def table(self, name: str) -> OrderTable:
         """d twist/d quantity [rad per unit], by order and torque."""
-        if name not in self._known:
+        if name not in self._cached:
             change = next(candidate for candidate in CHANGES if candidate.name == name)
             low, high = (self._twist(change, step) for step in (change.low, change.high))
             step = change.high - change.low
-            self._known[name] = high.difference(low, step, LEFT_OUT)
-        return self._known[name]
+            self._cached[name] = high.difference(low, step, LEFT_OUT)
+        return self._cached[name]
 
     def _twist(self, change: Change, amount: float) -> OrderTable:
         mesh = change.applied(self.unit, amount).mesh(self.samples)

@@ -83,11 +83,11 @@ class ContactUnits:
             first, last = np.searchsorted(row[order], [start, start + units])
             for rows in _parts(order[first:last]):
                 by_row = _rows(sample, row[rows] - start)
-                moved = {name: _of_rows(value, rows) for name, value in changes.items()}
+                row_changes = {name: _of_rows(value, rows) for name, value in changes.items()}
                 if lattice is None or angles is None:
-                    cycloid = self._measured(by_row, moved)
+                    cycloid = self._measured(by_row, row_changes)
                 else:
-                    cycloid = self._read(lattice, angles[rows], by_row, moved)
+                    cycloid = self._read(lattice, angles[rows], by_row, row_changes)
                 backlash[rows] = cycloid + self._involute(by_row)
         return backlash
 
@@ -182,8 +182,10 @@ class ContactUnits:
         at, backlash = np.searchsorted(different, angles), np.empty(len(angles))
         for position in np.unique(at):
             rows = np.flatnonzero(at == position)
-            moved = {name: _of_rows(value, rows) for name, value in changes.items()}
-            y = self._play(_position(lattice, int(position)), table, _rows(sample, rows), moved)
+            row_changes = {name: _of_rows(value, rows) for name, value in changes.items()}
+            y = self._play(
+                _position(lattice, int(position)), table, _rows(sample, rows), row_changes
+            )
             backlash[rows] = np.maximum(y[0], 0.0)
         return backlash
 
@@ -200,8 +202,8 @@ class ContactUnits:
     def _shifted(self, key: frozenset[tuple[str, float]]) -> float:
         """Mean [arcmin] of the compared units at changes of one value each."""
         if key not in self._shifts:
-            moved = {name: np.asarray(value) for name, value in key}
-            self._shifts[key] = float(self._measured(self._compared, moved).mean())
+            changes = {name: np.asarray(value) for name, value in key}
+            self._shifts[key] = float(self._measured(self._compared, changes).mean())
         return self._shifts[key]
 
     @cached_property

@@ -95,7 +95,7 @@ def _programme(
         [kind(geometry, unit, zero, target.phi), kind(geometry, zero, unit, target.phi)], axis=1
     )
     counts = target.weight > 0.0
-    size, wanted = int(counts.sum()), target.clearance[counts] / UM
+    size, clearance = int(counts.sum()), target.clearance[counts] / UM
     slack = -np.eye(size)
     inside = rows[counts]
     g34 = np.array([[-1.0, 1.0], [-1.0, geometry.flank]])
@@ -103,12 +103,12 @@ def _programme(
     above = np.block(
         [[inside, slack], [-inside, slack], [nonnegative, np.zeros((len(nonnegative), size))]]
     )
-    below = np.concatenate([wanted, -wanted, np.zeros(len(nonnegative))])
+    below = np.concatenate([clearance, -clearance, np.zeros(len(nonnegative))])
     equal = np.zeros((0 if radial_gap is None else 1, 2 + size))
     equal[:, :2] = (1.0, -1.0)
     to = np.full(len(equal), 0.0 if radial_gap is None else radial_gap / UM)
     most = LARGEST / UM
-    reach = float(np.abs(wanted).max(initial=0.0)) + most * float(np.abs(rows).sum(axis=1).max())
+    reach = float(np.abs(clearance).max(initial=0.0)) + most * float(np.abs(rows).sum(axis=1).max())
     low = np.concatenate([[-most, -most], np.zeros(size)])
     high = np.concatenate([[0.0, 0.0], np.full(size, reach)])
     cost = np.concatenate([[0.0, 0.0], target.weight[counts]])

@@ -1,4 +1,4 @@
-"""Positions that a serial arm reaches, as a laser tracker sees them."""
+"""Positions of a serial arm, as measured by a laser tracker."""
 
 from __future__ import annotations
 

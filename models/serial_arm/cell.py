@@ -11,7 +11,7 @@ from .chain import rotation
 
 KINDS = ("grid", "iso_cube")
 ISO = 0.8
-"""Share of a diagonal of the cube that the test poses span (ISO 9283:1998, 6.2)."""
+"""Fraction of a diagonal of the cube that the test poses span (ISO 9283:1998, 6.2)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,8 +22,8 @@ class Cell:
     along each, or empty where `listed` holds the poses: rows of a position, of a position and a
     rotation vector, or (`in_joints`) of joint angles. `turn` (3,) is the rotation vector of the
     last frame where a row has none; the default points its z axis down. Positions are those of the
-    last frame's origin, of the tool with `of_tool`. `near` (k,) are joint angles that tell the
-    posture of the arm from others; empty: all 0.
+    last frame's origin, of the tool with `of_tool`. `near` (k,) are joint angles that select the
+    posture of the arm; empty: all 0.
     """
 
     centre: tuple[float, float, float] = (0.0, 0.0, 0.0)

@@ -19,8 +19,8 @@ from ..inputs.distribution import Array
 class Chain:
     """Joints (k,) from the base: lengths [m], angles [rad].
 
-    `zero` is added to every joint angle. `base` (6,) and `tool` (3,) are where the chain's frame
-    and the measured point are: position [m] and rotation vector [rad] in the measuring frame, and
+    `zero` is added to every joint angle. `base` (6,) and `tool` (3,) locate the chain's frame and
+    the measured point: position [m] and rotation vector [rad] in the measuring frame, and
     position [m] in the last joint's frame.
     """
 

@@ -1,4 +1,4 @@
-"""What the model `serial_arm` declares: the nominal table, its errors, and what may be freed."""
+"""Declarations of the model `serial_arm`: nominal table, errors, and free parameters."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def error(kind: str, joint: int) -> str:
 
 
 def joint_of(name: str) -> int:
-    """The joint that a parameter belongs to; 0 of base, tool and the whole."""
+    """The joint that a parameter belongs to; 0 for base, tool and the whole arm."""
     return int(next((part for part in name.split("_") if part.isdigit()), 0))
 
 
@@ -67,10 +67,10 @@ def _frame(stem: str, axes: tuple[str, ...]) -> list[Parameter]:
     for axis in axes:
         turned = axis.startswith("r")
         units = ("deg", "mrad") if turned else ("mm", "um")
-        what = f"{'rotation vector' if turned else 'position'} of the {stem}, {axis[-1]}"
+        meaning = f"{'rotation vector' if turned else 'position'} of the {stem}, {axis[-1]}"
         parameters += [
-            Parameter(f"nominal_{stem}_{axis}_{units[0]}", 0.0, units[0], what),
-            Parameter(f"{stem}_{axis}_{units[1]}", 0.0, units[1], f"error of the {what}"),
+            Parameter(f"nominal_{stem}_{axis}_{units[0]}", 0.0, units[0], meaning),
+            Parameter(f"{stem}_{axis}_{units[1]}", 0.0, units[1], f"error of the {meaning}"),
         ]
     return parameters
 
@@ -89,14 +89,14 @@ PARAMETERS: tuple[Parameter, ...] = (
 
 
 def free_of(parameters: Mapping[str, Value]) -> dict[str, float]:
-    """Tolerances of what a recalibration moves: errors of joints, base and tool.
+    """Tolerances of the parameters that a recalibration moves: errors of joints, base and tool.
 
-    beta stands for d where the next axis is parallel; one of the two is enough.
+    beta replaces d where the next axis is parallel; one of the two is sufficient.
     """
-    given = completed(PARAMETERS, parameters)
+    values = completed(PARAMETERS, parameters)
     bounds = {}
-    for joint in range(1, int(float(str(given["joints"]))) + 1):
-        parallel = float(str(given[nominal("alpha", joint)])) % 180.0 == 0.0
+    for joint in range(1, int(float(str(values["joints"]))) + 1):
+        parallel = float(str(values[nominal("alpha", joint)])) % 180.0 == 0.0
         for kind, (_, _, tolerance) in ERRORS.items():
             if kind != ("d" if parallel else "beta"):
                 bounds[error(kind, joint)] = tolerance
@@ -108,7 +108,7 @@ def free_of(parameters: Mapping[str, Value]) -> dict[str, float]:
 
 
 def chain_of(parameters: Mapping[str, Value]) -> Chain:
-    """The chain (SI) of parameters by declared name; left-out ones keep their defaults."""
+    """The chain (SI) of parameters by declared name; omitted ones keep their defaults."""
     p = {n: v for n, v in completed(PARAMETERS, parameters).items() if isinstance(v, int | float)}
     joints = range(1, int(p["joints"]) + 1)
 

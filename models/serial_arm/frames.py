@@ -1,8 +1,8 @@
-"""Frames of a serial arm at many poses: what its joints and its errors do at the tool.
+"""Frames of a serial arm at many poses: motion of the tool by its joints and its errors.
 
 A rotation d about an axis z through o moves the tool p by d z x (p - o); a length along an axis
-moves it along that axis. So the axes of the frames are the derivatives of the pose (Whitney 1972),
-those by errors of the table included.
+moves it along that axis. So the axes of the frames give the derivatives of the pose (Whitney 1972),
+including those by errors of the table.
 """
 
 from __future__ import annotations
@@ -48,14 +48,14 @@ class Frames:
         zero = self.joints()
         alpha = self._turned(self.knee[..., 0], ends)
         beta = self._turned(self.twisted[..., 1], ends)
-        moved = [np.swapaxes(axis, 1, 2) for axis in (self.axes, self.knee[..., 0])]
-        still = np.zeros_like(moved[0])
-        parts = (zero, (moved[0], still), (moved[1], still), alpha, beta)
-        move, turn = (np.stack(each, axis=3) for each in zip(*parts, strict=True))
+        directions = [np.swapaxes(axis, 1, 2) for axis in (self.axes, self.knee[..., 0])]
+        still = np.zeros_like(directions[0])
+        parts = (zero, (directions[0], still), (directions[1], still), alpha, beta)
+        move, turn = (np.stack(components, axis=3) for components in zip(*parts, strict=True))
         return move.reshape(len(move), 3, -1), turn.reshape(len(turn), 3, -1)
 
     def _turned(self, axis: Array, through: Array) -> tuple[Array, Array]:
-        """Of rotations about axes (n, k, 3) through points (n, k, 3)."""
+        """Motion and rotation of the tool by rotations about axes through points, (n, k, 3)."""
         move = np.cross(axis, self.tool[:, None, :] - through)
         return np.swapaxes(move, 1, 2), np.swapaxes(axis, 1, 2)
 

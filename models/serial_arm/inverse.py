@@ -14,20 +14,20 @@ from .frames import Frames, frames
 
 STEPS = 120
 HOPELESS = 1e12
-"""Damping, as a factor, at which no step has been found that comes nearer."""
+"""Damping, as a factor, above which a pose is given up: no step reduces its residual."""
 CLOSE = 1e-9
 """Residual [m, or rad times the length of the arm] that counts as reached."""
 SEEDS = (-1.0, 0.0, 1.0)
-"""Angles [rad] about the wanted ones at which the search for the first pose begins."""
+"""Shifts [rad] of the desired angles at which the search for the first pose begins."""
 SHIFTED = 5
-"""Joints that are shifted so: the last turns about the tool."""
+"""Joints that are shifted: the last turns about the tool."""
 LONGEST = 0.5
 """Longest step of a joint [rad]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Reached:
-    """Angles (n, k) [rad] nearest to poses, and what is missing (n,) [m]."""
+    """Angles (n, k) [rad] nearest to poses, and the residual distances `missing` (n,) [m]."""
 
     angles: Array
     missing: Array
@@ -46,51 +46,53 @@ def reach(chain: Chain) -> float:
 def inverse(
     chain: Chain, position: Array, turn: Array, start: Array, low: Array, high: Array
 ) -> Reached:
-    """The angles within [low, high] (k,) nearest to a pose each, from `start` (n, k).
+    """The angles within [low, high] (k,) nearest to each pose, from `start` (n, k).
 
-    `position` (n, 3) [m], `turn` (n, 3, 3); of fewer than six joints the position alone counts.
+    `position` (n, 3) [m], `turn` (n, 3, 3); with fewer than six joints the position alone counts.
     """
     q, scale = np.clip(start, low, high), reach(chain)
     whole = len(chain.d) >= 6
-    r, moved = _residual(frames(chain, q), position, turn, scale, whole)
+    r, jacobian = _residual(frames(chain, q), position, turn, scale, whole)
     damping = np.ones(len(q))
     for _ in range(STEPS):
-        left = np.flatnonzero((np.linalg.norm(r, axis=1) > 0.01 * CLOSE) & (damping < HOPELESS))
-        if not len(left):
+        rows = np.flatnonzero((np.linalg.norm(r, axis=1) > 0.01 * CLOSE) & (damping < HOPELESS))
+        if not len(rows):
             break
-        step = _step(moved[left], r[left], scale, damping[left])
-        ends = ((q[left] <= low) & (step < 0.0)) | ((q[left] >= high) & (step > 0.0))
-        step = _step(np.where(ends[:, None, :], 0.0, moved[left]), r[left], scale, damping[left])
-        tried = np.clip(q[left] + step, low, high)
-        new, other = _residual(frames(chain, tried), position[left], turn[left], scale, whole)
-        better = np.sum(new**2, axis=1) < np.sum(r[left] ** 2, axis=1)
-        kept = left[better]
-        q[kept], r[kept], moved[kept] = tried[better], new[better], other[better]
-        damping[left] *= np.where(better, 0.2, 10.0)
-        damping[left] = np.maximum(damping[left], 1e-6)
+        step = _step(jacobian[rows], r[rows], scale, damping[rows])
+        ends = ((q[rows] <= low) & (step < 0.0)) | ((q[rows] >= high) & (step > 0.0))
+        step = _step(np.where(ends[:, None, :], 0.0, jacobian[rows]), r[rows], scale, damping[rows])
+        tried = np.clip(q[rows] + step, low, high)
+        now = frames(chain, tried)
+        new_r, new_jacobian = _residual(now, position[rows], turn[rows], scale, whole)
+        better = np.sum(new_r**2, axis=1) < np.sum(r[rows] ** 2, axis=1)
+        improved = rows[better]
+        q[improved], r[improved] = tried[better], new_r[better]
+        jacobian[improved] = new_jacobian[better]
+        damping[rows] *= np.where(better, 0.2, 10.0)
+        damping[rows] = np.maximum(damping[rows], 1e-6)
     return Reached(q, np.linalg.norm(r, axis=1))
 
 
 def _residual(
     now: Frames, position: Array, turn: Array, scale: float, whole: bool
 ) -> tuple[Array, Array]:
-    """What is missing (n, 3 or 6) [m], rotations times `scale`, and its derivative by -angles."""
+    """The residual (n, 3 or 6) [m], rotations times `scale`, and its derivative by -angles."""
     move, rotate = now.joints()
     r = position - now.tool
     if not whole:
         return r, move
-    own = now.turn[:, -1]
-    apart = 0.5 * np.sum(np.cross(own, turn, axis=1), axis=2)
-    opposite = np.einsum("nij,nij->n", own, turn) < -0.999  # half a turn: any axis will do
-    apart[opposite] += own[opposite][:, :, 0]
+    current = now.turn[:, -1]
+    apart = 0.5 * np.sum(np.cross(current, turn, axis=1), axis=2)
+    opposite = np.einsum("nij,nij->n", current, turn) < -0.999  # half a turn: any axis will do
+    apart[opposite] += current[opposite][:, :, 0]
     return np.hstack([r, scale * apart]), np.concatenate([move, scale * rotate], axis=1)
 
 
 def _step(jacobian: Array, r: Array, scale: float, damping: Array) -> Array:
-    """Damped least squares; the damping falls with what is missing."""
-    own = damping * 1e-3 * np.sum(r**2, axis=1) + 1e-13 * scale**2
+    """Damped least squares; the damping falls with the residual."""
+    diagonal = damping * 1e-3 * np.sum(r**2, axis=1) + 1e-13 * scale**2
     square = jacobian @ np.swapaxes(jacobian, 1, 2)
-    square += own[:, None, None] * np.eye(square.shape[1])
+    square += diagonal[:, None, None] * np.eye(square.shape[1])
     step = np.einsum("nij,ni->nj", jacobian, np.linalg.solve(square, r[..., None])[..., 0])
     longest = np.maximum(np.abs(step).max(axis=1, keepdims=True) / LONGEST, 1.0)
     return np.asarray(step / longest)

@@ -1,4 +1,4 @@
-"""Whether a serial arm reaches the poses of its cell, and which joint keeps it from one."""
+"""Whether a serial arm reaches the poses of its cell, and which joint prevents it."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ counts as singular."""
 ALIGNED = 0.35
 """Sine of the angle at a joint that counts as stretched or folded."""
 ALIKE = 0.3
-"""Part in a dependent motion, over the largest, of a joint that is named."""
+"""Component in a dependent motion, over the largest, from which a joint is named."""
 
 
 def blocking(chain: Chain, reached: Reached, low: Array, high: Array) -> list[str]:
-    """For each pose the joint that keeps the arm from it; empty where it is reached."""
+    """For each pose the joint that prevents it; empty where it is reached."""
     missed = np.flatnonzero(~reached.within)
     reasons = [""] * len(reached.angles)
     stretched = _stretched(chain, frames(chain, reached.angles[missed]))
@@ -37,8 +37,8 @@ def blocking(chain: Chain, reached: Reached, low: Array, high: Array) -> list[st
 
 
 def _stretched(chain: Chain, now: Frames) -> NDArray[np.int64]:
-    """The joint (n,) whose turning changes the distance of the tool from the joint before it most
-    over a turn, but not here: that distance is at its largest, or its least.
+    """The joint (n,) whose rotation changes the distance of the tool from the joint before it most
+    over a turn, but not at this pose: that distance is at its maximum, or its minimum.
 
     It is constant + 2 r s cos(theta + ...) of the distances r and s of both from the axis.
     """

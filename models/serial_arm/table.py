@@ -19,7 +19,7 @@ OF_ALLOCATIONS = (
 
 
 def read_chain(top: Section) -> dict[str, Value]:
-    """The parameters that these tables stand for; every fault at its place."""
+    """The parameters that these tables define; every fault is reported at its place."""
     values = _frame(top.section("base"), "base", BASE) | _frame(top.section("tool"), "tool", TOOL)
     if "joint" not in top:
         return values
@@ -35,7 +35,7 @@ def read_chain(top: Section) -> dict[str, Value]:
 
 
 def _joint(section: Section, joint: int) -> dict[str, Value]:
-    """One row: d, a and alpha must be there, since a table with gaps is another arm's."""
+    """One row: d, a and alpha are required, since defaults would be those of another arm."""
     values: dict[str, Value] = {}
     for column, (unit, meaning) in TABLE.items():
         name = f"{column}_{unit}"

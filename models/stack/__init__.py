@@ -1,4 +1,4 @@
-"""Tolerance stacks: any requirement on any parts, linearised and as it is."""
+"""Tolerance stacks: any requirement on any parts, linearised and exact."""
 
 from __future__ import annotations
 

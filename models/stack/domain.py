@@ -1,4 +1,4 @@
-"""Where a requirement has no value: how far designs of a stack are from it."""
+"""Distance of the designs of a stack from the edge of the domain of its requirement."""
 
 from __future__ import annotations
 
@@ -14,31 +14,31 @@ from .mechanism import Mechanism
 
 Array = NDArray[np.float64]
 CORNERS = 12
-"""Pieces of a formula up to which all corners of the tolerance range are looked at; beyond, as many
-that a sample chooses."""
+"""Pieces of a formula up to which all corners of the tolerance range are tested; with more pieces,
+a sample of the corners."""
 INNER = 4096
-"""Points within the tolerance range that are looked at on loading."""
+"""Points within the tolerance range that are tested on loading."""
 FEW = 256
-"""Points within the tolerances of each design that are looked at, beside its corners."""
+"""Points within the tolerances of each design that are tested in addition to its corners."""
 MEMORY = 2**18
-"""Values of a block of designs."""
+"""Values held for a block of designs."""
 
 
 def box(pieces: int, inner: int = INNER) -> Array:
     """Corners of [-1, 1]^k and points between them, shape (k, m); the first is the middle."""
-    drawn = 2.0 * scipy.stats.qmc.Sobol(pieces, scramble=False).random(INNER).T - 1.0
+    sobol = 2.0 * scipy.stats.qmc.Sobol(pieces, scramble=False).random(INNER).T - 1.0
     if pieces <= CORNERS:
         corners = np.array(list(product((-1.0, 1.0), repeat=pieces))).T
     else:
-        corners = np.where(drawn[:, 1:] > 0.0, 1.0, -1.0)
-    return np.hstack([np.zeros((pieces, 1)), corners, drawn[:, :inner]])
+        corners = np.where(sobol[:, 1:] > 0.0, 1.0, -1.0)
+    return np.hstack([np.zeros((pieces, 1)), corners, sobol[:, :inner]])
 
 
 def least_margin(mechanism: Mechanism, t: Tolerances) -> Array:
     """Least domain margin (n,) over the corners of the tolerances t (n, p), and points between.
 
     1 at tolerances of 0, 0 where a unit within the tolerances just reaches the edge, below 0 where
-    one has no value. See `models/expressions/domain.py`.
+    such a unit has no value. See `models/expressions/domain.py`.
     """
     formula, mids, scale = mechanism.formula, mechanism.mids, mechanism.scale
     if formula is None or mids is None or scale is None:
@@ -49,14 +49,14 @@ def least_margin(mechanism: Mechanism, t: Tolerances) -> Array:
     middle = {name: np.asarray(mids[i]) for name, i in zip(names, used, strict=True)}
     margins, step = np.empty(len(t)), max(1, MEMORY // z.shape[1])
     for start in range(0, len(t), step):
-        own = reach[start : start + step]
-        x = {name: middle[name] + own[:, k, None] * z[k] for k, name in enumerate(names)}
+        ends = reach[start : start + step]
+        x = {name: middle[name] + ends[:, k, None] * z[k] for k, name in enumerate(names)}
         margin = domain_margin(formula, x, middle)
-        margins[start : start + step] = np.broadcast_to(margin, (len(own), z.shape[1])).min(axis=1)
+        margins[start : start + step] = np.broadcast_to(margin, (len(ends), z.shape[1])).min(axis=1)
     return margins
 
 
 def _points(mechanism: Mechanism, used: list[int]) -> Array:
-    """Corners, those that the requirement itself rises and falls to, and some points between."""
+    """Corners, the corners of the largest and least requirement, and some points between."""
     way = np.sign(mechanism.sensitivities[used])[:, None]
     return np.hstack([box(len(used), FEW), way, -way])

@@ -16,14 +16,14 @@ from .mechanism import Mechanism
 
 Array = NDArray[np.float64]
 ROUNDING = 1e-12
-"""Least error that is stated of a yield [percent]."""
+"""Least stated error of a yield [percent]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Law:
     """y = centre + sum_i S_i t (mean_i + d_i) of k pieces, d_i independent, even and log-concave.
 
-    `slopes` (k,) are |S_i|, `mean` (p,) what a unit of tolerance of each part moves the mean of y.
+    `slopes` (k,) are |S_i|, `mean` (p,) the shift of the mean of y per unit of each tolerance.
     Where all parts are normal (`covariance`, p x p, at t = 1) pieces may be correlated.
     Tolerances t have shape (n, p); derivatives are by the spread of parts that are `AsMade`.
     """
@@ -36,7 +36,7 @@ class Law:
     covariance: Array | None = None
 
     def yield_percent(self, t: Tolerances) -> tuple[Array, Array]:
-        """Share of units within the limits (n,), in percent, and a bound of its error (n,)."""
+        """Fraction of units within the limits (n,), in percent, and a bound of its error (n,)."""
         (_, high), (_, low) = self._ends(t)
         if self.covariance is None:
             yields, error = self.deviations.within(self._scales(t), low, high)
@@ -115,11 +115,11 @@ class Law:
     def _scales(self, t: Tolerances) -> Array:
         return np.asarray(spread_of(t)[:, self.mechanism.owners] * self.slopes)
 
-    def _to_parts(self, each: Array) -> Array:
+    def _to_parts(self, by_piece: Array) -> Array:
         """Derivatives in t (n, p) from those in the scales of the pieces (n, k)."""
         parts = np.arange(len(self.mechanism.inputs))
         owner = (self.mechanism.owners[:, None] == parts) * self.slopes[:, None]
-        return np.asarray(each @ owner)
+        return np.asarray(by_piece @ owner)
 
 
 def law_of(mechanism: Mechanism, covariance: Array) -> Law | str:
@@ -128,12 +128,12 @@ def law_of(mechanism: Mechanism, covariance: Array) -> Law | str:
         return "the formula is not linear"
     mechanism = _alone(mechanism)
     used = dict.fromkeys(mechanism.owner)
-    each = {at: even_law(mechanism.inputs[at]) for at in used}
-    odd = [at for at, law in each.items() if law is None]
+    even_laws = {at: even_law(mechanism.inputs[at]) for at in used}
+    odd = [at for at, law in even_laws.items() if law is None]
     if odd:
         owner = mechanism.owner.index(odd[0])
         return f"the deviations of {mechanism.names[owner]} are skewed or have poles"
-    by_feature = {at: law for at, law in each.items() if law is not None}
+    by_feature = {at: law for at, law in even_laws.items() if law is not None}
     normal = all(isinstance(mechanism.inputs[at], Normal) for at in used)
     if mechanism.correlation is not None and not normal:
         return "correlated deviations have no even law"
@@ -152,7 +152,7 @@ def law_of(mechanism: Mechanism, covariance: Array) -> Law | str:
 
 
 def _alone(mechanism: Mechanism) -> Mechanism:
-    """The mechanism with the pieces alone that the requirement depends on."""
+    """The mechanism with only the pieces that the requirement depends on."""
     kept = np.flatnonzero(mechanism.sensitivities)
     if len(kept) == len(mechanism.owner):
         return mechanism

@@ -18,7 +18,7 @@ SIGMAS = 3.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Linear:
-    """y = centre + sum_i S_i t z_i by parts: what each unit of tolerance adds.
+    """y = centre + sum_i S_i t z_i by parts, per unit of tolerance.
 
     `worst` (p,) is sum |S_i| over the pieces of a part, `mean` (p,) the sum of S_i E[z_i], `shift`
     (p,) the sum of |S_i E[z_i]|, `covariance` (p, p) that of y's contributions at t = 1, `slope`
@@ -66,7 +66,7 @@ class Linear:
         return np.divide(along, rss, out=np.zeros_like(along), where=rss > 0.0)
 
     def within(self, t: Tolerances, lower: Array, upper: Array) -> Array:
-        """Share of units (n,) between limits, as if y were normal.
+        """Fraction of units (n,) between limits, as if y were normal.
 
         `lower` and `upper` (n,) are those of y minus its value at the mid-limits, or infinite.
         """
@@ -75,7 +75,7 @@ class Linear:
         return np.asarray(ndtr((upper - shift) / safe) - ndtr((lower - shift) / safe))
 
     def yield_slopes(self, t: Tolerances, lower: Array, upper: Array) -> Array:
-        """d/dt of the share of units between limits, as if y were normal, shape (n, p).
+        """d/dt of the fraction of units between limits, as if y were normal, shape (n, p).
 
         `lower` and `upper` (n,) are those of y minus its value at the mid-limits, or infinite.
         """
@@ -89,25 +89,27 @@ class Linear:
         return np.where(std > 0.0, slopes, 0.0)
 
     def variance_shares(self, t: Tolerances) -> Array:
-        """Share of each part in the variance (n, p); a negative one compensates for others."""
-        each = spread_of(t) * (spread_of(t) @ self.covariance)
-        return _shares(each, each.sum(axis=1))
+        """Fraction of each part in the variance (n, p); a negative one compensates others."""
+        contributions = spread_of(t) * (spread_of(t) @ self.covariance)
+        return _shares(contributions, contributions.sum(axis=1))
 
     def worst_shares(self, t: Tolerances) -> Array:
-        """Share of each part in the worst case (n, p)."""
-        each = limit_of(t) * self.worst
-        return _shares(each, each.sum(axis=1))
+        """Fraction of each part in the worst case (n, p)."""
+        contributions = limit_of(t) * self.worst
+        return _shares(contributions, contributions.sum(axis=1))
 
 
-def _shares(each: Array, total: Array) -> Array:
-    """Shares that add up to 1, or are 0 where there is nothing to share."""
-    return np.divide(each, total[:, None], out=np.zeros_like(each), where=total[:, None] > 0.0)
+def _shares(contributions: Array, total: Array) -> Array:
+    """Fractions that add up to 1, or are 0 where the total is 0."""
+    return np.divide(
+        contributions, total[:, None], out=np.zeros_like(contributions), where=total[:, None] > 0.0
+    )
 
 
 def linearised(mechanism: Mechanism) -> Linear:
     """The linear model about the mid-limits."""
     parts = np.arange(len(mechanism.inputs))
-    moments = np.array([one.raw_moments(2) for one in mechanism.inputs])
+    moments = np.array([distribution.raw_moments(2) for distribution in mechanism.inputs])
     mean, std = moments[:, 1], np.sqrt(np.maximum(moments[:, 2] - moments[:, 1] ** 2, 0.0))
     owners, slope = mechanism.owners, mechanism.sensitivities
     of_part = (owners == parts[:, None]).astype(float)

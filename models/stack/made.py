@@ -1,4 +1,4 @@
-"""How parts come out where that does not follow from their tolerances alone."""
+"""Scatter and mean of parts where these do not follow from their tolerances alone."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ class AsMade:
     """Parts of n designs, (n, p) each, in the units of the parts.
 
     A part deviates by mean + spread z from its mid-limit, z ~ its input, and its drawing allows
-    +-limit. Of parts whose scatter is in proportion to their tolerance, limit = spread = t.
-    `chosen` is the number of the process that makes each, None where it does not matter.
+    +-limit. For parts whose scatter is proportional to their tolerance, limit = spread = t.
+    `chosen` is the index of the process of each part, None where it does not matter.
     """
 
     limit: Array
@@ -33,10 +33,10 @@ class AsMade:
         return AsMade(self.limit[rows], self.spread[rows], self.mean[rows], chosen)
 
     @classmethod
-    def between(cls, low: AsMade, high: AsMade, share: Array) -> AsMade:
-        """Designs at shares (n, 1) of the way from one design to another."""
+    def between(cls, low: AsMade, high: AsMade, fraction: Array) -> AsMade:
+        """Designs at fractions (n, 1) of the way from one design to another."""
         ends = [(low.limit, high.limit), (low.spread, high.spread), (low.mean, high.mean)]
-        limit, spread, mean = (first + share * (last - first) for first, last in ends)
+        limit, spread, mean = (first + fraction * (last - first) for first, last in ends)
         return cls(limit, spread, mean)
 
 
@@ -44,23 +44,23 @@ Tolerances = Array | AsMade
 """Half-widths t (n, p), where the scatter of all parts is in proportion to them; else `AsMade`."""
 
 
-def between(low: Tolerances, high: Tolerances, share: Array) -> Tolerances:
-    """Designs at shares (n, 1) of the way from one design (1, p) to another."""
+def between(low: Tolerances, high: Tolerances, fraction: Array) -> Tolerances:
+    """Designs at fractions (n, 1) of the way from one design (1, p) to another."""
     if isinstance(low, AsMade) and isinstance(high, AsMade):
-        return AsMade.between(low, high, share)
-    return limit_of(low) + share * (limit_of(high) - limit_of(low))
+        return AsMade.between(low, high, fraction)
+    return limit_of(low) + fraction * (limit_of(high) - limit_of(low))
 
 
 def limit_of(t: Tolerances) -> Array:
-    """What the drawing allows (n, p)."""
+    """Deviation that the drawing allows (n, p)."""
     return t.limit if isinstance(t, AsMade) else t
 
 
 def spread_of(t: Tolerances) -> Array:
-    """By what z is multiplied (n, p)."""
+    """Factor of z (n, p)."""
     return t.spread if isinstance(t, AsMade) else t
 
 
 def mean_of(t: Tolerances) -> Array:
-    """What is added to the mean of z (n, p)."""
+    """Shift of the mean of each part (n, p)."""
     return t.mean if isinstance(t, AsMade) else np.zeros_like(t)

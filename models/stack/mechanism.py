@@ -21,7 +21,7 @@ class Mechanism:
 
     Piece i belongs to part `owner[i]`, whose tolerance t (half-width, in the part's unit) it
     shares; it deviates from its mid-limit by t z, z ~ `inputs[owner[i]]`, independently of all
-    others unless `correlation` (k, k) says more. y is in the requirement's unit:
+    others unless `correlation` (k, k) is given. y is in the requirement's unit:
 
         with a formula   y = gain f(mids + scale t z), in the consistent units of the formula
         without one      y = centre + sum_i sensitivities_i t z_i
@@ -63,8 +63,8 @@ class Mechanism:
         wide = spread_of(t)[:, self.owners]
         mean = mean_of(t)[:, self.owners]
         if self.formula is None or self.mids is None or self.scale is None:
-            moved = (mean @ self.sensitivities)[:, None]
-            return np.asarray(self.centre + moved + (wide * self.sensitivities) @ z)
+            shift = (mean @ self.sensitivities)[:, None]
+            return np.asarray(self.centre + shift + (wide * self.sensitivities) @ z)
         reach, middle = wide * self.scale, self.mids + mean * self.scale
         x = {
             name: middle[:, i, None] + reach[:, i, None] * z[i]

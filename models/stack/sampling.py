@@ -1,4 +1,4 @@
-"""The stack as it is: yield and half-width by scrambled Sobol through the requirement itself."""
+"""The exact stack: yield and half-width by scrambled Sobol sampling of the requirement itself."""
 
 from __future__ import annotations
 
@@ -32,15 +32,17 @@ class Sample:
         """
         kinds = [mechanism.inputs[part] for part in mechanism.owner]
         root = None if mechanism.correlation is None else _root(mechanism.correlation)
-        found = np.empty((REPLICATES, len(kinds), 2 ** power_of(samples)))
-        # One replicate after the other: the points of all of them take as much room again.
-        for own, drawn in zip(found, replicates(samples, len(kinds), rng), strict=True):
-            points = drawn
+        deviations = np.empty((REPLICATES, len(kinds), 2 ** power_of(samples)))
+        # One replicate after the other: the points of all of them would double the memory.
+        for replicate, uniform in zip(
+            deviations, replicates(samples, len(kinds), rng), strict=True
+        ):
+            points = uniform
             if root is not None:
-                points = ndtr(np.clip(ndtri(drawn), -8.0, 8.0) @ root.T)
+                points = ndtr(np.clip(ndtri(uniform), -8.0, 8.0) @ root.T)
             for i, kind in enumerate(kinds):
-                own[i] = kind.quantile(points[:, i])
-        return cls(found)
+                replicate[i] = kind.quantile(points[:, i])
+        return cls(deviations)
 
     @property
     def size(self) -> int:
@@ -49,8 +51,8 @@ class Sample:
 
     def blocks(self, mechanism: Mechanism, t: Tolerances) -> Iterator[tuple[slice, Array]]:
         """Rows of a block of designs, and y (block, replicates, m) of all units of each."""
-        _, pieces, each = self.deviations.shape
-        wide = max(1, MEMORY // (8 * max(self.size, (pieces + 6) * each)))
+        _, pieces, units = self.deviations.shape
+        wide = max(1, MEMORY // (8 * max(self.size, (pieces + 6) * units)))
         for start in range(0, len(t), wide):
             chosen = slice(start, start + wide)
             block = [mechanism.values(t[chosen], z) for z in self.deviations]
@@ -64,10 +66,10 @@ def _root(correlation: Array) -> Array:
 
 
 def yield_percent(mechanism: Mechanism, t: Tolerances, sample: Sample) -> tuple[Array, Array]:
-    """Share of units within the limits (n,), in percent, and its standard error (n,).
+    """Fraction of units within the limits (n,), in percent, and its standard error (n,).
 
-    A unit for which the requirement has no value does not conform. The error is the scatter over
-    the replicates, and at least one unit of the sample.
+    A unit for which the requirement has no value does not conform. The error follows from the
+    scatter over the replicates, and is at least one unit of the sample.
     """
     return joint_yield_percent((mechanism,), t, sample)
 
@@ -85,18 +87,20 @@ def joint_yield_percent(
                 (y >= mechanism.lower) & (y <= mechanism.upper)
                 for mechanism, (_, y) in zip(mechanisms, blocks, strict=True)
             ]
-        each = np.mean(np.logical_and.reduce(within), axis=2)
-        yields[rows] = each.mean(axis=1)
-        error[rows] = np.maximum(each.std(axis=1, ddof=1) / np.sqrt(each.shape[1]), least)
+        conforming = np.mean(np.logical_and.reduce(within), axis=2)
+        yields[rows] = conforming.mean(axis=1)
+        error[rows] = np.maximum(
+            conforming.std(axis=1, ddof=1) / np.sqrt(conforming.shape[1]), least
+        )
     return 100.0 * yields, 100.0 * error
 
 
 def half_width(mechanism: Mechanism, t: Tolerances, sample: Sample, coverage: float) -> Array:
-    """Half the width (n,) of the interval that holds `coverage` of the units, as much on each side.
+    """Half the width (n,) of the interval that holds `coverage` of the units, with equal tails.
 
     (q(1 - a/2) - q(a/2))/2 with a = 1 - coverage: for normal parts of a linear stack and a coverage
-    of 0.9973 the root sum square. Units without a value are left out: see `least_margin`. NaN where
-    none has one.
+    of 0.9973 the root sum square. Units without a value are omitted: see `least_margin`. NaN where
+    no unit has a value.
     """
     widths = np.empty(len(t))
     tail = 0.5 * (1.0 - coverage)

@@ -13,16 +13,16 @@ from ..effect import EffectParameter, Readings, Target, known, quantity
 from ..shapes import Shape, Weight, no_waves, polar, turns
 
 HIGHEST = 130
-"""Highest order that is tried where no gear says which there are."""
+"""Highest order that is tried where no gear is declared."""
 OTHERS = (1, 2, 4)
-"""Orders of encoder and mounting, which have names of their own."""
+"""Orders of encoder and mounting, which have effects of their own."""
 
 
 class GearOrder(Shape):
     """A wave over the angle, its order named by its number.
 
-    Of a declared gear the orders that no effect with a name of its own follows (a tooth mesh, a
-    wave generator); where no gear is declared, any whole number. Reference: Smith, Gear Noise and
+    With a declared gear, an order that no named effect covers (a tooth mesh, a wave generator);
+    where no gear is declared, any whole number. Reference: Smith, Gear Noise and
     Vibration, 2003, chapter 9; ISO 21771 for the tooth numbers.
     """
 

@@ -21,8 +21,8 @@ class PitchDefect(OneColumn):
     """A pulse at every passing of the pins, 39 times per turn: one pin is bad.
 
     How a defect is rolled over is not known: the pulse dies away on both sides (von Mises, the
-    default), or begins and ends with the contact (a raised cosine, as of a cam). Beside a hundred
-    noise levels the wrong one of the two leaves harmonics that other names would take.
+    default), or begins and ends with the contact (a raised cosine, as of a cam). At a
+    hundred noise levels the wrong form leaves harmonics that would be identified as other effects.
     """
 
     name = "pitch_defect"
@@ -41,8 +41,8 @@ class PitchDefect(OneColumn):
     weight = Weight("height", "h, height of the pulse", low=-inf)
 
     def own_applies(self, target: Target) -> bool:
-        known = target.gear is not None and target.gear.has(PINS)
-        return known and turns(target) and super().own_applies(target)
+        has_pins = target.gear is not None and target.gear.has(PINS)
+        return has_pins and turns(target) and super().own_applies(target)
 
     def own_reason(self, target: Target) -> str:
         return no_waves(target, PINS)

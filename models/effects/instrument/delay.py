@@ -14,32 +14,29 @@ from ...measurable import Role
 from ..effect import Action, Effect, EffectParameter, Readings, Target, quantity
 
 LONGEST = 20.0
-"""Usual steps of the clock that a channel may be late, or early."""
+"""Longest delay or lead of a channel, in usual steps of the clock."""
 BREAK = 10.0
 """Usual steps after which a record has been interrupted."""
 ROUGH = 0.1
-"""Squared steps of a channel, as a share of those of rows without an order, above which its noise
-is looked at: a channel that goes on beneath it is one that a delay could be seen in."""
+"""Squared steps of a channel, as a fraction of those of rows in random order, above which its noise
+is tested: a delay can be detected in a channel that is continuous beneath its noise."""
 JUMP = 2.0
-"""A step of the channel, in those beside it together, that is no slope."""
+"""A step of the channel, over the sum of its two neighbours, that counts as a jump."""
 FEWEST = 4
-"""Rows, at least."""
+"""Least number of rows."""
 PRESENT, FALLS, SIGMAS = 4.0, 0.2, 2.0
-"""Standard errors that the correlation of neighbours must have; the share of it that may be gone
-one
-row further; and standard errors of that."""
+"""Standard errors that the correlation of neighbours must exceed; the fraction of it that may be
+lost one row further; and standard errors of that loss."""
 
 
 class Delay(Effect):
-    """What was recorded is the output of a moment before: y(t - T), filters and buses included.
+    """The recorded output is that of an earlier time: y(t - T), filters and buses included.
 
-    Only where rows follow each other as a record does: a clock, and a channel whose steps from row
-    to row are small. Between rows the channel goes straight, but for where the speed changes its
-    sign: what follows the direction jumps there, and not over a whole step. Before the beginning of
-    a record, and after an interruption of more than 10 usual steps, it stands at its first value.
-    Reference:
-    Franklin, Powell and Workman, Digital Control of Dynamic Systems, 1998, section 4.3 (transport
-    lag).
+    It applies to a record only: a clock, and a channel whose steps from row to row are small. The
+    channel is linear between rows, except where the speed changes its sign: a term that follows the
+    direction jumps there, and not over a whole step. Before the beginning of a record, and after an
+    interruption of more than 10 usual steps, it has its first value. Reference: Franklin, Powell
+    and Workman, Digital Control of Dynamic Systems, 1998, section 4.3 (transport lag).
     """
 
     name = "delay"
@@ -72,15 +69,15 @@ class Delay(Effect):
 
     def own_action(self, readings: Readings, values: Mapping[str, float], target: Target) -> Action:
         names = [own_parameter.name for own_parameter in self.own_parameters(target)]
-        late = {
+        delays = {
             o.name: values.get(name, 0.0) for o, name in zip(target.outputs, names, strict=True)
         }
         time = np.asarray(readings[Role.TIME], dtype=float)
-        known = Role.SPEED in readings and Role.DIRECTION in readings
-        speed = np.asarray(readings[Role.SPEED] * readings[Role.DIRECTION]) if known else None
+        signed = Role.SPEED in readings and Role.DIRECTION in readings
+        speed = np.asarray(readings[Role.SPEED] * readings[Role.DIRECTION]) if signed else None
         late_by = partial(delayed, time=time, order=readings.order, speed=speed)
         return Action(
-            reading={name: partial(late_by, by=by) for name, by in late.items() if by != 0.0}
+            reading={name: partial(late_by, by=by) for name, by in delays.items() if by != 0.0}
         )
 
 
@@ -91,8 +88,8 @@ def delayed(
     order: np.ndarray | None = None,
     speed: Array | None = None,
 ) -> Array:
-    """The channel (n,) at `time` (n,) less `by` [s], in the order of measuring; a `speed` (n,) with
-    its sign says where it may jump.
+    """The channel (n,) at `time` (n,) less `by` [s], in the order of measurement; a signed `speed`
+    (n,) shows where it may jump.
     """
     at = np.arange(len(time)) if order is None else order
     t, y = time[at], np.asarray(values, dtype=float)[at]
@@ -106,8 +103,8 @@ def delayed(
 
 
 def _with_jumps(t: Array, y: Array, v: Array) -> tuple[Array, Array]:
-    """A channel (n,) with two more points wherever it jumps as the speed v passes 0 between two
-    rows of either sign: what both sides extrapolate to.
+    """A channel (n,) with two more points at each jump where the speed v changes its sign between
+    two rows: the values extrapolated from both sides.
     """
     sign = np.sign(v)
     steps = np.abs(np.diff(y))
@@ -127,7 +124,7 @@ def _with_jumps(t: Array, y: Array, v: Array) -> tuple[Array, Array]:
 
 
 def _stretches(time: Array) -> list[slice]:
-    """Rows between which the record was not interrupted."""
+    """Rows of each stretch without an interruption of the record."""
     steps = np.diff(time)
     ahead = steps[steps > 0.0]
     usual = float(np.median(ahead)) if len(ahead) else inf
@@ -137,10 +134,10 @@ def _stretches(time: Array) -> list[slice]:
 
 
 def _continuous(values: Array) -> bool:
-    """Whether a channel (n,) goes on from row to row, whatever noise it carries.
+    """Whether a channel (n,) is continuous from row to row beneath its noise.
 
-    White noise is in no correlation of different rows: what neighbours share is the channel's own,
-    and of a channel that goes on the next but one shares nearly as much.
+    White noise does not contribute to correlations of different rows: the correlation of neighbours
+    is that of the channel, and in a continuous channel the next row but one has nearly the same.
     """
     spread = float(np.var(values))
     if spread == 0.0 or len(values) < FEWEST:
@@ -154,6 +151,6 @@ def _continuous(values: Array) -> bool:
 
 
 def _correlation(values: Array, by: int) -> float:
-    """Of a channel with itself, so many rows apart."""
+    """Autocorrelation of a channel at a lag of so many rows."""
     y = values - np.mean(values)
     return float(y[by:] @ y[:-by]) / float(y @ y)

@@ -1,4 +1,4 @@
-"""The step of readings that are whole multiples of one."""
+"""The step of measurements that are whole multiples of it."""
 
 from __future__ import annotations
 
@@ -7,18 +7,18 @@ import numpy as np
 from ...inputs.distribution import Array
 
 FINEST = 1e-6
-"""Step, as a share of the readings' range, below which none is looked for."""
+"""Least step, as a fraction of the range of the measurements, that is searched for."""
 OFF = 0.06
-"""Steps (rms) that readings may be off the multiples: of a random share it is 0.29."""
+"""Rms deviation from the multiples, in steps, that is allowed: for random values it is 0.29."""
 LEAST = 5
-"""Different readings below which any numbers may be multiples of something, unless they recur."""
+"""Distinct values below which any numbers may be multiples of a step, unless they recur."""
 
 
 def step_of(values: Array) -> float | None:
-    """The step q of readings (n,) that are all q times a whole number, None where they are not.
+    """The step q of measurements (n,) that are all whole multiples of q, None where they are not.
 
-    The smallest difference of two readings is about a step; the sum of all the differences, counted
-    in steps, says it exactly.
+    The smallest difference of two values is about a step; the sum of all the differences, counted
+    in steps, gives it exactly.
     """
     levels = np.unique(values)
     if len(levels) < 3 or (len(levels) < LEAST and len(values) < 4 * len(levels)):

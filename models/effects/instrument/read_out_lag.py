@@ -16,8 +16,8 @@ from ..shapes import POSITIONS, OneColumn, Weight, speed_unit
 class ReadOutLag(OneColumn):
     """The output is read late, or its input is.
 
-    A reading that grows with the motion falls behind by v times the lag (a < 0); in a difference
-    in/i - out, as the transmission error is, a late output shows with the opposite sign (a > 0).
+    An output that grows with the motion lags by v times the delay (a < 0); in a difference
+    in/i - out, such as the transmission error, a late output has the opposite sign (a > 0).
     """
 
     name = "read_out_lag"

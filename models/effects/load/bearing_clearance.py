@@ -1,4 +1,4 @@
-"""A dead band that opens over a small load."""
+"""A dead band that is crossed over a small load."""
 
 from __future__ import annotations
 

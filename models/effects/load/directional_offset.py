@@ -13,11 +13,11 @@ from ..shapes import Shape, Weight
 
 
 class DirectionalOffset(Shape):
-    """Dry friction of one size in + motion, and of another in - motion.
+    """Dry friction with different magnitudes in + and - motion.
 
     Where the zero of an output is free (angles) the half sum of both is friction and the half
-    difference is that zero: the effect is then the column of `friction_hysteresis`, and no effect
-    of its own. Reference: Armstrong-Helouvry, Dupont and Canudas de Wit, Automatica 30, 1994,
+    difference is that zero: the effect is then identical with `friction_hysteresis`, and does not
+    apply. Reference: Armstrong-Helouvry, Dupont and Canudas de Wit, Automatica 30, 1994,
     section 2.1 (friction that depends on the direction).
     """
 

@@ -1,4 +1,4 @@
-"""A loop between motion, or loading, there and back."""
+"""A hysteresis loop between motion, or loading, there and back."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ MOVING = Weight("half_width", "a, half of the loop")
 
 
 class FrictionHysteresis(Shape):
-    """Loop of dry friction, between there and back.
+    """Hysteresis loop of dry friction, between there and back.
 
     In motion it goes with the direction, with the input locked along the path of the load. A table
-    may be of either kind: its readings decide which numbers are fitted, those that are given what
-    is done.
+    may be of either kind: its rows decide which parameters are fitted, and the given parameters
+    decide which form acts.
     """
 
     name = "friction_hysteresis"
@@ -58,14 +58,14 @@ class FrictionHysteresis(Shape):
         parameters = super().own_parameters(target)
         if target.model != TABLE or target.locked is None:
             return parameters
-        return tuple(one for one in parameters if _of_loop(one) == target.locked)
+        return tuple(parameter for parameter in parameters if _of_loop(parameter) == target.locked)
 
     def missing(self, values: Mapping[str, float], target: Target) -> tuple[str, ...]:
         loop = [parameter for parameter in self.parameters(target) if _of_loop(parameter)]
         if target.model != LOCKED and not {parameter.name for parameter in loop} & set(values):
             return ()
-        twists = [one.name for one in loop if one.linear]
-        needed = [one.name for one in loop if not one.linear]
+        twists = [parameter.name for parameter in loop if parameter.linear]
+        needed = [parameter.name for parameter in loop if not parameter.linear]
         needed += twists[: not set(twists) & set(values)]
         return tuple(name for name in needed if name not in values)
 

@@ -1,4 +1,4 @@
-"""A gap that the sign of the load decides."""
+"""A gap that is crossed with the sign of the load."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The law that the units of a population scatter by, as a density on a lattice."""
+"""The distribution of the units of a population, as a density on a lattice."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Law:
 
     @cached_property
     def histogram(self) -> Any:
-        """The same as a distribution of scipy: shares, quantiles, draws."""
+        """The same as a distribution of scipy: probabilities, quantiles, draws."""
         edges = self.low + self.step * (np.arange(len(self.log) + 1) - 0.5)
         return scipy.stats.rv_histogram((np.exp(self.log), edges), density=True)
 
@@ -39,7 +39,7 @@ class Law:
         return np.asarray(self(about + self.std * z) + np.log(self.std))
 
     def widened(self, growth: float) -> Law:
-        """Every deviation 1 + growth times as large."""
+        """The law with every deviation multiplied by 1 + growth."""
         by = 1.0 + growth
         return replace(
             self,
@@ -49,10 +49,10 @@ class Law:
             std=by * self.std,
         )
 
-    def mixed(self, offset: float, share: float) -> Law:
-        """A share of the units off by `offset`: the mean moves by share times offset."""
+    def mixed(self, offset: float, fraction: float) -> Law:
+        """A `fraction` of the units off by `offset`: the mean moves by fraction times offset."""
         low, more = self.low + min(offset, 0.0), int(np.ceil(abs(offset) / self.step))
         x = np.asarray(low + self.step * np.arange(len(self.log) + more), dtype=np.float64)
-        std = float(np.sqrt(self.std**2 + share * (1.0 - share) * offset**2))
-        first, second = np.log1p(-share) + self(x), np.log(share) + self(x - offset)
+        std = float(np.sqrt(self.std**2 + fraction * (1.0 - fraction) * offset**2))
+        first, second = np.log1p(-fraction) + self(x), np.log(fraction) + self(x - offset)
         return replace(self, low=low, log=np.asarray(np.logaddexp(first, second)), std=std)

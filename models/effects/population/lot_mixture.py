@@ -30,7 +30,7 @@ WITHIN = EffectParameter(
 class LotMixture(OfUnits):
     """Some units come from a second supplier.
 
-    Where lots are known, whole lots do; `within_lots = 1`, which may be left out, mixes each lot.
+    Where lots are known, whole lots come from it; the optional `within_lots = 1` mixes each lot.
     """
 
     name = "lot_mixture"
@@ -48,15 +48,15 @@ class LotMixture(OfUnits):
 
     def own_parameters(self, target: Target) -> tuple[EffectParameter, ...]:
         meaning = "p, share of the second supplier"
-        share = quantity("share", "", meaning, 0.02, 0.98, linear=False)
-        return (self.weight.of(target.outputs[0], target), share)
+        fraction = quantity("share", "", meaning, 0.02, 0.98, linear=False)
+        return (self.weight.of(target.outputs[0], target), fraction)
 
     def parameter(self, name: str, target: Target) -> EffectParameter | None:
-        """Its numbers, that which may be left out included."""
+        """Its parameters, including the optional one."""
         return WITHIN if name == WITHIN.name else super().parameter(name, target)
 
     def carried(self, values: Mapping[str, float], target: Target) -> float:
-        """The share of the second supplier times its offset."""
+        """The fraction of the second supplier times its offset."""
         return values["share"] * known(values, number(self.weight, target))
 
     def law(self, law: Law, values: Mapping[str, float], target: Target) -> Law:

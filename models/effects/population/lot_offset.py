@@ -28,12 +28,12 @@ class LotOffset(OfUnits):
     reference = "Searle, Casella and McCulloch, Variance Components, 1992"
 
     def own_parameters(self, target: Target) -> tuple[EffectParameter, ...]:
-        """One per lot of the table but the first, in the order of their labels."""
+        """One per lot of the table except the first, in the order of their labels."""
         lots = target.labels.get(Role.LOT, ())[1:]
         return tuple(_offset(lot).of(target.outputs[0], target) for lot in lots)
 
     def parameter(self, name: str, target: Target) -> EffectParameter | None:
-        """The offset of any lot: which there are, the table alone can tell."""
+        """The offset of any lot: only the table shows which lots exist."""
         unit = unit_key(target.outputs[0].unit)
         stem = name.removesuffix(f"_{unit}")
         lot = stem.removeprefix("offset_")

@@ -1,4 +1,4 @@
-"""What effects on a population share."""
+"""The base of effects on a population."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from .law import Law
 
 
 class OfUnits(Effect):
-    """Acts on the units of a batch, and has no place in a model of single readings.
+    """Acts on the units of a batch; it does not apply to a model of single measurements.
 
-    `units` is the map of drawn units. Where it moves no single unit by an amount of its own, the
-    law of the units shows it: `law` may give that as a density.
+    `units` maps drawn units. Where it does not move each unit by its own amount, it acts on the
+    distribution of the units: `law` may return that as a density.
     """
 
     apart_from_inputs: ClassVar[str] = ""
-    """What may explain a batch instead of its inputs; empty where inputs may do the same."""
+    """A cause other than the inputs of the batch; empty where inputs may have the same effect."""
     beside_lots: ClassVar[Mapping[str, float]] = MappingProxyType({})
-    """Parameters that hold where whole lots are moved by effects of their own."""
+    """Parameters that apply where other effects move whole lots."""
 
     def own_applies(self, target: Target) -> bool:
         return target.population and super().own_applies(target)
@@ -36,7 +36,7 @@ class OfUnits(Effect):
         return Action(population=partial(self.units, readings, dict(values), target))
 
     def carried(self, values: Mapping[str, float], target: Target) -> float:
-        """By how much an effect on the scatter moves the mean of the units."""
+        """The shift of the mean of the units by an effect on their scatter."""
         return 0.0
 
     def law(self, law: Law, values: Mapping[str, float], target: Target) -> Law | None:
@@ -53,7 +53,7 @@ class OfUnits(Effect):
         mean: float,
         rng: np.random.Generator,
     ) -> Array:
-        """What becomes of drawn units (n,), whose mean in the model is `mean`."""
+        """The units (n,) with the effect, from `drawn` ones whose mean in the model is `mean`."""
 
 
 class MovedUnits(OfUnits):
@@ -66,7 +66,7 @@ class MovedUnits(OfUnits):
 
     @abstractmethod
     def pattern(self, readings: Readings) -> float | NDArray[Any]:
-        """What the number is multiplied with: one value, or one per row (n,)."""
+        """The factor of the number: one value, or one per row (n,)."""
 
     def units(
         self,
@@ -82,5 +82,5 @@ class MovedUnits(OfUnits):
 
 
 def number(weight: Weight, target: Target) -> str:
-    """Name of a linear parameter of the one output that a population has."""
+    """Name of a linear parameter of the single output of a population."""
     return weight.of(target.outputs[0], target).name

@@ -14,12 +14,12 @@ from ..shapes import Load, Shape, Weight, speed_unit
 
 
 class LoadViscous(Shape):
-    """Products of load and speed: one that keeps the load's sign, one that holds back.
+    """Products of load and speed: one with the sign of the load, one against the motion.
 
-    The first is a compliance that grows with the speed (or a load that is read late along it), the
-    second viscous friction of contacts that are pressed together. Reference: Bittencourt and
-    Gunnarsson, J. Dyn. Syst. Meas. Control 134, 2012, equation 13; Waiboer, Aarts and Jonker,
-    Multibody Dynamics, 2005.
+    The first is a compliance that grows with the speed (or a load that is measured late), the
+    second the viscous friction of loaded contacts. Reference: Bittencourt and Gunnarsson,
+    J. Dyn. Syst. Meas. Control 134, 2012, equation 13; Waiboer, Aarts and Jonker, Multibody
+    Dynamics, 2005.
     """
 
     name = "load_viscous"

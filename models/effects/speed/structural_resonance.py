@@ -17,7 +17,7 @@ Waves = NDArray[np.complex128]
 
 
 class StructuralResonance(Shape):
-    """Fixed frequency: a wave, whatever its order, magnified where it meets a resonance."""
+    """Fixed frequency: a wave of any order, magnified where it meets a resonance."""
 
     name = "structural_resonance"
     family = "speed"

@@ -38,13 +38,13 @@ class DifferentialThermalExpansion(OneColumn):
     def own_parameters(self, target: Target) -> tuple[EffectParameter, ...]:
         if not target.changes(DISC):
             return super().own_parameters(target)
-        always = quantity(
+        constant = quantity(
             "temperature_difference", "K", "D, disc warmer than housing", -100.0, 100.0
         )
-        share = quantity("temperature_share", "", "s, per kelvin above 20 degC", -2.0, 2.0)
+        per_kelvin = quantity("temperature_share", "", "s, per kelvin above 20 degC", -2.0, 2.0)
         if Role.TEMPERATURE not in target.roles():
-            return (always,)
-        return (share,) if target.largest else (always, share)
+            return (constant,)
+        return (per_kelvin,) if target.largest else (constant, per_kelvin)
 
     def own_action(self, readings: Readings, values: Mapping[str, float], target: Target) -> Action:
         if not target.changes(DISC):

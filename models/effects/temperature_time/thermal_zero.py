@@ -28,7 +28,7 @@ class ThermalZero(OneColumn):
     weight = Weight("rate", "a, per kelvin above 20 degC", "K", low=-inf)
 
     def own_applies(self, target: Target) -> bool:
-        """Not of a population, whose mean moves by `differential_thermal_expansion`."""
+        """Not for a population, whose mean moves by `differential_thermal_expansion`."""
         return not target.population and super().own_applies(target)
 
     def own_reason(self, target: Target) -> str:

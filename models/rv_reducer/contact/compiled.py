@@ -32,14 +32,14 @@ def rotation(
     `normal` [N/m] and `series` [N m/rad] stiffness fit (units, angles, discs), `torque` [N m] fits
     (units, angles).
     """
-    moved, axes = displacements(geometry, errors), Axes.at(geometry, angles)
+    displacement, axes = displacements(geometry, errors), Axes.at(geometry, angles)
     shape = (errors.units, angles.size, geometry.discs)
     turns = np.empty((angles.size, errors.units))
     rotations(
         _table(geometry, angles, axes),
         _parts(axes.eccentric, axes.disc, axes.crank),
-        _pins(moved),
-        _discs(moved),
+        _pins(displacement),
+        _discs(displacement),
         np.broadcast_to(normal, shape),
         np.broadcast_to(1.0 / series, shape),
         np.broadcast_to(torque / geometry.output_ratio, shape[:2]),
@@ -54,17 +54,23 @@ def _parts(*values: Complex) -> Array:
     return np.stack([part for vector in values for part in (vector.real, vector.imag)])
 
 
-def _pins(moved: Displacements) -> Array:
+def _pins(displacement: Displacements) -> Array:
     """Displacements (x, y) of pins and change of the gap, (3, discs, pins, units)."""
-    of_pins = (moved.pins.real, moved.pins.imag, moved.across)
+    of_pins = (displacement.pins.real, displacement.pins.imag, displacement.across)
     return np.stack([np.moveaxis(column, 0, -1) for column in of_pins])
 
 
-def _discs(moved: Displacements) -> Array:
+def _discs(displacement: Displacements) -> Array:
     """Displacements, turns, play, shift and pitch of discs, (11, discs, units)."""
-    directions = _parts(moved.turning.T, moved.offset.T, moved.around.T)
-    rest = (moved.angle, moved.play, moved.shift, moved.pitch.real, moved.pitch.imag)
-    return np.concatenate([directions, np.stack([column.T for column in rest])])
+    directions = _parts(displacement.turning.T, displacement.offset.T, displacement.around.T)
+    by_disc = (
+        displacement.angle,
+        displacement.play,
+        displacement.shift,
+        displacement.pitch.real,
+        displacement.pitch.imag,
+    )
+    return np.concatenate([directions, np.stack([column.T for column in by_disc])])
 
 
 def _table(geometry: ContactGeometry, angles: Array, axes: Axes) -> Array:

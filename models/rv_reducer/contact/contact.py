@@ -98,20 +98,20 @@ class LoadedContact:
         mesh = self.mesh(errors, angles)
         rotation = mesh.rotation(torque, direction)
         forces = mesh.pin_forces(rotation)
-        held = np.einsum("uadp,adp->ua", forces, mesh.gaps.lever) * mesh.ratio
-        return Equilibrium(rotation, forces, np.sum(forces > 0.0, axis=-1), held - torque)
+        mesh_torque = np.einsum("uadp,adp->ua", forces, mesh.gaps.lever) * mesh.ratio
+        return Equilibrium(rotation, forces, np.sum(forces > 0.0, axis=-1), mesh_torque - torque)
 
     def rotation(
         self, errors: PartErrors, angles: Array, torque: Array | float, direction: int = 1
     ) -> Array:
         """The rotation of `equilibrium` alone; its memory does not grow with the contacts."""
         self._warn(torque)
-        wanted = np.broadcast_to(torque, (errors.units, angles.size))
+        torques = np.broadcast_to(torque, (errors.units, angles.size))
         if not self.exact and self._uses_numba():
-            return self._compiled(errors, angles, wanted, direction)
-        rotations = np.empty(wanted.shape)
+            return self._compiled(errors, angles, torques, direction)
+        rotations = np.empty(torques.shape)
         for block in self.blocks(errors, angles):
-            rotations[block.place] = block.mesh.rotation(wanted[block.place], direction)
+            rotations[block.place] = block.mesh.rotation(torques[block.place], direction)
         return rotations
 
     def reaction(self, errors: PartErrors, angles: Array, rotation: Array) -> tuple[Array, Array]:
@@ -135,10 +135,10 @@ class LoadedContact:
                     (units, part), contact.mesh(errors.of_units(units), angles[part], nominal)
                 )
 
-    def _compiled(self, errors: PartErrors, angles: Array, wanted: Array, direction: int) -> Array:
+    def _compiled(self, errors: PartErrors, angles: Array, torques: Array, direction: int) -> Array:
         kernel = import_module(".compiled", __package__)
         rotation: Array = kernel.rotation(
-            self.geometry, errors, angles, *self._stiffness(), wanted, direction
+            self.geometry, errors, angles, *self._stiffness(), torques, direction
         )
         return rotation
 

@@ -105,12 +105,12 @@ class PartErrors:
 
     def full(self, name: str, sizes: Mapping[str, int]) -> Array:
         """The error `name`, broadcast to the axes' lengths in `sizes`."""
-        wanted = tuple(sizes[axis] for axis in AXES[name])
+        expected = tuple(sizes[axis] for axis in AXES[name])
         try:
-            return np.broadcast_to(np.asarray(getattr(self, name), dtype=np.float64), wanted)
+            return np.broadcast_to(np.asarray(getattr(self, name), dtype=np.float64), expected)
         except ValueError as error:
             shape = np.shape(getattr(self, name))
-            raise ValueError(f"{name} must fit {AXES[name]} = {wanted}, got {shape}") from error
+            raise ValueError(f"{name} must fit {AXES[name]} = {expected}, got {shape}") from error
 
     def of_units(self, part: slice) -> Self:
         """The same errors of some units only."""
@@ -120,9 +120,9 @@ class PartErrors:
             if np.ndim(value := getattr(self, field.name)) == len(AXES[field.name])
             and np.shape(value)[0] > 1
         }
-        rest = {
+        common = {
             field.name: getattr(self, field.name)
             for field in fields(self)
             if field.name not in chosen
         }
-        return type(self)(**chosen, **rest)
+        return type(self)(**chosen, **common)

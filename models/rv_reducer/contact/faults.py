@@ -30,11 +30,11 @@ def shape_faults(geometry: ContactGeometry, place: str = "parameters") -> tuple[
 
 
 def _teeth(geometry: ContactGeometry, place: str) -> Iterator[Fault]:
-    wanted = geometry.nominal.cycloid_teeth + 1
-    if geometry.pins != wanted:
+    expected = geometry.nominal.cycloid_teeth + 1
+    if geometry.pins != expected:
         yield Fault(
             f"{place}.pins",
-            f"must be {wanted}, one more than the {wanted - 1} teeth of a disc, got "
+            f"must be {expected}, one more than the {expected - 1} teeth of a disc, got "
             f"{geometry.pins}: the profile rolls on by one tooth for every turn of the cranks",
         )
     if geometry.pins % geometry.discs:

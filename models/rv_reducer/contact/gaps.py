@@ -128,13 +128,13 @@ def gaps(
     `exact` finds the nearest point of the profile for every pin instead. `nominal` at these angles
     may be passed where it is already computed.
     """
-    moved, axes = displacements(geometry, errors), Axes.at(geometry, angles)
-    phi, shift = geometry.phase(angles), moved.shift[:, None, :, None]
-    pins = _relative(geometry, moved, axes, phi)
+    displacement, axes = displacements(geometry, errors), Axes.at(geometry, angles)
+    phi, shift = geometry.phase(angles), displacement.shift[:, None, :, None]
+    pins = _relative(geometry, displacement, axes, phi)
     nominal = Nominal.at(geometry, phi) if nominal is None else nominal
     gap = _exact(geometry, phi, pins, shift) if exact else nominal.displaced(pins, shift)
-    turn, play = moved.turn(axes), moved.play[:, None]
-    return Gaps(gap + moved.across[:, None], nominal.lever, turn, play)
+    turn, play = displacement.turn(axes), displacement.play[:, None]
+    return Gaps(gap + displacement.across[:, None], nominal.lever, turn, play)
 
 
 def teeth(geometry: ContactGeometry, axes: Axes) -> Complex:
@@ -142,12 +142,14 @@ def teeth(geometry: ContactGeometry, axes: Axes) -> Complex:
     return unit(geometry.pin_angles) * axes.disc.conj()[:, :, None]
 
 
-def _relative(geometry: ContactGeometry, moved: Displacements, axes: Axes, phi: Array) -> Complex:
+def _relative(
+    geometry: ContactGeometry, displacement: Displacements, axes: Axes, phi: Array
+) -> Complex:
     """Displacement of each pin's centre against its tooth, in the pin's axes."""
-    relative = moved.pins[:, None] - moved.centre(axes)[..., None]
+    relative = displacement.pins[:, None] - displacement.centre(axes)[..., None]
     relative *= unit(-geometry.pin_angles)
-    if np.any(moved.pitch):
-        turned = np.real(moved.pitch.conj()[:, None, :, None] * teeth(geometry, axes))
+    if np.any(displacement.pitch):
+        turned = np.real(displacement.pitch.conj()[:, None, :, None] * teeth(geometry, axes))
         relative -= turned * (1j * nominal_pin(geometry, phi))
     return relative
 
@@ -159,8 +161,8 @@ def _pins(geometry: ContactGeometry, full: Mapping[str, Array]) -> Complex:
     return placed * unit(full["tangential_position"] / radius) - radius
 
 
-def _exact(geometry: ContactGeometry, phi: Array, moved: Complex, shift: Array) -> Array:
-    pin = nominal_pin(geometry, phi) + moved
+def _exact(geometry: ContactGeometry, phi: Array, displacement: Complex, shift: Array) -> Array:
+    pin = nominal_pin(geometry, phi) + displacement
     at = curve(geometry, phi, foot(geometry, phi, pin, shift), shift)
     normal = -1j * at.first / np.abs(at.first)
     return np.asarray(np.real((pin - at.point) * normal.conj()) + geometry.dr_rp)

@@ -163,27 +163,27 @@ class Mesh:
         the first contact in `direction` (+1 forward, -1 backward), or the balance of preloaded
         flanks.
         """
-        wanted = np.broadcast_to(np.asarray(torque, dtype=np.float64), self.shape)
+        applied = np.broadcast_to(np.asarray(torque, dtype=np.float64), self.shape)
         play, turn = self.gaps.play, self.gaps.turn
         low = np.max(self.discs.low - play - turn, axis=-1) / self.ratio
         high = np.min(self.discs.high + play - turn, axis=-1) / self.ratio
-        forward = (wanted > 0.0) | ((wanted == 0.0) & (direction > 0))
+        forward = (applied > 0.0) | ((applied == 0.0) & (direction > 0))
         start = np.where(low > high, 0.5 * (low + high), np.where(forward, high, low))
-        free = (wanted == 0.0) & (low <= high)
-        return np.where(free, start, self._newton(wanted, start))
+        free = (applied == 0.0) & (low <= high)
+        return np.where(free, start, self._newton(applied, start))
 
-    def _newton(self, wanted: Array, start: Array) -> Array:
+    def _newton(self, applied: Array, start: Array) -> Array:
         at = start.copy()
         low, high = np.full_like(at, -_FAR), np.full_like(at, _FAR)
         for _ in range(200):
             torque, stiffness = self.torque(at)
-            miss = torque - wanted
+            miss = torque - applied
             low, high = np.where(miss < 0.0, at, low), np.where(miss > 0.0, at, high)
             ahead = at - miss / np.where(stiffness > 0.0, stiffness, np.inf)
             ahead = np.where(stiffness > 0.0, ahead, at - np.sign(miss) * _NUDGE)
             inside = (ahead > low) & (ahead < high)
             ahead = np.where(inside, ahead, 0.5 * (low + high))
-            done = np.abs(miss) <= 1e-13 * np.abs(wanted) + 1e-12
+            done = np.abs(miss) <= 1e-13 * np.abs(applied) + 1e-12
             if np.all(done | (np.abs(ahead - at) <= 1e-18)):
                 return at
             at = np.where(done, at, ahead)

@@ -22,8 +22,8 @@ def tabulated(mesh: ContactMesh, torque: float, nodes: int = NODES) -> Tabulated
 
     def loads(twist: Array) -> tuple[Array, Array]:
         # a torque that resists + motion turns the carrier backward: twist = -rotation
-        held, stiffness = mesh.torque(-np.broadcast_to(twist, (len(twist), mesh.shape[1])))
-        return -held, stiffness
+        mesh_torque, stiffness = mesh.torque(-np.broadcast_to(twist, (len(twist), mesh.shape[1])))
+        return -mesh_torque, stiffness
 
     def peak(twist: Array) -> Array:
         flat = twist.reshape(-1, mesh.shape[1])

@@ -149,14 +149,14 @@ class _Balance:
         change = -self._soft(residual, slope)
         before = OVERSHOOT * self.relative(residual)
         for _ in range(HALVINGS):
-            at, after, stiffness = self._moved(twist + change)
+            at, after, stiffness = self._iterated(twist + change)
             worse = ~(self.relative(after) <= before)
             if not worse.any():
                 return at, after, stiffness
             change[worse] *= 0.5
-        return self._moved(twist + change)
+        return self._iterated(twist + change)
 
-    def _moved(self, twist: Array) -> tuple[Array, Array, Array]:
+    def _iterated(self, twist: Array) -> tuple[Array, Array, Array]:
         """The twist after its stiff waves are corrected, its residual and stiffness."""
         at = twist - self._stiff(self(twist)[0])
         return at, *self(at)

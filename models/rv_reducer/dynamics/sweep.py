@@ -70,8 +70,8 @@ def faults(train: Train, torque: Array | float, speed: Array | float) -> list[Fa
 
 def samples_needed(samples: int, points: Oscillator) -> NDArray[np.int64]:
     """Samples (b,) that resolve the resonance, where it is among the orders of the mesh."""
-    wanted = POINTS_PER_WAVE * points.resonance
-    doublings = np.ceil(np.log2(np.maximum(wanted / samples, 1.0))).astype(np.int64)
+    needed = POINTS_PER_WAVE * points.resonance
+    doublings = np.ceil(np.log2(np.maximum(needed / samples, 1.0))).astype(np.int64)
     return np.asarray(np.where(points.resonance > 0.51 * samples, samples, samples << doublings))
 
 

@@ -72,15 +72,15 @@ class TabulatedMesh:
 
     def equilibrium(self, torque: Array) -> Array:
         """Quasi-static twist (..., n) [rad] under torques (...) [N m] within the table's."""
-        wanted = np.asarray(torque, dtype=float)[..., None]
-        below = np.zeros((*wanted.shape[:-1], self.samples), dtype=np.intp)
+        torques = np.asarray(torque, dtype=float)[..., None]
+        below = np.zeros((*torques.shape[:-1], self.samples), dtype=np.intp)
         for row in self.torques[1:-1]:
-            below += row <= wanted
+            below += row <= torques
         corners = self._corners(below)
         low, high = np.zeros(below.shape), np.ones(below.shape)
         for _ in range(ROOT_STEPS):
             middle = 0.5 * (low + high)
-            short = _cubic(corners, middle) < wanted
+            short = _cubic(corners, middle) < torques
             low, high = np.where(short, middle, low), np.where(short, high, middle)
         node = self.nodes[0] + (below + high) * (self.nodes[1] - self.nodes[0])
         return np.asarray(self.scale * np.sinh(node))

@@ -67,9 +67,9 @@ def touch(
                     contacts, pin = rows[i:k], pins[i:k]
                     h = contacts[:, columns] @ terms
                     h += contacts[:, 1:2] * pin_across[pin] + contacts[:, 3:4] * pin_along[pin]
-                    which = np.argmin(sign * h, axis=0)
-                    at = np.take_along_axis(h, which[None, :], axis=0)[0]
-                    ends[flank].append((at + sign * play - turn, i + which))
+                    closest = np.argmin(sign * h, axis=0)
+                    at = np.take_along_axis(h, closest[None, :], axis=0)[0]
+                    ends[flank].append((at + sign * play - turn, i + closest))
             for flank, into, contact in ((0, high, ahead), (1, low, behind)):
                 turns = np.stack([turns_of_disc for turns_of_disc, _ in ends[flank]])
                 best = np.argmin(turns, axis=0) if flank == 0 else np.argmax(turns, axis=0)

@@ -58,25 +58,25 @@ class Measures:
 
     def __init__(self, turn: Turn, involute: Involute, conditions: Conditions) -> None:
         self.turn, self.involute, self.conditions = turn, involute, conditions
-        self._known: dict[str, Measure] = {}
+        self._cached: dict[str, Measure] = {}
 
     def __getitem__(self, name: str) -> Measure:
-        if name not in self._known:
-            self._known[name] = self._made(name)
-        return self._known[name]
+        if name not in self._cached:
+            self._cached[name] = self._computed(name)
+        return self._cached[name]
 
-    def _made(self, name: str) -> Measure:
-        kind, _, what = name.partition(" ")
+    def _computed(self, name: str) -> Measure:
+        kind, _, subject = name.partition(" ")
         if kind == "yield":
             of = self._largest
             return Measure(share_within(of[0], self.involute, self.conditions.limit), of[1])
         if kind == "interference":
-            return self._interference(what or self.conditions.interference)
+            return self._interference(subject or self.conditions.interference)
         if kind == "overlap":
             return self._overlap()
         if kind == "rms":
             return self._rms()
-        values, spread = self._largest if what == "max" else self._average
+        values, spread = self._largest if subject == "max" else self._average
         if kind == "quantile":
             return Measure(quantile(values, self.involute, self.conditions.coverage), spread)
         return Measure((mean if kind == "mean" else deviation)(values, self.involute), spread)
@@ -142,7 +142,7 @@ class Measures:
     def _interference(self, kind: str) -> Measure:
         play, (growth, radius) = self.turn.play, self._growth()
         if kind == "share_of_turn":
-            return self._share_of_turn(growth, radius)
+            return self._fraction_of_turn(growth, radius)
         if kind == "overlap":
             at, units = np.argmin(play, axis=0), np.arange(play.shape[1])
             values, limit = play[at, units].astype(np.float64), -self.conditions.overlap
@@ -169,7 +169,7 @@ class Measures:
 
         return Measure(ordered_quantile(values, 0.95), spread)
 
-    def _share_of_turn(self, growth: Array, radius: Array) -> Measure:
+    def _fraction_of_turn(self, growth: Array, radius: Array) -> Measure:
         play = self.turn.play.astype(np.float64)
         wide = [np.broadcast_to(of_units, play.shape).ravel() for of_units in (growth, radius)]
         below = share_below(play.ravel(), 0.0, *wide)

@@ -79,12 +79,12 @@ class BaseSample:
         discs, pins = (geometry.discs,), (geometry.pins,)
         common = {
             name: ndtri(source.unit())
-            for names, share in (
+            for names, fraction in (
                 (DISC_ERRORS, laws.share_discs),
                 (PIN_ERRORS, laws.share_pins),
             )
             for name in names
-            if share > 0.0
+            if fraction > 0.0
         }
         for name in DISC_ERRORS:
             u = _shared(source.of(discs), common.get(name), laws.share_discs)
@@ -108,11 +108,11 @@ class BaseSample:
         return BaseSample(planets.shape[-1], z, phase, planets)
 
 
-def _shared(u: Array, common: Array | None, share: float) -> Array:
-    """Probabilities coupled by a Gaussian copula with `share` of common variance."""
+def _shared(u: Array, common: Array | None, fraction: float) -> Array:
+    """Probabilities coupled by a Gaussian copula with a `fraction` of common variance."""
     if common is None:
         return u
-    return np.asarray(ndtr(np.sqrt(share) * common + np.sqrt(1.0 - share) * ndtri(u)))
+    return np.asarray(ndtr(np.sqrt(fraction) * common + np.sqrt(1.0 - fraction) * ndtri(u)))
 
 
 class _Source:
@@ -129,7 +129,7 @@ class _Source:
         else:
             drawn = rng.random((units, most))
         tiny = 1e-12
-        self._drawn = np.clip(drawn.T, tiny, 1.0 - tiny)
+        self._probabilities = np.clip(drawn.T, tiny, 1.0 - tiny)
         self._at = 0
 
     def unit(self) -> Array:
@@ -139,6 +139,6 @@ class _Source:
     def of(self, shape: tuple[int, ...]) -> Array:
         """Probabilities (*shape, n) of the next dimensions."""
         size = int(np.prod(shape))
-        drawn = self._drawn[self._at : self._at + size]
+        drawn = self._probabilities[self._at : self._at + size]
         self._at += size
         return np.asarray(drawn.reshape(*shape, -1))
