@@ -24,7 +24,7 @@ class ChangedMeasures(Measures):
         super().__init__(plain.turn, plain.involute, plain.conditions)
         self.plain, self.change = plain, change
 
-    def _made(self, name: str) -> Measure:
+    def _computed(self, name: str) -> Measure:
         kind, _, what = name.partition(" ")
         if kind == "interference":
             return self.plain[name]
