@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..counts import INDIVIDUALS, POINTS
+from ..problems.interfaces import Provable
 from .engine import GDE3Engine, Space
 from .exact.bounds import restricted, upper_limit
 from .exact.branch import Branch
@@ -123,7 +124,7 @@ def seed_vectors(run: Run, count: int) -> Array:
     What a relaxation has settled is drawn anew for half of the seeds: the limits that it leaves
     out may forbid the value that is best for it.
     """
-    problem, form = run.problem, run.problem.guide()
+    problem, form = run.problem, Provable.of(run.problem).guide()
     if form is None or "cost" not in problem.objectives:
         return np.empty((0, problem.n_var))
     closed = closed_form(problem)

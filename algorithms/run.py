@@ -63,8 +63,9 @@ class Run:
     """What an algorithm works with: the problem, the budget, a generator, and `evaluate`.
 
     The budget of evaluations is honoured exactly. A budget of generations counts batches, and only
-    where `counts_generations` says so. A batch is computed in parts of `problem.grain` designs or a
-    few more, by `values` where it is given; the parts do not depend on who computes them.
+    where `counts_generations` says so. A batch is computed in parts of as many designs as the
+    problem's declaration says (`grain`) or a few more, by `values` where it is given; the parts do
+    not depend on who computes them.
     """
 
     def __init__(
@@ -138,7 +139,7 @@ class Run:
         return f, g
 
     def _values(self, x: Array) -> Values:
-        count = len(x) // self.problem.grain if self.problem.grain else 1
+        count = len(x) // self.problem.declaration.grain if self.problem.declaration.grain else 1
         if count < 2:
             return values_of(self.problem, x)
         parts = np.array_split(x, count)

@@ -103,7 +103,7 @@ def drive(
     except BudgetSpent:
         pass
     polish = bool(getattr(settings, "polish", False)) and not isinstance(settings, Solver)
-    if (run.problem.sampled and not len(run.chosen)) or polish:
+    if (run.problem.declaration.sampled and not len(run.chosen)) or polish:
         finished(run, polish)
 
 

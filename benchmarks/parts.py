@@ -11,7 +11,9 @@ from numpy.typing import NDArray
 
 from tolevo.declarations import Kind, Output, Variable
 from tolevo.models.costs import Reciprocal
+from tolevo.problems.declaration import Declaration
 from tolevo.problems.forms import Feature, Form, Way
+from tolevo.problems.interfaces import Differentiable, Provable
 from tolevo.problems.settings import Settings
 from tolevo.problems.tolerance_problem import ToleranceProblem
 
@@ -78,7 +80,7 @@ class Parts:
         return named | {"process": [{"name": f"way_{at}"} | way for at, way in enumerate(ways)]}
 
 
-class Watched(ToleranceProblem):
+class Watched(ToleranceProblem, Provable):
     """A problem that tells `note` the objectives (n, m) of every batch that it evaluates.
 
     One that is `formless` knows no convex form of itself. Designs that break a limit are told of
@@ -113,14 +115,8 @@ def beyond(f: Array, g: Array, edge: Array) -> Array:
     return np.where(broken > 0.0, edge * (1.0 + broken), f)
 
 
-class PartsProblem(ToleranceProblem):
+class PartsProblem(ToleranceProblem, Provable, Differentiable):
     """Cost and variation of parts, by the function that all contenders are given."""
-
-    parameters = ()
-    default_costs = {}  # noqa: RUF012 - the cost is the function's
-    default_limits = {}  # noqa: RUF012
-    default_objectives = ("cost", "variation")
-    outputs = (Output("cost", "", "cost"), Output("variation", "mm", "root sum square"))
 
     def __init__(
         self,
@@ -130,12 +126,14 @@ class PartsProblem(ToleranceProblem):
     ) -> None:
         self.parts, self.evaluated = parts, evaluate
         kind, choice = Kind.HALF_WIDTH, Kind.CHOICE
-        self.variables = (
+        variables = (
             *(Variable(f"t_{part}", "mm", kind, parts.low, parts.high, "tolerance")
               for part in range(len(parts.s))),
             *(Variable(f"process_{part}", "", choice, 0.0, count - 1.0, "process", integer=True)
               for part, count in enumerate(parts.ways) if count > 1),
         )  # fmt: skip
+        outputs = (Output("cost", "", "cost"), Output("variation", "mm", "root sum square"))
+        self.declaration = Declaration(variables, outputs, objectives=("cost", "variation"))
         super().__init__(settings)
 
     def _outputs(self, designs: Array, searching: bool) -> dict[str, Array]:

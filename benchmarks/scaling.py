@@ -23,6 +23,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
+from tolevo.problems.designs import designs_frame
+
 Array = NDArray[np.float64]
 MILLION = 1_000_000
 
@@ -120,7 +122,7 @@ def write_designs(folder: Path, configuration: str, count: int) -> None:
     assert problem is not None
     share = np.random.default_rng(0).random((count, problem.n_var))
     full = problem.complete(problem.xl + share * (problem.xu - problem.xl))
-    problem.designs_frame(full).to_parquet(folder / "d.parquet", index=False)
+    designs_frame(problem, full).to_parquet(folder / "d.parquet", index=False)
 
 
 def evaluate(folder: Path, rows: int) -> list[str]:

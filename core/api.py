@@ -36,6 +36,7 @@ from .given import (
     start_faults_of,
     told,
 )
+from .problems.interfaces import Checks
 from .results import Gap, Reproduction, Run, Study
 from .tabled import evaluate as evaluate
 from .tabled import simulate as simulate
@@ -127,7 +128,7 @@ def run(
     plan = configuration.plan()
     collected(lambda: searchable(plan.problem), faults)
     raise_all(faults)
-    told(tell, "warning", plan.problem.cautions())
+    told(tell, "warning", Checks.of(plan.problem).cautions())
     folder, kept = folder_for(out)
     done = running(plan, folder, where, progress, resume, overwrite or out is None)
     return Run(done.status, done.lines, done.result, folder, kept)

@@ -10,6 +10,20 @@ from .models.effects.shapes import OneColumn, Weight
 from .models.inputs import Distribution
 from .models.measurable import Changeable, Column, MeasurableModel, Role
 from .page_section import PageSection
+from .problems.declaration import Declaration
+from .problems.interfaces import (
+    Accuracy,
+    Checks,
+    Comparison,
+    Differentiable,
+    Documented,
+    Drawing,
+    Page,
+    Provable,
+    Stored,
+    WithEffects,
+    Written,
+)
 from .problems.settings import Settings
 from .problems.tolerance_problem import ToleranceProblem
 from .records import RunResult
@@ -17,15 +31,22 @@ from .workflows.choice.rule import ChoiceRule, Points
 from .workflows.study.records import Design, Factor
 
 __all__ = [
+    "Accuracy",
     "Action",
     "AlgorithmSettings",
     "Changeable",
+    "Checks",
     "ChoiceRule",
     "Column",
+    "Comparison",
     "CostCurve",
     "Crossover",
+    "Declaration",
     "Design",
+    "Differentiable",
     "Distribution",
+    "Documented",
+    "Drawing",
     "Effect",
     "EffectParameter",
     "Factor",
@@ -34,16 +55,21 @@ __all__ = [
     "Mutation",
     "OneColumn",
     "Output",
+    "Page",
     "PageSection",
     "Parameter",
     "Points",
+    "Provable",
     "Readings",
     "Role",
     "RunResult",
     "Settings",
+    "Stored",
     "Target",
     "ToleranceProblem",
     "Value",
     "Variable",
     "Weight",
+    "WithEffects",
+    "Written",
 ]

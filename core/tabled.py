@@ -24,6 +24,7 @@ from .given import (
     table_faults_of,
     told,
 )
+from .problems.interfaces import WithEffects
 from .wide import executing
 
 if TYPE_CHECKING:
@@ -75,8 +76,9 @@ def evaluate(
         faults.append(Fault("problem", "is missing: a model alone can only be simulated"))
     raise_all(faults)
     assert problem is not None
-    told(tell, "note", problem.effect_notes())
-    told(tell, "model", [problem.model_statement] if problem.model_statement else ())
+    told(tell, "note", WithEffects.of(problem).effect_notes())
+    statement = problem.declaration.model_statement
+    told(tell, "model", [statement] if statement else ())
     table, place = readable(designs, tables.ReadOptions(encoding, delimiter, decimal))
     full = designs_in(problem, table, place, notes.extend)
     told(tell, READ, notes)

@@ -46,7 +46,7 @@ def _parameters(problem: ToleranceProblem) -> list[Assumption]:
             p.meaning,
             _set_by(p.name, given.parameters),
         )
-        for p in problem.parameters
+        for p in problem.declaration.parameters
         if p.assumed and settings.parameters[p.name] != p.readings.get(PRINTED, NOT_PRINTED)
     ]
 

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..declarations import Assumption, Kind, Value, Variable
+from ..declarations import Assumption, Kind, Variable
 from ..models.capability import PartSample
 from ..models.costs import CostCurve
 from ..models.inputs import Normal
@@ -19,36 +18,13 @@ from ..models.machines.offers import PLUG_IN, Offer, departures, samples_of
 from ..models.machines.reading import Owner, read_offers
 from ..section import Section
 from ..units import split_unit
-from .drawing import Interval
+from .declaration import ConfiguredProblem, Declaration, Interval
+from .interfaces import Checks, Differentiable, Drawing
 from .made import Made
 from .settings import Settings, VariableSetting
 from .tolerance_problem import ToleranceProblem
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class MachinedKind:
-    """A problem with the machines of its configuration; with settings it makes the problem."""
-
-    base: type[ToleranceProblem]
-    machines: Mapping[str, tuple[Offer, ...]]
-    machined: tuple[str, ...]
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self.base, name)
-
-    @property
-    def variables(self) -> tuple[Variable, ...]:
-        """The variables of the problem, and the choices of machines."""
-        return with_choices(self.base.variables, self.machines)
-
-    def unpriced(self, parameters: Mapping[str, Value]) -> frozenset[str]:
-        """Variables without a cost curve: their machines have prices."""
-        return self.base.unpriced(parameters) | set(self.machined)
-
-    def __call__(self, settings: Settings) -> ToleranceProblem:
-        return self.base(replace(settings, machines=self.machines))
 
 
 def with_choices(
@@ -78,7 +54,20 @@ def with_choices(
     return (*variables, *more)
 
 
-class Machined(ToleranceProblem):
+def _machined(
+    declaration: Declaration, machines: Mapping[str, tuple[Offer, ...]], stated: Sequence[str]
+) -> Declaration:
+    """With the choices of machines; variables that are made by machines have no cost curve."""
+    by_problem = declaration.unpriced
+    return replace(
+        declaration,
+        variables=with_choices(declaration.variables, machines),
+        unpriced=lambda parameters: by_problem(parameters) | set(stated),
+        machined=tuple(stated),
+    )
+
+
+class Machined(ToleranceProblem, Checks, Drawing, Differentiable):
     """A problem with tolerances that machines may make: `[[variables.NAME.machine]]`.
 
     Good parts count as normal with their own mean and standard deviation. `machinable` names the
@@ -91,18 +80,19 @@ class Machined(ToleranceProblem):
         given = settings or Settings()
         self.made = {name: Made(name, offers) for name, offers in given.machines.items()}
         if self.made:
-            self.variables = with_choices(type(self).variables, given.machines)
+            variables = with_choices(type(self).declaration.variables, given.machines)
+            self.declaration = replace(self.declaration, variables=variables)
         super().__init__(settings)
 
     @classmethod
-    def configured(cls, top: Section) -> Any:
+    def configured(cls, top: Section) -> ConfiguredProblem | None:
         section = top.section("variables")
         stated = [
             name
-            for name in (v.name for v in cls.variables)
+            for name in (v.name for v in cls.declaration.variables)
             if name in section and "machine" in section.section(name)
         ]
-        declared = {v.name: v for v in cls.variables}
+        declared = {v.name: v for v in cls.declaration.variables}
         machines = {}
         for name in stated:
             table = section.section(name)
@@ -121,7 +111,14 @@ class Machined(ToleranceProblem):
                 )
             if offers is not None:
                 machines[name] = offers
-        return MachinedKind(cls, machines, tuple(stated)) if stated else cls
+        configured = super().configured(top)
+        if not stated or configured is None:
+            return configured
+        return replace(
+            configured,
+            declaration=_machined(configured.declaration, machines, stated),
+            read={**configured.read, "machines": machines},
+        )
 
     @classmethod
     def _check(cls, table: Section) -> None:
@@ -279,7 +276,7 @@ class Machined(ToleranceProblem):
         return slopes
 
     @cached_property
-    def cost_interval(self) -> Interval:
+    def _cost_interval(self) -> Interval:
         """Least and largest cost: of machines those of any way at either end."""
         ends = np.stack([super()._corner(tight=False), super()._corner(tight=True)])
         plain = ToleranceProblem.costs_of(self, ends)

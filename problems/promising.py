@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .deviations import Deviations, PromisedOutput
+from .interfaces import Differentiable
 from .promise import ASSURED, PROMISED
 from .with_promise import WithPromise
 
@@ -17,7 +18,7 @@ STEP = 1e-5
 """Relative step of a variable for the slope of a promised yield."""
 
 
-class Promising(WithPromise):
+class Promising(WithPromise, Differentiable):
     """A problem that gives the mean and the variances of the output that its yield is of.
 
     With `deviations` a problem of one's own can promise a yield by samples of its variables,

@@ -35,7 +35,7 @@ def slip(value: float, unit: str, low: float, high: float) -> str:
 
 
 def _parameters(problem: ToleranceProblem) -> Iterator[tuple[str, str]]:
-    for parameter in problem.parameters:
+    for parameter in problem.declaration.parameters:
         value, default = problem.settings.parameters.get(parameter.name), parameter.default
         if isinstance(value, int | float) and isinstance(default, int | float) and parameter.unit:
             text = slip(abs(value), parameter.unit, abs(default), abs(default))
@@ -44,7 +44,7 @@ def _parameters(problem: ToleranceProblem) -> Iterator[tuple[str, str]]:
 
 
 def _variables(problem: ToleranceProblem) -> Iterator[tuple[str, str]]:
-    usual = {variable.name: variable for variable in getattr(type(problem), "variables", ())}
+    usual = {variable.name: variable for variable in type(problem).declaration.variables}
     for name, setting in problem.settings.variables.items():
         variable = usual.get(name)
         for key in ("value", "low", "high") if variable is not None and variable.tolerance else ():

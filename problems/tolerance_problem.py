@@ -13,58 +13,39 @@ import pandas as pd
 from numpy.typing import NDArray
 from pymoo.core.problem import Problem
 
-from ..declarations import Assumption, Output, Parameter, Value, Variable, completed
+from ..declarations import Assumption, Output, Variable, completed
 from ..errors import Fault, ModelError
-from ..models.capability import PartSample
-from ..models.costs import CostCurve
 from ..section import Section
 from .assumptions import assumptions_of
-from .drawing import Drawing, Interval
-from .limits import impossible, limits_of
-from .money import price_notes, with_currency
-from .nesting import Nesting
-from .priced import Priced
+from .declaration import ConfiguredProblem, Declaration, Interval
+from .designs import designs_frame
+from .interfaces import Accuracy, Checks, refuse_lost_members
+from .limits import limits_of
+from .money import with_currency
 from .promise import Promise
-from .provable import Provable
 from .settings import Bound, Settings, VariableSetting
-from .shown import Shown, effect_notes
-from .slips import unit_slips
-from .tabled import Tabled
 
 Array = NDArray[np.float64]
 
 
-class ToleranceProblem(Problem, Shown, Nesting, Priced, Provable, Drawing, Tabled):
+class ToleranceProblem(Problem):
     """A tolerance allocation problem: some variables are searched, the others fixed.
 
-    A subclass declares `parameters`, `variables`, `outputs` and defaults, and gives `_outputs`.
+    A subclass gives its `declaration` and `_outputs`; what else it provides, such as derivatives or
+    a convex form, belongs to the interfaces of `tolevo.problems.interfaces`, which it inherits.
     Guarded against pymoo's silent failures: objectives are always set, unknown keywords are
     refused, shapes and finiteness are checked, bounds are never reversed.
     """
 
-    parameters: tuple[Parameter, ...]
-    variables: tuple[Variable, ...]
-    outputs: tuple[Output, ...]
-    default_costs: Mapping[str, CostCurve]
-    default_limits: ClassVar[Mapping[str, Bound]]
-    default_objectives: tuple[str, ...]
-    default_model: str = ""
-    reference_ga: ClassVar[Mapping[str, float]] = {}
-    """Settings of a run's single-objective GA, where the documents name them: population,
-    generations, crossover and mutation probability; and, where not the GA's own, their eta."""
-    sampled: bool = False
-    """Whether a search sees a fixed sample of units; its points are tested on a fresh one."""
-    performance: ClassVar[frozenset[str]] = frozenset()
-    """Outputs whose upper limits a search may find to be out of reach (see `sampled`)."""
-    default_algorithm: ClassVar[str] = ""
-    """The best algorithm for the problem; empty: NSGA-II or, for one objective, the GA."""
-    grain: ClassVar[int] = 0
-    """Designs of a batch that a search computes at once, such that workers can share the batch; 0
-    where designs are so cheap that the whole batch is computed at once.
-    """
-    drawn_again: ClassVar[frozenset[str]] = frozenset()
+    declaration: Declaration = Declaration()
+    """What a class declares; an object may declare more, such as the choices of machines."""
+    _drawn_again: ClassVar[frozenset[str]] = frozenset()
     """Cached attributes that a copy in another process draws or computes again, as they are large.
     """
+
+    def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
+        refuse_lost_members(cls)
 
     def __init__(self, settings: Settings | None = None) -> None:
         given = settings or Settings()
@@ -74,7 +55,8 @@ class ToleranceProblem(Problem, Shown, Nesting, Priced, Provable, Drawing, Table
         if money.currency:
             priced = tuple(name for name in money.assumed if name in self.settings.costs)
             self.settings = replace(self.settings, money=replace(money, assumed=priced))
-            self.outputs = with_currency(self.outputs, self.settings.money)
+            outputs = with_currency(self.outputs, self.settings.money)
+            self.declaration = replace(self.declaration, outputs=outputs)
         self.objectives = self.settings.objectives
         self.limits = limits_of(self.settings.limits, self.outputs, self.variables)
         set_to = self.settings.variables
@@ -97,20 +79,18 @@ class ToleranceProblem(Problem, Shown, Nesting, Priced, Provable, Drawing, Table
         )
 
     def __getstate__(self) -> dict[str, Any]:
-        """Everything but `drawn_again`."""
-        return {k: value for k, value in self.__dict__.items() if k not in self.drawn_again}
+        """Everything but `_drawn_again`."""
+        return {k: value for k, value in self.__dict__.items() if k not in self._drawn_again}
 
     # ---------------------------------------------------------------- what a subclass gives
 
     @classmethod
-    def configured(cls, top: Section) -> Any:
-        """The callable that makes the problem of a configuration's tables; None if they are faulty.
+    def configured(cls, top: Section) -> ConfiguredProblem | None:
+        """The problem of a configuration's tables; None if they are faulty.
 
-        It is called with `Settings` and declares `parameters`, `variables`, `outputs` and the
-        defaults as this class does. A problem that is written in its configuration reads its own
-        tables here.
+        A problem that is written in its configuration reads its own tables here.
         """
-        return cls
+        return ConfiguredProblem(cls.declaration, cls)
 
     @abstractmethod
     def _outputs(self, designs: Array, searching: bool) -> dict[str, Array]:
@@ -137,11 +117,6 @@ class ToleranceProblem(Problem, Shown, Nesting, Priced, Provable, Drawing, Table
             return float(self._corner(tight=True)[column]), float(self._corner(False)[column])
         return -np.inf, np.inf
 
-    @classmethod
-    def unpriced(cls, parameters: Mapping[str, Value]) -> frozenset[str]:
-        """Variables that have no cost with these parameters, though there are curves for them."""
-        return frozenset()
-
     def box(self) -> tuple[Array, Array]:
         """Ideal and nadir of the normalised hypervolume, fixed by the problem."""
         corners = self.outputs_of(self._corners(), errors=False)
@@ -150,56 +125,9 @@ class ToleranceProblem(Problem, Shown, Nesting, Priced, Provable, Drawing, Table
         ideal = np.where(np.isfinite(proven), proven, values.min(axis=1))
         return ideal, np.maximum(values.max(axis=1), ideal + 1e-12)
 
-    def references(self) -> dict[str, Array]:
-        """Allocations that the documents print, by label: full designs (all variables,)."""
-        return {}
-
-    def tables(self) -> dict[str, Any]:
-        """The top-level tables that the problem is written in, where `configured` reads them.
-
-        They take the place of parameters, variables, costs and propagation.
-        """
-        return {}
-
-    def more_tables(self) -> dict[str, Any]:
-        """Top-level tables that `configured` reads in addition to the usual ones."""
-        return {}
-
-    def misplaced(self, designs: Array) -> dict[str, dict[int, str]]:
-        """Messages, by column and row, on designs that break more than variables' bounds."""
-        return {}
-
-    def reported(self) -> ToleranceProblem:
-        """The same problem at the accuracy that reported points need."""
-        return self
-
-    def least_cost(self) -> tuple[str, ToleranceProblem] | None:
-        """Label and problem of the documents' single-objective allocation, or None."""
-        return None
-
-    def coarser(self) -> ToleranceProblem:
-        """The same problem on a smaller sample, for algorithms that evaluate much."""
-        return self
-
     def relaxed(self, limits: Mapping[str, Bound]) -> ToleranceProblem:
         """The same problem with some limits replaced."""
         return type(self)(replace(self.given, limits=dict(self.given.limits) | dict(limits)))
-
-    def counterparts(self) -> tuple[str, ...]:
-        """What each active effect does in this problem, in words; empty where it does nothing."""
-        return ("",) * len(self.settings.effects)
-
-    def effect_notes(self) -> tuple[str, ...]:
-        """A sentence for each active effect, those without a counterpart included."""
-        return effect_notes(self.settings, self.counterparts())
-
-    def without_effects(self) -> ToleranceProblem:
-        """The same problem with no effect in its model."""
-        return type(self)(replace(self.given, effects=()))
-
-    def search_faults(self) -> list[Fault]:
-        """What is wrong with a search of the problem, though its designs can be evaluated."""
-        return []
 
     # ---------------------------------------------------------------- set-up
 
@@ -207,13 +135,13 @@ class ToleranceProblem(Problem, Shown, Nesting, Priced, Provable, Drawing, Table
         """The settings with every default filled in."""
         return replace(
             given,
-            parameters=completed(self.parameters, given.parameters),
+            parameters=completed(self.declaration.parameters, given.parameters),
             variables={
                 v.name: self._variable(v, given.variables.get(v.name)) for v in self.variables
             },
-            costs=dict(self.default_costs) | dict(given.costs),
-            objectives=given.objectives or self.default_objectives,
-            limits=dict(self.default_limits) | dict(given.limits),
+            costs=dict(self.declaration.costs) | dict(given.costs),
+            objectives=given.objectives or self.declaration.objectives,
+            limits=dict(self.declaration.limits) | dict(given.limits),
         )
 
     def _variable(self, variable: Variable, given: VariableSetting | None) -> VariableSetting:
@@ -232,11 +160,7 @@ class ToleranceProblem(Problem, Shown, Nesting, Priced, Provable, Drawing, Table
 
     def faults(self) -> list[Fault]:
         """What is wrong with the settings as a whole: limits that no design can meet, ..."""
-        return self.out_of_reach()
-
-    def out_of_reach(self) -> list[Fault]:
-        """Limits that no design can meet."""
-        return impossible(self)
+        return Checks.of(self).out_of_reach()
 
     # ---------------------------------------------------------------- designs and outputs
 
@@ -244,6 +168,16 @@ class ToleranceProblem(Problem, Shown, Nesting, Priced, Provable, Drawing, Table
     def promise(self) -> Promise | None:
         """The promise of a yield; it sets the limit that keeps it."""
         return self.settings.promise
+
+    @property
+    def variables(self) -> tuple[Variable, ...]:
+        """All variables, fixed ones included, in the order of a full design."""
+        return self.declaration.variables
+
+    @property
+    def outputs(self) -> tuple[Output, ...]:
+        """All outputs, in the order of a table."""
+        return self.declaration.outputs
 
     @property
     def names(self) -> list[str]:
@@ -342,14 +276,8 @@ class ToleranceProblem(Problem, Shown, Nesting, Priced, Provable, Drawing, Table
     def tested(self, x: Array) -> tuple[Array, Array]:
         """F and G of search vectors as reported: where a search sees a sample, on a fresh one."""
         designs = self.complete(x)
-        outputs = self.needed(designs)
+        outputs = Accuracy.of(self).needed(designs)
         return self.objective_values(outputs), self.violations(designs, outputs)
-
-    def needed(self, designs: Array) -> dict[str, Array]:
-        """Outputs (n,) of full designs as reported: at least the cost, and those that objectives
-        and limits name.
-        """
-        return self.outputs_of(designs, errors=False)
 
     def frame(
         self, designs: Array, outputs: Mapping[str, Array] | None = None, searching: bool = False
@@ -360,13 +288,27 @@ class ToleranceProblem(Problem, Shown, Nesting, Priced, Provable, Drawing, Table
         they are as a search evaluates them: coarser, and NaN where it does not need them.
         """
         outputs = self.outputs_of(designs, searching, known=outputs)
-        columns: dict[str, Any] = dict(self.designs_frame(designs))
+        columns: dict[str, Any] = dict(designs_frame(self, designs))
         columns |= {output.name: outputs[output.name] for output in self.outputs}
         for limit in self.limits:
             columns |= limit.margins(self.values(designs, outputs, limit.name))
         frame = pd.DataFrame(columns)
         frame["feasible"] = np.all(self.violations(designs, outputs) <= 0.0, axis=1)
         return frame
+
+    # ---------------------------------------------------------------- cost curves
+
+    def cost_of(self, designs: Array) -> Array:
+        """Sum of the cost curves (n,) at full designs."""
+        return np.asarray(np.sum(list(self.costs_of(designs).values()), axis=0))
+
+    def costs_of(self, designs: Array) -> dict[str, Array]:
+        """What each cost curve (n,) gives at full designs."""
+        with np.errstate(divide="ignore"):
+            return {
+                name: curve.cost(self.column(designs, name))
+                for name, curve in self.settings.costs.items()
+            }
 
     # ---------------------------------------------------------------- corners
 
@@ -378,22 +320,9 @@ class ToleranceProblem(Problem, Shown, Nesting, Priced, Provable, Drawing, Table
         """Designs (k, all variables) whose outputs span the hypervolume's box."""
         return np.stack([self._corner(tight=True), self._corner(tight=False)])
 
-    def cautions(self) -> tuple[str, ...]:
-        """How the configuration was understood, and what the user should know before a run."""
-        slips = map(str, unit_slips(self))
-        prices = price_notes(self.settings.costs)
-        measured = (
-            text
-            for v in self.variables
-            if (sample := self.settings.variables[v.name].sample)
-            for text in sample.departures(v.name)
-        )
-        return (*self.settings.notes, *slips, *prices, *measured, *self.warnings())
-
-    def samples(self) -> tuple[tuple[str, str, PartSample], ...]:
-        """Name and unit of each measured quantity, and its sample."""
-        return tuple(
-            (v.name, v.unit, sample)
-            for v in self.variables
-            if (sample := self.settings.variables[v.name].sample)
-        )
+    @cached_property
+    def _cost_interval(self) -> Interval:
+        """Least and largest cost of the search space: costs fall with every tolerance."""
+        ends = np.stack([self._corner(tight=False), self._corner(tight=True)])
+        low, high = self.cost_of(ends)
+        return float(low), float(high)

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..declarations import Output
 from ..errors import Fault
 from ..models.capability import Knowledge
 from ..section import Section
-from .drawing import Interval
+from .declaration import ConfiguredProblem, Declaration, Interval
+from .interfaces import Written
 from .promise import ASSURANCE, PLUG_IN, PROMISED, YIELD, Promise, read_promise
 from .promise_outputs import contradictions, means_promise, outputs_of_promise
 from .settings import Bound, Settings
@@ -23,40 +23,14 @@ from .tolerance_problem import ToleranceProblem
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class PromisingKind:
-    """A problem with the promise of its configuration; with settings it makes the problem."""
-
-    base: Any
-    promise: Promise
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self.base, name)
-
-    @property
-    def outputs(self) -> tuple[Output, ...]:
-        """The outputs of the problem, and those of its promise."""
-        return (*self.base.outputs, *outputs_of_promise(self.promise))
-
-    @property
-    def default_algorithm(self) -> str:
-        """The problem's algorithm; gradients where its units are evaluated for a promise."""
-        algorithm = str(getattr(self.base, "default_algorithm", ""))
-        return algorithm or ("exact" if self.promise.statement != PLUG_IN else "")
-
-    def __call__(self, settings: Settings) -> ToleranceProblem:
-        made: ToleranceProblem = self.base(replace(settings, promise=self.promise))
-        return made
-
-
-class WithPromise(ToleranceProblem):
+class WithPromise(ToleranceProblem, Written):
     """A problem whose yield may be promised; `promised_of` output is the yield by the estimates."""
 
     promised_of: ClassVar[str] = YIELD
 
     def __init__(self, settings: Settings | None = None) -> None:
         if settings is not None and settings.promise is not None:
-            self.outputs = (*type(self).outputs, *outputs_of_promise(settings.promise))
+            self.declaration = _promising(type(self).declaration, settings.promise)
         super().__init__(settings)
 
     @abstractmethod
@@ -68,14 +42,20 @@ class WithPromise(ToleranceProblem):
         """Probability [percent] (n,) that the promised fraction conforms, and its error."""
 
     @classmethod
-    def configured(cls, top: Section) -> Any:
+    def configured(cls, top: Section) -> ConfiguredProblem | None:
         return cls.promising(super().configured(top), top)
 
     @classmethod
-    def promising(cls, kind: Any, top: Section) -> Any:
-        """What makes the problem, with the promise of a configuration where there is one."""
+    def promising(
+        cls, configured: ConfiguredProblem | None, top: Section
+    ) -> ConfiguredProblem | None:
+        """The problem with the promise of its configuration, where there is one."""
         promise = read_promise(top, cls.promised_of)
-        return kind if promise is None or kind is None else PromisingKind(kind, promise)
+        if promise is None or configured is None:
+            return configured
+        declaration = _promising(configured.declaration, promise)
+        read = {**configured.read, "promise": promise}
+        return ConfiguredProblem(declaration, configured.make, read)
 
     def more_tables(self) -> dict[str, Any]:
         promise = self.settings.promise
@@ -140,3 +120,10 @@ class WithPromise(ToleranceProblem):
         if output in (PROMISED, ASSURANCE):
             return 0.0, 100.0
         return super().interval(output)
+
+
+def _promising(declaration: Declaration, promise: Promise) -> Declaration:
+    """With the outputs of a promise; by gradients where its units are evaluated for it."""
+    algorithm = declaration.algorithm or ("exact" if promise.statement != PLUG_IN else "")
+    outputs = (*declaration.outputs, *outputs_of_promise(promise))
+    return replace(declaration, outputs=outputs, algorithm=algorithm)

@@ -27,16 +27,16 @@ DOCS = Path(__file__).resolve().parent.parent / "docs"
 @pytest.mark.source_tree
 def test_every_name_of_the_problem_is_documented() -> None:
     text = (DOCS / "rv_backlash.md").read_text(encoding="utf-8")
-    names = [one.name for one in RvBacklash.variables]
-    names += [one.name for one in RvBacklash.outputs]
-    names += [one.name for one in RvBacklash.parameters]
+    names = [one.name for one in RvBacklash.declaration.variables]
+    names += [one.name for one in RvBacklash.declaration.outputs]
+    names += [one.name for one in RvBacklash.declaration.parameters]
     assert [name for name in names if f"`{name}`" not in text] == []
 
 
 @pytest.mark.source_tree
 def test_defaults_in_the_documentation() -> None:
     text = (DOCS / "rv_backlash.md").read_text(encoding="utf-8")
-    for variable in RvBacklash.variables:
+    for variable in RvBacklash.declaration.variables:
         row = next(line for line in text.splitlines() if line.startswith(f"| `{variable.name}`"))
         assert f"| {variable.low:g} .. {variable.high:g} |" in row
 
@@ -81,8 +81,8 @@ def test_every_parameter_and_error_of_the_manipulator_is_documented() -> None:
 def test_every_output_and_own_parameter_of_pose_accuracy_is_documented() -> None:
     text = (DOCS / "pose_accuracy.md").read_text(encoding="utf-8")
     shared = {one.name for one in ManipulatorPose.parameters} - {"index"}
-    names = [one.name for one in PoseAccuracy.outputs if not one.error_of]
-    names += [one.name for one in PoseAccuracy.parameters if one.name not in shared]
+    names = [one.name for one in PoseAccuracy.declaration.outputs if not one.error_of]
+    names += [one.name for one in PoseAccuracy.declaration.parameters if one.name not in shared]
     assert [name for name in names if f"`{name}`" not in text] == []
 
 

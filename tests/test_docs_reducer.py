@@ -16,7 +16,7 @@ pytestmark = pytest.mark.source_tree
 
 def test_every_name_of_the_tooth_modification_is_documented() -> None:
     text = (DOCS / "tooth_modification.md").read_text(encoding="utf-8")
-    kind = ToothModification
+    kind = ToothModification.declaration
     names = [one.name for one in kind.variables] + [one.name for one in kind.outputs]
     names += [one.name for one in kind.parameters]
     assert [name for name in names if f"`{name}`" not in text] == []
@@ -27,7 +27,7 @@ def test_every_name_of_the_tooth_modification_is_documented() -> None:
 
 def test_every_name_of_the_exact_contact_is_documented() -> None:
     text = (DOCS / "rv_reducer.md").read_text(encoding="utf-8")
-    kind = RvReducer
+    kind = RvReducer.declaration
     names = [variable.name for variable in kind.variables]
     names += [output.name for output in kind.outputs] + [one.name for one in kind.parameters]
     assert [name for name in names if f"`{name}`" not in text] == []
@@ -40,7 +40,7 @@ def test_every_name_of_the_exact_contact_is_documented() -> None:
 def test_assumed_parameters_of_the_exact_contact_are_marked() -> None:
     text = (DOCS / "rv_reducer.md").read_text(encoding="utf-8").partition("## Parameters")[2]
     rows = [line for line in text.splitlines() if line.startswith("| `")]
-    for one in RvReducer.parameters:
+    for one in RvReducer.declaration.parameters:
         row = next(line for line in rows if f"`{one.name}`" in line)
         assert not one.assumed or "assumed" in row, one.name
 

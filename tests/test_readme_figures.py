@@ -10,6 +10,8 @@ import pandas as pd
 import pytest
 from matplotlib.image import imread
 
+from tolevo.problems.designs import designs_of
+
 pytest.importorskip("tools.readme_figures", reason="the tools are not shipped")
 pytestmark = pytest.mark.source_tree
 
@@ -42,6 +44,6 @@ def test_the_data_are_those_of_the_model(name: str) -> None:
     assert problem is not None
     front = pd.read_csv(DATA / f"{name}_front.csv")
     some = front.iloc[np.linspace(0, len(front) - 1, 12).astype(int)]
-    found = problem.reported().outputs_of(problem.designs_of(some), errors=False)
+    found = problem.reported().outputs_of(designs_of(problem, some), errors=False)
     for objective in problem.objectives:
         np.testing.assert_allclose(some[objective], found[objective], rtol=1e-4)

@@ -115,16 +115,17 @@ def _parameters() -> Iterable[str]:
     for group, title in (("problems", "Problem"), ("models", "Model")):
         for name in _ours(group):
             kind = registry.load(group, name)
-            if not kind.parameters:
+            declared = kind.declaration if group == "problems" else kind
+            if not declared.parameters:
                 continue
             yield f"## {title} `{name}`\n"
             yield "| parameter | default | unit | meaning |\n|---|---|---|---|"
-            for one in kind.parameters:
+            for one in declared.parameters:
                 mark = " (assumed)" if one.assumed else ""
                 text = " ".join(one.meaning.split()).replace("|", "\\|")
                 yield f"| `{one.name}` | {_default(one.default)} | {one.unit} | {text}{mark} |"
             yield ""
-            yield from _variables(kind)
+            yield from _variables(declared)
 
 
 def _default(value: object) -> str:

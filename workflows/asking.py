@@ -14,6 +14,7 @@ from ..algorithms.drivers import driver
 from ..algorithms.indicators import nondominated
 from ..algorithms.settings import AlgorithmSettings, Solver
 from ..errors import Fault, raise_all
+from ..problems.designs import designs_frame
 from ..problems.tolerance_problem import ToleranceProblem
 
 Array = NDArray[np.float64]
@@ -74,7 +75,7 @@ class Search:
                 free = [names.index(variable.name) for variable in self.problem.free]
                 self._open = self._driver.begin_with(self._start[: len(self._open), free])
                 self._start = None
-        return self.problem.designs_frame(self.problem.complete(self._open))
+        return designs_frame(self.problem, self.problem.complete(self._open))
 
     def tell(self, x: pd.DataFrame, outputs: pd.DataFrame | Mapping[str, Array]) -> None:
         """What came out at the designs `x` that `ask` returned, in their order.
@@ -99,7 +100,7 @@ class Search:
         """The results so far."""
         x, f = self._archive.arrays()
         rows = np.flatnonzero(nondominated(f)) if len(f) else np.zeros(0, dtype=np.int64)
-        front = self.problem.designs_frame(self.problem.complete(x[rows]))
+        front = designs_frame(self.problem, self.problem.complete(x[rows]))
         front[list(self.problem.objectives)] = f[rows]
         first = self.problem.objectives[0]
         return Asked(front.sort_values(first, ignore_index=True), self._evaluations)

@@ -12,6 +12,7 @@ from .. import tables
 from ..declarations import Variable
 from ..errors import nearest, raise_all
 from ..likely_units import unit_hint
+from ..problems.interfaces import Checks
 from ..problems.slips import slip
 from ..problems.tolerance_problem import ToleranceProblem
 from .blocks import ArrayRows, Computed
@@ -77,7 +78,7 @@ def designs_in(
     understood([*_slips(problem, frame), *table.lines(place), *fitted.notes, *unused])
     frame = frame.assign(**{n: v for n, v in problem.fixed.items() if n not in frame})
     designs = frame[names].to_numpy(dtype=float)
-    for name, bad_rows in problem.misplaced(designs).items():
+    for name, bad_rows in Checks.of(problem).misplaced(designs).items():
         bad = {frame.index[row]: reason for row, reason in bad_rows.items()}
         faults += tables.cell_faults(place, name, bad)
     raise_all(faults)

@@ -119,7 +119,9 @@ def _costs(problem: ToleranceProblem) -> pd.DataFrame:
     """Prices of each tolerance at some values of it, by the curves that the problem has."""
     rows = []
     for variable in problem.variables:
-        curve = problem.settings.costs.get(variable.name, problem.default_costs.get(variable.name))
+        curve = problem.settings.costs.get(
+            variable.name, problem.declaration.costs.get(variable.name)
+        )
         if curve is None or variable.integer:
             continue
         ts = np.geomspace(variable.low, variable.high, COSTS)

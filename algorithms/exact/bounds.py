@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ...errors import ModelError
 from ...problems.forms import Feature, Form, Way
+from ...problems.interfaces import Provable
 from ...problems.least import least_values
 from ...problems.tolerance_problem import ToleranceProblem
 from .between import least_bounds
@@ -47,7 +48,7 @@ def proof(problem: ToleranceProblem, values: Mapping[str, Array], points: int) -
     keeps them and is as good in all other objectives costs less than the bound.
     Raises ModelError where a point disproves its bound.
     """
-    form = problem.form()
+    form = Provable.of(problem).form()
     missing = reason(problem, form)
     if missing or form is None:
         return Proof(np.full(points, np.nan), missing)
@@ -129,7 +130,7 @@ def reason(problem: ToleranceProblem, form: Form | None) -> str:
     others = [name for name in problem.objectives if name not in known_by]
     if others:
         known = ", ".join(form.outputs)
-        why = problem.unproven()
+        why = Provable.of(problem).unproven()
         return (
             f"nothing is proven: no convex form of {', '.join(others)} (there is one of "
             f"{known}){f': {why}' if why else ''}"

@@ -8,6 +8,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from ...problems.interfaces import Differentiable
 from ..indicators import nondominated
 from ..run import Run
 from .slsqp import slsqp
@@ -40,7 +41,7 @@ class Branch:
 
     def minimise(self, objective: int, start: Array, limit: Array) -> Array | None:
         """Objectives (m,) of the least `objective` with f <= limit; kept where it is feasible."""
-        sampled = self.smooth.run.problem.sampled
+        sampled = self.smooth.run.problem.declaration.sampled
         y = self.solved(objective, start, limit, np.zeros(1))
         f, g = self.smooth.values(y)
         for _ in range(RESTARTS if sampled else 0):
@@ -89,7 +90,7 @@ class Branch:
     def _effort(self) -> tuple[Any, ...]:
         if not self.smooth.analytic:
             return NUMERIC
-        return SAMPLED if self.smooth.run.problem.sampled else ANALYTIC
+        return SAMPLED if self.smooth.run.problem.declaration.sampled else ANALYTIC
 
     def restored(self, y: Array, slack: Array, most: float = NEARLY) -> Array:
         """A point near y that keeps the limits which SLSQP breaks by its tolerance.
@@ -119,7 +120,7 @@ class Branch:
         broken = np.sum(np.maximum(g, 0.0), axis=1)
         for objective in range(min(2, len(self.unit))):
             order = np.lexsort([f[:, objective], broken])
-            tries = min(TRIES, 2) if run.problem.sampled else TRIES
+            tries = min(TRIES, 2) if run.problem.declaration.sampled else TRIES
             starts = [*self.y, *y[order[:tries]]]
             for start in starts:
                 end = self.minimise(objective, start, none)
@@ -129,7 +130,7 @@ class Branch:
 
     def starts(self, run: Run) -> Array:
         """Scaled coordinates (n, size) to begin from."""
-        provided = run.problem.starts()
+        provided = Differentiable.of(run.problem).starts()
         if len(provided):
             free = [run.problem.names.index(v.name) for v in run.problem.free]
             return self.smooth.scaled(provided[:, free])

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...problems.forms import Form
+from ...problems.interfaces import Provable
 from ...problems.least import least_value
 from ..run import Run
 from .bounds import row_limits
@@ -133,7 +134,7 @@ class Corrected:
             x = self._vector(ways, t)
             designs = problem.complete(x[None, :])
             outputs = problem.outputs_of(designs, errors=False)
-            values = problem.form_values(self.form, designs, outputs)[0]
+            values = Provable.of(problem).form_values(self.form, designs, outputs)[0]
             kept = np.all(problem.violations(designs, outputs) <= 0.0)
             cost = float(values[least] if least >= 0 else outputs["cost"][0])
             if (

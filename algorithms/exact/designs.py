@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...problems.forms import Form
+from ...problems.interfaces import Provable
 from ...problems.tolerance_problem import ToleranceProblem
 from .choices import Optimum
 
@@ -22,6 +23,6 @@ def search_vectors(problem: ToleranceProblem, form: Form, optimum: Optimum) -> A
         if feature.choice:
             choices = np.array([way.choice for way in feature.ways])
             columns[feature.choice] = choices[optimum.chosen[real, at]]
-    columns = problem.form_columns(columns)
+    columns = Provable.of(problem).form_columns(columns)
     x = np.stack([columns[variable.name] for variable in problem.free], axis=1)
     return np.asarray(np.clip(x, problem.xl, problem.xu))

@@ -35,7 +35,7 @@ def epsilon_front(run: Run, points: int) -> None:
     problem = run.problem
     unit = scale_of(problem)
     branches = [Branch(run, x, unit) for x in integer_sets(problem)]
-    if problem.sampled:
+    if problem.declaration.sampled:
         sampled_front(run, branches, points)
         return
     for at, branch in enumerate(branches):

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from ...problems.interfaces import Differentiable
 from ...problems.tolerance_problem import ToleranceProblem
 from ..run import Run
 
@@ -37,7 +38,10 @@ class Smooth:
         kinds = [v.tolerance for v in problem.free if not v.integer]
         self.log = np.array(kinds, dtype=bool) & (self.low > 0.0)
         names = {*problem.objectives, *(limit.name for limit in problem.limits)}
-        known = {*problem.gradient(problem.complete(self.x[None, :])[:0]), *problem.names}
+        known = {
+            *Differentiable.of(problem).gradient(problem.complete(self.x[None, :])[:0]),
+            *problem.names,
+        }
         self.analytic = names <= known
 
     @property
@@ -77,7 +81,7 @@ class Smooth:
 
     def _exact(self, y: Array) -> tuple[Array, Array]:
         problem, x = self.run.problem, self.vectors(y[None, :])
-        slopes = problem.gradient(problem.complete(x))
+        slopes = Differentiable.of(problem).gradient(problem.complete(x))
         slopes |= {name: unit for name, unit in _units(problem).items() if name not in slopes}
         columns = [problem.names.index(v.name) for v in problem.free if not v.integer]
         width = self.high - self.low

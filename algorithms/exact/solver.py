@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ...counts import POINTS
 from ...problems.forms import Form
+from ...problems.interfaces import Provable
 from ...problems.tolerance_problem import ToleranceProblem
 from ..run import Run
 from ..settings import Solver
@@ -70,7 +71,7 @@ class Exact(Solver):
 
 def closed_form(problem: ToleranceProblem) -> Form | None:
     """The form, restricted to what the problem asks of it; None where it leaves something out."""
-    form = problem.form()
+    form = Provable.of(problem).form()
     if form is None or form.relaxed or reason(problem, form):
         return None
     asked = {*problem.objectives, *(limit.name for limit in problem.limits)}
@@ -114,7 +115,9 @@ def _solved_limits(problem: ToleranceProblem, form: Form) -> Array:
         rows = np.array([output == row for output in form.outputs])
         limit = upper_limit(problem, name)
         if np.isfinite(limit) and np.any(rows):
-            limits[rows] = np.minimum(limits[rows], problem.stand_in_limit(name, limit))
+            limits[rows] = np.minimum(
+                limits[rows], Provable.of(problem).stand_in_limit(name, limit)
+            )
     return limits
 
 
@@ -151,5 +154,5 @@ def _in_truth(
     """
     designs = problem.complete(x)
     outputs = problem.outputs_of(designs, errors=False)
-    excess = np.maximum(problem.form_values(form, designs, outputs) - upper, 0.0)
+    excess = np.maximum(Provable.of(problem).form_values(form, designs, outputs) - upper, 0.0)
     return np.all(problem.violations(designs, outputs) <= 0.0, axis=1), excess

@@ -66,7 +66,7 @@ def repeat(case: Reducer, seed: int) -> Units:
         values = t / 3.0 * rng.standard_normal(case.n)
         known = knowledge_of(values)
         sample = PartSample(values, known, t, 0.0, (), {})
-        mid = next(v.mid for v in RvReducer.variables if v.name == name)
+        mid = next(v.mid for v in RvReducer.declaration.variables if v.name == name)
         variables[name] = VariableSetting(distribution=sample.distribution, mid=mid, sample=sample)
         truth.append((t / 3.0 / known.std, -known.mean / known.std))
     variables["involute_grade"] = VariableSetting(value=GRADE)

@@ -12,17 +12,19 @@ from .. import tables
 from ..errors import Fault, InputError, raise_all
 from ..models.serial_arm.declared import MOST
 from ..section import Section
+from .plugins import ProblemClass
 
 PLACE = {"x_mm": "mm", "y_mm": "mm", "z_mm": "mm"}
 TURN = {"rx_deg": "deg", "ry_deg": "deg", "rz_deg": "deg"}
 JOINTS = {f"joint_{at}_deg": "deg" for at in range(1, MOST + 1)}
 
 
-def with_poses(top: Section, problem_class: Any, folder: Path) -> Section:
+def with_poses(top: Section, problem_class: ProblemClass | None, folder: Path) -> Section:
     """The configuration with the rows of the file in the place of its name, where a problem has a
     `[cell]`; a faulty one stays.
     """
-    cell = top.take("cell") if "cell" in getattr(problem_class, "tables_of", ()) else None
+    tables = problem_class.declaration.tables if problem_class else ()
+    cell = top.take("cell") if "cell" in tables else None
     name = cell.get("poses") if isinstance(cell, Mapping) else None
     if cell is None or not isinstance(name, str) or "." not in name:
         return top

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from ..problems.interfaces import Accuracy
 from ..workflows.run.reach import searchable
 from .description import describe, describe_plan
 from .gap import read_gap
@@ -27,5 +28,5 @@ def checked(source: Source, overrides: Sequence[str] = ()) -> str:
     if configuration.problem is None:
         build_model(configuration)  # raises faults that only the physics of the model can detect
     else:
-        searchable(configuration.problem.coarser())  # whatever its size, in seconds
+        searchable(Accuracy.of(configuration.problem).coarser())  # whatever its size, in seconds
     return describe(configuration)

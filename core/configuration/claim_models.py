@@ -6,6 +6,7 @@ from typing import Any
 
 from .. import registry
 from ..counts import SAMPLES
+from ..problems.interfaces import Documented
 from ..section import Range, Section
 from ..workflows.reproduce.recipes import STATISTICS, ByModel, ByProblem, Recipe, Statistic
 from .claim_parts import configured, names_of, tried
@@ -102,7 +103,7 @@ def by_problem(section: Section, count: int) -> Recipe | None:
     problem = configuration.problem
     known = {output.name: output.unit for output in problem.outputs}
     names = names_of(section, "output", count, known)
-    printed = problem.references()
+    printed = Documented.of(problem).references()
     label = section.text("reference", printed)
     values = {
         v.name: v.document for v in problem.variables if v.document is not None

@@ -9,6 +9,7 @@ from .. import registry
 from ..declarations import Assumption, Variable
 from ..models.effects.effect import Target
 from ..models.effects.readings import target_of
+from ..problems.interfaces import Checks, WithEffects
 from ..problems.money import unit_of_cost
 from ..problems.settings import VariableSetting
 from ..workflows.choice.roughness import roughness_assumptions
@@ -23,7 +24,8 @@ def describe(configuration: Configuration) -> str:
     if problem is None:
         return _commented(configuration.toml(), _effects(configuration))
     settings = configuration.settings.variables
-    lines = ["Model", f"  {problem.model_statement}", ""] if problem.model_statement else []
+    statement = problem.declaration.model_statement
+    lines = ["Model", f"  {statement}", ""] if statement else []
     lines += _effects(configuration)
     lines += [f"Costs in {unit}", ""] if (unit := unit_of_cost(problem.settings.money)) else []
     lines += ["Variables", *(_variable(v, settings[v.name]) for v in problem.variables)]
@@ -33,7 +35,7 @@ def describe(configuration: Configuration) -> str:
         *_assumptions(problem.assumptions()),
         *_assumptions(roughness_assumptions(problem, configuration.choice)),
     ]
-    if warnings := problem.cautions():
+    if warnings := Checks.of(problem).cautions():
         lines += ["", "Warnings", *(f"  {warning}" for warning in warnings)]
     return _commented(configuration.toml(), lines)
 
@@ -56,7 +58,7 @@ def _effects(configuration: Configuration) -> list[str]:
         values = ", ".join(parameters)
         lines.append(f"  {active.effect.name} ({active.effect.family}): {active.effect.cause}")
         lines.append(f"    {values}")
-    notes = problem.effect_notes() if problem is not None else ()
+    notes = WithEffects.of(problem).effect_notes() if problem is not None else ()
     return ["Effects", *lines, *(f"  {note}" for note in notes), ""]
 
 

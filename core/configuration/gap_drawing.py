@@ -73,7 +73,7 @@ def _variables_of(kind: Any, run: Run | None) -> tuple[Variable, ...]:
         return tuple(run.configuration.problem.variables)
     if kind.variables:
         return tuple(kind.variables)
-    return tuple(registry.load("problems", kind.corrects[0]).variables)
+    return tuple(registry.load("problems", kind.corrects[0]).declaration.variables)
 
 
 def _stated_here(top: Section, kind: Any, base: Configuration) -> Own:

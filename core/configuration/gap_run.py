@@ -10,6 +10,7 @@ from typing import Any
 from .. import registry
 from ..directory import kind_of, standing
 from ..errors import Fault, InputError
+from ..problems.interfaces import WithEffects
 from ..section import Section
 from .configuration import Configuration
 from .files import with_files
@@ -84,7 +85,8 @@ def _belongs(top: Section, model: str, run: Configuration) -> bool:
         measured = registry.load("models", model)
     except InputError:
         return False  # the name is reported where it stands
-    if not belongs(run.problem_name, run.problem, model, measured):
+    of_problem = run.problem.declaration.model if run.problem else ""
+    if not belongs(run.problem_name, of_problem, model, measured):
         text = stranger(run.problem_name, model, measured)
         top.fault("run", f"{text}; name a run configuration of it, or leave run out")
         return False
@@ -99,5 +101,5 @@ def counterparts(text: str) -> dict[str, str]:
     problem = read_table(tomllib.loads(text), []).problem
     if problem is None:
         return {}
-    pairs = zip(problem.settings.effects, problem.counterparts(), strict=True)
+    pairs = zip(problem.settings.effects, WithEffects.of(problem).counterparts(), strict=True)
     return {active.effect.name: counterpart for active, counterpart in pairs}

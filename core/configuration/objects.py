@@ -49,7 +49,7 @@ def algorithm_table(algorithm: AlgorithmSettings) -> dict[str, Any]:
 def _described(problem: ToleranceProblem) -> dict[str, Any]:
     """The tables that make a problem again, as a file has them."""
     name = registry.name_of("problems", type(problem))
-    return tomllib.loads(tomli_w.dumps(complete_tables(problem, name, problem.default_model)))
+    return tomllib.loads(tomli_w.dumps(complete_tables(problem, name, problem.declaration.model)))
 
 
 def with_choices(

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from ..models.measurable import MeasurableModel
 
 
-def belongs(problem: str, kind: Any, model: str, measured: type[MeasurableModel]) -> bool:
-    """Whether a correction of the model named `model` applies to `problem`, of the class `kind`."""
-    return kind.default_model == model or problem in measured.corrects
+def belongs(problem: str, problem_model: str, model: str, measured: type[MeasurableModel]) -> bool:
+    """Whether a correction of the model named `model` applies to `problem`, whose own model is
+    `problem_model`.
+    """
+    return problem_model == model or problem in measured.corrects
 
 
 def stranger(problem: str, model: str, measured: type[MeasurableModel]) -> str:

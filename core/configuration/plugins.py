@@ -6,9 +6,12 @@ from typing import Any
 
 from .. import registry
 from ..errors import InputError
-from ..problems.plain import plain_kind
+from ..problems.plain import PlainKind, plain_kind
+from ..problems.tolerance_problem import ToleranceProblem
 from ..section import Section
 from .named import Named
+
+ProblemClass = type[ToleranceProblem] | PlainKind
 
 
 def load_named(section: Section, key: str, group: str, default: str = "") -> Any:
@@ -29,10 +32,12 @@ def load_named(section: Section, key: str, group: str, default: str = "") -> Any
     return None
 
 
-def problem_of(top: Section) -> Any:
+def problem_of(top: Section) -> ProblemClass | None:
     """The class that `problem` names: of this suite, or a wrapper of a plain pymoo problem."""
     loaded = load_named(top, "problem", "problems")
-    if loaded is None or hasattr(loaded, "configured"):
+    if loaded is None:
+        return None
+    if isinstance(loaded, type) and issubclass(loaded, ToleranceProblem):
         return loaded
     try:
         return plain_kind(loaded)

@@ -10,6 +10,8 @@ from typing import Any
 from ..algorithms.settings import AlgorithmSettings
 from ..declarations import Value, completed
 from ..errors import Fault, InputError, raise_all
+from ..problems.declaration import Declaration
+from ..problems.interfaces import Checks
 from ..problems.settings import Settings, VariableSetting
 from ..problems.slips import unit_slips
 from ..section import Range, Section
@@ -105,9 +107,10 @@ def _read_problem(
         top.fault("problem", 'is missing: name a problem (see `tolevo list`), or model = "..."')
     problem_class = problem_of(top)
     top = with_poses(with_reducers(top, problem_class, folder), problem_class, folder)
-    kind = problem_class.configured(top) if problem_class else None
-    model = load_named(top, "model", "models", kind.default_model if kind else "")
-    model_name = top.take("model") or (kind.default_model if kind else "")
+    configured = problem_class.configured(top) if problem_class else None
+    declared = configured.declaration if configured else Declaration()
+    model = load_named(top, "model", "models", declared.model)
+    model_name = top.take("model") or declared.model
     references = top.text("references", REFERENCES) or "documents"
     seed, labels = _seed(top), read_labels(top)
     effects = read_effects(top, model, model_name)
@@ -117,17 +120,17 @@ def _read_problem(
     if (
         problem_class
         and model
-        and not belongs(top.take("problem"), problem_class, model_name, model)
+        and not belongs(top.take("problem"), problem_class.declaration.model, model_name, model)
     ):
         top.fault("model", stranger(top.take("problem"), model_name, model))
-    if kind is None:  # its sections cannot be checked
-        tables = getattr(problem_class, "tables_of", ())
+    if configured is None:  # its sections cannot be checked
+        tables = problem_class.declaration.tables if problem_class else ()
         top.known(("parameters", "variables", "columns", *tables, *PROBLEM_ONLY))
         top.finish()
         raise InputError(faults)
-    columns = read_design_columns(top, kind.variables)
+    columns = read_design_columns(top, declared.variables)
     settings = replace(
-        _settings(top, kind, model, notes),
+        _settings(top, declared, model, notes),
         seed=seed,
         effects=effects,
         zero=zero,
@@ -135,13 +138,13 @@ def _read_problem(
         labels=labels,
         columns=columns,
     )
-    objectives = settings.objectives or kind.default_objectives
-    asked = _algorithm(top.section("algorithm"), kind, len(objectives))
-    choice = read_choice(top, objectives, kind.outputs, kind.variables)
+    objectives = settings.objectives or declared.objectives
+    asked = _algorithm(top.section("algorithm"), declared.algorithm, len(objectives))
+    choice = read_choice(top, objectives, declared.outputs, declared.variables)
     top.finish()
     raise_all(faults)
-    problem = kind(settings)
-    beyond = [] if reachable else problem.out_of_reach()
+    problem = configured(settings)
+    beyond = [] if reachable else Checks.of(problem).out_of_reach()
     wrong = [fault for fault in problem.faults() if fault not in beyond]
     raise_all([*wrong, *(unit_slips(problem) if wrong else ()), *rounding_faults(problem, choice)])
     from ..workflows.run.contradictions import contradictions  # imports the exact solver
@@ -166,28 +169,28 @@ def _read_problem(
     )
 
 
-def _algorithm(section: Section, kind: Any, objectives: int) -> dict[str, Any]:
+def _algorithm(section: Section, default: str, objectives: int) -> dict[str, Any]:
     """`[algorithm]`: what a `Configuration` holds of it."""
     budget = read_budget(section)
-    default = getattr(kind, "default_algorithm", "")
     name, algorithm = read_algorithm(section, objectives, default)
     check_size(section, algorithm, budget)
     engine = read_engine(section, name, algorithm)
     return {"algorithm_name": name, "algorithm": algorithm, "budget": budget, "engine": engine}
 
 
-def _settings(top: Section, kind: Any, model: Any, notes: Sequence[str]) -> Settings:
+def _settings(top: Section, declared: Declaration, model: Any, notes: Sequence[str]) -> Settings:
     """The settings of a problem; parameters that only its model knows are accepted as well."""
-    declared = {p.name: p for p in (*(model.parameters if model else ()), *kind.parameters)}
-    parameters = read_parameters(top.section("parameters"), declared.values())
-    variables = _variables(top.section("variables"), kind, parameters)
-    costs = read_costs(top.section("costs"), kind.default_costs)
-    unpriced = kind.unpriced(parameters) if hasattr(kind, "unpriced") else ()
-    defaults = {name: c for name, c in kind.default_costs.items() if name not in unpriced}
+    of_model = model.parameters if model else ()
+    known = {p.name: p for p in (*of_model, *declared.parameters)}
+    parameters = read_parameters(top.section("parameters"), known.values())
+    variables = _variables(top.section("variables"), declared, parameters)
+    costs = read_costs(top.section("costs"), declared.costs)
+    unpriced = declared.unpriced(parameters)
+    defaults = {name: c for name, c in declared.costs.items() if name not in unpriced}
     money, costs = read_money(top, costs, defaults)
-    curves = dict(kind.default_costs) | costs
+    curves = dict(declared.costs) | costs
     messages = list(notes)
-    for variable in kind.variables:
+    for variable in declared.variables:
         section = top.section("variables").section(variable.name)
         narrower, note = narrowed(variable, variables.get(variable.name), curves.get(variable.name))
         if narrower is not None and note:
@@ -199,25 +202,25 @@ def _settings(top: Section, kind: Any, model: Any, notes: Sequence[str]) -> Sett
         variables=variables,
         costs=costs,
         propagation=read_propagation(top.section("propagation")),
-        objectives=read_objectives(top.section("objectives"), kind.outputs),
-        limits=read_limits(top.section("limits"), kind.outputs, kind.variables),
+        objectives=read_objectives(top.section("objectives"), declared.outputs),
+        limits=read_limits(top.section("limits"), declared.outputs, declared.variables),
         money=money,
         notes=tuple(messages),
     )
 
 
 def _variables(
-    section: Section, kind: Any, parameters: dict[str, Value]
+    section: Section, declared: Declaration, parameters: dict[str, Value]
 ) -> dict[str, VariableSetting]:
     """Settings of the variables; a mid-limit is put into `parameters` as well, if it is one."""
     settings = {}
-    for v in kind.variables:
+    for v in declared.variables:
         table = section.section(v.name)
-        table.known(("machine",) if v.name in getattr(kind, "machined", ()) else ())
+        table.known(("machine",) if v.name in declared.machined else ())
         if (setting := read_variable(table, v, parameters)) is not None:
             settings[v.name] = setting
     section.finish()
-    names = {p.name for p in kind.parameters}
+    names = {p.name for p in declared.parameters}
     for name, setting in settings.items():
         if setting.mid is not None and mid_parameter(name) in names:
             parameters[mid_parameter(name)] = setting.mid
@@ -243,7 +246,9 @@ def _read_model(top: Section, faults: list[Fault]) -> Configuration:
         raise InputError(faults)
     parameters = kind.written(top)
     parameters |= read_parameters(top.section("parameters"), kind.parameters)
-    variables = _variables(top.section("variables"), kind, parameters)
+    variables = _variables(
+        top.section("variables"), Declaration(kind.variables, (), kind.parameters), parameters
+    )
     columns = read_model_columns(top, kind)
     for name, setting in variables.items():
         if setting.low is not None or setting.high is not None:

@@ -12,6 +12,7 @@ from ..directory import not_whole
 from ..errors import Fault, InputError
 from ..files import is_file, is_folder
 from ..section import POSITIVE, Section
+from .plugins import ProblemClass
 from .source import load
 
 if TYPE_CHECKING:  # a problem that few configurations have, with all its physics
@@ -28,13 +29,15 @@ EXPECTED = (
 )
 
 
-def with_reducers(top: Section, problem_class: Any, folder: Path) -> Section:
+def with_reducers(top: Section, problem_class: ProblemClass | None, folder: Path) -> Section:
     """The configuration with the reducers in the place of `[reducers]`, for a problem that nests
-    them (`nests`: its keys); a faulty one is left as it is written.
+    them; a faulty one is left as it is written.
     """
-    if rows := getattr(problem_class, "nests_in", ""):
+    if problem_class is None:
+        return top
+    if rows := problem_class.declaration.reducers_in:
         return _with_rows(top, rows, folder)
-    keys = getattr(problem_class, "nests", ())
+    keys = problem_class.declaration.reducers
     if not keys or "reducers" not in top:
         return top
     reducers = read_reducers(top, keys, folder)

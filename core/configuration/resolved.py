@@ -10,7 +10,8 @@ from typing import Any
 from ..declarations import Variable
 from ..models.costs.reading import curve_table
 from ..models.inputs import Uniform
-from ..models.inputs.reading import written
+from ..models.inputs.reading import written as distribution_table
+from ..problems.interfaces import Written
 from ..problems.promise_outputs import means_promise
 from ..problems.settings import Bound, VariableSetting
 from ..problems.tolerance_problem import ToleranceProblem
@@ -19,10 +20,10 @@ from .nested import nested
 
 def resolved_problem(problem: ToleranceProblem) -> dict[str, Any]:
     """The tables of a problem from its completed settings, or those it is written in."""
-    settings = problem.settings
+    settings, written = problem.settings, Written.of(problem)
     return {
-        **(problem.tables() or _tables(problem)),
-        **problem.more_tables(),
+        **(written.tables() or _tables(problem)),
+        **written.more_tables(),
         "objectives": {"minimise": list(settings.objectives)},
         "limits": nested(
             {
@@ -70,7 +71,9 @@ def _variable(setting: VariableSetting, variable: Variable) -> dict[str, Any]:
         table = {key: int(end) if key != "mid" else end for key, end in table.items()}
     if setting.sample is not None:
         return table | {"measured": dict(setting.sample.stated)}
-    return table | (written(setting.distribution or Uniform()) if variable.random else {})
+    return table | (
+        distribution_table(setting.distribution or Uniform()) if variable.random else {}
+    )
 
 
 def _limit(bound: Bound) -> dict[str, float]:

@@ -13,6 +13,7 @@ from .. import tables
 from ..csv_text import read_own_csv
 from ..declarations import Kind
 from ..errors import Fault, InputError, nearest, raise_all
+from ..problems.interfaces import Checks
 from ..problems.promise import ASSURED, PLUG_IN, PROMISED, YIELD
 from ..problems.stack import Stack
 from ..problems.tolerance_problem import ToleranceProblem
@@ -86,7 +87,7 @@ def reopened(
     raise_all(faults)
     assert problems[0] is not None
     assert problems[1] is not None
-    reset = None if problems[1].out_of_reach() else problems[1]
+    reset = None if Checks.of(problems[1]).out_of_reach() else problems[1]
     return Reopened(
         before,
         design,

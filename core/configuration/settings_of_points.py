@@ -81,7 +81,7 @@ class _Builder:
         section = Section({"algorithm": algorithm}, "", faults).section("algorithm")
         budget = read_budget(section)
         problem = self.problems[number]
-        name, settings = read_algorithm(section, problem.n_obj, problem.default_algorithm)
+        name, settings = read_algorithm(section, problem.n_obj, problem.declaration.algorithm)
         check_size(section, settings, budget)
         engine = read_engine(section, name, settings)
         raise_all(faults)

@@ -13,6 +13,7 @@ import tomli_w
 
 from ..counts import EVALUATIONS, RUNS, SETTINGS, too_many
 from ..errors import Fault, InputError, nearest, raise_all
+from ..problems.interfaces import Checks
 from ..problems.settings import Labels
 from ..section import POSITIVE, Range, Section, flat
 from ..workflows.study.designs import DESIGNS
@@ -122,7 +123,7 @@ def _planned(
         for text in dict.fromkeys(unsuitable(name, problem) for problem in problems)
         if text
     ]
-    searched = {fault for problem in problems for fault in problem.search_faults()}
+    searched = {fault for problem in problems for fault in Checks.of(problem).search_faults()}
     faults += sorted((Fault(f"{RUN}.{fault.place}", fault.message) for fault in searched), key=str)
     wanted = sum(evaluations(point.algorithm, point.budget) for point in points)
     evaluations_per_replicate = wanted * len(design) // max(len(points), 1)
@@ -199,7 +200,7 @@ def _name_algorithm(run: Table, varied: Any, configuration: Configuration) -> bo
     if "name" in [*stated, *asked] or not asked or configuration.problem is None:
         return False
     problem = configuration.problem
-    name = by_default([*stated, *asked], problem.n_obj, problem.default_algorithm)
+    name = by_default([*stated, *asked], problem.n_obj, problem.declaration.algorithm)
     run["algorithm"] = stated | {"name": name}
     return True
 

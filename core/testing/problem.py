@@ -7,6 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from ..problems.interfaces import Provable
 from ..problems.tolerance_problem import ToleranceProblem
 
 
@@ -56,7 +57,7 @@ class ProblemContract:
 
     def test_known_answer_is_a_front_or_none(self) -> None:
         problem = self.problem()
-        front = problem.exact_front()
+        front = Provable.of(problem).exact_front()
         assert front is None or front.shape[1] == problem.n_obj
 
     def test_box_is_a_box(self) -> None:

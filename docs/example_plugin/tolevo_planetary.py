@@ -43,22 +43,26 @@ class PlanetaryStage(own.MeasurableModel):
         return {"twist_arcmin": play + torque / self.given["stiffness"]}
 
 
+GEARS = ("sun", "planet", "ring")
+
+
 class PlanetaryTolerances(own.ToleranceProblem):
     """Cost against backlash of a planetary stage, from the profile shifts of its gears."""
 
-    parameters = (own.Parameter("radius", 27.0, "mm", "of the sun's pitch circle", low=1.0),)
-    variables = tuple(
-        own.Variable(f"{gear}_um", "um", own.Kind.HALF_WIDTH, 2.0, 60.0, f"shift of the {gear}")
-        for gear in ("sun", "planet", "ring")
+    declaration = own.Declaration(
+        variables=tuple(
+            own.Variable(f"{gear}_um", "um", own.Kind.HALF_WIDTH, 2.0, 60.0, f"shift of the {gear}")
+            for gear in GEARS
+        ),
+        outputs=(
+            own.Output("cost", "", "sum of the cost curves"),
+            own.Output("backlash_arcmin", "arcmin", "half-width of the backlash, root sum square"),
+        ),
+        parameters=(own.Parameter("radius", 27.0, "mm", "of the sun's pitch circle", low=1.0),),
+        costs={f"{gear}_um": Logarithmic(6.0, 1.0) for gear in GEARS},
+        objectives=("cost", "backlash_arcmin"),
+        model="planetary_stage",
     )
-    outputs = (
-        own.Output("cost", "", "sum of the cost curves"),
-        own.Output("backlash_arcmin", "arcmin", "half-width of the backlash, root sum square"),
-    )
-    default_costs = {variable.name: Logarithmic(6.0, 1.0) for variable in variables}
-    default_objectives = ("cost", "backlash_arcmin")
-    default_limits = {}
-    default_model = "planetary_stage"
 
     def _outputs(self, designs, searching):
         shift = 1e-3 * np.sqrt(np.sum((designs * [1.0, 2.0, 1.0]) ** 2, axis=1))

@@ -10,6 +10,7 @@ from pymoo.core.variable import Integer
 
 from ...declarations import Kind, Output, Parameter, Variable
 from ...errors import Fault
+from ..declaration import Declaration
 from ..settings import Bound
 
 MISSED = Parameter(
@@ -23,9 +24,14 @@ MISSED = Parameter(
 )
 
 
-def parameters_of(problem: Problem) -> tuple[Parameter, ...]:
-    """The tolerance of equality constraints, where there are any."""
-    return (MISSED,) if problem.n_eq_constr else ()
+def declaration_of(problem: Problem) -> Declaration:
+    """Variables, outputs and objectives; a tolerance where there are equality constraints."""
+    return Declaration(
+        variables_of(problem),
+        outputs_of(problem),
+        (MISSED,) if problem.n_eq_constr else (),
+        objectives=objectives_of(problem),
+    )
 
 
 def variables_of(problem: Problem) -> tuple[Variable, ...]:

@@ -2,56 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from functools import partial
+from typing import Any
 
 from pymoo.core.problem import Problem
 
-from ...declarations import Output, Parameter, Variable
 from ...errors import raise_all, refuse
-from ...models.costs import CostCurve
 from ...section import Section
-from ..settings import Settings
-from .declared import faults_of, objectives_of, outputs_of, parameters_of, variables_of
+from ..declaration import ConfiguredProblem, Declaration
+from .declared import declaration_of, faults_of
 from .problem import PlainProblem
 
 
 @dataclass(frozen=True, eq=False)
 class PlainKind:
-    """A pymoo problem as a configuration sees it; called with settings, it makes the problem."""
+    """A pymoo problem in the place of a class of problems."""
 
     own: Problem
-    default_costs: ClassVar[Mapping[str, CostCurve]] = {}
-    default_model: ClassVar[str] = ""
-    default_algorithm: ClassVar[str] = ""
 
     @property
-    def parameters(self) -> tuple[Parameter, ...]:
-        """The tolerance of equality constraints, where there are any."""
-        return parameters_of(self.own)
+    def declaration(self) -> Declaration:
+        """Variables, outputs and objectives as the problem declares them."""
+        return declaration_of(self.own)
 
-    @property
-    def variables(self) -> tuple[Variable, ...]:
-        """One variable per column of X."""
-        return variables_of(self.own)
-
-    @property
-    def outputs(self) -> tuple[Output, ...]:
-        """Objectives and constraints."""
-        return outputs_of(self.own)
-
-    @property
-    def default_objectives(self) -> tuple[str, ...]:
-        """All objectives."""
-        return objectives_of(self.own)
-
-    def configured(self, top: Section) -> PlainKind:
-        """Itself: its declarations do not depend on the configuration."""
-        return self
-
-    def __call__(self, settings: Settings) -> PlainProblem:
-        return PlainProblem(self.own, settings)
+    def configured(self, top: Section) -> ConfiguredProblem:
+        """The problem: it reads no table of its own."""
+        return ConfiguredProblem(self.declaration, partial(PlainProblem, self.own))
 
 
 def plain_kind(given: Any) -> PlainKind:

@@ -4,26 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from types import MappingProxyType
-from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 from pymoo.core.problem import Problem
 
 from ...declarations import number
-from ...models.costs import CostCurve
+from ..interfaces import WithEffects
 from ..settings import Bound, Settings
 from ..tolerance_problem import ToleranceProblem
 from .declared import (
     MISSED,
+    declaration_of,
     equalities_of,
     inequalities_of,
     limits_of,
     objectives_of,
-    outputs_of,
-    parameters_of,
-    variables_of,
 )
 
 Array = NDArray[np.float64]
@@ -31,7 +27,7 @@ SPREAD = 6
 """Binary logarithm of the designs whose objectives span the box of the hypervolume."""
 
 
-class PlainProblem(ToleranceProblem):
+class PlainProblem(ToleranceProblem, WithEffects):
     """A pymoo `Problem` as it is: its objectives are minimised, its constraints are limits.
 
     Names and units are x1, ..., f1, ..., g1, ..., h1, ... without units unless the problem declares
@@ -39,14 +35,9 @@ class PlainProblem(ToleranceProblem):
     proven of it.
     """
 
-    default_costs: Mapping[str, CostCurve] = MappingProxyType({})
-    default_limits: ClassVar[Mapping[str, Bound]] = {}
-
     def __init__(self, own: Problem, settings: Settings | None = None) -> None:
         self.own = own
-        self.parameters = parameters_of(own)
-        self.variables, self.outputs = variables_of(own), outputs_of(own)
-        self.default_objectives = objectives_of(own)
+        self.declaration = declaration_of(own)
         super().__init__(settings)
 
     def _completed(self, given: Settings) -> Settings:

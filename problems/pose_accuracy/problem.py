@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ...declarations import Assumption, Output, Parameter, Variable, number
+from ...declarations import Assumption, number
 from ...errors import Fault
-from ...models.costs import CostCurve
 from ...models.manipulator import declared
 from ...models.manipulator.faults import faults
 from ...models.manipulator.fields import Field
@@ -23,10 +22,11 @@ from ...models.manipulator.sources import matrix, orientation_combinations, posi
 from ...records import Bars
 from ...section import Section
 from ...units import MM, MRAD, UM
-from ..drawing import Interval
+from ..declaration import ConfiguredProblem, Declaration, Interval
 from ..forms import Feature, Form, Way
+from ..interfaces import Documented, Page, Provable
 from ..promise import ASSURANCE, PROMISED
-from ..settings import Bound, Settings
+from ..settings import Settings
 from .grouping import (
     NINE,
     SOURCES,
@@ -61,24 +61,22 @@ SCALES: Array = np.array([{"um": UM, "mrad": MRAD}[unit_of(source)] for source i
 """Metres or radians in one unit of each source."""
 
 
-@dataclass(frozen=True)
-class PoseKind:
-    """The variables that a configuration declares by its grouping; it makes the problem."""
-
-    grouping: Grouping
-    variables: tuple[Variable, ...]
-    default_costs: Mapping[str, CostCurve]
-    outputs: tuple[Output, ...] = OUTPUTS
-    parameters: tuple[Parameter, ...] = PARAMETERS
-    default_limits: Mapping[str, Bound] = field(default_factory=lambda: LIMITS)
-    default_objectives: tuple[str, ...] = ("cost", "squareness_mrad")
-    default_model: str = "manipulator_pose"
-
-    def __call__(self, settings: Settings) -> PoseAccuracy:
-        return PoseAccuracy(replace(settings, definition=self.grouping))
+def declaration_of(grouping: Grouping) -> Declaration:
+    """What the problem declares of the kinds of errors that a configuration groups."""
+    return Declaration(
+        variables_of(grouping),
+        OUTPUTS,
+        PARAMETERS,
+        costs=costs_of(grouping),
+        limits=LIMITS,
+        objectives=("cost", "squareness_mrad"),
+        model="manipulator_pose",
+        explained=EXPLAINED,
+        reference_ga={"population": 80, "generations": 400, "crossover": 0.99, "mutation": 0.08},
+    )
 
 
-class PoseAccuracy(PromisingPoses):
+class PoseAccuracy(PromisingPoses, Provable, Documented, Page):
     """Pose accuracy of the manipulator with full-circle rotation against cost (document M).
 
     Variables are standard deviations of the orientation sources, grouped into the document's nine
@@ -86,36 +84,24 @@ class PoseAccuracy(PromisingPoses):
     first-order effects, so that the problem is convex: docs/manipulator.md.
     """
 
-    parameters = PARAMETERS
-    outputs = OUTPUTS
-    default_limits: ClassVar[Mapping[str, Bound]] = LIMITS
-    default_objectives = ("cost", "squareness_mrad")
-    default_model = "manipulator_pose"
-    explained: ClassVar[Mapping[str, str]] = EXPLAINED
-    drawn_again = frozenset(("_fields", "population", "_verdicts"))
-    reference_ga: ClassVar[Mapping[str, float]] = {
-        "population": 80,
-        "generations": 400,
-        "crossover": 0.99,
-        "mutation": 0.08,
-    }
+    declaration = declaration_of(NINE)
+    _drawn_again = frozenset(("_fields", "population", "_verdicts"))
 
     def __init__(self, settings: Settings | None = None) -> None:
         given = settings.definition if settings is not None else None
         self.grouping: Grouping = NINE if given is None else given
-        self.variables = variables_of(self.grouping)
-        self.default_costs = costs_of(self.grouping)
+        self.declaration = declaration_of(self.grouping)
         super().__init__(settings)
         self.machine = declared.manipulator(self.settings.parameters)
         self.ring = declared.task_ring(self.settings.parameters)
 
     @classmethod
-    def configured(cls, top: Section) -> Any:
+    def configured(cls, top: Section) -> ConfiguredProblem | None:
         grouping = read_grouping(top)
-        kind = None
+        configured = None
         if grouping is not None:
-            kind = PoseKind(grouping, variables_of(grouping), costs_of(grouping))
-        return cls.promising(kind, top)
+            configured = ConfiguredProblem(declaration_of(grouping), cls, {"definition": grouping})
+        return cls.promising(configured, top)
 
     def more_tables(self) -> dict[str, Any]:
         promised = super().more_tables()
@@ -256,7 +242,7 @@ class PoseAccuracy(PromisingPoses):
         kept is convex and symmetric (Anderson 1955, Proc. Am. Math. Soc. 6(2)).
         """
         if output == "cost":
-            return self.cost_interval
+            return self._cost_interval
         ends = np.stack([self._corner(tight=True), self._corner(tight=False)])
         if output in self.squares:
             low, high = self._outputs(ends, searching=True)[output]

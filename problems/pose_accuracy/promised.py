@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
 from functools import cached_property
 from typing import ClassVar
 
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
 from ...declarations import number
+from ..interfaces import Differentiable
 from ..judged import Judged, Shortfall
 from ..promise import PLUG_IN, PROMISED
 from ..settings import Settings
@@ -31,7 +33,7 @@ STEP = 1e-3
 """Relative step of a standard deviation for the slope of a promised yield."""
 
 
-class PromisingPoses(Judged):
+class PromisingPoses(Judged, Differentiable):
     """Machines whose standard deviations are not as the samples say."""
 
     promised_of: ClassVar[str] = BOTH
@@ -39,7 +41,8 @@ class PromisingPoses(Judged):
     def __init__(self, settings: Settings | None = None) -> None:
         super().__init__(settings)
         promise = self.settings.promise
-        self.sampled = promise is not None and promise.statement != PLUG_IN
+        sampled = promise is not None and promise.statement != PLUG_IN
+        self.declaration = replace(self.declaration, sampled=sampled)
 
     @cached_property
     @abstractmethod

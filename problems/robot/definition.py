@@ -6,12 +6,14 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
-from ...declarations import Output, Variable
+from ...declarations import Variable
 from ...models.costs import CostCurve
+from ..declaration import Declaration
 from ..reducers.nested import Nested
 from .gears import Fitted, gear_variables
-from .outputs import outputs_of
+from .outputs import LIMITS, OBJECTIVES, outputs_of
 
 
 @dataclass(frozen=True)
@@ -84,16 +86,18 @@ class Definition(ABC):
         return (drive.group or f"drive {drive.key}") if self.per_drive else ""
 
 
-def declarations(
-    definition: Definition,
-) -> tuple[tuple[Variable, ...], tuple[Output, ...], dict[str, CostCurve]]:
-    """Variables, outputs and cost curves of the links."""
+def declaration_of(definition: Definition, **more: Any) -> Declaration:
+    """Variables, outputs and cost curves of links and reducers; `more` fields as they are."""
     gears = gear_variables(definition.gears, definition.nested)
-    links = definition.link_variables
-    names = [v.name for v in (*links, *gears) if v.tolerance]
+    variables = (*definition.link_variables, *gears)
+    names = [v.name for v in variables if v.tolerance]
     drives = [drive.key for drive in definition.drives]
-    return (
-        (*links, *gears),
+    return Declaration(
+        variables,
         outputs_of(drives, definition.links, names),
-        dict(definition.link_costs),
+        costs=dict(definition.link_costs),
+        limits=LIMITS,
+        objectives=OBJECTIVES,
+        algorithm="exact",
+        **more,
     )

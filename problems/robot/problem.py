@@ -6,7 +6,6 @@ from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property
-from typing import ClassVar
 
 import numpy as np
 import pandas as pd
@@ -15,15 +14,16 @@ from numpy.typing import NDArray
 from ...declarations import Assumption, Value
 from ...errors import Fault
 from ...models.robot.sample import ratio
-from ..drawing import Interval
+from ..declaration import Interval
 from ..forms import Form
-from ..settings import Bound, Settings, VariableSetting
+from ..interfaces import Comparison, Documented, Page, Provable, Stored
+from ..settings import Settings, VariableSetting
 from ..tolerance_problem import ToleranceProblem
-from .definition import Definition, declarations
+from .definition import Definition, declaration_of
 from .form import form_of
 from .gears import Built, Gears
 from .machine import Machine, Sampled
-from .outputs import AXES, LIMITS, OBJECTIVES, share_name
+from .outputs import AXES, share_name
 from .remarks import remarks_of
 
 Array = NDArray[np.float64]
@@ -38,21 +38,17 @@ UNITS = 16_384
 ROWS = ("pose_rms_mm", "squareness_mrad", "yaw_mrad")
 
 
-class RobotProblem(ToleranceProblem):
+class RobotProblem(ToleranceProblem, Provable, Documented, Comparison, Stored, Page):
     """Pose accuracy of a machine with reducers against cost.
 
     Links by standard deviations of their errors, reducers by what an rms of their backlash and of
     their transmission error costs.
     """
 
-    default_limits: ClassVar[Mapping[str, Bound]] = LIMITS
-    default_objectives = OBJECTIVES
-    default_algorithm: ClassVar[str] = "exact"
-    drawn_again = frozenset(("_sampled", "_ratios"))
+    _drawn_again = frozenset(("_sampled", "_ratios"))
 
     def __init__(self, settings: Settings, definition: Definition) -> None:
         self.definition = definition
-        self.variables, self.outputs, self.default_costs = declarations(definition)
         super().__init__(settings)
         self.gears = Gears.of(
             definition.gears,
@@ -344,7 +340,7 @@ class RobotProblem(ToleranceProblem):
 
     def _still(self, definition: Definition) -> dict[str, VariableSetting]:
         """The settings of the variables that remain."""
-        names = {v.name for v in declarations(definition)[0]}
+        names = {v.name for v in declaration_of(definition).variables}
         return {name: setting for name, setting in self.given.variables.items() if name in names}
 
     # ---------------------------------------------------------------- faults and assumptions

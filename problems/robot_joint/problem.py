@@ -2,24 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import replace
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
-from ...declarations import Parameter
 from ...errors import Fault
 from ...models.manipulator import declared
 from ...models.manipulator.faults import faults
 from ...models.manipulator.inverse import posture
 from ...section import Section
+from ..declaration import ConfiguredProblem, Declaration
+from ..interfaces import Written
 from ..pose_accuracy.grouping import read_grouping
 from ..reducers.documents import documents_reducer
-from ..robot.definition import declarations
-from ..robot.outputs import LIMITS, OBJECTIVES, millimetres, share_name
+from ..robot.definition import declaration_of
+from ..robot.outputs import millimetres, share_name
 from ..robot.problem import RobotProblem
-from ..settings import Bound, Settings
+from ..settings import Settings
 from .definition import Definition, default_definition
 from .links import TWENTY_ONE, unit_of
 from .machine import JOINTS, RingMachine
@@ -30,39 +29,25 @@ OF_RODS = ("rod_length_", "platform_attachment_")
 """Elementary errors that are drawn with the arm of their chain, and with its rods."""
 
 
-class RobotKind:
-    """What a configuration declares; it makes the problem."""
-
-    parameters: tuple[Parameter, ...] = PARAMETERS
-    default_limits: ClassVar[Mapping[str, Bound]] = LIMITS
-    default_objectives = OBJECTIVES
-    default_model = "manipulator_pose"
-    default_algorithm = "exact"
-
-    def __init__(self, definition: Definition) -> None:
-        self.definition = definition
-        self.variables, self.outputs, self.default_costs = declarations(definition)
-
-    def __call__(self, settings: Settings) -> RobotJoint:
-        return RobotJoint(replace(settings, definition=self.definition))
+REDUCERS = ("1", "2")
+"""Keys of `[reducers]`: the drives that have one."""
+OWN: dict[str, Any] = {"parameters": PARAMETERS, "model": "manipulator_pose", "reducers": REDUCERS}
 
 
-class RobotJoint(RobotProblem):
+class RobotJoint(RobotProblem, Written):
     """Pose accuracy of the manipulator with its reducers against cost: one machine, one front.
 
     Links by standard deviations of their errors, reducers by what an rms of their backlash and of
     their transmission error costs (`[reducers]`): docs/robot_joint.md.
     """
 
-    parameters = PARAMETERS
-    default_model = "manipulator_pose"
-    nests: ClassVar[tuple[str, ...]] = ("1", "2")
-    """Keys of `[reducers]`, the drives that have one."""
+    declaration = Declaration(**OWN)
     definition: Definition
 
     def __init__(self, settings: Settings | None = None) -> None:
         given = settings or Settings()
         definition: Definition = given.definition or default_definition(given.parameters)
+        self.declaration = declaration_of(definition, **OWN)
         super().__init__(given, definition)
         self._machine = RingMachine(self.settings.parameters, definition.grouping)
 
@@ -71,7 +56,7 @@ class RobotJoint(RobotProblem):
         return self._machine
 
     @classmethod
-    def configured(cls, top: Section) -> Any:
+    def configured(cls, top: Section) -> ConfiguredProblem | None:
         grouping = read_grouping(top, TWENTY_ONE, unit_of, "an error of a link")
         reducers = top.take("reducers")
         flags = top.section("parameters")
@@ -87,14 +72,15 @@ class RobotJoint(RobotProblem):
                 "name configurations of rv_backlash",
             )
             return None
-        return RobotKind(definition)
+        declaration = declaration_of(definition, **OWN)
+        return ConfiguredProblem(declaration, cls, {"definition": definition})
 
     def more_tables(self) -> dict[str, Any]:
         definition = self.definition
         tables: dict[str, Any] = {
             "reducers": {
                 key: reducer.tables
-                for key, reducer in zip(self.nests, definition.reducers, strict=True)
+                for key, reducer in zip(REDUCERS, definition.reducers, strict=True)
             }
         }
         if definition.grouping != TWENTY_ONE:

@@ -23,7 +23,7 @@ def contact_problem(problem: RvBacklash) -> RvReducer:
     """
     from ..rv_reducer import RvReducer  # it takes the costs of this problem
 
-    known = {parameter.name for parameter in RvReducer.parameters}
+    known = {parameter.name for parameter in RvReducer.declaration.parameters}
     given = {n: v for n, v in problem.settings.parameters.items() if n in known}
     inputs = {
         n: setting

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property
-from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,9 +23,10 @@ from ...models.propagation.sums import ClippedSum
 from ...models.rv_reducer import declared, modification
 from ...models.rv_reducer.backlash import Allocation, stage_means
 from ...units import ARCMIN, MM
+from ..declaration import Declaration, Interval
 from ..deviations import Deviations
-from ..drawing import Interval
 from ..forms import Form
+from ..interfaces import Accuracy, Comparison, Documented, Page, Provable, WithEffects
 from ..least import ends_of_front
 from ..machined import Machined
 from ..promise import ASSURED, PLUG_IN, PROMISED
@@ -54,28 +54,32 @@ STAGGER_OF_DOCUMENT = 0.2
 STAGGERED = "document B, staggered 0.2 arcmin (delta' = 0.1)"
 
 
-class RvBacklash(Promising, Machined):
+class RvBacklash(
+    Promising, Machined, Accuracy, Provable, Documented, Comparison, WithEffects, Page
+):
     """Backlash of an RV reducer against cost (default: RV-40E-121, document B).
 
     Variables, outputs and limits: docs/rv_backlash.md. Known answer: none (`exact_front` is None).
     """
 
-    parameters = declared.PARAMETERS
-    variables = declared.VARIABLES
-    outputs = OUTPUTS
-    default_costs = DEFAULT_COSTS
+    declaration = Declaration(
+        declared.VARIABLES,
+        OUTPUTS,
+        declared.PARAMETERS,
+        costs=DEFAULT_COSTS,
+        limits=DEFAULT_LIMITS,
+        objectives=DEFAULT_OBJECTIVES,
+        model="rv_batch",
+        algorithm="exact",
+        model_name="document",
+        model_statement="document B's closed form",
+        explained={
+            "backlash_arcmin": "backlash_geometric_arcmin",
+            "backlash_mean_arcmin": "backlash_geometric_mean_arcmin",
+            "backlash_std_arcmin": "backlash_geometric_std_arcmin",
+        },
+    )
     machinable = frozenset(MACHINABLE)
-    default_limits = DEFAULT_LIMITS
-    default_objectives = DEFAULT_OBJECTIVES
-    default_model = "rv_batch"
-    default_algorithm = "exact"
-    model_name = "document"
-    model_statement = "document B's closed form"
-    explained: ClassVar[Mapping[str, str]] = {
-        "backlash_arcmin": "backlash_geometric_arcmin",
-        "backlash_mean_arcmin": "backlash_geometric_mean_arcmin",
-        "backlash_std_arcmin": "backlash_geometric_std_arcmin",
-    }
 
     def __init__(self, settings: Settings | None = None) -> None:
         super().__init__(settings)
@@ -268,7 +272,7 @@ class RvBacklash(Promising, Machined):
         stages alone at their tightest; the probability of keeping the limit is bounded likewise.
         """
         if output == "cost":
-            return self.cost_interval
+            return self._cost_interval
         if output in self._least:
             return self._least[output], np.inf
         if output == "yield_percent":

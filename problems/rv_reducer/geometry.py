@@ -15,7 +15,7 @@ from ...models.rv_reducer.population.lattice import (
     spreads_evenly,
 )
 from ...units import MM
-from ..drawing import Interval
+from ..declaration import Interval
 from ..settings import Bound, Settings
 
 GEARS = range(8, 41)

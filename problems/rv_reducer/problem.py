@@ -6,7 +6,6 @@ from collections import OrderedDict
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property, partial
-from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,12 +18,12 @@ from ...models.rv_reducer.population.lattice import nearest_prime
 from ...models.rv_reducer.population.unit_basis import stem
 from ...records import UnitsShown
 from ...units import ARCMIN, MM
-from ..drawing import Interval
+from ..declaration import Declaration, Interval
+from ..interfaces import Accuracy, Comparison, Documented, Page, Variant, WithEffects
 from ..machined import Machined
 from ..rv_backlash.costs import DEFAULT_COSTS
 from ..rv_backlash.made import MACHINABLE
 from ..settings import Bound, Settings, VariableSetting
-from ..shown import Variant
 from . import geometry
 from .counterparts import changes_of, sentence
 from .declared import DISC_TO_DISC, PARAMETERS, VARIABLES
@@ -62,36 +61,44 @@ KEPT = 4
 SAMPLED_OUTPUTS = frozenset((*SAMPLED, *SAMPLED_UNDER_LOAD))
 
 
-class RvReducer(PromisingUnits, Machined):
+def unpriced(parameters: Mapping[str, Value]) -> frozenset[str]:
+    """Without the involute stage, its grade has no cost."""
+    return frozenset() if parameters.get("involute_stage", True) else frozenset(["involute_grade"])
+
+
+class RvReducer(PromisingUnits, Machined, Accuracy, Documented, Comparison, WithEffects, Page):
     """Tolerances of an RV reducer by exact contact of its units (default: RV-40E-121).
 
     A search sees a fixed population (`search_units` at `search_positions`); what is reported comes
     from fresh units. Variables, outputs and limits: docs/rv_reducer.md. Known answer: none.
     """
 
-    parameters = PARAMETERS
-    variables = VARIABLES
-    outputs = OUTPUTS
-    default_costs = DEFAULT_COSTS
+    declaration = Declaration(
+        VARIABLES,
+        OUTPUTS,
+        PARAMETERS,
+        costs=DEFAULT_COSTS,
+        limits=DEFAULT_LIMITS,
+        objectives=DEFAULT_OBJECTIVES,
+        model="rv_batch",
+        algorithm="exact",
+        sampled=True,
+        grain=8,
+        performance=SAMPLED_OUTPUTS - HOLD_INTERFERENCE.keys() - {"yield_percent"},
+        unpriced=unpriced,
+        reference_ga={
+            "population": 100,
+            "generations": 80,
+            "crossover": 0.9,
+            "crossover_eta": 5.0,
+            "mutation": 0.1,
+            "mutation_eta": 10.0,
+        },
+    )
     machinable = frozenset(MACHINABLE)
-    default_limits = DEFAULT_LIMITS
-    default_objectives = DEFAULT_OBJECTIVES
-    default_model = "rv_batch"
-    sampled = True
-    grain = 8
-    performance = SAMPLED_OUTPUTS - HOLD_INTERFERENCE.keys() - {"yield_percent"}
-    default_algorithm = "exact"
-    drawn_again = frozenset(
+    _drawn_again = frozenset(
         ("_searched", "_reported", "_recent", "_verdicts", "_mixed", "_promised_units")
     )
-    reference_ga: ClassVar[Mapping[str, float]] = {
-        "population": 100,
-        "generations": 80,
-        "crossover": 0.9,
-        "crossover_eta": 5.0,
-        "mutation": 0.1,
-        "mutation_eta": 10.0,
-    }
 
     def __init__(self, settings: Settings | None = None) -> None:
         super().__init__(settings)
@@ -117,12 +124,6 @@ class RvReducer(PromisingUnits, Machined):
         if fixed is not None and given.value is None and given.low is None and given.high is None:
             given = replace(given, value=fixed)
         return super()._variable(variable, given)
-
-    @classmethod
-    def unpriced(cls, parameters: Mapping[str, Value]) -> frozenset[str]:
-        return (
-            frozenset() if parameters.get("involute_stage", True) else frozenset(["involute_grade"])
-        )
 
     # ---------------------------------------------------------------- populations
 
@@ -174,7 +175,7 @@ class RvReducer(PromisingUnits, Machined):
     def as_built(self, design: Array) -> tuple[dict[str, float], dict[str, float]]:
         """Variables by name with the scatter of good parts, and the offsets of their means [um]."""
         effective = self.effective(design[None, :])[0]
-        row = {v.name: float(effective[at]) for at, v in enumerate(type(self).variables)}
+        row = {v.name: float(effective[at]) for at, v in enumerate(VARIABLES)}
         means = {
             stem(name): float(mean[0]) for name, (_, mean) in self.as_made(design[None, :]).items()
         }
@@ -305,7 +306,7 @@ class RvReducer(PromisingUnits, Machined):
     def interval(self, output: str) -> Interval:
         """Proven bounds: no unit has less backlash than its involute stage."""
         if output == "cost":
-            return self.cost_interval
+            return self._cost_interval
         if output in ("backlash_max_arcmin", "backlash_mean_arcmin") and not self._stretched:
             return self._least_backlash + self.model.change.effective, np.inf
         return super().interval(output)

@@ -7,8 +7,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from ...declarations import Value
+from ..interfaces import Variant
 from ..settings import Bound, VariableSetting
-from ..shown import Variant
 from .declared import DISC_TO_DISC
 
 if TYPE_CHECKING:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,8 +19,9 @@ from ...models.assembly.process import Process
 from ...models.assembly.transmission import Transmission
 from ...models.inputs import Normal
 from ...units import ARCSEC, MRAD
-from ..drawing import Interval
+from ..declaration import Declaration, Interval
 from ..forms import Form
+from ..interfaces import Documented, Page, Provable, WithEffects
 from ..settings import Bound, VariableSetting
 from ..tolerance_problem import ToleranceProblem
 from . import declared
@@ -50,7 +50,7 @@ class Residual:
         return self.spread @ np.swapaxes(self.spread, 1, 2)
 
 
-class RvTransmissionError(ToleranceProblem):
+class RvTransmissionError(ToleranceProblem, Provable, Documented, WithEffects, Page):
     """Transmission error of an RV reducer against cost and adjustment effort (document A).
 
     Variables are half-widths of the angles of four parts about three axes, and the precision weight
@@ -58,13 +58,14 @@ class RvTransmissionError(ToleranceProblem):
     enter, the final angles are taken as Gaussian. Details: docs/rv_transmission_error.md.
     """
 
-    parameters = declared.PARAMETERS
-    variables = declared.VARIABLES
-    outputs = declared.OUTPUTS
-    default_costs = declared.COSTS
-    default_limits: ClassVar[Mapping[str, Bound]] = {}
-    default_objectives = ("cost", EFFORT, TE)
-    default_model = "assembly"
+    declaration = Declaration(
+        declared.VARIABLES,
+        declared.OUTPUTS,
+        declared.PARAMETERS,
+        costs=declared.COSTS,
+        objectives=("cost", EFFORT, TE),
+        model="assembly",
+    )
 
     # ---------------------------------------------------------------- set-up
 
@@ -190,7 +191,7 @@ class RvTransmissionError(ToleranceProblem):
         be cancelled in some, the other orders are there in all.
         """
         if output == "cost":
-            return self.cost_interval
+            return self._cost_interval
         if output == TE:
             return self.influence.base_amplitude / ARCSEC, np.inf
         if output in {output.name for output in self.outputs if not output.error_of}:

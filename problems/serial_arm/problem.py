@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -12,10 +11,12 @@ from ...declarations import Assumption, Value, completed, number
 from ...errors import Fault
 from ...models.serial_arm.reach import blocking, singular
 from ...section import Section
-from ..robot.definition import declarations
-from ..robot.outputs import LIMITS, OBJECTIVES, millimetres, share_name
+from ..declaration import ConfiguredProblem, Declaration
+from ..interfaces import Written
+from ..robot.definition import declaration_of
+from ..robot.outputs import millimetres, share_name
 from ..robot.problem import RobotProblem
-from ..settings import Bound, Settings
+from ..settings import Settings
 from .definition import Definition
 from .machine import ArmMachine
 from .reading import read_definition
@@ -26,41 +27,27 @@ NAMED = 5
 """Most poses that are named; the others are counted."""
 
 
-class ArmKind:
-    """What a configuration declares; it makes the problem."""
-
-    default_limits: ClassVar[Mapping[str, Bound]] = LIMITS
-    default_objectives = OBJECTIVES
-    default_model = "serial_arm"
-    default_algorithm = "exact"
-
-    def __init__(self, definition: Definition) -> None:
-        self.definition = definition
-        self.parameters = definition.parameters
-        self.variables, self.outputs, self.default_costs = declarations(definition)
-
-    def __call__(self, settings: Settings) -> SerialArmAllocation:
-        return SerialArmAllocation(replace(settings, definition=self.definition))
+OWN: dict[str, Any] = {
+    "model": "serial_arm",
+    "tables": ("joint", "base", "tool", "cell"),
+    "reducers_in": "joint",
+}
 
 
-class SerialArmAllocation(RobotProblem):
+class SerialArmAllocation(RobotProblem, Written):
     """Pose accuracy of a serial arm with its reducers against cost: any chain of joints, one front.
 
     The arm is a Denavit-Hartenberg table in the configuration (`[[joint]]`, `[cell]`); five errors
     a joint, a reducer each: docs/serial_arm.md.
     """
 
-    parameters = shipped_arm().parameters
-    default_model = "serial_arm"
-    tables_of: ClassVar[tuple[str, ...]] = ("joint", "base", "tool", "cell")
-    nests_in: ClassVar[str] = "joint"
-    """The tables that name a reducer each."""
+    declaration = Declaration(parameters=shipped_arm().parameters, **OWN)
     definition: Definition
 
     def __init__(self, settings: Settings | None = None) -> None:
         given = settings or Settings()
         definition: Definition = given.definition or default_definition(given.parameters)
-        self.parameters = definition.parameters
+        self.declaration = _declared(definition)
         super().__init__(given, definition)
         self._machine = ArmMachine(self.settings.parameters, definition)
 
@@ -69,9 +56,11 @@ class SerialArmAllocation(RobotProblem):
         return self._machine
 
     @classmethod
-    def configured(cls, top: Section) -> Any:
+    def configured(cls, top: Section) -> ConfiguredProblem | None:
         definition = read_definition(top)
-        return None if definition is None else ArmKind(definition)
+        if definition is None:
+            return None
+        return ConfiguredProblem(_declared(definition), cls, {"definition": definition})
 
     def more_tables(self) -> dict[str, Any]:
         return definition_tables(self.definition, self.settings.parameters)
@@ -198,3 +187,7 @@ def default_definition(parameters: Mapping[str, Value]) -> Definition:
     """The shipped arm."""
     given = completed(shipped_arm().parameters, parameters)
     return shipped_arm(bool(number(given["nested"])), bool(number(given["per_drive"])))
+
+
+def _declared(definition: Definition) -> Declaration:
+    return declaration_of(definition, parameters=definition.parameters, **OWN)

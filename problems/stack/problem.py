@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import cached_property
-from types import MappingProxyType
 from typing import Any, ClassVar
 
 import numpy as np
@@ -18,8 +17,18 @@ from ...models.capability import PartSample
 from ...models.costs import CostCurve
 from ...models.stack import Linear, Tolerances
 from ...section import Section
-from ..drawing import Interval
+from ..declaration import ConfiguredProblem, Declaration, Interval
 from ..forms import Form
+from ..interfaces import (
+    Accuracy,
+    Checks,
+    Differentiable,
+    Documented,
+    Drawing,
+    Page,
+    Provable,
+    Written,
+)
 from ..promise import Promise, read_promise
 from ..settings import Bound, Settings, VariableSetting
 from ..tolerance_problem import ToleranceProblem
@@ -47,7 +56,6 @@ from .yields import Yields
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
 class StackKind:
     """A stack as its configuration declares it; called with settings, it makes the problem."""
 
@@ -65,33 +73,31 @@ class StackKind:
         return Stack(replace(settings, definition=self.definition))
 
 
-class Stack(ToleranceProblem):
+class Stack(
+    ToleranceProblem, Provable, Differentiable, Accuracy, Documented, Drawing, Checks, Written, Page
+):
     """Any mechanism written in its configuration: cost of its tolerances against its variation.
 
     Keys, definitions and formulas: docs/stack.md. It is made from `Settings.definition`, which
     `configured` reads.
     """
 
-    parameters = ()
-    default_costs: Mapping[str, CostCurve] = MappingProxyType({})
-    default_limits: ClassVar[Mapping[str, Bound]] = {}
-    default_objectives = OBJECTIVES
-    default_algorithm = "exact"
-
     def __init__(self, settings: Settings | None = None) -> None:
         definition = None if settings is None else settings.definition
         if not isinstance(definition, Definition):
             raise ModelError("a stack is made from its definition: read it from a configuration")
         self.definition = definition
-        self.variables = variables_of(definition.parts)
         self.measured: tuple[Measured, ...] = measured(definition)
-        self.outputs = outputs_of(
-            definition.requirements, definition.parts, self.measured, definition.promise
+        self.declaration = _declared(
+            variables_of(definition.parts),
+            outputs_of(
+                definition.requirements, definition.parts, self.measured, definition.promise
+            ),
         )
         super().__init__(settings)
 
     @classmethod
-    def configured(cls, top: Section) -> Any:
+    def configured(cls, top: Section) -> ConfiguredProblem | None:
         """The stack of its requirements, `[[part]]` and `[[correlation]]`, faulty or not."""
         faults: list[Fault] = []
         parts, requirements, definition = read_definition(top, faults)
@@ -104,7 +110,8 @@ class Stack(ToleranceProblem):
         ]
         mechanisms = measured(definition) if definition is not None else ()
         outputs = outputs_of(requirements, known, mechanisms, read_promise(top))
-        return StackKind(definition, variables_of(known), outputs)
+        declaration = _declared(variables_of(known), outputs)
+        return ConfiguredProblem(declaration, cls, {"definition": definition})
 
     def tables(self) -> dict[str, Any]:
         given = self.settings.propagation
@@ -322,7 +329,7 @@ class Stack(ToleranceProblem):
     def interval(self, output: str) -> Interval:
         """Proven bounds: cost and linear variations are monotone in every tolerance."""
         if output == "cost":
-            return self.cost_interval
+            return self._cost_interval
         if output in self._intervals:
             return self._intervals[output]
         if output in self.names and output.endswith("_t"):
@@ -355,7 +362,7 @@ class Stack(ToleranceProblem):
         )
 
     @cached_property
-    def cost_interval(self) -> Interval:
+    def _cost_interval(self) -> Interval:
         """Least and largest cost: every part in its cheapest and its most expensive process."""
         return self._costs.interval
 
@@ -397,3 +404,7 @@ class Stack(ToleranceProblem):
     @cached_property
     def _warnings(self) -> tuple[str, ...]:
         return warnings_of(self)
+
+
+def _declared(variables: tuple[Variable, ...], outputs: tuple[Output, ...]) -> Declaration:
+    return Declaration(variables, outputs, objectives=OBJECTIVES, algorithm="exact")

@@ -16,7 +16,8 @@ from ...models.rv_reducer.contact.errors import PartErrors
 from ...models.rv_reducer.contact.performance import backlash, loading
 from ...models.rv_reducer.geometry import RvGeometry
 from ...units import ARCMIN, MM
-from ..drawing import Interval
+from ..declaration import Declaration, Interval
+from ..interfaces import Documented
 from ..settings import Settings
 from ..tolerance_problem import ToleranceProblem
 from . import declared
@@ -28,7 +29,7 @@ PRINTED = {"dr_rp_mm": -0.040, "dr_p_mm": -0.070}
 """Document B's optimum."""
 
 
-class ToothModification(ToleranceProblem):
+class ToothModification(ToleranceProblem, Documented):
     """Backlash against mesh force by equidistance and shift modification (document B, section 3).
 
     Both objectives are of the loaded contact with perfect parts: designs are its units, the
@@ -36,13 +37,15 @@ class ToothModification(ToleranceProblem):
     the exact profile. Known answer: none (`exact_front` is None). See docs/tooth_modification.md.
     """
 
-    parameters = declared.PARAMETERS
-    variables = declared.VARIABLES
-    outputs = declared.OUTPUTS
-    default_costs = declared.COSTS
-    default_limits = declared.DEFAULT_LIMITS
-    default_objectives = declared.DEFAULT_OBJECTIVES
-    default_model = "rv_transmission"
+    declaration = Declaration(
+        declared.VARIABLES,
+        declared.OUTPUTS,
+        declared.PARAMETERS,
+        costs=declared.COSTS,
+        limits=declared.DEFAULT_LIMITS,
+        objectives=declared.DEFAULT_OBJECTIVES,
+        model="rv_transmission",
+    )
 
     def __init__(self, settings: Settings | None = None) -> None:
         super().__init__(settings)

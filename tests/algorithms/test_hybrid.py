@@ -44,7 +44,8 @@ def mixed(method: str = "rss", **settings: Any) -> Stack:
                      f'cost = {{ model = "reciprocal", a = {A[at][way]}, '
                      f"b = {B[at][way]} }}\n")  # fmt: skip
     made = Stack.configured(Section(tomllib.loads(text), "", []))
-    return Stack(Settings(definition=made.definition, **settings))
+    assert made is not None
+    return Stack(Settings(definition=made.read["definition"], **settings))
 
 
 def cheapest(limit: float) -> float:

@@ -1,9 +1,9 @@
 """Configurations: what they come to, and every fault at its place."""
 
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,9 +13,10 @@ from tolevo.configuration import Configuration, read
 from tolevo.configuration.reader import read_table
 from tolevo.declarations import Kind, Output, Parameter, Variable
 from tolevo.errors import InputError, refuse
-from tolevo.models.costs import CostCurve, Exponential, Reciprocal, Table
+from tolevo.models.costs import Exponential, Reciprocal, Table
 from tolevo.models.inputs import Normal
 from tolevo.models.measurable import MeasurableModel
+from tolevo.problems.declaration import Declaration
 from tolevo.problems.settings import Bound
 from tolevo.problems.tolerance_problem import Array, ToleranceProblem
 
@@ -23,37 +24,75 @@ from tolevo.problems.tolerance_problem import Array, ToleranceProblem
 class Bracket(ToleranceProblem):
     """A stand-in with one of everything that a configuration can state."""
 
-    parameters = (
-        Parameter("arm_mm", 12.5, "mm", "arm", low=0.0, open_low=True),
-        Parameter("pins", 40, "", "number of pins", low=1),
-        Parameter("lubricated", True, "", "whether there is oil"),
-        Parameter("reading", "printed", "", "which table", choices=("printed", "consistent")),
-        Parameter("bore_mid_um", 0.0, "um", "mid-limit of the bore"),
+    declaration = Declaration(
+        parameters=(
+            Parameter("arm_mm", 12.5, "mm", "arm", low=0.0, open_low=True),
+            Parameter("pins", 40, "", "number of pins", low=1),
+            Parameter("lubricated", True, "", "whether there is oil"),
+            Parameter("reading", "printed", "", "which table", choices=("printed", "consistent")),
+            Parameter("bore_mid_um", 0.0, "um", "mid-limit of the bore"),
+        ),
+        variables=(
+            Variable(
+                "bore_um",
+                "um",
+                Kind.HALF_WIDTH,
+                1.0,
+                10.0,
+                "bore",
+                2.0,
+                0.0,
+                valid_low=0.0,
+                random=True,
+            ),
+            Variable(
+                "bearing_um",
+                "um",
+                Kind.FULL_CLEARANCE,
+                1.0,
+                20.0,
+                "play",
+                2.0,
+                valid_low=0.0,
+                random=True,
+            ),
+            Variable(
+                "grade",
+                "",
+                Kind.GRADE,
+                4,
+                8,
+                "ISO grade",
+                7,
+                integer=True,
+                valid_low=1,
+                valid_high=12,
+            ),
+            Variable("stagger_arcmin", "arcmin", Kind.NOMINAL, 0.0, 1.0, "stagger", 0.0),
+        ),
+        outputs=(
+            Output("cost", "", "cost", low=0.0),
+            Output("play_arcmin", "arcmin", "play", low=0.0),
+            Output(
+                "yield_percent",
+                "percent",
+                "yield",
+                100.0,
+                larger_is_better=True,
+                low=0.0,
+                high=100.0,
+            ),
+            Output("play_arcmin_error", "arcmin", "error", error_of="play_arcmin"),
+        ),
+        costs={
+            "bore_um": Reciprocal(1.0, 2.0),
+            "bearing_um": Exponential(1.0, 2.0, 0.5),
+            "grade": Table((4.0, 8.0), (3.0, 1.0)),
+        },
+        limits={"play_arcmin": Bound(high=90.0)},
+        objectives=("cost", "play_arcmin"),
+        model="bracket_batch",
     )
-    variables = (
-        Variable("bore_um", "um", Kind.HALF_WIDTH, 1.0, 10.0, "bore", 2.0, 0.0,
-                 valid_low=0.0, random=True),
-        Variable("bearing_um", "um", Kind.FULL_CLEARANCE, 1.0, 20.0, "play", 2.0,
-                 valid_low=0.0, random=True),
-        Variable("grade", "", Kind.GRADE, 4, 8, "ISO grade", 7, integer=True, valid_low=1,
-                 valid_high=12),
-        Variable("stagger_arcmin", "arcmin", Kind.NOMINAL, 0.0, 1.0, "stagger", 0.0),
-    )  # fmt: skip
-    outputs = (
-        Output("cost", "", "cost", low=0.0),
-        Output("play_arcmin", "arcmin", "play", low=0.0),
-        Output("yield_percent", "percent", "yield", 100.0, larger_is_better=True, low=0.0,
-               high=100.0),
-        Output("play_arcmin_error", "arcmin", "error", error_of="play_arcmin"),
-    )  # fmt: skip
-    default_costs: Mapping[str, CostCurve] = {
-        "bore_um": Reciprocal(1.0, 2.0),
-        "bearing_um": Exponential(1.0, 2.0, 0.5),
-        "grade": Table((4.0, 8.0), (3.0, 1.0)),
-    }
-    default_limits: ClassVar[Mapping[str, Bound]] = {"play_arcmin": Bound(high=90.0)}
-    default_objectives = ("cost", "play_arcmin")
-    default_model = "bracket_batch"
 
     def _outputs(self, designs: Array, searching: bool) -> dict[str, Array]:
         play = designs[:, 0] + designs[:, 1]
@@ -63,11 +102,11 @@ class Bracket(ToleranceProblem):
 
 class BracketModel(MeasurableModel):
     columns = ()
-    outputs = Bracket.outputs[1:2]
+    outputs = Bracket.declaration.outputs[1:2]
     changeable = ()
     population = False
-    parameters = Bracket.parameters
-    variables = Bracket.variables
+    parameters = Bracket.declaration.parameters
+    variables = Bracket.declaration.variables
 
 
 Read = Callable[..., Configuration]
@@ -200,12 +239,12 @@ def test_the_resolved_configuration_is_a_fixpoint(read_text: Read, text: str) ->
 def test_the_resolved_configuration_holds_every_value(read_text: Read) -> None:
     found = read_text(BASE).resolved
     assert found["seed"] == 0
-    assert set(found["parameters"]) == {p.name for p in Bracket.parameters}
+    assert set(found["parameters"]) == {p.name for p in Bracket.declaration.parameters}
     assert found["variables"]["bore_um"] == {
         "low": 1.0, "high": 10.0, "mid": 0.0, "distribution": "uniform",
     }  # fmt: skip
     assert found["variables"]["grade"] == {"low": 4, "high": 8}
-    assert set(found["costs"]) == set(Bracket.default_costs)
+    assert set(found["costs"]) == set(Bracket.declaration.costs)
     assert found["limits"] == {"play_arcmin": {"max": 90.0}}
     assert found["algorithm"]["name"] == "nsga2"
     assert found["algorithm"]["generations"] == 200
@@ -409,7 +448,7 @@ def test_a_seed_may_be_large(read_text: Read) -> None:
 
 
 def test_costs_of_the_stand_in_are_finite() -> None:
-    assert np.isfinite(Bracket().cost_interval).all()
+    assert np.isfinite(Bracket()._cost_interval).all()
 
 
 def test_the_engine_is_read_and_written(read_text: Read) -> None:

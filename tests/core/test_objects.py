@@ -14,6 +14,7 @@ from pymoo.core.problem import ElementwiseProblem, Problem
 import tolevo
 from tolevo.declarations import Kind, Output, Variable
 from tolevo.errors import InputError
+from tolevo.problems.designs import designs_of
 from tolevo.problems.pose_accuracy import PoseAccuracy
 from tolevo.problems.rv_backlash import RvBacklash
 from tolevo.problems.settings import Bound, PropagationSetting, Settings
@@ -181,7 +182,7 @@ def test_an_object_that_is_no_problem_is_a_fault(problem: Any, text: str) -> Non
 def told(search: Any, problem: Any, generations: int) -> Any:
     for _ in range(generations):
         x = search.ask()
-        search.tell(x, problem.outputs_of(problem.designs_of(x), searching=True))
+        search.tell(x, problem.outputs_of(designs_of(problem, x), searching=True))
     return search.result()
 
 

@@ -151,6 +151,7 @@ def declared() -> Iterator[str]:
     for group in ("models", "problems", "calculations"):
         for name in registry.names(group):
             kind = registry.load(group, name)
+            kind = kind.declaration if group == "problems" else kind
             for what in ("parameters", "outputs", "columns", "variables", "changeable"):
                 yield from (one.unit for one in getattr(kind, what, ()))
     for name in registry.names("models"):

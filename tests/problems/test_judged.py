@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,10 +13,11 @@ from tolevo.configuration import read
 from tolevo.declarations import Kind, Output, Variable
 from tolevo.models.capability import Knowledge, PartSample
 from tolevo.models.costs import Reciprocal
+from tolevo.problems.declaration import Declaration
 from tolevo.problems.deviations import Deviations, PromisedOutput
 from tolevo.problems.judged import Judged, Shortfall
 from tolevo.problems.promise import ASSURED, PREDICTIVE, Promise
-from tolevo.problems.settings import Bound, Settings, VariableSetting
+from tolevo.problems.settings import Settings, VariableSetting
 
 NAMES = ("a_um", "b_um", "c_um")
 SLOPES = np.array([1.0, 0.7, 1.6])
@@ -27,13 +27,15 @@ LIMIT = 10.0
 class Chain(Judged):
     """A sum of three normal errors below a limit, evaluated as if it had no closed form."""
 
-    parameters = ()
-    variables = tuple(Variable(name, "um", Kind.HALF_WIDTH, 1.0, 20.0, "tolerance", mid=0.0,
-                               random=True) for name in NAMES)  # fmt: skip
-    outputs = (Output("cost", "", "cost", low=0.0), Output("yield_percent", "%", "units", 100.0))
-    default_costs = {name: Reciprocal(0.1, 1.0) for name in NAMES}  # noqa: RUF012
-    default_limits: ClassVar[Mapping[str, Bound]] = {}
-    default_objectives = ("cost",)
+    declaration = Declaration(
+        tuple(
+            Variable(name, "um", Kind.HALF_WIDTH, 1.0, 20.0, "tolerance", mid=0.0, random=True)
+            for name in NAMES
+        ),
+        (Output("cost", "", "cost", low=0.0), Output("yield_percent", "%", "units", 100.0)),
+        costs={name: Reciprocal(0.1, 1.0) for name in NAMES},
+        objectives=("cost",),
+    )
     _has_slopes = True
 
     @cached_property

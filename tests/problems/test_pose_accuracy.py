@@ -20,6 +20,7 @@ from tolevo.models.manipulator.geometry import Manipulator, TaskRing
 from tolevo.models.manipulator.indices import quadrature
 from tolevo.models.manipulator.pose import ManipulatorPose
 from tolevo.models.manipulator.sources import SOURCES as ELEMENTARY
+from tolevo.problems.interfaces import WithEffects
 from tolevo.problems.pose_accuracy import PoseAccuracy
 from tolevo.problems.pose_accuracy.grouping import NINE, SOURCES
 from tolevo.problems.settings import Settings
@@ -219,4 +220,4 @@ def test_effects_move_the_mean_of_machines_and_not_their_spread(name: str) -> No
     assert max(shift.values()) > 1e-3
     for key, values in plain.items():
         assert moved[key].std() == pytest.approx(values.std(), rel=0.005), key
-    assert PoseAccuracy(Settings(effects=(one,))).counterparts() == ("",)
+    assert WithEffects.of(PoseAccuracy(Settings(effects=(one,)))).counterparts() == ("",)

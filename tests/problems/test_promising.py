@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,11 +18,12 @@ from tolevo.declarations import Kind, Output, Variable
 from tolevo.errors import InputError
 from tolevo.models.capability import Knowledge
 from tolevo.models.costs import Reciprocal
+from tolevo.problems.declaration import Declaration
 from tolevo.problems.deviations import Deviations, PromisedOutput
 from tolevo.problems.promise import ASSURED, Promise
 from tolevo.problems.promising import Promising
 from tolevo.problems.rv_backlash.shift import play_slopes
-from tolevo.problems.settings import Bound, Settings
+from tolevo.problems.settings import Settings
 from tolevo.testing import PromisingContract
 from tolevo.workflows.promise.least import cheapest
 
@@ -237,13 +237,15 @@ def test_assurance_by_other_draws() -> None:
 class Shafts(Promising):
     """End play of two shafts: a problem of one's own that gives variances."""
 
-    parameters = ()
-    variables = tuple(Variable(name, "um", Kind.HALF_WIDTH, 1.0, 20.0, "tolerance")
-                      for name in ("a_um", "b_um"))  # fmt: skip
-    outputs = (Output("cost", "", "cost", low=0.0), Output("yield_percent", "%", "units", 100.0))
-    default_costs = {name: Reciprocal(0.1, 1.0) for name in ("a_um", "b_um")}  # noqa: RUF012
-    default_limits: ClassVar[Mapping[str, Bound]] = {}
-    default_objectives = ("cost",)
+    declaration = Declaration(
+        tuple(
+            Variable(name, "um", Kind.HALF_WIDTH, 1.0, 20.0, "tolerance")
+            for name in ("a_um", "b_um")
+        ),
+        (Output("cost", "", "cost", low=0.0), Output("yield_percent", "%", "units", 100.0)),
+        costs={name: Reciprocal(0.1, 1.0) for name in ("a_um", "b_um")},
+        objectives=("cost",),
+    )
 
     def deviations(self, designs: np.ndarray) -> Deviations:
         each = {name: designs[:, at] / 3.0 for at, name in enumerate(self.names)}

@@ -66,7 +66,7 @@ def test_gradients_against_finite_differences() -> None:
 
 def test_costs_fall_with_every_tolerance() -> None:
     problem = RvBacklash()
-    low, high = problem.cost_interval
+    low, high = problem._cost_interval
     x = np.random.default_rng(2).uniform(problem.xl, problem.xu, size=(200, problem.n_var))
     cost = problem.outputs_of(problem.complete(x), searching=True)["cost"]
     assert low < cost.min() and cost.max() < high
@@ -94,7 +94,7 @@ def test_impossible_limit_is_named_with_the_nearest_miss() -> None:
 def test_any_variable_can_be_fixed() -> None:
     for name in RvBacklash().names:
         fixed = RvBacklash(Settings(variables={name: VariableSetting(value=5.0)}))
-        assert fixed.n_var == len(RvBacklash.variables) - 1
+        assert fixed.n_var == len(RvBacklash.declaration.variables) - 1
         designs = fixed.complete(np.atleast_2d(fixed.xl))
         assert fixed.column(designs, name)[0] == 5.0
 

@@ -9,6 +9,7 @@ from tolevo import registry
 from tolevo.models.effects.compose import Active, predicted
 from tolevo.models.inputs.distribution import Array
 from tolevo.models.rv_reducer.batch import RvBatch
+from tolevo.problems.interfaces import WithEffects
 from tolevo.problems.pose_accuracy import PoseAccuracy
 from tolevo.problems.rv_backlash import RvBacklash
 from tolevo.problems.rv_backlash.form import form_of
@@ -139,6 +140,6 @@ def test_effects_without_a_counterpart_are_named() -> None:
     assert "changes by -0.15 arcmin" in notes[2]
     assert not found.without_effects().settings.effects
     assert found.reported().settings.effects == effects
-    assert PoseAccuracy(Settings(effects=(active("drift", rate_mm_per_s=1.0),))).counterparts() == (
-        "",
-    )
+    assert WithEffects.of(
+        PoseAccuracy(Settings(effects=(active("drift", rate_mm_per_s=1.0),)))
+    ).counterparts() == ("",)

@@ -45,13 +45,13 @@ def test_good_parts_are_units_with_their_scatter_and_mean() -> None:
     problem = reducer(table(**{name: off_centre(name) for name in OFF}))
     design = problem.starts()[2:3]
     plain: dict[str, Any] = {}
-    same, expected_cost = design[:, : len(type(problem).variables)].copy(), 0.0
+    same, expected_cost = design[:, : len(type(problem).declaration.variables)].copy(), 0.0
     for name, mean in OFF.items():
         at, way = problem.names.index(name), problem.names.index(problem.made[name].choice)
         design[:, [at, way]] = 1.2, 1.0
         good = problem.made[name].ways[1].machine.good_parts(np.array([1.2]))
         assert abs(good.mean[0]) > 0.2 * abs(mean)
-        mid = next(v.mid for v in RvReducer.variables if v.name == name) or 0.0
+        mid = next(v.mid for v in RvReducer.declaration.variables if v.name == name) or 0.0
         moved = 0.0 if name == "pin_position_um" else float(good.mean[0])
         width = float(3.0 * good.std[0])
         plain[name] = {"value": width, "distribution": "normal", "mid": mid + moved}

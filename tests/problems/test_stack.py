@@ -13,6 +13,7 @@ from scipy.stats import norm
 
 from tolevo.csv_text import read_own_csv
 from tolevo.errors import Fault, ModelError
+from tolevo.problems.designs import designs_of
 from tolevo.problems.settings import Bound, PropagationSetting, Settings
 from tolevo.problems.stack import Stack
 from tolevo.problems.tolerance_problem import ToleranceProblem
@@ -62,7 +63,7 @@ cost = {{ model = "reciprocal", a = 6.5, b = 0.2 }}
 def stack(text: str, **settings: Any) -> Stack:
     faults: list[Fault] = []
     kind = Stack.configured(Section(tomllib.loads(text), "", faults))
-    assert faults == []
+    assert faults == [] and kind is not None
     found = kind(Settings(**settings))
     assert isinstance(found, Stack)
     return found
@@ -528,9 +529,9 @@ def test_tables_hold_the_names_of_processes() -> None:
     designs = problem.complete(x)
     frame = problem.frame(designs)
     assert set(frame["cage_process"]) == {"turned", "ground"}
-    np.testing.assert_array_equal(problem.designs_of(frame), designs)
+    np.testing.assert_array_equal(designs_of(problem, frame), designs)
     again = read_own_csv(StringIO(frame.to_csv(index=False)))
-    np.testing.assert_array_equal(problem.designs_of(again), designs)
+    np.testing.assert_array_equal(designs_of(problem, again), designs)
 
 
 def test_yield_is_sampled_in_a_search_only_where_it_is_needed() -> None:

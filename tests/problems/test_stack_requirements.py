@@ -70,7 +70,7 @@ name = "exact"
 def stack(text: str, **settings: Any) -> Stack:
     faults: list[Fault] = []
     found = Stack.configured(Section(tomllib.loads(text), "", faults))
-    assert faults == []
+    assert faults == [] and found is not None
     made = found(Settings(**settings))
     assert isinstance(made, Stack)
     return made

@@ -18,6 +18,7 @@ from tests.reports.test_claims_page import result as claims
 from tests.reports.test_gap_page import result as gap
 from tests.reports.test_study_page import result as study
 from tolevo.configuration import read
+from tolevo.problems.designs import designs_of
 from tolevo.records import Axis, Compared, Comparison, Response, RunResult, StudyResult, Varied
 from tolevo.reports import page
 from tolevo.reports.claims import claims_page
@@ -384,7 +385,7 @@ def test_what_the_page_computes_agrees_with_the_model(
     worked.page.evaluate(f"document.getElementById('along').value = {at}")
     worked.page.locator("#along").dispatch_event("input")
     row = worked.page.evaluate("tolevo.found.rows[tolevo.state.at]")
-    design = problem.designs_of(real.front.iloc[[row]])
+    design = designs_of(problem, real.front.iloc[[row]])
     found = worked.page.evaluate(
         """() => {
           const m = tolevo.model, at = tolevo.state.at, needs = m.requirements(at);

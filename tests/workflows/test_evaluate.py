@@ -16,7 +16,7 @@ STAGGERED = {
 
 
 def designs(**changes: float) -> pd.DataFrame:
-    document = {v.name: [float(v.document or 0.0)] * 2 for v in RvBacklash.variables}
+    document = {v.name: [float(v.document or 0.0)] * 2 for v in RvBacklash.declaration.variables}
     return pd.DataFrame(document).assign(**changes)
 
 

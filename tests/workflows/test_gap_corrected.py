@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import tomllib
+from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
 
@@ -208,11 +209,11 @@ class Mine(RvBatch):
 class MyProblem(RvBacklash):
     """A problem of a plugin, that says which model it is of."""
 
-    default_model = "my_model"
+    declaration = replace(RvBacklash.declaration, model="my_model")
 
 
 def test_either_side_of_a_plugin_may_say_that_they_belong() -> None:
-    assert belongs("my_problem", RvBacklash, "mine", Mine)
-    assert belongs("other", MyProblem, "my_model", RvBatch)
-    assert not belongs("other", RvBacklash, "mine", Mine)
+    assert belongs("my_problem", RvBacklash.declaration.model, "mine", Mine)
+    assert belongs("other", MyProblem.declaration.model, "my_model", RvBatch)
+    assert not belongs("other", RvBacklash.declaration.model, "mine", Mine)
     assert 'corrects "my_problem"' in stranger("other", "mine", Mine)

@@ -24,6 +24,7 @@ from tests.dask_daemons import cluster, worker
 from tests.postgres import Server
 from tolevo.configuration.study import read_study
 from tolevo.errors import RunError
+from tolevo.problems.designs import designs_frame
 from tolevo.workflows.evaluate import GRAIN
 from tolevo.workflows.execution import executor_of
 from tolevo.workflows.study import study, write
@@ -110,7 +111,7 @@ class Evaluated(Work):
         assert problem is not None
         share = np.random.default_rng(0).random((BLOCKS * GRAIN - 7, problem.n_var))
         full = problem.complete(problem.xl + share * (problem.xu - problem.xl))
-        problem.designs_frame(full).to_parquet(self.designs, index=False)
+        designs_frame(problem, full).to_parquet(self.designs, index=False)
         self.do(folder / "whole")
         self.whole = self.result(folder / "whole")
 

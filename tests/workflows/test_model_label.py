@@ -105,5 +105,5 @@ def test_check_names_it() -> None:
 def test_problems_with_one_model_say_nothing() -> None:
     problem = PoseAccuracy()
     designs = problem.complete(np.atleast_2d(problem.xl))
-    assert problem.model_name == problem.model_statement == ""
+    assert problem.declaration.model_name == problem.declaration.model_statement == ""
     assert problem.model_labels(designs) == ("",)

@@ -14,6 +14,7 @@ from typer.testing import CliRunner
 
 from tolevo.cli import app
 from tolevo.configuration import read
+from tolevo.problems.designs import designs_frame
 
 CONFIGURATION = """
 problem = "stack"
@@ -249,7 +250,7 @@ def test_a_measured_standard_deviation_is_as_made(tmp_path: Path) -> None:
     problem = read(run / "config.toml").problem
     assert problem is not None
     design = problem.starts()[1]
-    problem.designs_frame(design[None, :]).to_csv(run / "front.csv", index=False)
+    designs_frame(problem, design[None, :]).to_csv(run / "front.csv", index=False)
     pd.DataFrame({"point": 0, "variable": problem.names, "rounded": design}).to_csv(
         run / "allocation.csv", index=False)  # fmt: skip
     own = dict(zip(problem.names, design, strict=True))["rod_length_2_um"]

@@ -14,10 +14,10 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from tolevo.cli import app
+from tolevo.problems.interfaces import Comparison, Variant
 from tolevo.problems.rv_reducer import RvReducer
 from tolevo.problems.rv_reducer.counterparts import Change
 from tolevo.problems.settings import Bound, Settings
-from tolevo.problems.shown import Variant
 from tolevo.reports.tables import shown
 from tolevo.workflows.run.assumptions import assumptions_cost
 from tolevo.workflows.run.units import shown_point
@@ -151,9 +151,12 @@ def test_the_point_shown_is_that_at_the_limit_or_the_knee() -> None:
     problem = _problem(("cost", "backlash_max_arcmin"))
     front = pd.DataFrame({"cost": [8.0, 12.0, 20.0], "backlash_max_arcmin": [1.6, 1.04, 0.8],
                           "knee": [True, False, False]})  # fmt: skip
-    assert shown_point(front, problem) == (1, "the point nearest to backlash_max_arcmin 1")
+    assert shown_point(front, Comparison.of(problem)) == (
+        1,
+        "the point nearest to backlash_max_arcmin 1",
+    )
     assert shown_point(front.iloc[[0, 2]], problem) == (0, "the knee")
-    assert shown_point(front.iloc[:0], problem) is None
+    assert shown_point(front.iloc[:0], Comparison.of(problem)) is None
 
 
 def test_assumptions_that_are_searched_or_changed_are_left_out() -> None:

@@ -10,6 +10,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ...declarations import Kind, Variable
+from ...problems.interfaces import Comparison, Drawing
 from ...problems.tolerance_problem import ToleranceProblem
 from .notation import inspection, notation, plain, process_of
 from .roughness import SHARE, roughness
@@ -75,7 +76,7 @@ def allocation(
                 | _written(problem, variable, designs[point][1], new, name, roughness_share)
                 | models[point]
             )
-    columns = [*COLUMNS, *(["model"] if problem.model_statement else [])]
+    columns = [*COLUMNS, *(["model"] if problem.declaration.model_statement else [])]
     table = pd.DataFrame(rows, columns=columns)
     numbers = (
         "nominal",
@@ -91,18 +92,18 @@ def allocation(
 
 def _models(problem: ToleranceProblem, rounded: Mapping[int, Array]) -> dict[int, dict[str, str]]:
     """By point: the model by which its rounded design was chosen; empty where there is only one."""
-    if not problem.model_statement:
+    if not problem.declaration.model_statement:
         return {point: {} for point in rounded}
-    labels = problem.model_labels(np.stack(list(rounded.values())))
+    labels = Comparison.of(problem).model_labels(np.stack(list(rounded.values())))
     return {point: {"model": label} for point, label in zip(rounded, labels, strict=True)}
 
 
 def _row(
     problem: ToleranceProblem, variable: Variable, old: float, new: float, grade: str
 ) -> dict[str, Any]:
-    nominal, mid = problem.zone(variable.name)
+    nominal, mid = Drawing.of(problem).zone(variable.name)
     lower, upper = _limits(variable, nominal, mid, new)
-    half, drawn = variable.kind is Kind.HALF_WIDTH, problem.drawn(variable.name)
+    half, drawn = variable.kind is Kind.HALF_WIDTH, Drawing.of(problem).drawn(variable.name)
     if variable.kind is Kind.GRADE:
         grade = f"grade {new:g}"
     return {
@@ -134,8 +135,8 @@ def _written(
     roughness_share: float,
 ) -> dict[str, Any]:
     """What to write on the drawing, and what whoever makes and inspects the part needs to know."""
-    drawn = problem.drawn(variable.name)
-    nominal, mid = problem.zone(variable.name)
+    drawn = Drawing.of(problem).drawn(variable.name)
+    nominal, mid = Drawing.of(problem).zone(variable.name)
     law = problem.settings.variables[variable.name].distribution
     stated = drawn.get("cpk")
     cpk = float(stated) if stated else _capability(law)

@@ -10,6 +10,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from ...problems.designs import designs_of
+from ...problems.interfaces import Accuracy, Comparison
 from ...problems.settings import Bound
 from ...problems.tolerance_problem import ToleranceProblem
 from .allocation import allocation
@@ -48,7 +50,7 @@ def decide(problem: ToleranceProblem, front: pd.DataFrame, settings: ChoiceSetti
     """The choices of a front as `problem` reports it; empty tables where it is empty."""
     if front.empty:
         return Decisions()
-    designs = problem.designs_of(front)
+    designs = designs_of(problem, front)
     points = points_of(problem, front, settings)
     notes: list[str] = []
     choices = chosen(points, notes)
@@ -120,7 +122,7 @@ def _table(
     spread: pd.DataFrame,
 ) -> pd.DataFrame:
     """`choices.csv`: the chosen points, unrounded and rounded, and how sure each choice is."""
-    whole = problem.reported()
+    whole = Accuracy.of(problem).reported()
     after = whole.frame(np.stack([new[at] for at in choices.values()]))
     broken = [
         " ".join(name for name in _limit_names(problem) if row[f"margin_{name}"] < 0.0)
@@ -142,8 +144,8 @@ def _table(
         table[f"rounding_loss_{name}_percent"] = 100.0 * fraction
     table["rounded_feasible"] = after["feasible"]
     table["rounded_violated_limits"] = broken
-    if problem.model_statement:
-        table["model"] = problem.model_labels(problem.designs_of(selected))
+    if problem.declaration.model_statement:
+        table["model"] = Comparison.of(problem).model_labels(designs_of(problem, selected))
     same = spread.groupby("choice")["same"].mean() if len(spread) else pd.Series(dtype=float)
     table["unchanged_percent"] = [100.0 * same.get(name, np.nan) for name in choices]
     return table

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from ...problems.interfaces import Accuracy
 from ...problems.limits import limits_of
 from ...problems.settings import Bound
 from ...problems.tolerance_problem import ToleranceProblem
@@ -49,7 +50,7 @@ class Judge:
     def _outputs(self, designs: Array) -> dict[str, Array]:
         if self.searching:
             return self.extended.outputs_of(designs, searching=True)
-        return self.extended.needed(designs)
+        return Accuracy.of(self.extended).needed(designs)
 
     def use(self, designs: Array) -> tuple[Array, Array]:
         """How far designs use up limits and other objectives (n, columns), and their cost (n,).

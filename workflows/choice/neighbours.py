@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ...problems.interfaces import Drawing
 from ...problems.tolerance_problem import ToleranceProblem
 
 Array = NDArray[np.float64]
@@ -48,7 +49,7 @@ def neighbours(problem: ToleranceProblem, design: Array, values: dict[str, Array
     """
     at, below, above = [], [], []
     for name, orderable in values.items():
-        low, high = problem.room(name, design)
+        low, high = Drawing.of(problem).room(name, design)
         column = problem.names.index(name)
         value = design[column]
         edge = SLACK * max(abs(low), abs(high))

@@ -7,6 +7,7 @@ import pandas as pd
 import scipy
 from numpy.typing import NDArray
 
+from ...problems.interfaces import Drawing
 from ...problems.tolerance_problem import ToleranceProblem
 from .rules import COST
 from .slopes import Slopes, tolerances_of
@@ -75,7 +76,7 @@ def _fitted(
     inside = np.zeros_like(save, dtype=bool)
     for at, v in enumerate(tolerances):
         if v.name in free and not v.integer:
-            ends = np.array([problem.room(v.name, design) for design in designs])
+            ends = np.array([Drawing.of(problem).room(v.name, design) for design in designs])
             edge = EDGE * (ends[:, 1] - ends[:, 0])
             widths = problem.column(designs, v.name)
             inside[:, at] = (widths > ends[:, 0] + edge) & (widths < ends[:, 1] - edge)

@@ -9,6 +9,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
+from ...problems.interfaces import Accuracy
 from ...problems.settings import Bound
 from ...problems.tolerance_problem import ToleranceProblem
 from .judge import Judge, best
@@ -44,7 +45,10 @@ def rounded(
     near = neighbours(problem, design, values)
     if not len(near.at):
         return design
-    quick, full = Judge(problem, design, True, kept), Judge(problem.reported(), design, False, kept)
+    quick, full = (
+        Judge(problem, design, True, kept),
+        Judge(Accuracy.of(problem).reported(), design, False, kept),
+    )
     rounded_design, keys = _best(near, quick, full)
     if keys[0] > 0.0:
         quick.learn(full, design)

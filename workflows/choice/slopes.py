@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...declarations import Kind, Variable
+from ...problems.interfaces import Differentiable
 from ...problems.tolerance_problem import ToleranceProblem
 from .rules import COST
 
@@ -50,7 +51,7 @@ def slopes_of(problem: ToleranceProblem, designs: Array) -> Slopes:
     """
     rows = np.unique(np.linspace(0, len(designs) - 1, MOST).astype(np.int64))
     selected, tolerances = designs[rows], tolerances_of(problem)
-    known = problem.gradient(selected)
+    known = Differentiable.of(problem).gradient(selected)
     names = [name for name in problem.objectives if name != COST]
     limited = [limit.name for limit in problem.limits if limit.count and limit.name != COST]
     names += [name for name in limited if name in known and name not in names]
@@ -62,12 +63,12 @@ def slopes_of(problem: ToleranceProblem, designs: Array) -> Slopes:
     )
     along, source = {}, {}
     for name in names:
-        source[name] = name if name in known else problem.explained.get(name, name)
+        source[name] = name if name in known else problem.declaration.explained.get(name, name)
         slopes = known.get(source[name])
         if slopes is None:
             slopes = _differences(problem, selected, source[name], tolerances)
         along[name] = wide * slopes[:, at]
-    cost = known[COST] if COST in known else problem.cost_slopes(selected)
+    cost = known[COST] if COST in known else Differentiable.of(problem).cost_slopes(selected)
     with np.errstate(invalid="ignore"):
         saved = -wide * cost[:, at]
     return Slopes(rows, selected, along, source, saved)

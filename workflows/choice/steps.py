@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from ...declarations import Kind, Variable
 from ...errors import Fault
 from ...models.iso286 import GRADES, LARGEST, grade_um
+from ...problems.interfaces import Drawing
 from ...problems.tolerance_problem import ToleranceProblem
 from ...units import converted
 from .settings import IT_GRADES, PREFERRED, ChoiceSettings, Step
@@ -58,7 +59,7 @@ def _step_below(most: float) -> float:
 
 def size_mm(problem: ToleranceProblem, variable: Variable) -> float | None:
     """Nominal size [mm] that ISO grades can be looked up by, None where there is none."""
-    nominal, _ = problem.zone(variable.name)
+    nominal, _ = Drawing.of(problem).zone(variable.name)
     if nominal is None or variable.kind is not Kind.HALF_WIDTH:
         return None
     try:

@@ -12,6 +12,7 @@ from ...declarations import Kind, Variable
 from ...models.costs import CostCurve, Table
 from ...models.costs.reading import curve_table
 from ...models.iso286 import GRADES, grade_um
+from ...problems.interfaces import Drawing
 from ...problems.tolerance_problem import ToleranceProblem
 from ...units import converted
 from .steps import size_mm
@@ -38,7 +39,7 @@ def tolerances(
 def _record(
     problem: ToleranceProblem, v: Variable, free: bool, rule: str, values: Mapping[float, str]
 ) -> dict[str, Any]:
-    nominal, mid = problem.zone(v.name)
+    nominal, mid = Drawing.of(problem).zone(v.name)
     low, high = problem.interval(v.name) if free else (problem.fixed[v.name],) * 2
     return {
         "name": v.name,
@@ -61,8 +62,11 @@ def _record(
         ],
         "grades": _grades(problem, v),
         "process": f"{v.name.removesuffix('_t')}_process",
-        "costs": [_paid(curve) | {"count": count} for curve, count in problem.curves_of(v.name)],
-        **problem.drawn(v.name),
+        "costs": [
+            _paid(curve) | {"count": count}
+            for curve, count in Drawing.of(problem).curves_of(v.name)
+        ],
+        **Drawing.of(problem).drawn(v.name),
     }
 
 

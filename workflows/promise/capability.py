@@ -6,6 +6,7 @@ from typing import Any
 
 import pandas as pd
 
+from ...problems.interfaces import Checks
 from ...problems.tolerance_problem import ToleranceProblem
 
 KNOWN = (
@@ -31,7 +32,7 @@ def capability_table(problem: ToleranceProblem) -> pd.DataFrame:
     One without limits has no index: its row has none.
     """
     rows: list[dict[str, Any]] = []
-    for name, unit, sample in problem.samples():
+    for name, unit, sample in Checks.of(problem).samples():
         base = {
             "part": name,
             "parts": len(sample.deviations),

@@ -49,7 +49,7 @@ def cheapest(problem: ToleranceProblem, near: Array | None = None) -> Least:
     problem that is tested on units is solved from the design `near` (all variables,), at its
     integers.
     """
-    if problem.sampled and near is not None:
+    if problem.declaration.sampled and near is not None:
         return _near(problem, near)
     if _many(problem):
         result = search(problem, Hybrid(), Budget(evaluations=EVALUATIONS), problem.settings.seed)

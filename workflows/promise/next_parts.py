@@ -59,7 +59,7 @@ def next_parts(
         cost = float(start[1].cost[0])
         gains = {name: shadow_gain(problem, name, start) for name in known}
     else:
-        least = least or (cheapest(problem) if known and not problem.sampled else None)
+        least = least or (cheapest(problem) if known and not problem.declaration.sampled else None)
         if least is None or not np.isfinite(least.cost):
             return pd.DataFrame(columns=list(COLUMNS))
         cost, gains = least.cost, shadow_gains(problem, least.design)

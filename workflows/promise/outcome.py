@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from ...problems.designs import designs_of
 from ...problems.promise import ASSURANCE, ASSURED, STATEMENTS, YIELD, Promise
 from ...problems.stack import Stack
 from ...problems.tolerance_problem import ToleranceProblem
@@ -45,7 +46,7 @@ def promise_outcome(
     promise = problem.promise
     if promise is None or front.empty or not promised_limits(problem):
         return None
-    row, design = front.iloc[point], problem.designs_of(front.iloc[[point]])[0]
+    row, design = front.iloc[point], designs_of(problem, front.iloc[[point]])[0]
     levels = {name: float(row[name]) for name in problem.objectives if name != "cost"}
     cheapest_problem = cheapest_at(problem, levels)
     least = {
@@ -61,7 +62,7 @@ def promise_outcome(
         "costs": {record["statement"]: record["cost"] for record in costs.to_dict("records")},
         "hangs_on": str(ranking["part"].iloc[0]) if len(ranking) else None,
     }
-    if promise.statement == ASSURED and problem.sampled:
+    if promise.statement == ASSURED and problem.declaration.sampled:
         doubt = SURE * _least_of(dict(row), f"{ASSURANCE}_error")
         summary["kept"] = bool(summary[ASSURANCE] + doubt >= promise.confidence_percent)
     if isinstance(problem, Stack):
@@ -82,7 +83,7 @@ def _least(
     if levels or promise_of_problem.statement != promise.statement:
         return cheapest(problem, design)
     of_run = Least(float(problem.cost_of(design[None, :])[0]), design)
-    if problem.sampled:
+    if problem.declaration.sampled:
         return of_run
     least = cheapest(problem, design)
     return least if least.cost <= of_run.cost else of_run

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from ...models.capability import PartSample, cumulants_drawn, kept
+from ...problems.interfaces import Checks
 from ...problems.stack import Stack
 from ...problems.tolerance_problem import ToleranceProblem
 
@@ -21,7 +22,11 @@ DRAWS = 4000
 
 def withheld(problem: ToleranceProblem) -> list[str]:
     """Why the word "assured" is withheld, a phrase for each part; none where it is not."""
-    return [f"{name} {why}" for name, _, sample in problem.samples() if (why := doubt(sample))]
+    return [
+        f"{name} {why}"
+        for name, _, sample in Checks.of(problem).samples()
+        if (why := doubt(sample))
+    ]
 
 
 def shapely(stack: Stack) -> bool:

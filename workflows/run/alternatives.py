@@ -9,6 +9,7 @@ import pandas as pd
 
 from ...algorithms.exact.bounds import restricted
 from ...algorithms.exact.choices import least_cost
+from ...problems.interfaces import Comparison, Provable
 from ...problems.tolerance_problem import ToleranceProblem
 
 SAME = 1e-3
@@ -21,7 +22,7 @@ def alternatives(problem: ToleranceProblem, front: pd.DataFrame) -> list[dict[st
 
     Empty where a problem has no alternatives, or where its least cost is not proven.
     """
-    others = problem.alternatives()
+    others = Comparison.of(problem).alternatives()
     if front.empty or not others:
         return []
     order = front["cost"].astype(float).argsort(kind="stable")
@@ -61,7 +62,7 @@ def sentences(rows: list[dict[str, Any]]) -> tuple[str, ...]:
 
 def _least(problem: ToleranceProblem, asked: ToleranceProblem, row: pd.Series[Any]) -> float | None:
     """Least cost of a problem at a row's values of the goals and limits of `asked`, or None."""
-    form = problem.form()
+    form = Provable.of(problem).form()
     if form is None:
         return None
     names = {*asked.objectives, *(limit.name for limit in asked.limits)}

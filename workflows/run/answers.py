@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from ...problems.interfaces import Documented
 from ...problems.limits import Limit
 from ...problems.tolerance_problem import ToleranceProblem
 from ...records import RunResult, unit_of_cost
@@ -72,7 +73,7 @@ class Words:
         goals = [f"{'largest' if n in largest else 'least'} {words(n)}" for n in self.names]
         goal = " against ".join(goals).capitalize()
         requested = set(self.problem.given.limits) | (
-            set() if self.problem.given.limits else set(self.problem.default_limits)
+            set() if self.problem.given.limits else set(self.problem.declaration.limits)
         )
         requested |= promised_limits(self.problem)
         limits = [
@@ -127,7 +128,7 @@ class Words:
 
     def _published_rows(self) -> list[dict[str, Any]]:
         references = self.result.references
-        printed = [str(label) for label in self.problem.references()]
+        printed = [str(label) for label in Documented.of(self.problem).references()]
         if references.empty:
             return []
         rows = [{str(k): v for k, v in row.items()} for row in references.to_dict("records")]

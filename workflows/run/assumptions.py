@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from ...algorithms.exact.branch import NEARLY, Branch
 from ...algorithms.run import Progress, Run
 from ...algorithms.settings import Budget
-from ...problems.shown import Variant
+from ...problems.designs import designs_of
+from ...problems.interfaces import Comparison, Variant
 from ...problems.tolerance_problem import ToleranceProblem
 from ...records import RunResult
 from .units import NEAR, shown_point
@@ -32,7 +33,7 @@ def with_assumptions(
     progress: Callable[[Progress], None] | None,
 ) -> RunResult:
     """The result with the table of its shown point; `progress` continues `history`."""
-    chosen = shown_point(result.front, problem)
+    chosen = shown_point(result.front, Comparison.of(problem))
     if chosen is None:
         return result
 
@@ -53,7 +54,7 @@ def with_assumptions(
     more = np.zeros(len(unit))
     if level is not None and level[0] in problem.objectives:
         more[problem.objectives.index(level[0])] = level[1] - float(point[level[0]].iloc[0])
-    design = problem.designs_of(point)[0]
+    design = designs_of(problem, point)[0]
     table = assumptions_cost(problem, design, unit, more, phase)
     if table is None:
         return result
@@ -63,7 +64,7 @@ def with_assumptions(
 
 def _aim(point: pd.DataFrame, problem: ToleranceProblem) -> tuple[str, float] | None:
     """The problem's limit where the point is near to it: the level of all costs."""
-    limit = problem.shown_limit()
+    limit = Comparison.of(problem).shown_limit()
     if limit is None or limit[0] not in point:
         return None
     return limit if abs(float(point[limit[0]].iloc[0]) / limit[1] - 1.0) <= NEAR else None
@@ -105,7 +106,7 @@ def assumptions_cost(
     """
     if not _applicable(problem):
         return None
-    variants = problem.variants()
+    variants = Comparison.of(problem).variants()
     rows: list[dict[str, Any]] = []
     try:
         for row in _rows(problem, variants, design, (unit, more)):
@@ -121,7 +122,7 @@ def assumptions_cost(
 def _applicable(problem: ToleranceProblem) -> bool:
     """Whether the run asks for cost against backlash, or for least cost at a backlash."""
     others = [name for name in problem.objectives if name != "cost"]
-    if len(problem.objectives) != len(others) + 1 or not problem.sampled:
+    if len(problem.objectives) != len(others) + 1 or not problem.declaration.sampled:
         return False
     if others:
         return len(others) == 1 and others[0].startswith(RIGID)

@@ -6,6 +6,7 @@ from dataclasses import asdict, replace
 
 import pandas as pd
 
+from ...problems.interfaces import Page
 from ...problems.tolerance_problem import ToleranceProblem
 from ...records import Axis, RunResult
 from ..choice.decide import Decisions
@@ -44,7 +45,7 @@ def with_choices(
 
 def _mechanism(problem: ToleranceProblem) -> dict[str, object]:
     """The stated properties of the mechanism; empty where nothing but its name is stated."""
-    known = problem.mechanism()
+    known = Page.of(problem).mechanism()
     return {"mechanism": known} if set(known) - {"name"} else {}
 
 

@@ -12,6 +12,7 @@ from ...algorithms.exact.pieces import convex_pieces
 from ...errors import Fault
 from ...models.stack import Law
 from ...problems.forms import Form
+from ...problems.interfaces import Provable
 from ...problems.stack import Stack
 from ...problems.tolerance_problem import ToleranceProblem
 
@@ -30,7 +31,7 @@ def contradictions(problem: ToleranceProblem, algorithm: str) -> list[Fault]:
     requirements against each other where their deviations compensate.
     """
     faults = _below_half(problem) if algorithm == "exact" else []
-    form = problem.form() if problem.limits else None
+    form = Provable.of(problem).form() if problem.limits else None
     if form is None or form.also or len(problem.limits) < 2:
         return faults
     limits = row_limits(problem, form)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
+from ...problems.designs import designs_of
+from ...problems.interfaces import Accuracy, WithEffects
 from ...problems.tolerance_problem import ToleranceProblem
 from .plan import RunPlan
 from .references import SideSearch
@@ -16,9 +18,9 @@ LEVELS = (0.25, 0.5, 0.75)
 
 def side_search(plan: RunPlan) -> tuple[SideSearch, ...]:
     """The same search in the model without its effects, where at least one changes the model."""
-    if not any(plan.problem.counterparts()):
+    if not any(WithEffects.of(plan.problem).counterparts()):
         return ()
-    before = plan.problem.without_effects()
+    before = WithEffects.of(plan.problem).without_effects()
     return (
         SideSearch(
             LABEL, before, plan.algorithm, plan.budget, plan.seed, False, plan.engine, apart=True
@@ -40,7 +42,12 @@ def moved(problem: ToleranceProblem, before: pd.DataFrame, after: pd.DataFrame) 
     rows = []
     for level in _levels(before, after, names):
         old, new = (_cheapest(front, names, level) for front in (before, after))
-        kept = problem.reported().frame(problem.designs_of(old)).reindex(columns=before.columns)
+        kept = (
+            Accuracy.of(problem)
+            .reported()
+            .frame(designs_of(problem, old))
+            .reindex(columns=before.columns)
+        )
         for label, row in (("before", old), ("kept", kept), ("after", new)):
             rows.append(row.assign(level=level, allocation=label))
     if not rows:
@@ -65,7 +72,7 @@ def _cheapest(front: pd.DataFrame, names: list[str], level: float) -> pd.DataFra
 
 def summary(problem: ToleranceProblem) -> dict[str, object]:
     """The active effects as they stand in `summary.json`; empty where there are none."""
-    pairs = zip(problem.settings.effects, problem.counterparts(), strict=True)
+    pairs = zip(problem.settings.effects, WithEffects.of(problem).counterparts(), strict=True)
     rows = [
         {
             "name": active.effect.name,

@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 from ...algorithms.archive import ROOM, lowest_ranks
 from ...algorithms.indicators import nondominated
 from ...algorithms.search import SearchResult
+from ...problems.designs import designs_of
+from ...problems.interfaces import Accuracy
 from ...problems.tolerance_problem import ToleranceProblem
 
 Array = NDArray[np.float64]
@@ -30,7 +32,7 @@ def reported_front(problem: ToleranceProblem, result: SearchResult) -> pd.DataFr
     no point is feasible.
     """
     candidates = result.chosen if len(result.chosen) else result.x[_candidates(problem, result)]
-    whole, designs = problem.reported(), problem.complete(candidates)
+    whole, designs = Accuracy.of(problem).reported(), problem.complete(candidates)
     values = whole.outputs_of(designs, errors=False) if len(designs) else {}
     rows = _best(whole, designs, values) if len(designs) else np.arange(0)
     if not len(rows):
@@ -53,7 +55,7 @@ def _best(
 
 def _candidates(problem: ToleranceProblem, result: SearchResult) -> NDArray[np.int64]:
     """Rows of the archive that may be on the front; more than the most are thinned evenly."""
-    room, most = (FEW, FEW) if problem.sampled else (ROOM, MOST)
+    room, most = (FEW, FEW) if problem.declaration.sampled else (ROOM, MOST)
     rows = lowest_ranks(result.x, result.f, room)
     if len(rows) <= most:
         return rows
@@ -65,7 +67,7 @@ def nearest_miss(problem: ToleranceProblem, result: SearchResult) -> pd.DataFram
     """The evaluated design with the least total violation, at full accuracy (one row or none)."""
     if not len(result.miss):
         return pd.DataFrame()
-    return problem.reported().frame(problem.complete(result.miss))
+    return Accuracy.of(problem).reported().frame(problem.complete(result.miss))
 
 
 def knee(values: Array) -> NDArray[np.bool_]:
@@ -110,6 +112,6 @@ def inside(references: pd.DataFrame, problem: ToleranceProblem) -> NDArray[np.bo
     """Which rows lie in the search ranges and have the fixed values."""
     bounds = {v.name: (problem.xl[i], problem.xu[i]) for i, v in enumerate(problem.free)}
     bounds |= {name: (value, value) for name, value in problem.fixed.items()}
-    designs = problem.designs_of(references)
+    designs = designs_of(problem, references)
     low, high = np.array([bounds[name] for name in problem.names]).T
     return np.asarray(np.all((designs >= low) & (designs <= high), axis=1))

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from ...files import write_bytes
+from ...problems.interfaces import Stored
 from ...problems.tolerance_problem import ToleranceProblem
 
 REDUCERS = "reducers.npz"
@@ -21,11 +22,11 @@ def keep(problem: ToleranceProblem, folder: Path) -> None:
     if path.is_file():
         try:
             with np.load(path, allow_pickle=False) as stored:
-                if problem.adopt({name: stored[name] for name in stored.files}):
+                if Stored.of(problem).adopt({name: stored[name] for name in stored.files}):
                     return
         except (OSError, ValueError, KeyError):
             pass  # a file that cannot be read is written anew
-    arrays = problem.kept()
+    arrays = Stored.of(problem).kept()
     if arrays:
         text = io.BytesIO()
         np.savez(text, allow_pickle=False, **arrays)

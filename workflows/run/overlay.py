@@ -14,6 +14,7 @@ from ...algorithms.exact.solver import Exact
 from ...algorithms.indicators import nondominated
 from ...algorithms.nsga2 import NSGA2
 from ...algorithms.settings import AlgorithmSettings, Budget, Crossover, Mutation
+from ...problems.interfaces import Accuracy
 from ...problems.tolerance_problem import ToleranceProblem
 from .plan import RunPlan
 from .proofs import distance_words
@@ -35,10 +36,10 @@ def side_search(plan: RunPlan) -> tuple[SideSearch, ...]:
     None for problems whose bounds are proven, and for other numbers of objectives than two.
     """
     problem = plan.problem
-    if not problem.sampled or problem.n_obj != 2:
+    if not problem.declaration.sampled or problem.n_obj != 2:
         return ()
     if isinstance(plan.algorithm, Exact):
-        return (_side("NSGA-II", problem.coarser(), EVOLUTION, BUDGET),)
+        return (_side("NSGA-II", Accuracy.of(problem).coarser(), EVOLUTION, BUDGET),)
     return (_side("exact", problem, Exact(points=POINTS), Budget()),)
 
 

@@ -7,6 +7,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ...problems.designs import designs_of
+from ...problems.interfaces import Checks
 from ...problems.tolerance_problem import ToleranceProblem
 from ...records import RunResult
 from ..promise.limits import promised_limits
@@ -16,7 +18,7 @@ Array = NDArray[np.float64]
 
 def with_capability(result: RunResult, problem: ToleranceProblem) -> RunResult:
     """The result with what is known of measured parts, where there are some."""
-    if not problem.samples():
+    if not Checks.of(problem).samples():
         return result
     from ..promise.capability import capability_table
 
@@ -28,7 +30,7 @@ def _rounded(result: RunResult, problem: ToleranceProblem, point: int) -> Array 
     allocation = result.allocation
     if allocation is None or result.front.empty or point not in set(allocation["point"]):
         return None
-    design = np.array(problem.designs_of(result.front.iloc[[point]])[0])
+    design = np.array(designs_of(problem, result.front.iloc[[point]])[0])
     first = allocation[allocation["point"] == point].drop_duplicates("variable")
     for name, value in zip(first["variable"], first["rounded"], strict=True):
         if name in problem.names and np.isfinite(float(value)):

@@ -16,6 +16,7 @@ from ...algorithms.exact.solver import closed_form, exact_vectors
 from ...algorithms.indicators import hypervolume
 from ...algorithms.search import SearchResult
 from ...errors import ModelError
+from ...problems.interfaces import Provable
 from ...problems.least import least_value
 from ...problems.tolerance_problem import ToleranceProblem
 from .plan import RunPlan
@@ -66,7 +67,7 @@ class Exact:
 
 def takes_long(problem: ToleranceProblem) -> bool:
     """Whether proofs take seconds for each point, which an interrupted run does not wait for."""
-    form = problem.form()
+    form = Provable.of(problem).form()
     return form is not None and bool(form.quantiles)
 
 
@@ -88,7 +89,7 @@ def with_bounds(
         return frame, Statement(INTERRUPTED)
     kept = frame[frame["feasible"].astype(bool)] if "feasible" in frame else frame
     kept = kept if within is None else kept[within[frame.index.isin(kept.index)]]
-    form = problem.form()
+    form = Provable.of(problem).form()
     rows = () if form is None else tuple(name for name in form.stands if name in kept)
     names = dict.fromkeys((*problem.objectives, *rows))
     values = {name: kept[name].to_numpy(dtype=float) for name in names}

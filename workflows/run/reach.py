@@ -12,6 +12,7 @@ from ...algorithms.exact.epsilon import scale_of
 from ...algorithms.run import Run
 from ...algorithms.settings import Budget
 from ...errors import Fault, raise_all
+from ...problems.interfaces import Checks, Differentiable
 from ...problems.limits import Limit
 from ...problems.tolerance_problem import ToleranceProblem
 
@@ -22,7 +23,7 @@ ATTEMPTS = 3
 
 def searchable(problem: ToleranceProblem) -> None:
     """Raises InputError with every reason why a problem cannot be searched as it is set."""
-    raise_all(problem.search_faults() or unreachable(problem))
+    raise_all(Checks.of(problem).search_faults() or unreachable(problem))
 
 
 def unreachable(problem: ToleranceProblem) -> list[Fault]:
@@ -32,13 +33,15 @@ def unreachable(problem: ToleranceProblem) -> list[Fault]:
     the finest grades, which proves nothing but is rarely wrong by more than its sample. There is no
     search where one of the problem's own starts keeps all limits.
     """
-    starts = problem.starts() if problem.sampled else np.empty((0, 0))
+    starts = (
+        Differentiable.of(problem).starts() if problem.declaration.sampled else np.empty((0, 0))
+    )
     if not len(starts) or _kept(problem, starts):
         return []
     return [
         fault
         for limit in problem.limits
-        if limit.name in problem.performance and np.isfinite(limit.high)
+        if limit.name in problem.declaration.performance and np.isfinite(limit.high)
         if (fault := _fault(problem, limit)) is not None
     ]
 
@@ -64,19 +67,21 @@ def _fault(problem: ToleranceProblem, limit: Limit) -> Fault | None:
 
 def _least(problem: ToleranceProblem, name: str) -> tuple[float, Array]:
     """The least value of an output with interference and geometry held, and its full design."""
-    held = {n: b for n, b in problem.settings.limits.items() if n not in problem.performance}
+    held = {
+        n: b for n, b in problem.settings.limits.items() if n not in problem.declaration.performance
+    }
     settings = replace(problem.given, objectives=(name,), limits=held)
     alone = type(problem)(settings)
     run = Run(alone, Budget(), seed=0)
     branch = Branch(run, alone.xl.copy(), scale_of(alone))
     none = np.full(1, np.inf)
     columns = [alone.names.index(v.name) for v in alone.free]
-    start = branch.smooth.scaled(alone.starts()[:1, columns])[0]
+    start = branch.smooth.scaled(Differentiable.of(alone).starts()[:1, columns])[0]
     for _ in range(ATTEMPTS):
         branch.minimise(0, start, none)
         if branch.f:
             start = branch.y[int(np.argmin([f[0] for f in branch.f]))]
     if not branch.f:
-        return -np.inf, alone.starts()[0]
+        return -np.inf, Differentiable.of(alone).starts()[0]
     best = alone.complete(branch.smooth.vectors(start[None, :]))
     return float(min(f[0] for f in branch.f)), best[0]

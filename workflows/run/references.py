@@ -13,6 +13,8 @@ from ...algorithms.exact.solver import Exact
 from ...algorithms.ga import GA
 from ...algorithms.search import search
 from ...algorithms.settings import AlgorithmSettings, Budget, Crossover, Mutation
+from ...problems.designs import designs_of
+from ...problems.interfaces import Accuracy, Documented
 from ...problems.settings import Bound
 from ...problems.tolerance_problem import ToleranceProblem
 from .front import EXACT, reported_front
@@ -63,10 +65,10 @@ class SideSearch:
 
 def documents(problem: ToleranceProblem) -> pd.DataFrame:
     """The printed allocations, evaluated by the same model: one row each, with `label`."""
-    printed = problem.references()
+    printed = Documented.of(problem).references()
     if not printed:
         return pd.DataFrame()
-    frame = problem.reported().frame(np.stack(list(printed.values())))
+    frame = Accuracy.of(problem).reported().frame(np.stack(list(printed.values())))
     frame.insert(0, "label", list(printed))
     return frame
 
@@ -75,7 +77,7 @@ def side_searches(plan: RunPlan, printed: pd.DataFrame) -> tuple[SideSearch, ...
     """The searches that the references need, each with a seed of its own."""
     problem, searches = plan.problem, []
     seeds = iter(np.random.SeedSequence(plan.seed).generate_state(1 + len(printed)).tolist())
-    optimum = problem.least_cost()
+    optimum = Documented.of(problem).least_cost()
     first = next(seeds)
     if optimum is not None:
         label, cheapest = optimum
@@ -85,7 +87,7 @@ def side_searches(plan: RunPlan, printed: pd.DataFrame) -> tuple[SideSearch, ...
         if bounds:
             wider = problem.relaxed(bounds)
             label = str(row["label"])
-            algorithm = _fewer(plan.algorithm) if problem.sampled else plan.algorithm
+            algorithm = _fewer(plan.algorithm) if problem.declaration.sampled else plan.algorithm
             searches.append(
                 SideSearch(label, wider, algorithm, plan.budget, seed, True, plan.engine)
             )
@@ -101,7 +103,7 @@ def _fewer(algorithm: AlgorithmSettings) -> AlgorithmSettings:
 
 def _ga(problem: ToleranceProblem) -> tuple[GA, Budget]:
     """The single-objective GA and its budget: as the documents state them, where they do."""
-    documented = problem.reference_ga
+    documented = problem.declaration.reference_ga
     if not documented:
         return GA(), GA_BUDGET
     settings = GA(
@@ -141,11 +143,11 @@ def exact_optimum(problem: ToleranceProblem, exact: ExactFront | None) -> pd.Dat
     if problem.n_obj == 1:
         proven = exact
     else:
-        optimum = problem.least_cost()
+        optimum = Documented.of(problem).least_cost()
         proven = exact_front(optimum[1]) if optimum else None
     if proven is None:
         return pd.DataFrame()
-    frame = problem.reported().frame(proven.designs[:1])
+    frame = Accuracy.of(problem).reported().frame(proven.designs[:1])
     frame.insert(0, "label", EXACT)
     return frame
 
@@ -161,7 +163,9 @@ def table(
     frames = [frame for frame in (printed, optimum) if len(frame)]
     for side, front in fronts.items():
         if not (side.relaxed or side.apart or side.overlay) and front is not None and len(front):
-            row = plan.problem.reported().frame(plan.problem.designs_of(front.iloc[:1]))
+            row = (
+                Accuracy.of(plan.problem).reported().frame(designs_of(plan.problem, front.iloc[:1]))
+            )
             row.insert(0, "label", side.label)
             frames.append(row)
     if not frames:

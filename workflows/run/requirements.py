@@ -15,6 +15,7 @@ from ...algorithms.exact.combination import Combination
 from ...algorithms.exact.pieces import convex_pieces
 from ...algorithms.exact.programme import Programme
 from ...problems.forms import Form
+from ...problems.interfaces import Provable
 from ...problems.spread import largest_parts, spread_of
 from ...problems.tolerance_problem import ToleranceProblem
 from ...records import RunResult
@@ -43,7 +44,7 @@ def requirements_of(
     cost at the values of the point; the saving is proven to lie between that of an allocation that
     is known and that of the bound at the relaxed limit.
     """
-    form = problem.form()
+    form = Provable.of(problem).form()
     if front.empty or form is None or len(set(form.outputs)) < 2 or reason(problem, form):
         return None
     knee = front["knee"].to_numpy(dtype=bool) if "knee" in front else np.zeros(len(front), bool)

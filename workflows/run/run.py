@@ -18,6 +18,7 @@ from ...csv_text import csv_text
 from ...directory import Ownership, owned
 from ...errors import refuse
 from ...files import write_text
+from ...problems.interfaces import Checks, Page, WithEffects
 from ...problems.tolerance_problem import ToleranceProblem
 from ...records import Axis, RunResult, mechanism_lines, model_lines
 from ..choice.decide import decide
@@ -126,9 +127,13 @@ def _run(
         for label, other_front in overlays.items()
         for n in overlay.notes(front, label, other_front, names)
     ]
-    warned = (*plan.problem.effect_notes(), *plan.problem.cautions(), *comparisons)
+    warned = (
+        *WithEffects.of(plan.problem).effect_notes(),
+        *Checks.of(plan.problem).cautions(),
+        *comparisons,
+    )
     alternative_costs = [] if stopped else alternatives(plan.problem, front)
-    remarks = (*plan.problem.remarks(front), *sentences(alternative_costs))
+    remarks = (*Page.of(plan.problem).remarks(front), *sentences(alternative_costs))
     notes = (*warned, *remarks, *resume_notes, *_notes(references, dropped, joined))
     decisions = decide(plan.problem, front, plan.choice)
     notes = (*notes, *decisions.notes)
@@ -251,9 +256,12 @@ def _costs(problem: ToleranceProblem) -> dict[str, object]:
 
 def _model(problem: ToleranceProblem) -> dict[str, object]:
     """The one of several models that the numbers come from; empty where there is only one."""
-    if not problem.model_statement:
+    if not problem.declaration.model_statement:
         return {}
-    return {"model": problem.model_name, "model_statement": problem.model_statement}
+    return {
+        "model": problem.declaration.model_name,
+        "model_statement": problem.declaration.model_statement,
+    }
 
 
 def _result(
@@ -270,7 +278,7 @@ def _result(
     whole = exact.hypervolume if exact is not None else float("nan")
     convergence.insert(4, "hypervolume_ratio", convergence["hypervolume"] / whole)
     return RunResult(
-        plan.problem.title() or described(plan.problem) or plan.title,
+        Page.of(plan.problem).title() or described(plan.problem) or plan.title,
         front,
         references,
         convergence,
@@ -278,7 +286,7 @@ def _result(
         objectives=_axes(plan.problem, plan.problem.objectives),
         variables=tuple(Axis(v.name, v.unit, v.meaning) for v in plan.problem.variables),
         notes=notes,
-        bars=plan.problem.bars(),
+        bars=Page.of(plan.problem).bars(),
         configuration=plan.configuration,
     )
 

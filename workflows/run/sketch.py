@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from ...problems.interfaces import Page
 from ...problems.tolerance_problem import ToleranceProblem
 
 
@@ -14,7 +15,7 @@ def drawn(problem: ToleranceProblem, front: pd.DataFrame) -> dict[str, Any]:
     """`machine`: the parts with their shares [%] at the point in the middle of the front by cost,
     its cost, and the poses. Empty where a problem has no drawing.
     """
-    sketch = problem.sketch()
+    sketch = Page.of(problem).sketch()
     if front.empty or not sketch:
         return {}
     order = front["cost"].astype(float).argsort(kind="stable")

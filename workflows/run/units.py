@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
-from ...problems.shown import Shown
+from ...problems.designs import designs_of
+from ...problems.interfaces import Comparison, Page
 from ...problems.tolerance_problem import ToleranceProblem
 from ...records import RunResult
 
@@ -23,15 +24,16 @@ def with_units(result: RunResult, problem: ToleranceProblem) -> RunResult:
 
     Unchanged for problems without them.
     """
-    validity = problem.validity()
+    validity = Page.of(problem).validity()
     if validity:
         result = replace(result, summary={**result.summary, "validity": list(validity)})
-    chosen = shown_point(result.front, problem)
+    comparison = Comparison.of(problem)
+    chosen = shown_point(result.front, comparison)
     if chosen is None:
         return result
     row, reason = chosen
-    shown = problem.shown_units(problem.designs_of(result.front.iloc[[row]])[0])
-    limit = problem.shown_limit()
+    shown = comparison.shown_units(designs_of(problem, result.front.iloc[[row]])[0])
+    limit = comparison.shown_limit()
     if shown is None or limit is None:
         return result
     point = result.front.iloc[row]
@@ -52,12 +54,12 @@ def with_units(result: RunResult, problem: ToleranceProblem) -> RunResult:
     )
 
 
-def shown_point(front: pd.DataFrame, problem: Shown) -> tuple[int, str] | None:
+def shown_point(front: pd.DataFrame, comparison: Comparison) -> tuple[int, str] | None:
     """Row of the point whose units are shown, and by what it was chosen; None without any.
 
     The point nearest to the problem's limit; where none is `NEAR`, the knee.
     """
-    limit = problem.shown_limit()
+    limit = comparison.shown_limit()
     if limit is None or front.empty or limit[0] not in front:
         return None
     name, most = limit

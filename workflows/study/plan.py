@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...algorithms.settings import AlgorithmSettings, Budget
+from ...problems.interfaces import Checks
 from ...problems.tolerance_problem import ToleranceProblem
 from .records import StudyData, StudySettings
 
@@ -51,7 +52,7 @@ class StudyPlan:
     @property
     def warnings(self) -> tuple[str, ...]:
         """What the user should know before trusting the study."""
-        texts = [text for problem in self.problems for text in problem.cautions()]
+        texts = [text for problem in self.problems for text in Checks.of(problem).cautions()]
         if any(point.budget.time_limit_s is not None for point in self.points):
             texts.append("algorithm.time_limit_s ends a run by the clock: no two studies are equal")
         return tuple(dict.fromkeys(texts))

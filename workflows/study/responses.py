@@ -12,6 +12,7 @@ import numpy as np
 from ...algorithms.course import Course
 from ...algorithms.exact.bounds import proof, reason
 from ...algorithms.exact.solver import closed_form
+from ...problems.interfaces import Provable
 from ...problems.tolerance_problem import ToleranceProblem
 from .yardstick import Yardstick
 
@@ -96,7 +97,7 @@ def unsuitable(name: str, problem: ToleranceProblem) -> str:
     if name == "hypervolume_ratio" and problem.n_obj == 1:
         return "has no meaning for one objective: use gap_percent"
     if name == "gap_percent":
-        text = reason(problem, problem.form())
+        text = reason(problem, Provable.of(problem).form())
         return f"cannot be computed ({text}): use hypervolume" if text else ""
     if name in ("hypervolume_ratio", "evaluations_to_99", "cpu_s_to_99"):
         text = _no_exact_front(problem)

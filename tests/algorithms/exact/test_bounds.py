@@ -22,6 +22,7 @@ from tolevo.models.capability.norm import Surplus
 from tolevo.models.costs import CostCurve, Reciprocal, Table
 from tolevo.models.propagation.even import EvenPlateau
 from tolevo.problems.forms import Feature, Form, Piece, Quantile, Way
+from tolevo.problems.interfaces import Provable
 from tolevo.problems.limits import Limit
 from tolevo.problems.tolerance_problem import ToleranceProblem
 
@@ -49,7 +50,7 @@ def upper(name: str, high: float) -> Limit:
 
 
 @dataclass
-class Plain:
+class Plain(Provable):
     """As much of a problem as a proof looks at."""
 
     own: Form | None

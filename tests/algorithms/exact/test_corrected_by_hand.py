@@ -12,6 +12,7 @@ import pytest
 from tolevo.algorithms.exact.corrected import CLOSE, DEARER, FURTHER, ROUNDS, Corrected
 from tolevo.models.costs import Reciprocal
 from tolevo.problems.forms import Feature, Form, Way
+from tolevo.problems.interfaces import Provable
 
 Array = np.ndarray
 LIMIT = np.array([1.0])
@@ -33,7 +34,8 @@ class Told(Corrected):
     def __init__(self, form: Form, truth: Callable[[int, float, int], float]) -> None:
         self.truth, self.asked = truth, 0
         prices = [way.curve for way in form.features[0].ways]
-        problem = SimpleNamespace(
+        problem = Provable()
+        vars(problem).update(
             complete=lambda x: x,
             outputs_of=lambda x, errors: {"cost": prices[int(x[0, 0])].cost(x[:, 1])},
             form_values=lambda _, x, __: np.array([[self.said(int(x[0, 0]), float(x[0, 1]))]]),

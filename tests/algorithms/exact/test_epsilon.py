@@ -64,7 +64,8 @@ def choosing(parts: int, ways: int) -> str:
 
 def stack(text: str, kind: type[Stack] = Hidden, **settings: Any) -> Stack:
     made = Stack.configured(Section(tomllib.loads(text), "", []))
-    return kind(Settings(definition=made.definition, **settings))
+    assert made is not None
+    return kind(Settings(definition=made.read["definition"], **settings))
 
 
 def by_lagrange(price: float, s: Array = S, b: Array = B) -> Array:

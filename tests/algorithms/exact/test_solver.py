@@ -48,7 +48,8 @@ def stack(
     faults: list[Fault] = []
     made = Stack.configured(Section(tomllib.loads(text + after), "", faults))
     assert not faults
-    return Stack(Settings(definition=made.definition, **settings))
+    assert made is not None
+    return Stack(Settings(definition=made.read["definition"], **settings))
 
 
 SHIFTED = ("shift = 0.2", "", "cpk = 0.8", "cp = 1.5")

@@ -19,6 +19,7 @@ import pytest
 
 import tolevo
 from tolevo.errors import InputError, RunError
+from tolevo.problems.designs import designs_frame, designs_of
 from tolevo.problems.rv_backlash import RvBacklash
 from tolevo.workflows import blocks, streamed
 from tolevo.workflows.blocks import compute
@@ -33,7 +34,7 @@ ROWS = 5 * GRAIN + 7
 def designs(rows: int = ROWS) -> pd.DataFrame:
     problem = RvBacklash()
     share = np.random.default_rng(1).random((rows, problem.n_var))
-    return problem.designs_frame(problem.complete(problem.xl + share * (problem.xu - problem.xl)))
+    return designs_frame(problem, problem.complete(problem.xl + share * (problem.xu - problem.xl)))
 
 
 @pytest.fixture(scope="module")
@@ -57,7 +58,7 @@ def test_rows_are_those_of_the_problem_itself(whole: bytes, table: Path) -> None
     configured = tolevo.read(CONFIGURATION).problem
     assert configured is not None
     for row in (0, GRAIN - 1, GRAIN, ROWS - 1):
-        design = problem.designs_of(written.iloc[[row]])
+        design = designs_of(problem, written.iloc[[row]])
         expected = configured.frame(design)["backlash_arcmin"][0]
         # sums of one row and of 64 may be ordered otherwise
         np.testing.assert_allclose(written["backlash_arcmin"][row], expected, rtol=1e-12)
@@ -234,7 +235,7 @@ def test_search_quality_is_what_a_search_sees(tmp_path: Path) -> None:
     problem = tolevo.read({"problem": "pose_accuracy"}).problem
     assert problem is not None
     full = problem.complete(np.stack([problem.xl, problem.xu]))
-    frame = problem.designs_frame(full)
+    frame = designs_frame(problem, full)
     found = tolevo.evaluate({"problem": "pose_accuracy"}, frame, quality="search")
     seen = problem.outputs_of(full, searching=True)
     for name in problem.objectives:

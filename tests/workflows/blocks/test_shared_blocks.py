@@ -13,6 +13,7 @@ import pytest
 import tolevo
 from tests.postgres import Server
 from tolevo.errors import InputError
+from tolevo.problems.designs import designs_frame
 from tolevo.problems.rv_backlash import RvBacklash
 from tolevo.workflows.blocks import compute
 from tolevo.workflows.evaluate import GRAIN
@@ -32,7 +33,7 @@ def designs(path: Path, blocks: int) -> Path:
     problem = RvBacklash()
     share = np.random.default_rng(1).random((blocks * GRAIN - 5, problem.n_var))
     full = problem.complete(problem.xl + share * (problem.xu - problem.xl))
-    problem.designs_frame(full).to_csv(path, index=False)
+    designs_frame(problem, full).to_csv(path, index=False)
     return path
 
 

@@ -81,7 +81,9 @@ class AssemblyStructure(Calculation):
             for name, matrix in matrices.items()
             for (a, b), value in np.ndenumerate(matrix)
         }
-        tolerances = [variable for variable in RvTransmissionError.variables if variable.tolerance]
+        tolerances = [
+            variable for variable in RvTransmissionError.declaration.variables if variable.tolerance
+        ]
         numbers["absent_share_percent"] = Quantity(_absent(gain, chain.adjustable()), "percent")
         numbers["tolerances"] = Quantity(float(len(tolerances)), "1")
         return Computed(numbers, (_table(gain),))

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ....declarations import number
+from ....problems.interfaces import Accuracy
 from ....problems.tolerance_problem import ToleranceProblem
 from ..calculation import Quantity
 from .recipe import Found, Recipe
@@ -22,7 +23,7 @@ class ByProblem(Recipe):
     outputs: tuple[str, ...]
 
     def found(self, rng: np.random.Generator) -> Found:
-        whole = self.problem.reported().outputs_of(np.array([self.design]))
+        whole = Accuracy.of(self.problem).reported().outputs_of(np.array([self.design]))
         errors = {
             output.error_of: output.name for output in self.problem.outputs if output.error_of
         }
@@ -43,7 +44,11 @@ class ByProblem(Recipe):
         return f"problem {self.name}"
 
     def _parameters(self) -> dict[str, str]:
-        return {p.name: p.unit for p in self.problem.parameters if isinstance(p.default, float)}
+        return {
+            p.name: p.unit
+            for p in self.problem.declaration.parameters
+            if isinstance(p.default, float)
+        }
 
     def shiftable(self) -> tuple[str, ...]:
         return (*self.problem.names, *self._parameters())

@@ -1,33 +1,23 @@
-"""What a problem provides for proofs and for searches by gradients; by default nothing."""
+"""What bounds of the cost are proven with; by default nothing."""
 
 from __future__ import annotations
 
-from abc import abstractmethod
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from .base import Interface
+
 if TYPE_CHECKING:
-    from ..declarations import Variable
-    from .forms import Form
+    from ..forms import Form
 
 Array = NDArray[np.float64]
 
 
-class Provable:
-    """The convex form of a problem, its derivatives, and designs to begin a search from."""
-
-    variables: tuple[Variable, ...]
-
-    @abstractmethod
-    def values(self, designs: Array, outputs: Mapping[str, Array], name: str) -> Array:
-        """An output or variable (n,) by name."""
-
-    def exact_front(self) -> Array | None:
-        """The exact front (k, objectives) where it is known, else None."""
-        return None
+class Provable(Interface):
+    """The convex form of a problem, and an exact front."""
 
     def form(self) -> Form | None:
         """The convex form that bounds of the cost are proven with, None where there is none."""
@@ -41,28 +31,28 @@ class Provable:
         nothing = np.full(len(designs), -np.inf)
         return np.stack(
             [
-                nothing if np.isfinite(most) else self.values(designs, outputs, name)
+                nothing if np.isfinite(most) else self._problem.values(designs, outputs, name)
                 for name, most in zip(form.outputs, form.own_limits, strict=True)
             ],
             axis=1,
         )
 
-    def unproven(self) -> str:
-        """Why an objective that might have a convex form has none here; empty where not known."""
-        return ""
-
     def form_columns(self, columns: Mapping[str, Array]) -> dict[str, Array]:
         """Variables (n,) from features of the form (n,), where these are not variables."""
         return dict(columns)
+
+    def stand_in_limit(self, name: str, high: float) -> float:
+        """The upper limit of the requirement of the form that stands for a limit on an output."""
+        return high
 
     def guide(self) -> Form | None:
         """A convex form close to the problem, to begin a search from; it proves nothing."""
         return self.form()
 
-    def starts(self) -> Array:
-        """Full designs (k, all variables) that a search by gradients does well to begin from."""
-        return np.empty((0, len(self.variables)))
+    def unproven(self) -> str:
+        """Why an objective that might have a convex form has none here; empty where not known."""
+        return ""
 
-    def gradient(self, designs: Array) -> dict[str, Array]:
-        """Derivatives (n, all variables) of the outputs for which the model gives them."""
-        return {}
+    def exact_front(self) -> Array | None:
+        """The exact front (k, objectives) where it is known, else None."""
+        return None

@@ -1,0 +1,81 @@
+"""What a problem declares of itself: the record that configurations, pages and proofs read."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+from ..declarations import Output, Parameter, Value, Variable
+from ..models.costs import CostCurve
+from .settings import Bound, Settings
+
+if TYPE_CHECKING:
+    from .tolerance_problem import ToleranceProblem
+
+Interval = tuple[float, float]
+"""Lower and upper end: of a search range, or proven of an output; infinite where not known."""
+Unpriced = Callable[[Mapping[str, Value]], frozenset[str]]
+
+
+def all_priced(parameters: Mapping[str, Value]) -> frozenset[str]:
+    """No variable is without a cost."""
+    return frozenset()
+
+
+@dataclass(frozen=True)
+class Declaration:
+    """Variables, outputs and parameters of a problem, and the defaults of its configuration."""
+
+    variables: tuple[Variable, ...] = ()
+    outputs: tuple[Output, ...] = ()
+    parameters: tuple[Parameter, ...] = ()
+    costs: Mapping[str, CostCurve] = field(default_factory=dict)
+    """Cost curves, by variable, where a configuration states none."""
+    limits: Mapping[str, Bound] = field(default_factory=dict)
+    """Limits that hold unless a configuration states others for the same output or variable."""
+    objectives: tuple[str, ...] = ()
+    """Outputs that are minimised where a configuration names none."""
+    model: str = ""
+    """The model that the problem belongs to; empty: a configuration has to name one."""
+    algorithm: str = ""
+    """The best algorithm for the problem; empty: NSGA-II or, for one objective, the GA."""
+    reference_ga: Mapping[str, float] = field(default_factory=dict)
+    """Settings of a run's single-objective GA, where the documents name them: population,
+    generations, crossover and mutation probability; and, where not the GA's own, their eta."""
+    sampled: bool = False
+    """Whether a search sees a fixed sample of units; its points are tested on a fresh one."""
+    performance: frozenset[str] = frozenset()
+    """Outputs whose upper limits a search may find to be out of reach (see `sampled`)."""
+    grain: int = 0
+    """Designs of a batch that a search computes at once, such that workers can share the batch; 0
+    where designs are so cheap that the whole batch is computed at once."""
+    explained: Mapping[str, str] = field(default_factory=dict)
+    """By output without a derivative, the output whose derivative gives its contributions."""
+    model_name: str = ""
+    """Which of several models of one thing the numbers are of; empty where there is one."""
+    model_statement: str = ""
+    """The same in words, printed wherever the numbers appear."""
+    unpriced: Unpriced = all_priced
+    """Variables without a cost at some parameters, though there are curves for them."""
+    machined: tuple[str, ...] = ()
+    """Variables whose tolerances are made by the machines of a configuration."""
+    tables: tuple[str, ...] = ()
+    """Top-level tables of a configuration that only this problem reads."""
+    reducers: tuple[str, ...] = ()
+    """Keys of the table `[reducers]`, each a reducer that the problem contains."""
+    reducers_in: str = ""
+    """The tables of a configuration that name a reducer each, in the place of `[reducers]`."""
+
+
+@dataclass(frozen=True)
+class ConfiguredProblem:
+    """A problem as its configuration declares it; called with settings, it makes the problem."""
+
+    declaration: Declaration
+    make: Callable[[Settings], ToleranceProblem]
+    read: Mapping[str, Any] = field(default_factory=dict)
+    """Fields of `Settings` that the problem read from tables of its own."""
+
+    def __call__(self, settings: Settings) -> ToleranceProblem:
+        return self.make(replace(settings, **self.read))
