@@ -26,6 +26,11 @@ from .promise import Promise
 from .settings import Bound, Settings, VariableSetting
 
 Array = NDArray[np.float64]
+MOVED = {
+    **{name: name for name in ("variables", "outputs", "parameters", "reference_ga", "sampled")},
+    **{f"default_{name}": name for name in ("costs", "limits", "objectives", "model", "algorithm")},
+}
+"""Attributes of a class that its `declaration` has in their place, and their names there."""
 
 
 class ToleranceProblem(Problem):
@@ -45,6 +50,9 @@ class ToleranceProblem(Problem):
 
     def __init_subclass__(cls) -> None:
         super().__init_subclass__()
+        for old, new in MOVED.items():
+            if old in vars(cls):
+                raise TypeError(f"{cls.__name__}.{old} belongs to its `declaration`, as `{new}`")
         refuse_lost_members(cls)
 
     def __init__(self, settings: Settings | None = None) -> None:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from .. import registry
 from ..counts import SAMPLES
 from ..problems.interfaces import Documented
 from ..section import Range, Section
 from ..workflows.reproduce.recipes import STATISTICS, ByModel, ByProblem, Recipe, Statistic
 from .claim_parts import configured, names_of, tried
+from .plugins import ModelClass
 from .simulated import arguments_of
 
 LEVEL = Range(0.0, 1.0, open_low=True, open_high=True)
@@ -55,7 +54,7 @@ def by_model(section: Section, count: int) -> Recipe | None:
     return recipe
 
 
-def _points(section: Section, kind: Any) -> dict[str, tuple[float, ...]]:
+def _points(section: Section, kind: ModelClass) -> dict[str, tuple[float, ...]]:
     """The operating points: one value for all, or lists of one length."""
     points = {}
     for column in kind.columns:

@@ -12,12 +12,15 @@ from ..models.effects.effect import Effect, EffectParameter, Target
 from ..models.effects.readings import target_of
 from ..models.effects.unresolved import Unresolved
 from ..models.gear import Gear
+from ..models.measurable import MeasurableModel
 from ..section import Range, Section, shown
-from .plugins import load_named
+from .plugins import ModelClass, load_named
 from .unresolved import resolved_unresolved
 
 
-def read_effects(top: Section, model: Any, name: str) -> tuple[Active, ...]:
+def read_effects(
+    top: Section, model: ModelClass | MeasurableModel | None, name: str
+) -> tuple[Active, ...]:
     """The effects in the model `name`, of the class `model` (None where it is not known)."""
     count = len(top.tables("effect"))
     if count and model is None and not name:
@@ -29,7 +32,7 @@ def read_effects(top: Section, model: Any, name: str) -> tuple[Active, ...]:
     return tuple(effect for effect in effects if effect is not None)
 
 
-def _gear_of(model: Any, parameters: Any) -> Gear | None:
+def _gear_of(model: ModelClass, parameters: Any) -> Gear | None:
     """The gear of a model that is not built yet: its parameters say it."""
     gear: Gear | None = model.gear_of(parameters if isinstance(parameters, Mapping) else {})
     return gear

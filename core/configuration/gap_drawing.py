@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from .. import registry
 from ..declarations import Kind, Variable
@@ -21,6 +20,7 @@ from .effects import resolved_effects
 from .gap_built import Built, read_built
 from .gap_contradictions import Own, Run, check_own, check_pair, check_values
 from .parameters import read_parameters
+from .plugins import ModelClass
 from .resolved import resolved_variables
 from .table import TABLE
 from .variables import read_variable
@@ -67,7 +67,7 @@ def as_drawn(
     return configuration, _drawing(configuration, kind, stated, run, built)
 
 
-def _variables_of(kind: Any, run: Run | None) -> tuple[Variable, ...]:
+def _variables_of(kind: ModelClass, run: Run | None) -> tuple[Variable, ...]:
     """Variables of the run's problem; without a run those of the model, or of its first problem."""
     if run is not None and run.configuration.problem is not None:
         return tuple(run.configuration.problem.variables)
@@ -76,7 +76,7 @@ def _variables_of(kind: Any, run: Run | None) -> tuple[Variable, ...]:
     return tuple(registry.load("problems", kind.corrects[0]).declaration.variables)
 
 
-def _stated_here(top: Section, kind: Any, base: Configuration) -> Own:
+def _stated_here(top: Section, kind: ModelClass, base: Configuration) -> Own:
     """Parameters, variables and effects that are given here; faults of them are known already."""
     parameters = read_parameters(top.collecting("parameters", []), kind.parameters)
     section = top.collecting("variables", [])
@@ -88,7 +88,9 @@ def _stated_here(top: Section, kind: Any, base: Configuration) -> Own:
 # -------------------------------------------------------------------- put together
 
 
-def _with_run(base: Configuration, kind: Any, stated: Own, run: Configuration) -> Configuration:
+def _with_run(
+    base: Configuration, kind: ModelClass, stated: Own, run: Configuration
+) -> Configuration:
     """The model at the run's drawing, with what this configuration adds to it."""
     if run is base:
         return base
@@ -113,7 +115,7 @@ def _with_run(base: Configuration, kind: Any, stated: Own, run: Configuration) -
     return replace(base, settings=settings)
 
 
-def _effects_of(theirs: Settings, kind: Any, model: str) -> Iterator[Active]:
+def _effects_of(theirs: Settings, kind: ModelClass, model: str) -> Iterator[Active]:
     """A run's effects that have a place in the model, and its parameters that are one there."""
     target = replace(target_of(kind, model), gear=kind.gear_of(theirs.parameters))
     yield from (active for active in theirs.effects if active.effect.applies(target))
@@ -142,7 +144,7 @@ def _merged(
 
 
 def _with_values(
-    base: Configuration, kind: Any, values: Mapping[str, float], of_a_run: bool
+    base: Configuration, kind: ModelClass, values: Mapping[str, float], of_a_run: bool
 ) -> Configuration:
     """The model at an allocation. `resolved` states all of it, except for the effects where a
     configuration `of_a_run` states them.
@@ -165,7 +167,7 @@ def _with_values(
 
 
 def _drawing(
-    configuration: Configuration, kind: Any, stated: Own, run: Run | None, built: Built
+    configuration: Configuration, kind: ModelClass, stated: Own, run: Run | None, built: Built
 ) -> Drawing:
     settings = configuration.settings
     declared = {parameter.name: parameter for parameter in kind.parameters}
@@ -210,7 +212,7 @@ def _fixed(run: Run) -> bool:
     return problem is not None and bool(problem.fixed)
 
 
-def _drawn_here(stated: Own, kind: Any) -> set[str]:
+def _drawn_here(stated: Own, kind: ModelClass) -> set[str]:
     """Parameters of the drawing, not of the bench, that this configuration gives."""
     return set(stated.parameters) - set(kind.of_the_bench)
 
@@ -234,7 +236,9 @@ def _assumed(
     return f"answered for {DEFAULT} {what}{besides}: {'; '.join(missing)}"
 
 
-def _zones(settings: Settings, kind: Any, run: Run | None, built: Built) -> tuple[DrawnZone, ...]:
+def _zones(
+    settings: Settings, kind: ModelClass, run: Run | None, built: Built
+) -> tuple[DrawnZone, ...]:
     """The zone of every variable of the model, or of the problem where the model has none."""
     drawn, variables = dict(settings.variables), tuple(kind.variables)
     if not variables and (run is not None or built.values):

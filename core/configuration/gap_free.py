@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 from .. import registry
 from ..errors import nearest
 from ..section import POSITIVE, Section, flat
 from ..units import split_unit
 from .configuration import Configuration
+from .plugins import ModelClass
 
 
 def read_free(top: Section, configuration: Configuration | None) -> dict[str, float]:
@@ -32,7 +32,7 @@ def read_free(top: Section, configuration: Configuration | None) -> dict[str, fl
     return {key: value for key, value in tolerances.items() if value is not None}
 
 
-def _freeable(kind: Any) -> dict[str, str]:
+def _freeable(kind: ModelClass) -> dict[str, str]:
     """Unit by name of every parameter that is a number, those of tables by dotted name."""
     units: dict[str, str] = {}
     for parameter in kind.parameters:

@@ -7,6 +7,7 @@ from typing import Any
 
 from ..models.gear import BUILD, TEETH, Gear, contradictions
 from ..section import POSITIVE, Range, Section
+from .plugins import ModelClass
 
 GEAR = "gear"
 DECLARED = "declared"
@@ -69,7 +70,7 @@ def _of_teeth(section: Section, kind: str) -> Gear | None:
     return None if wrong else BUILD[kind](teeth)
 
 
-def check_gear(top: Section, model: Any, name: str) -> None:
+def check_gear(top: Section, model: ModelClass | None, name: str) -> None:
     """Faults of a `[gear]` next to a model, whose parameters determine its gear."""
     gear = read_gear(top)
     if gear is None or model is None:

@@ -12,6 +12,7 @@ from ..section import Section, shown
 from ..tables import ColumnUse
 from ..units import fits
 from ..workflows.gap.plan import ROLES
+from .plugins import ModelClass
 from .sense import sign_of
 
 ALWAYS = {Role.TIME: ("time_s", "s"), Role.REPEAT: ("repeat", "")}
@@ -20,7 +21,7 @@ VARIABLE = "variable"
 """The role of a column of a table of designs."""
 
 
-def read_model_columns(top: Section, kind: Any) -> dict[str, ColumnUse]:
+def read_model_columns(top: Section, kind: ModelClass) -> dict[str, ColumnUse]:
     """What each listed column of a file of measurements or operating points is.
 
     A column is given by the name that the model has for it (`"Spiel" = "backlash_arcmin"`), or by a
@@ -68,7 +69,7 @@ def _written(use: ColumnUse) -> dict[str, Any]:
     return {"of": use.target, **({"unit": use.unit} if use.unit else {}), **sense}
 
 
-def _known(kind: Any) -> dict[str, tuple[str, str]]:
+def _known(kind: ModelClass) -> dict[str, tuple[str, str]]:
     """Role and unit of every column that the model can take, by name."""
     columns = {name: (role.value, unit) for role, (name, unit) in ALWAYS.items()}
     columns |= {f"{output.name}_std": ("std", output.unit) for output in kind.outputs}

@@ -6,11 +6,13 @@ from typing import Any
 
 from .. import registry
 from ..errors import InputError
+from ..models.measurable import MeasurableModel
 from ..problems.plain import PlainKind, plain_kind
 from ..problems.tolerance_problem import ToleranceProblem
 from ..section import Section
 from .named import Named
 
+ModelClass = type[MeasurableModel]
 ProblemClass = type[ToleranceProblem] | PlainKind
 
 

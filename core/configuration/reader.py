@@ -30,7 +30,7 @@ from .money import read_money
 from .objects import with_choices
 from .pairs import belongs, stranger
 from .parameters import read_parameters
-from .plugins import load_named, problem_of
+from .plugins import ModelClass, load_named, problem_of
 from .reducers import with_reducers
 from .resolved import resolved_variables
 from .search import check_size, read_algorithm, read_budget, read_engine, resolved_algorithm
@@ -178,7 +178,9 @@ def _algorithm(section: Section, default: str, objectives: int) -> dict[str, Any
     return {"algorithm_name": name, "algorithm": algorithm, "budget": budget, "engine": engine}
 
 
-def _settings(top: Section, declared: Declaration, model: Any, notes: Sequence[str]) -> Settings:
+def _settings(
+    top: Section, declared: Declaration, model: ModelClass | None, notes: Sequence[str]
+) -> Settings:
     """The settings of a problem; parameters that only its model knows are accepted as well."""
     of_model = model.parameters if model else ()
     known = {p.name: p for p in (*of_model, *declared.parameters)}

@@ -9,14 +9,18 @@ from typing import Any
 from ..models.effects.compose import Active
 from ..models.effects.readings import target_of
 from ..models.effects.unresolved import SHAPES, Term, Unresolved, unresolved_of
+from ..models.measurable import MeasurableModel
 from ..section import Section, shown
+from .plugins import ModelClass
 
 UNRESOLVED = "unresolved"
 TEXTS, FLAGS = ("output", "variable", "shape", "times"), ("signed", "turns", "times_magnitude")
 LISTS = ("knots", "heights", "coefficients", "labels")
 
 
-def read_unresolved(top: Section, model: Any, name: str) -> tuple[Active, ...]:
+def read_unresolved(
+    top: Section, model: ModelClass | MeasurableModel | None, name: str
+) -> tuple[Active, ...]:
     """The terms in the model `name`, of the class `model` (None where it is not known)."""
     count = len(top.tables(UNRESOLVED))
     terms = [_term(top.item(UNRESOLVED, at)) for at in range(count)]

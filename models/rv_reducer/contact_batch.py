@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import cached_property
-from typing import Any
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -91,7 +91,9 @@ class ContactUnits:
                 backlash[rows] = cycloid + self._involute(by_row)
         return backlash
 
-    def _sample(self, units: int, rng: np.random.Generator, kind: Any) -> BaseSample:
+    def _sample(
+        self, units: int, rng: np.random.Generator, kind: Literal["sobol", "random"]
+    ) -> BaseSample:
         return BaseSample.draw(self.basis.geometry, units, rng, self.basis.hierarchy, kind)
 
     def _involute(self, sample: BaseSample) -> Array:

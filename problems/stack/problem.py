@@ -30,12 +30,13 @@ from ..interfaces import (
     Written,
 )
 from ..promise import Promise, read_promise
-from ..settings import Bound, Settings, VariableSetting
+from ..settings import Bound, Settings
 from ..tolerance_problem import ToleranceProblem
 from .assumptions import assumptions_of
 from .by_limit import by_limit
 from .convex import form_of, limits_by_spread
 from .costs import PartCosts
+from .defaults import with_defaults
 from .definition import Definition, Part
 from .drawn import drawn, labels_of
 from .faults import faults_of, named_outputs, unit_faults, with_nominal
@@ -45,7 +46,7 @@ from .made import as_made, ends_as_made
 from .measured import Measured, measured
 from .outputs import OBJECTIVES, outputs_of, variables_of
 from .processes import corner_of, out_of_process, samples_of
-from .promises import Promises, promise_limits
+from .promises import Promises
 from .reading import read_definition
 from .remarks import domain_remarks, warnings_of
 from .rows import shortfall
@@ -119,23 +120,7 @@ class Stack(
         return {"propagation": propagation} | tables_of(self.definition)
 
     def _completed(self, given: Settings) -> Settings:
-        """Fixed tolerances, and processes without an alternative, are fixed variables."""
-        fixed = {f"{p.name}_t": p.low for p in self.definition.parts if p.low == p.high}
-        fixed |= {
-            f"{p.name}_process": 0.0
-            for p in self.definition.parts
-            if p.alternatives and len(p.processes) == 1
-        }
-        settings = {name: VariableSetting(value=value) for name, value in fixed.items()}
-        limits = {
-            requirement.name("domain_margin"): Bound(low=0.0)
-            for requirement in self.measured
-            if requirement.bound_to_domain
-        }
-        limits |= promise_limits(self.definition, given.limits)
-        return super()._completed(
-            replace(given, variables=settings | dict(given.variables), limits=limits)
-        )
+        return super()._completed(with_defaults(self.definition, self.measured, given))
 
     # ---------------------------------------------------------------- designs
 

@@ -151,12 +151,13 @@ def test_the_point_shown_is_that_at_the_limit_or_the_knee() -> None:
     problem = _problem(("cost", "backlash_max_arcmin"))
     front = pd.DataFrame({"cost": [8.0, 12.0, 20.0], "backlash_max_arcmin": [1.6, 1.04, 0.8],
                           "knee": [True, False, False]})  # fmt: skip
-    assert shown_point(front, Comparison.of(problem)) == (
+    comparison = Comparison.of(problem)
+    assert shown_point(front, comparison) == (
         1,
         "the point nearest to backlash_max_arcmin 1",
     )
-    assert shown_point(front.iloc[[0, 2]], problem) == (0, "the knee")
-    assert shown_point(front.iloc[:0], Comparison.of(problem)) is None
+    assert shown_point(front.iloc[[0, 2]], comparison) == (0, "the knee")
+    assert shown_point(front.iloc[:0], comparison) is None
 
 
 def test_assumptions_that_are_searched_or_changed_are_left_out() -> None:
