@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 import pandas as pd
 
 from . import tables
-from .arguments import beside, page_faults, watch_faults
+from .arguments import page_faults, page_next_to, watch_faults
 from .configuration import Configuration
 from .configuration import read as read_raw
 from .errors import Fault, raise_all
@@ -33,8 +33,8 @@ from .given import (
     opened,
     raw,
     readable,
+    report_lines,
     start_faults_of,
-    told,
 )
 from .problems.interfaces import Checks
 from .results import Gap, Reproduction, Run, Study
@@ -128,7 +128,7 @@ def run(
     plan = configuration.plan()
     collected(lambda: searchable(plan.problem), faults)
     raise_all(faults)
-    told(tell, "warning", Checks.of(plan.problem).cautions())
+    report_lines(tell, "warning", Checks.of(plan.problem).cautions())
     folder, kept = folder_for(out)
     done = running(plan, folder, where, progress, resume, overwrite or out is None)
     return Run(done.status, done.lines, done.result, folder, kept)
@@ -195,7 +195,7 @@ def study(
     if where.store and not any(fault.place == where.store_place for fault in faults):
         faults += other_study(plan, where.store, where.store_place)
     raise_all(faults)
-    told(tell, "warning", plan.warnings)
+    report_lines(tell, "warning", plan.warnings)
     folder, kept = folder_for(out)
     replace = overwrite or out is None
     done = studying(plan, folder, executor_of(where), progress, resume, replace, where.store)
@@ -238,7 +238,7 @@ def gap(
     raise_all([*plan_faults, *faults, *data_faults])
     assert plan is not None
     assert readings is not None
-    told(tell, READ, readings.understood)
+    report_lines(tell, READ, readings.understood)
     folder, kept = folder_for(out)
     done = closing(plan, readings, folder, where, progress, resume, overwrite or out is None)
     return Gap(done.status, done.lines, done.result, folder, kept)
@@ -294,7 +294,7 @@ def report(
         return _watched(paths, target, drawn, tell)
     raise_all(page_faults(paths, target, drawn))
     page = built(paths, target, drawn)
-    told(tell, "warning", page.remarks)
+    report_lines(tell, "warning", page.remarks)
     return page
 
 
@@ -304,12 +304,12 @@ def _watched(
     """`report` again and again; the path of the page is reported when it first exists."""
     from .workflows.report import watch
 
-    page, shown_before = out or beside(folders[0]), set[Path]()
+    page, shown_before = out or page_next_to(folders[0]), set[Path]()
     raise_all([*watch_faults(folders, figures), *page_faults(folders[:1], page)])
 
     def shown(built_page: Report) -> None:
         if built_page.path not in shown_before:
-            told(tell, "page", [f"{built_page.path}, renewed every 5 s; Ctrl-C ends it"])
+            report_lines(tell, "page", [f"{built_page.path}, renewed every 5 s; Ctrl-C ends it"])
         shown_before.add(built_page.path)
 
     return watch(folders[0], page, shown)

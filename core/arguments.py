@@ -103,7 +103,7 @@ def watch_faults(folders: Sequence[Path], figures: Path | None) -> list[Fault]:
     return faults
 
 
-def beside(folder: Path) -> Path:
+def page_next_to(folder: Path) -> Path:
     """The path of the page of a directory that other processes work in: next to the directory."""
     return folder.resolve().with_suffix(".html")
 

@@ -16,7 +16,7 @@ from .counts import forced
 from .ending import INTERRUPTED, exit_status
 from .errors import raise_all
 from .files import write_text
-from .options import Asked, Blocks, Dialect, Into, Shared, Told, grouped
+from .options import Asked, Blocks, Dialect, Into, MessageOptions, Shared, grouped
 from .results import Finished
 from .streams import keep_standard_streams
 
@@ -184,7 +184,7 @@ def report(
     watch: Annotated[
         bool, typer.Option("--watch", help="Renew the page until the result is complete.")
     ] = False,
-    messages: Told,
+    messages: MessageOptions,
 ) -> None:
     """Build the page of a result again, or compare several runs."""
     from .api import report

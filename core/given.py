@@ -116,7 +116,7 @@ def readable(source: Frame, options: tables.ReadOptions) -> tuple[tables.Table, 
     return table, place
 
 
-def told(tell: Tell | None, kind: str, lines: Iterable[str]) -> None:
+def report_lines(tell: Tell | None, kind: str, lines: Iterable[str]) -> None:
     """Call `tell` with each line, marked by its kind."""
     if tell is not None:
         for line in lines:

@@ -16,7 +16,7 @@ WORKERS = min(4, os.cpu_count() or 1)
 
 
 @dataclass(frozen=True)
-class Told:
+class MessageOptions:
     """Options of every command that prints messages in addition to its result."""
 
     quiet: Annotated[bool, typer.Option("--quiet", help="Nothing on stderr but errors.")] = False
@@ -28,7 +28,7 @@ class Told:
 
 
 @dataclass(frozen=True)
-class Asked(Told):
+class Asked(MessageOptions):
     """Options of every command that reads a configuration."""
 
     set_: Annotated[list[str], typer.Option("--set", help="key=value; may be repeated.")] = field(

@@ -21,8 +21,8 @@ from .given import (
     Tell,
     collected,
     readable,
+    report_lines,
     table_faults_of,
-    told,
 )
 from .problems.interfaces import WithEffects
 from .wide import executing
@@ -76,12 +76,12 @@ def evaluate(
         faults.append(Fault("problem", "is missing: a model alone can only be simulated"))
     raise_all(faults)
     assert problem is not None
-    told(tell, "note", WithEffects.of(problem).effect_notes())
+    report_lines(tell, "note", WithEffects.of(problem).effect_notes())
     statement = problem.declaration.model_statement
-    told(tell, "model", [statement] if statement else ())
+    report_lines(tell, "model", [statement] if statement else ())
     table, place = readable(designs, tables.ReadOptions(encoding, delimiter, decimal))
     full = designs_in(problem, table, place, notes.extend)
-    told(tell, READ, notes)
+    report_lines(tell, READ, notes)
     computing = evaluation(problem, full, configuration.toml(), quality)
     target = _target(out, partitioned, resume, overwrite)
     return _computed(computing, where, target, progress, frame, notes)
@@ -142,8 +142,8 @@ def simulate(
             simulation, table, place, model_settings.columns, understood.extend, notes.extend
         )
         rows, columns, index = rows_of(read), list(map(str, read)), read.index
-    told(tell, READ, understood)
-    told(tell, "note", notes)
+    report_lines(tell, READ, understood)
+    report_lines(tell, "note", notes)
     computing = simulation.computed(rows, columns, configuration.toml())
     target = _target(out, partitioned, resume, overwrite)
     predictions = _computed(computing, where, target, progress, frame, [*understood, *notes])

@@ -22,7 +22,7 @@ SAMPLED = (
 )
 
 
-def told(promise: Promise | None) -> str:
+def process_assumption(promise: Promise | None) -> str:
     """The assumption about a measured process."""
     return ESTIMATED if promise is None or promise.statement == PLUG_IN else SAMPLED
 
@@ -78,7 +78,7 @@ def _measured(variable: Variable, sample: PartSample, promise: Promise | None) -
     place = f"variables.{variable.name}"
     known = sample.statement(variable.unit)
     return [
-        Assumption(f"{place}.measured", known, "", told(promise), "configuration"),
+        Assumption(f"{place}.measured", known, "", process_assumption(promise), "configuration"),
         *(Assumption(f"{place}.{key}", "", "", why) for key, why in sample.assumed.items()),
     ]
 

@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class LocalOptimum:
     """Where SLSQP stopped: x (n,) and multipliers (constraints,) >= 0."""
 
     x: Array
@@ -51,7 +51,7 @@ def slsqp(
     tolerance: float,
     iterations: int,
     evaluations: int = 10_000,
-) -> Found:
+) -> LocalOptimum:
     """Minimise an objective between `ends`, each (n,), with margins (constraints,) >= 0.
 
     `slopes` (n,) and `margin_slopes` (constraints, n) are their derivatives. After so many
@@ -72,9 +72,9 @@ def slsqp(
             callback=steps.keep,
         )
     except _Enough:
-        return Found(np.clip(steps.last, low, high), np.zeros(0))
+        return LocalOptimum(np.clip(steps.last, low, high), np.zeros(0))
     multiplier = np.maximum(np.asarray(result.multipliers, dtype=float), 0.0)
-    return Found(np.clip(result.x, low, high), multiplier)
+    return LocalOptimum(np.clip(result.x, low, high), multiplier)
 
 
 def ascend(dual: Callable[[Array], float], start: Array) -> Array:

@@ -13,7 +13,7 @@ from ..claim_records import Document
 from ..errors import Fault, raise_all
 from ..section import Range, Section, shown
 from ..units import dimension
-from ..workflows.reproduce.claims import RELATIONS, Claim, ClaimsFile, Reading
+from ..workflows.reproduce.claims import RELATIONS, Claim, ClaimsFile, Interpretation
 from ..workflows.reproduce.plan import ReproducePlan, Source
 from .claim_recipes import read_recipe
 from .source import Table, load, override
@@ -198,7 +198,7 @@ def _tolerance(section: Section, relation: str, step: float) -> tuple[float, str
 
 def _readings(
     section: Section, unit: str, relation: str, count: int, study: str
-) -> tuple[Reading, ...]:
+) -> tuple[Interpretation, ...]:
     """How the claim is recomputed; every interpretation but the first states what it assumes."""
     if relation == "within" and count != 2:
         section.fault("printed", f"must be [low, high] where the relation is within, got {count}")
@@ -212,5 +212,5 @@ def _readings(
         recipe = read_recipe(reading, wanted, unit, study)
         reading.finish()
         if recipe is not None:
-            readings.append(Reading(recipe, states))
+            readings.append(Interpretation(recipe, states))
     return tuple(readings)

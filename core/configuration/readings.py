@@ -7,15 +7,15 @@ from typing import Any
 
 from ..errors import nearest
 from ..section import Section, shown
-from ..workflows.study.records import Factor, Level, Reading
+from ..workflows.study.records import Factor, Hypothesis, Level
 
 BETTER = "better"
 EXPECT = (BETTER, "worse")
 
 
-def read_readings(
+def read_hypotheses(
     top: Section, factors: tuple[Factor, ...], responses: tuple[str, ...]
-) -> tuple[Reading, ...]:
+) -> tuple[Hypothesis, ...]:
     """The interpretations, each of two levels that the study compares."""
     parsed = [
         _reading(top.item("reading", at), factors, responses)
@@ -26,7 +26,7 @@ def read_readings(
 
 def _reading(
     section: Section, factors: tuple[Factor, ...], responses: tuple[str, ...]
-) -> Reading | None:
+) -> Hypothesis | None:
     figure, says = section.text("figure"), section.text("says")
     key = section.text("key", [factor.key for factor in factors])
     response = section.text("response", responses)
@@ -44,7 +44,7 @@ def _reading(
         return None
     if levels[0] == levels[1]:
         section.fault("b", "is the same level as a")
-    return Reading(figure, says, factor.key, levels[0], levels[1], response, expect == BETTER)
+    return Hypothesis(figure, says, factor.key, levels[0], levels[1], response, expect == BETTER)
 
 
 def _level(section: Section, name: str, value: Any, factor: Factor) -> Level | None:
@@ -59,7 +59,7 @@ def _level(section: Section, name: str, value: Any, factor: Factor) -> Level | N
     return None
 
 
-def written(readings: tuple[Reading, ...]) -> list[dict[str, Any]]:
+def written(readings: tuple[Hypothesis, ...]) -> list[dict[str, Any]]:
     """The tables that say the same."""
     tables = []
     for reading in readings:

@@ -18,13 +18,13 @@ from ..problems.settings import Labels
 from ..section import POSITIVE, Range, Section, flat
 from ..workflows.study.designs import DESIGNS
 from ..workflows.study.plan import StudyPlan
-from ..workflows.study.records import RESPONSES, Design, Factor, Reading, StudySettings
+from ..workflows.study.records import RESPONSES, Design, Factor, Hypothesis, StudySettings
 from ..workflows.study.responses import unsuitable
 from .configuration import Configuration
 from .files import with_files
 from .labels import read_labels
 from .reader import read_table
-from .readings import read_readings, written
+from .readings import read_hypotheses, written
 from .search import by_default, evaluations, settings_of
 from .settings_of_points import built_points, some
 from .source import Source, Table, folder_of, load, override
@@ -70,7 +70,7 @@ def read_study(source: Source, overrides: Sequence[str] = (), most: int | None =
     vary, varied = top.section("vary"), top.take("vary")
     if base is not None and isinstance(varied, dict | None):
         factors = read_factors(vary, varied or {}, base_values(run or {}, base.resolved))
-    readings = read_readings(top, factors, responses)
+    readings = read_hypotheses(top, factors, responses)
     hopeless = _hopeless(top.section("stop"), design)
     top.finish()
     seed, seeds = 0 if seed is None else seed, SEEDS if seeds is None else seeds
@@ -266,7 +266,7 @@ def _resolved(
     seeds: int,
     seed: int,
     limit: float | None,
-    readings: tuple[Reading, ...],
+    readings: tuple[Hypothesis, ...],
     labels: Labels,
     hopeless: bool,
 ) -> str:

@@ -42,15 +42,15 @@ class Difference:
     Each is an estimate with its degrees of freedom.
     """
 
-    seen: float
-    seen_df: float
+    measured: float
+    measured_df: float
     gauge: float
     gauge_df: float
 
     @property
     def own(self) -> float:
         """The variance of the parts alone."""
-        return self.seen - self.gauge
+        return self.measured - self.gauge
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,13 +89,13 @@ class Knowledge:
         more = _factor(self.df, confidence) - self.inflation
         if (difference := self.difference) is not None:
             limit = upper_of_difference(
-                difference.seen,
-                difference.seen_df,
+                difference.measured,
+                difference.measured_df,
                 difference.gauge,
                 difference.gauge_df,
                 confidence,
             )
-            more += max(limit / difference.own - _factor(difference.seen_df, confidence), 0.0)
+            more += max(limit / difference.own - _factor(difference.measured_df, confidence), 0.0)
         return max(more, 0.0)
 
     def drawn(self, count: int, rng: np.random.Generator) -> tuple[Array, Array]:
@@ -112,7 +112,7 @@ class Knowledge:
         variance = self.df / rng.chisquare(self.df, count)
         observed = variance
         if (difference := self.difference) is not None:
-            fraction = difference.seen_df / self.df
+            fraction = difference.measured_df / self.df
             gauge = (
                 np.full(count, difference.gauge)
                 if np.isinf(difference.gauge_df)

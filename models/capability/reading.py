@@ -39,7 +39,7 @@ class PartSample:
     knowledge: Knowledge
     made_to: float
     offset: float
-    found: tuple[Finding, ...]
+    findings: tuple[Finding, ...]
     indices: Mapping[str, Index]
     stated: Mapping[str, Any] = field(default_factory=dict)
     assumed: Mapping[str, str] = field(default_factory=dict)
@@ -52,13 +52,13 @@ class PartSample:
     @property
     def type(self) -> str:
         """The distribution model of ISO 22514-2."""
-        return distribution_type(self.found)
+        return distribution_type(self.findings)
 
     def departures(self, owner: str) -> tuple[str, ...]:
         """Departures from one stable normal process; `owner` names what was measured."""
         return tuple(
             f"{owner}, measured: {finding.text} (by chance: {finding.probability:.2g})"
-            for finding in self.found
+            for finding in self.findings
         )
 
     def statement(self, unit: str) -> str:
@@ -139,7 +139,7 @@ def read_sample(
         knowledge=knowledge,
         made_to=made_to,
         offset=0.0 if mean == "corrected" else knowledge.mean,
-        found=tuple(findings(deviations, [str(lot) for lot in lots])),
+        findings=tuple(findings(deviations, [str(lot) for lot in lots])),
         indices=capability(deviations, -made_to, made_to) if made_to else {},
         stated=dict(owner.take("measured")),
         assumed=assumed,

@@ -33,7 +33,7 @@ class Split:
 
     compensatable: Array
     through_orientation: Array
-    left: Array
+    residual: Array
 
 
 def split(manipulator: Manipulator, r: Array, z: Array, phi: Array | float = 0.0) -> Split:

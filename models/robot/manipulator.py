@@ -50,7 +50,7 @@ def drives_over(
 def links(manipulator: Manipulator, r: Array, z: Array, calibrated: str = "none") -> LinkMaps:
     """The maps of the links' sources at poses r, z (n,) [m]. Raises OutOfReach."""
     if calibrated == "position":
-        residual = split(manipulator, r, z).left
+        residual = split(manipulator, r, z).residual
         return LinkMaps(np.zeros_like(residual), residual)
     maps = first_order(manipulator, r, z)
     return LinkMaps(maps.position, maps.orientation)

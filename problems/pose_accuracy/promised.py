@@ -19,7 +19,7 @@ from scipy.special import ndtr, ndtri
 
 from ...declarations import number
 from ..interfaces import Differentiable
-from ..judged import Judged, Shortfall
+from ..process_problem import ProcessProblem, Shortfall
 from ..promise import PLUG_IN, PROMISED
 from ..settings import Settings
 from .outputs import BOTH, BOUNDS, LIMITED, UNITS
@@ -33,7 +33,7 @@ STEP = 1e-3
 """Relative step of a standard deviation for the slope of a promised yield."""
 
 
-class PromisingPoses(Judged, Differentiable):
+class PromisingPoses(ProcessProblem, Differentiable):
     """Machines whose standard deviations are not as the samples say."""
 
     promised_of: ClassVar[str] = BOTH

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ...models.rv_reducer.population.gradient import Slopes
 from ...models.rv_reducer.population.turn import Population
 from ...models.rv_reducer.population.unit_basis import stem
-from ..judged import Shortfall
+from ..process_problem import Shortfall
 from ..promise import PLUG_IN, PROMISED, YIELD
 from .evaluation import Evaluation, Populations
 

@@ -10,8 +10,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from ..judged import Judged, Shortfall
 from ..made import Made
+from ..process_problem import ProcessProblem, Shortfall
 from ..promise import ASSURED, PLUG_IN, PROMISED, YIELD
 from . import promised
 from .evaluation import Evaluation, Populations
@@ -22,7 +22,7 @@ KEPT = 4
 """Promised units kept, so that a derivative costs no second evaluation."""
 
 
-class PromisingUnits(Judged):
+class PromisingUnits(ProcessProblem):
     """Units that are built by processes in any state."""
 
     model: UnitModel

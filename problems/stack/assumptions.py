@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ...declarations import Assumption
 from ...models.machines.offers import samples_of
-from ..assumptions import SAMPLED, told
+from ..assumptions import SAMPLED, process_assumption
 from .build import nominal_sum
 from .definition import Definition
 
@@ -21,9 +21,11 @@ def assumptions_of(definition: Definition) -> tuple[Assumption, ...]:
         if part.sample is not None:
             known = part.sample.statement(part.unit)
             assumptions.append(
-                Assumption(f"part.{part.name}.measured", known, "", told(definition.promise))
+                Assumption(
+                    f"part.{part.name}.measured", known, "", process_assumption(definition.promise)
+                )
             )
-        elif not part.sampled and told(definition.promise) == SAMPLED:
+        elif not part.sampled and process_assumption(definition.promise) == SAMPLED:
             assumptions.append(
                 Assumption(
                     f"part.{part.name}.process", type(part.distribution).__name__, "", UNMEASURED
@@ -32,7 +34,9 @@ def assumptions_of(definition: Definition) -> tuple[Assumption, ...]:
         for machine, sample in samples_of(part.machines):
             place = f"part.{part.name}.machine.{machine}.measured"
             assumptions.append(
-                Assumption(place, sample.statement(part.unit), "", told(definition.promise))
+                Assumption(
+                    place, sample.statement(part.unit), "", process_assumption(definition.promise)
+                )
             )
         for key, why in part.assumed.items():
             value = values.get(key) or str(part.stated.get(key, ""))

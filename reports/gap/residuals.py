@@ -172,13 +172,13 @@ def _places(column: pd.Series) -> tuple[NDArray[np.float64], list[str]]:
         levels = np.unique(values)
         if len(levels) > FEW:
             return values, []
-        return _beside(np.searchsorted(levels, values)), [f"{level:g}" for level in levels]
+        return _spread_sideways(np.searchsorted(levels, values)), [f"{level:g}" for level in levels]
     codes, labels = pd.factorize(column.astype(str))
     shown = [str(label) for label in labels] if len(labels) <= 12 else []
-    return _beside(codes) if shown else codes.astype(float), shown
+    return _spread_sideways(codes) if shown else codes.astype(float), shown
 
 
-def _beside(codes: NDArray[np.intp]) -> NDArray[np.float64]:
+def _spread_sideways(codes: NDArray[np.intp]) -> NDArray[np.float64]:
     """Places that spread the measurements of one label sideways instead of on one line."""
     shift = (np.arange(len(codes)) * GOLDEN) % 1.0
     return np.asarray(codes + 0.6 * (shift - 0.5))

@@ -92,7 +92,7 @@ def result(plain: Array, tmp_path_factory: pytest.TempPathFactory) -> GapResult:
         rebuild=Jenkins,
         library=tuple(registry.names("effects")),
     )
-    return gap.found(plan, read_data(plan, path))
+    return gap.analysis_result(plan, read_data(plan, path))
 
 
 def test_the_workflow_names_the_clearance_and_its_width(result: GapResult) -> None:

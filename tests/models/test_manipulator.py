@@ -430,7 +430,7 @@ def test_compensation_makes_the_position_exact(machine: Manipulator) -> None:
     r, z, phi = poses(20)
     errors = 0.1 * SPREAD * np.random.default_rng(8).normal(size=63)
     left = compensated(machine, r, z, phi, errors)
-    predicted = split(machine, r, z, phi).left @ errors
+    predicted = split(machine, r, z, phi).residual @ errors
     assert np.abs(left - predicted).max() < 3e-3 * np.abs(left).max()
 
 

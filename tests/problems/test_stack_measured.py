@@ -160,7 +160,7 @@ def test_files_of_one_characteristic_are_put_together(tmp_path: Path) -> None:
     problem = built(tmp_path, 'file = ["a.csv", "b.csv"]\nmade_to = 12.0')
     sample = problem.definition.parts[0].sample
     assert sample.deviations.tolist() == [0, 1, 2, 3, 4, 5, 5, 6, 7, 8, 9, 10]
-    assert [one.kind for one in sample.found] == ["drift", "lots"]
+    assert [one.kind for one in sample.findings] == ["drift", "lots"]
 
 
 def test_files_of_two_revisions_are_not_mixed(tmp_path: Path) -> None:

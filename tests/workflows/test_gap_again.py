@@ -82,7 +82,7 @@ def test_nothing_is_left_to_be_named(tmp_path: Path, case: str) -> None:
     said = json.loads((tmp_path / "out" / "gap.json").read_text(encoding="utf-8"))
     assert name in [one["name"] for one in said["effects"]]
     plan = read_gap(tmp_path / "out" / "corrected.toml")
-    again = gap.found(plan, read_data(plan, tmp_path / "data.csv"))
+    again = gap.analysis_result(plan, read_data(plan, tmp_path / "data.csv"))
     assert again.verdict == "no_gap", [str(one) for one in again.effects]
     assert [one["name"] for one in said["effects"]] == [one.effect.name for one in plan.active]
     for output, before in again.gap_before.items():

@@ -23,7 +23,7 @@ def test_the_clearance_is_named_and_located(tmp_path: Path) -> None:
         library=tuple(registry.names("effects")),
         rebuild=lambda parameters: Jenkins({**given, **parameters}),
     )
-    result = gap.found(plan, read_data(plan, tmp_path / "damper.csv"))
+    result = gap.analysis_result(plan, read_data(plan, tmp_path / "damper.csv"))
     assert result.verdict == "partial"  # the rest of a measured loop stands out from its noise
     # channels of the test rig that are a few milliseconds apart may stand beside it
     assert set(result.names) - {"delay"} == {"bearing_clearance"}

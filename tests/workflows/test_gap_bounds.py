@@ -58,7 +58,7 @@ def test_a_viscous_friction_is_seen_beside_a_coulomb_friction(axis: Analysis) ->
     sizes = dict(zip(axis.fit.names, axis.fit.coefficients, strict=True))
     assert abs(float(sizes[coulomb.pop()][0]) - COULOMB) < 3.0 * 0.06  # standard errors
     assert abs(float(sizes[viscous.pop()][0]) - VISCOUS) < 3.0 * 0.2
-    assert not axis.judged.significant
+    assert not axis.identified.significant
 
 
 def with_stribeck(axis: Analysis) -> tuple[Fit, Member]:
@@ -113,7 +113,7 @@ def test_a_part_of_what_a_name_does_is_no_other_form(tmp_path: Path) -> None:
     plan = read_gap(tmp_path / "gap.toml")
     found = analysed(prepared(plan, read_data(plan, tmp_path / "data.csv")))
     assert set(found.fit.names) == {"torsional_compliance", "encoder_harmonics"}
-    assert not found.judged.significant
+    assert not found.identified.significant
 
 
 def test_columns_of_joints_at_fault_are_not_asked_for() -> None:

@@ -14,7 +14,7 @@ from tolevo.models.effects.shapes import Shape
 from tolevo.workflows.gap.blocks import Trained, Training
 from tolevo.workflows.gap.generic import stacked
 from tolevo.workflows.gap.library import grid
-from tolevo.workflows.gap.linear import Groups, basis, beside
+from tolevo.workflows.gap.linear import Groups, basis, projected_out
 from tolevo.workflows.gap.read import read_data
 from tolevo.workflows.gap.scan import Thresholds, dictionary
 from tolevo.workflows.gap.searching import noise_of, searching
@@ -93,7 +93,7 @@ def test_gains_without_a_block_are_those_of_the_other_rows(tmp_path: Path) -> No
         beside_it = [search.fitter.white(members[k])[seen] for k in (0, 2)]
         q = basis(np.hstack([search.fitter.base[seen], *beside_it]))
         alone = Groups(white.columns[seen], white.starts, white.one_sided).orthonormal(q)
-        expected = alone.gains(beside(search.fitter.y[seen], q))
+        expected = alone.gains(projected_out(search.fitter.y[seen], q))
         np.testing.assert_allclose(gains, expected, rtol=1e-7, atol=1e-9)
         assert mine[0] == pytest.approx(expected[0], rel=1e-7)
 

@@ -82,7 +82,7 @@ def analysed(folder: Path, text: str = "") -> GapResult:
     (folder / "gap.toml").write_text(HEAD + text, encoding="utf-8")
     frame.to_csv(folder / "bench.csv", index=False)
     plan = read_gap(folder / "gap.toml")
-    return gap.found(plan, read_data(plan, folder / "bench.csv"))
+    return gap.analysis_result(plan, read_data(plan, folder / "bench.csv"))
 
 
 def test_only_where_it_is_asked_for(tmp_path: Path) -> None:

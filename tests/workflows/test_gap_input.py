@@ -50,7 +50,7 @@ def found(folder: Path, frame: pd.DataFrame, text: str = HEAD) -> GapResult:
     configuration.write_text(text, encoding="utf-8")
     frame.to_csv(table, index=False)
     plan = read_gap(configuration)
-    return gap.found(plan, read_data(plan, table))
+    return gap.analysis_result(plan, read_data(plan, table))
 
 
 def refused(folder: Path, frame: pd.DataFrame, text: str = HEAD) -> str:

@@ -46,7 +46,7 @@ def test_the_loop_is_named_and_simulated_on_another_path(tmp_path: Path) -> None
     noise = np.random.default_rng(3).normal(0.0, 0.05, len(frame))
     frame.assign(twist=frame["twist"] + noise).to_csv(tmp_path / "data.csv", index=False)
     plan = read_gap(tmp_path / "gap.toml")
-    found = gap.found(plan, read_data(plan, tmp_path / "data.csv"))
+    found = gap.analysis_result(plan, read_data(plan, tmp_path / "data.csv"))
     assert found.verdict == "named"
     assert [one.name for one in found.effects] == ["friction_hysteresis"]
     numbers = {one.name: one.value for one in found.effects[0].parameters}

@@ -160,7 +160,7 @@ def test_it_is_named(tmp_path: Path, name: str) -> None:
     frame.to_csv(tmp_path / "poses.csv", index=False)
     (tmp_path / "gap.toml").write_text('model = "manipulator_pose"\n[free]\n', encoding="utf-8")
     plan = read_gap(tmp_path / "gap.toml")
-    result = gap.found(plan, read_data(plan, tmp_path / "poses.csv"))
+    result = gap.analysis_result(plan, read_data(plan, tmp_path / "poses.csv"))
     rivals = {other for one in result.rivals for other in one.names}
     assert name in {*result.names, *rivals}
     assert len(result.names) == 1

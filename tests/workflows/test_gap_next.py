@@ -71,7 +71,7 @@ def found(folder: Path, frame: pd.DataFrame, text: str) -> GapResult:
     configuration.write_text(text, encoding="utf-8")
     frame.to_csv(table, index=False)
     plan = read_gap(configuration)
-    return gap.found(plan, read_data(plan, table))
+    return gap.analysis_result(plan, read_data(plan, table))
 
 
 @pytest.fixture(scope="module")
@@ -225,7 +225,7 @@ def test_cycles_of_a_locked_unit_are_simulated_as_they_stand(tmp_path: Path) -> 
     words = ["gap", str(tmp_path / "gap.toml"), str(tmp_path / "d.csv"), "--quiet", "--out"]
     assert CliRunner().invoke(app, [*words, str(tmp_path / "one")]).exit_code == 0
     plan = read_gap(tmp_path / "gap.toml")
-    again = gap.found(plan, read_data(plan, tmp_path / "d.csv")).next_points
+    again = gap.analysis_result(plan, read_data(plan, tmp_path / "d.csv")).next_points
     assert again is not None
     written = (tmp_path / "one" / "next_measurement.csv").read_text()
     assert written == again.to_csv(index=False)

@@ -9,7 +9,7 @@ from tolevo.models.inputs.distribution import Array
 from tolevo.workflows.gap.next.chance import Duel
 from tolevo.workflows.gap.next.contest import Contest
 from tolevo.workflows.gap.next.exchange import exchanged
-from tolevo.workflows.gap.next.rows import Said
+from tolevo.workflows.gap.next.rows import Predictions
 
 X = np.linspace(-1.0, 1.0, 401)
 
@@ -28,8 +28,8 @@ def contest(readings: int = 1) -> tuple[Contest, Array, Array]:
     """A cubic against a parabola, a record of 12 readings and 60 candidates of so many."""
     rng = np.random.default_rng(3)
     old, new = rng.uniform(-0.4, 0.4, 12), rng.uniform(-1.0, 1.0, 60 * readings)
-    said = [Said(2.0 * at**3 - at, powers(at, 3)) for at in (old, new)]
-    rival = [Said(0.3 * at, powers(at, 2)) for at in (old, new)]
+    said = [Predictions(2.0 * at**3 - at, powers(at, 3)) for at in (old, new)]
+    rival = [Predictions(0.3 * at, powers(at, 2)) for at in (old, new)]
     return Contest.of((said[0], rival[0]), (said[1], rival[1]), readings), old, new
 
 
@@ -51,9 +51,9 @@ def test_the_printed_design_of_atkinson_and_fedorov() -> None:
     """Biometrika 62, 1975: 4.5 - 1.5 exp x - 2 exp -x against a parabola on [-1, 1] is told best at
     -1, -0.669, 0.144, 0.957 with weights 0.253, 0.428, 0.247, 0.072; 1.087e-3 per reading.
     """
-    mine = Said(4.5 - 1.5 * np.exp(X) - 2.0 * np.exp(-X), powers(X, 0))
-    rival = Said(np.zeros_like(X), powers(X, 2))
-    nothing = Said(np.zeros(0), np.zeros((0, 1))), Said(np.zeros(0), np.zeros((0, 3)))
+    mine = Predictions(4.5 - 1.5 * np.exp(X) - 2.0 * np.exp(-X), powers(X, 0))
+    rival = Predictions(np.zeros_like(X), powers(X, 2))
+    nothing = Predictions(np.zeros(0), np.zeros((0, 1))), Predictions(np.zeros(0), np.zeros((0, 3)))
     count = 100
     found = Contest.of(nothing, (mine, rival), 1)
     chosen = exchanged([found], count)
@@ -69,11 +69,11 @@ def test_the_worse_pair_has_its_say() -> None:
     """A parabola against a line, and against a parabola without a constant: the best for the one
     says nothing of the other, the design for both something of each.
     """
-    mine = Said(3.0 + X**2, powers(X, 2))
+    mine = Predictions(3.0 + X**2, powers(X, 2))
     pairs = []
     for columns in (powers(X, 1), powers(X, 2)[:, 1:]):
-        nothing = Said(np.zeros(0), np.zeros((0, 1))), Said(np.zeros(0), columns[:0])
-        pairs.append(Contest.of(nothing, (mine, Said(0.0 * X, columns)), 1))
+        nothing = Predictions(np.zeros(0), np.zeros((0, 1))), Predictions(np.zeros(0), columns[:0])
+        pairs.append(Contest.of(nothing, (mine, Predictions(0.0 * X, columns)), 1))
     own = [exchanged([one], 12) for one in pairs]
     both = exchanged(pairs, 12)
     least = [min(one.level(chosen)[0] for one in pairs) for chosen in (*own, both)]
@@ -93,8 +93,8 @@ def test_the_chance_is_what_simulation_counts() -> None:
     y = 1.8 * old + rng.normal(size=15)
     fits = [np.linalg.lstsq(x, y, rcond=None)[0] for x in designs[0]]
     ahead = left_by(designs[0][1], y) - left_by(designs[0][0], y)
-    record = tuple(Said(x @ f, x) for x, f in zip(designs[0], fits, strict=True))
-    points = tuple(Said(x @ f, x) for x, f in zip(designs[1], fits, strict=True))
+    record = tuple(Predictions(x @ f, x) for x, f in zip(designs[0], fits, strict=True))
+    points = tuple(Predictions(x @ f, x) for x, f in zip(designs[1], fits, strict=True))
     duel = Duel.of((record[0], record[1]), (points[0], points[1]), ahead)
     mine = 1.0 / (1.0 + np.exp(-0.5 * ahead))
     right, draws = 0, 1500
@@ -112,8 +112,8 @@ def test_the_chance_is_what_simulation_counts() -> None:
 
 def test_so_many_times_the_readings_bring_the_chance() -> None:
     x, new = np.linspace(-1.0, 1.0, 20)[:, None], np.array([[-1.0], [1.0]])
-    record = Said(0.0 * x[:, 0], x), Said(0.0 * x[:, 0], x**3)
-    points = Said(0.9 * new[:, 0], new), Said(-0.9 * new[:, 0], new**3)
+    record = Predictions(0.0 * x[:, 0], x), Predictions(0.0 * x[:, 0], x**3)
+    points = Predictions(0.9 * new[:, 0], new), Predictions(-0.9 * new[:, 0], new**3)
     duel = Duel.of(record, points, 0.0)
     times = duel.times_until(0.9)
     np.testing.assert_allclose(duel.chance(times), 0.9, atol=0.01)
@@ -122,6 +122,6 @@ def test_so_many_times_the_readings_bring_the_chance() -> None:
 
 def test_twins_stay_at_evens() -> None:
     x = np.linspace(-1.0, 1.0, 20)[:, None]
-    same = Said(x[:, 0], x), Said(x[:, 0], x)
+    same = Predictions(x[:, 0], x), Predictions(x[:, 0], x)
     duel = Duel.of(same, same, 0.0)
     assert duel.times_until(0.95) == np.inf

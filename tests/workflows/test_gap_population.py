@@ -135,7 +135,7 @@ def analysed(table: Mapping[str, Array], text: str = "[free]\n") -> GapResult:
         configuration.write_text(f"{PLAN}{text}", encoding="utf-8")
         pd.DataFrame(table).to_csv(data, index=False)
         plan = read_gap(configuration)
-        return gap.found(plan, read_data(plan, data))
+        return gap.analysis_result(plan, read_data(plan, data))
 
 
 @lru_cache
@@ -346,7 +346,7 @@ def test_a_mixture_that_is_in_the_model_is_no_gap() -> None:
         configuration.write_text(result.corrected, encoding="utf-8")
         pd.DataFrame(table).to_csv(data, index=False)
         plan = read_gap(configuration)
-        again = gap.found(plan, read_data(plan, data))
+        again = gap.analysis_result(plan, read_data(plan, data))
     assert again.verdict == "no_gap", [str(one) for one in again.effects]
     assert again.gap_before[BACKLASH] < 1.1 * result.noise_floor[BACKLASH]
 

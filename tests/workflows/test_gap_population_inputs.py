@@ -264,7 +264,7 @@ def analysed(folder: Path, y: Array, **columns: Array) -> GapResult:
     frame = {"unit": np.arange(1, len(y) + 1), "backlash_arcmin": y, **columns}
     pd.DataFrame(frame).to_csv(data, index=False)
     plan = read_gap(configuration)
-    return gap.found(plan, read_data(plan, data))
+    return gap.analysis_result(plan, read_data(plan, data))
 
 
 def test_a_whole_analysis_tells_the_input(tmp_path: Path) -> None:

@@ -75,7 +75,7 @@ def analysed(folder: Path, frame: pd.DataFrame) -> GapResult:
     )
     frame.to_csv(data, index=False)
     plan = read_gap(configuration)
-    return gap.found(plan, read_data(plan, data))
+    return gap.analysis_result(plan, read_data(plan, data))
 
 
 @pytest.mark.parametrize(("kind", "amount"), [("bias", 0.4), ("gain", -0.12), ("trend", 0.8)])

@@ -16,7 +16,7 @@ from tolevo.configuration.simulated import build_model
 from tolevo.models.rv_reducer.batch import RvBatch
 from tolevo.workflows.gap import gap
 from tolevo.workflows.gap.read import read_data
-from tolevo.workflows.gap.recalibration import said
+from tolevo.workflows.gap.recalibration import recalibration_message
 
 STIFFNESS = "series_stiffness_Nm_per_arcmin"
 CONFIGURATION = f"""model = "rv_lost_motion"
@@ -32,7 +32,7 @@ simulations = 200
     [(0.7, 0.01, True), (-0.7, 0.01, True), (0.4, 0.01, False), (0.7, 0.3, False)],
 )
 def test_far_is_half_of_the_tolerance_and_no_chance(move: float, error: float, far: bool) -> None:
-    text = said([("zero", move, 1.0, error), ("other", 0.0, 1.0, 0.1)])
+    text = recalibration_message([("zero", move, 1.0, error), ("other", 0.0, 1.0, 0.1)])
     assert ("zero" in text) is far
     assert "other" not in text
 
@@ -50,7 +50,7 @@ def test_a_unit_that_is_softer_than_its_model(tmp_path: Path, share: float) -> N
     frame.to_csv(tmp_path / "data.csv", index=False)
     (tmp_path / "gap.toml").write_text(CONFIGURATION, encoding="utf-8")
     plan = read_gap(tmp_path / "gap.toml")
-    result = gap.found(plan, read_data(plan, tmp_path / "data.csv"))
+    result = gap.analysis_result(plan, read_data(plan, tmp_path / "data.csv"))
     noted = any(f"tolerance: {STIFFNESS};" in note for note in result.notes)
     assert noted is (share > 0.0)
 
@@ -66,7 +66,7 @@ def test_a_mid_limit_of_a_batch_is_recalibrated_in_its_model(tmp_path: Path) -> 
     text = 'model = "rv_batch"\n[parameters]\nmodel = "document"\n[free]\npin_radius_mid_um = 5.0\n'
     (tmp_path / "gap.toml").write_text(text, encoding="utf-8")
     plan = read_gap(tmp_path / "gap.toml")
-    result = gap.found(plan, read_data(plan, tmp_path / "data.csv"))
+    result = gap.analysis_result(plan, read_data(plan, tmp_path / "data.csv"))
     assert result.verdict == "no_gap"
     (moved,) = result.gate.recalibrated
     assert moved.after == pytest.approx(1.5, abs=0.3)

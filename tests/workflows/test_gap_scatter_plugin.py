@@ -83,7 +83,7 @@ def test_a_plugin_on_the_scatter_is_named(
         'model = "rv_batch"\n[parameters]\nmodel = "document"\nreading = "printed"\n[free]\n'
     )
     plan = read_gap(tmp_path / "gap.toml")
-    result = gap.found(plan, read_data(plan, tmp_path / "units.csv"))
+    result = gap.analysis_result(plan, read_data(plan, tmp_path / "units.csv"))
     assert result.verdict == "named" and result.names == ("heavy_tails",)
     (tail,) = result.effects[0].parameters
     assert abs(tail.value - TAIL) < tail.high - tail.low
@@ -101,7 +101,7 @@ def test_a_batch_that_scatters_less_than_the_model_is_partial(tmp_path: Path) ->
         'model = "rv_batch"\n[parameters]\nmodel = "document"\nreading = "printed"\n[free]\n'
     )
     plan = read_gap(tmp_path / "gap.toml")
-    result = gap.found(plan, read_data(plan, tmp_path / "units.csv"))
+    result = gap.analysis_result(plan, read_data(plan, tmp_path / "units.csv"))
     assert result.verdict == "partial" and result.names == ("process_mean_shift",)
     (left,) = result.remainder
     assert left.variables == ("scatter of the units",) and left.ratio > 1.0

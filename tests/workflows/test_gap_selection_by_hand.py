@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from tests.workflows.gap_toy import PENALTY, N, directions, member, squares_left, toy
-from tolevo.workflows.gap.ambiguity import Other, correlation, first_of_twins, rivals
+from tolevo.workflows.gap.ambiguity import Other, correlation, first_of_confounded, rivals
 from tolevo.workflows.gap.blocks import Improvement
 from tolevo.workflows.gap.linear import joined
 from tolevo.workflows.gap.scan import CHUNK, evidence, scan, strongest, thresholds
@@ -22,10 +22,10 @@ from tolevo.workflows.gap.select import (
     TERM,
     UNITS,
     _next,
-    beside,
     concluding,
     masked,
     select,
+    with_identified_by_likelihood,
 )
 
 
@@ -198,7 +198,9 @@ def test_the_path_beside_a_name_found_by_likelihood() -> None:
     before = select(search)
     other = search.fitter.fit([one for one in search.book.members if one.name in "ac"])
     after = replace(before, fit=other)
-    found = beside(search, before, after, "wide", 31.0, 6.0, Improvement(30.0, 2.0))
+    found = with_identified_by_likelihood(
+        search, before, after, "wide", 31.0, 6.0, Improvement(30.0, 2.0)
+    )
     new = found.steps[len(before.steps) :]
     assert [(s.action, s.name, s.names) for s in new] == [
         ("add", "wide", ("a", "b", "wide")), ("drop", "b", ("a", "c", "wide")),
@@ -275,9 +277,10 @@ def test_of_twins_the_instrument_goes_first_in_rows_and_the_process_in_a_batch(
     rival = Other(other, other.names, own.names, distance)
     first = "load" if population else "instrument"
     exchanged = distance == 0.0 and new == first and mine != first
-    assert (first_of_twins(own, [rival], population) is other) == exchanged
-    hidden = SimpleNamespace(members=(member("x", family=new, unread=True),), names=("x",))
-    assert first_of_twins(own, [Other(hidden, ("x",), own.names, distance)], population) is None  # type: ignore[arg-type]
+    assert (first_of_confounded(own, [rival], population) is other) == exchanged
+    hidden: Any = SimpleNamespace(members=(member("x", family=new, unread=True),), names=("x",))
+    unread = Other(hidden, ("x",), own.names, distance)
+    assert first_of_confounded(own, [unread], population) is None
 
 
 # ------------------------------------------------------------- what noise reaches

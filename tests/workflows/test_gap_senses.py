@@ -65,7 +65,7 @@ def written(folder: Path, frame: pd.DataFrame, text: str) -> tuple[Path, Path]:
 def found(folder: Path, frame: pd.DataFrame, text: str) -> GapResult:
     configuration, table = written(folder, frame, text)
     plan = read_gap(configuration)
-    return gap.found(plan, read_data(plan, table))
+    return gap.analysis_result(plan, read_data(plan, table))
 
 
 def refused(folder: Path, frame: pd.DataFrame, text: str) -> str:

@@ -21,7 +21,7 @@ from tolevo.workflows.gap import gap
 from tolevo.workflows.gap.analysis import analysed
 from tolevo.workflows.gap.blocks import improvement
 from tolevo.workflows.gap.generic import generic
-from tolevo.workflows.gap.linear import basis, beside
+from tolevo.workflows.gap.linear import basis, projected_out
 from tolevo.workflows.gap.read import read_data
 from tolevo.workflows.gap.result import Ending, ended
 from tolevo.workflows.gap.setup import prepared
@@ -88,7 +88,7 @@ def test_no_joint_interval_of_an_effect_holds_nothing(end: Ending) -> None:
 def test_what_remains_is_said(end: Ending) -> None:
     """A part outside of the library is a remainder, and there is none where all is named."""
     terms = len(end.fit.members) - len(end.named)
-    assert (end.verdict == "partial") == (terms > 0 or bool(end.analysis.judged.significant))
+    assert (end.verdict == "partial") == (terms > 0 or bool(end.analysis.identified.significant))
     assert all(one.name not in end.setup.plan.library for one in end.fit.members[len(end.named) :])
 
 
@@ -108,7 +108,7 @@ def test_terms_are_the_forms_that_they_stand_for(end: Ending) -> None:
             np.column_stack([np.ones(len(own)), Unresolved(term).columns(setup.data.readings)])
         )
         # splines are evaluated by the same code, powers by another order of the same operations
-        assert np.abs(beside(own, q)).max() < 1e-6 * np.abs(own).max(), form
+        assert np.abs(projected_out(own, q)).max() < 1e-6 * np.abs(own).max(), form
     assert len(seen) >= 12
 
 
@@ -155,7 +155,7 @@ def test_all_rows_are_in_the_final_fit(tmp_path: Path) -> None:
         encoding="utf-8",
     )
     plan = read_gap(tmp_path / "gap.toml")
-    result = gap.found(plan, read_data(plan, tmp_path / "data.csv"))
+    result = gap.analysis_result(plan, read_data(plan, tmp_path / "data.csv"))
     number = result.effects[0].parameters[0]
     x = np.column_stack([np.ones(n), torque])
     solved, rss, *_ = np.linalg.lstsq(x, te, rcond=None)

@@ -22,7 +22,7 @@ from tolevo.workflows.gap.data import GapData
 from tolevo.workflows.gap.fit import Fit, Member
 from tolevo.workflows.gap.generic import FROM_ZERO, LEVELS, Form
 from tolevo.workflows.gap.library import Candidate
-from tolevo.workflows.gap.scan import left_over
+from tolevo.workflows.gap.scan import generic_residual
 from tolevo.workflows.gap.settle import TERMS
 from tolevo.workflows.gap.unresolved import is_term
 
@@ -204,7 +204,7 @@ def test_an_answer_again_is_without_the_barred_name() -> None:
 def found(y: np.ndarray, forms: list[Form], data: GapData, barred: set[str]) -> list[Fit]:
     one = settling([], {}, y, data, forms)
     fit = one.search.fitter.fit(())
-    left = left_over(fit, one.search.fitter, one.generic)
+    left = generic_residual(fit, one.search.fitter, one.generic)
     return list(one._with_forms(fit, barred, left, range(len(one.generic.forms))))
 
 
@@ -226,7 +226,7 @@ def test_a_form_of_the_prediction_is_no_term_and_others_are_still_tried() -> Non
     forms = [k for k, form in enumerate(one.generic.forms)
              if form.variable.startswith("predicted") or form == power(2.0)]  # fmt: skip
     fit = one.search.fitter.fit(())
-    left = left_over(fit, one.search.fitter, one.generic)
+    left = generic_residual(fit, one.search.fitter, one.generic)
     assert one.generic.forms[forms[-1]].variable == "predicted te"
     assert left.gains[forms[-1]] - 9 * PENALTY > left.gains[forms[0]]
     fits = list(one._with_forms(fit, set(), left, forms))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from tolevo.workflows.gap.linear import basis, beside, joined, products
+from tolevo.workflows.gap.linear import basis, joined, products, projected_out
 from tolevo.workflows.gap.noise import Noise, autocorrelation, outliers, size_follows, whiteness
 from tolevo.workflows.gap.scan import evidence, thresholds
 
@@ -101,7 +101,7 @@ def test_gains_of_groups_are_those_of_least_squares() -> None:
     parts[2][:, 2] = parts[2][:, 0] - 2.0 * parts[2][:, 1]  # what is there twice counts once
     groups = joined(parts, [False] * 5)
     q = basis(base)
-    found = groups.orthonormal(q).gains(beside(y, q))
+    found = groups.orthonormal(q).gains(projected_out(y, q))
 
     def rss(columns: Array) -> float:
         fit = np.linalg.lstsq(columns, y, rcond=None)[0]
@@ -109,8 +109,8 @@ def test_gains_of_groups_are_those_of_least_squares() -> None:
 
     expected = [rss(base) - rss(np.hstack([base, part])) for part in parts]
     np.testing.assert_allclose(found, expected, rtol=1e-8)
-    np.testing.assert_allclose(groups.gains_beside(*products(groups, q, beside(y, q))), expected,
-                               rtol=1e-8)  # fmt: skip
+    gains = groups.conditional_gains(*products(groups, q, projected_out(y, q)))
+    np.testing.assert_allclose(gains, expected, rtol=1e-8)
 
 
 def test_gains_without_some_rows_are_those_of_the_others() -> None:
@@ -123,9 +123,9 @@ def test_gains_without_some_rows_are_those_of_the_others() -> None:
     base[out], y[out] = 0.0, 0.0
     q = basis(base)
     left = [whole - part for whole, part in zip(groups.grams(), groups.grams(out), strict=True)]
-    found = groups.gains_beside(*products(groups, q, beside(y, q)), left)
+    found = groups.conditional_gains(*products(groups, q, projected_out(y, q)), left)
     alone = joined([one[rest] for one in parts], [False] * 3)
-    expected = alone.orthonormal(basis(base[rest])).gains(beside(y, q)[rest])
+    expected = alone.orthonormal(basis(base[rest])).gains(projected_out(y, q)[rest])
     np.testing.assert_allclose(found, expected, rtol=1e-8)
 
 
@@ -154,7 +154,7 @@ def test_threshold_is_passed_as_often_as_it_says() -> None:
     generic = joined(waves, [False] * len(waves))
     q = basis(np.ones((n, 1)))
     limit = thresholds(library, generic, q, 4000, 0.05, np.random.default_rng(8))
-    noise = beside(rng.normal(size=(n, records)), q)
+    noise = projected_out(rng.normal(size=(n, records)), q)
     scale = np.sum(noise**2, axis=0) / (n - 1)
     named = library.orthonormal(q).gains(noise) / scale
     forms = generic.orthonormal(q)

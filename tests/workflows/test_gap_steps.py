@@ -34,7 +34,7 @@ def found(folder: Path, te: np.ndarray) -> GapResult:
     frame = pd.DataFrame({"torque": TORQUE, "te": te, "te_predicted": PREDICTED})
     frame.to_csv(folder / "data.csv", index=False)
     plan = read_gap(folder / "gap.toml")
-    return gap.found(plan, read_data(plan, folder / "data.csv"))
+    return gap.analysis_result(plan, read_data(plan, folder / "data.csv"))
 
 
 def stepped(values: np.ndarray, step: float) -> np.ndarray:

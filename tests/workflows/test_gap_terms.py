@@ -40,7 +40,7 @@ def found(folder: Path, frame: pd.DataFrame, more: str = "") -> GapResult:
     (folder / "gap.toml").write_text(HEAD + more + "[settings]\nsimulations = 300\n", "utf-8")
     frame.to_csv(folder / "bench.csv", index=False)
     plan = read_gap(folder / "gap.toml")
-    return gap.found(plan, read_data(plan, folder / "bench.csv"))
+    return gap.analysis_result(plan, read_data(plan, folder / "bench.csv"))
 
 
 def test_columns_of_levels_add_up_to_nothing_and_other_labels_have_none() -> None:

@@ -32,7 +32,7 @@ def located(folder: Path, frame: pd.DataFrame) -> Sequence[Region]:
     (folder / "gap.toml").write_text(HEAD, encoding="utf-8")
     frame.to_csv(folder / "bench.csv", index=False)
     plan = read_gap(folder / "gap.toml")
-    return gap.found(plan, read_data(plan, folder / "bench.csv")).where
+    return gap.analysis_result(plan, read_data(plan, folder / "bench.csv")).where
 
 
 def bench(seed: int, n: int = 300) -> pd.DataFrame:

@@ -143,11 +143,11 @@ class Striking:
     """A report of progress that calls `strike` when the shares of the work are done."""
 
     def __init__(self, strike: Callable[[], None], shares: list[float]) -> None:
-        self.strike, self.left, self.struck = strike, list(shares), list[int]()
+        self.strike, self.residual_forms, self.struck = strike, list(shares), list[int]()
 
     def __call__(self, state: Any) -> None:
-        if self.left and state.done > self.left[0] * state.total:
-            self.left.pop(0)
+        if self.residual_forms and state.done > self.residual_forms[0] * state.total:
+            self.residual_forms.pop(0)
             self.struck.append(state.done)
             self.strike()
 

@@ -23,7 +23,7 @@ from .rules import COST, ONLY, RULES, Points, chosen, meaning_of
 from .sensitivity import sensitivity
 from .settings import ChoiceSettings
 from .slopes import slopes_of
-from .steps import said, step_of, values_of
+from .steps import rule_message, step_of, values_of
 from .tolerances import tolerances
 
 Array = NDArray[np.float64]
@@ -68,7 +68,7 @@ def decide(problem: ToleranceProblem, front: pd.DataFrame, settings: ChoiceSetti
         at: rounded(problem, designs[at], values, _required_bounds(settings, choices, at))
         for at in rows
     }
-    rules = {v.name: said(problem, v, steps[v.name]) for v in problem.free}
+    rules = {v.name: rule_message(problem, v, steps[v.name]) for v in problem.free}
     by_point = {at: " ".join(n for n, choice in choices.items() if choice == at) for at in rows}
     both = {at: (designs[at], new[at]) for at in rows}
     return Decisions(

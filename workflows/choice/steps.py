@@ -96,7 +96,7 @@ def _plain(value: float) -> float:
     return float(f"{value:.12g}")
 
 
-def said(problem: ToleranceProblem, variable: Variable, step: Step | None) -> str:
+def rule_message(problem: ToleranceProblem, variable: Variable, step: Step | None) -> str:
     """The rule of a variable in words."""
     if step is None:
         return "whole numbers as they are" if variable.integer else "as it is"

@@ -11,8 +11,8 @@ import numpy as np
 from ...models.measurable import Role
 from .fit import Fit
 from .generic import PREDICTED, STEP, SWING, Form
-from .linear import basis, beside
-from .scan import Left, Remaining, left_over
+from .linear import basis, projected_out
+from .scan import GenericResidual, Remaining, generic_residual
 from .select import Search
 
 PRICE = {1: 5.0, 2: -6.0}
@@ -28,21 +28,21 @@ SMALL = 0.01
 
 
 @dataclass(frozen=True)
-class Judged:
+class Identified:
     """Members that stay identified, members that do not, and the generic forms that remain."""
 
     kept: tuple[int, ...]
     lost: tuple[int, ...]
-    left: Left
+    residual_forms: GenericResidual
     significant: tuple[int, ...]
     reason: str = ""
 
 
-def judged(search: Search, fit: Fit, generic: Remaining, empty: Fit) -> Judged:
+def identified(search: Search, fit: Fit, generic: Remaining, empty: Fit) -> Identified:
     """Test the members: those are lost that a freer form in the same variable displaces, or that
     leave a large residual in their variable.
     """
-    residual_forms = left_over(fit, search.fitter, generic)
+    residual_forms = generic_residual(fit, search.fitter, generic)
     significant = _large(search, fit, residual_forms, empty)
     lost = set(displaced(search, fit, generic))
     for at in significant[:20]:
@@ -50,10 +50,10 @@ def judged(search: Search, fit: Fit, generic: Remaining, empty: Fit) -> Judged:
     if lost:
         lost |= _no_longer_significant(search, fit, generic, lost)
     kept = tuple(k for k in range(len(fit.members)) if k not in lost)
-    return Judged(kept, tuple(sorted(lost)), residual_forms, significant)
+    return Identified(kept, tuple(sorted(lost)), residual_forms, significant)
 
 
-def significant_forms(search: Search, residual_forms: Left) -> tuple[int, ...]:
+def significant_forms(search: Search, residual_forms: GenericResidual) -> tuple[int, ...]:
     """The generic forms that remain beyond chance and above the practical limit, strongest first.
 
     The test is against the noise; how much the effects explain does not matter.
@@ -67,7 +67,9 @@ def significant_forms(search: Search, residual_forms: Left) -> tuple[int, ...]:
     )
 
 
-def _large(search: Search, fit: Fit, residual_forms: Left, empty: Fit) -> tuple[int, ...]:
+def _large(
+    search: Search, fit: Fit, residual_forms: GenericResidual, empty: Fit
+) -> tuple[int, ...]:
     """The significant forms that are not small against what the effects of units explain."""
     least = SMALL * max(empty.rss - fit.rss, 0.0)
     return tuple(
@@ -82,7 +84,7 @@ def structured(search: Search, fit: Fit, generic: Remaining, empty: Fit) -> bool
     space = search.fitter.space
     if any(abs(noise.rho) * np.sqrt(space.readings) > FOLLOWS for noise in space.noises):
         return True
-    residual_forms = left_over(fit, search.fitter, generic)
+    residual_forms = generic_residual(fit, search.fitter, generic)
     large_forms = _large(search, fit, residual_forms, empty)
     return any(generic.forms[at].kind != "distribution" for at in large_forms)
 
@@ -112,9 +114,9 @@ def displaced(search: Search, fit: Fit, generic: Remaining) -> Sequence[int]:
 def _is_part(search: Search, fit: Fit, generic: Remaining, at: int, removed: Sequence[int]) -> bool:
     """Whether a form is a special case of members, some of their parameters being 0."""
     fitter = search.fitter
-    form = beside(generic.white.of(at), fitter.q)
+    form = projected_out(generic.white.of(at), fitter.q)
     removed_columns = np.hstack([fitter.white(fit.members[k]) for k in removed])
-    q = basis(beside(removed_columns, fitter.q))
+    q = basis(projected_out(removed_columns, fitter.q))
     return float(np.sum((q.T @ form) ** 2)) > PART * float(np.sum(form**2))
 
 
@@ -126,13 +128,16 @@ def _no_longer_significant(
     """
     fitter, kept = search.fitter, [k for k in range(len(fit.members)) if k not in lost]
     reduced_fit = fitter.fit([fit.members[k] for k in kept])
-    form = generic.white.of(int(left_over(reduced_fit, fitter, generic).best[0]))
+    form = generic.white.of(int(generic_residual(reduced_fit, fitter, generic).best[0]))
     insignificant = set()
     for k in kept:
         others = [fitter.white(fit.members[j]) for j in kept if j != k]
         q = basis(np.hstack([fitter.base, form, *others]))
-        member_basis = basis(beside(fitter.white(fit.members[k]), q))
-        if float(np.sum((member_basis.T @ beside(fitter.y, q)) ** 2)) < search.thresholds.library:
+        member_basis = basis(projected_out(fitter.white(fit.members[k]), q))
+        if (
+            float(np.sum((member_basis.T @ projected_out(fitter.y, q)) ** 2))
+            < search.thresholds.library
+        ):
             insignificant.add(k)
     return insignificant
 
@@ -167,9 +172,9 @@ def acts_in(needs: Sequence[Role]) -> set[Role]:
 
 def _overlap(search: Search, fit: Fit, generic: Remaining, at: int, k: int) -> float:
     """Fraction of a member's contribution that lies in the span of a generic form."""
-    contribution = beside(
+    contribution = projected_out(
         search.fitter.white(fit.members[k]) @ fit.coefficients[k], search.fitter.q
     )
-    span = basis(beside(generic.white.of(at), search.fitter.q))
+    span = basis(projected_out(generic.white.of(at), search.fitter.q))
     total = float(np.sum(contribution**2))
     return float(np.sum((span.T @ contribution) ** 2)) / max(total, 1e-300)

@@ -9,7 +9,7 @@ from itertools import combinations
 import numpy as np
 
 from .fit import Fit, Fitter, Member
-from .linear import beside
+from .linear import projected_out
 from .scan import scan
 from .select import Search
 
@@ -65,7 +65,7 @@ def correlation(fitter: Fitter, fit: Fit, other: Other) -> float:
     remaining = [member for k, member in enumerate(fit.members) if k not in replaced]
     q = fitter.spanned(remaining)
     a, b = (
-        beside(
+        projected_out(
             sum(
                 (fitter.white(source.members[k]) @ source.coefficients[k] for k in indices),
                 np.zeros(len(fitter.y)),
@@ -78,7 +78,7 @@ def correlation(fitter: Fitter, fit: Fit, other: Other) -> float:
     return float(a @ b) / size if size > 0.0 else float("nan")
 
 
-def first_of_twins(fit: Fit, alternatives: Sequence[Other], population: bool) -> Fit | None:
+def first_of_confounded(fit: Fit, alternatives: Sequence[Other], population: bool) -> Fit | None:
     """The fit with the preferred effect where another effect has the same columns, else None.
 
     What may be the instrument is not attributed to physics. Of an offset that is the same in every

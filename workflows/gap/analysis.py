@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.effects.compose import Active, acting, changes_of
-from .abstain import Judged, judged, structured
-from .ambiguity import Other, first_of_twins, rivals
+from .abstain import Identified, identified, structured
+from .ambiguity import Other, first_of_confounded, rivals
 from .close import corrected
 from .curves import as_curve
 from .fit import Fit
@@ -20,9 +20,9 @@ from .linear import Groups
 from .noise import Noise
 from .population import Batch, Misfit, Scatter, carrying, misfit, scatter
 from .reading import as_read, read_again
-from .scan import Dictionary, Left, Remaining, dictionary, left_over
+from .scan import Dictionary, GenericResidual, Remaining, dictionary, generic_residual
 from .searching import alike, contributions, noise_of, searching, spread_of
-from .select import Search, Selection, beside, concluding, select
+from .select import Search, Selection, concluding, select, with_identified_by_likelihood
 from .settle import Settled, Settling, names_of
 from .setup import Setup, moved_to
 from .space import Space
@@ -42,7 +42,7 @@ standard deviations."""
 
 
 @dataclass(frozen=True)
-class Ground:
+class NullModel:
     """The null model with all that is searched, in the space of its noise; `empty` is the null fit,
     `left` the test of the generic forms against its residual.
     """
@@ -58,16 +58,16 @@ class Ground:
         return self.search.fitter.fit(())
 
     @cached_property
-    def left(self) -> Left:
+    def residual_forms(self) -> GenericResidual:
         """The generic forms tested against the residual of the null fit."""
-        return left_over(self.empty, self.search.fitter, self.generic)
+        return generic_residual(self.empty, self.search.fitter, self.generic)
 
     @cached_property
     def batch(self) -> Batch:
         """The units as a batch of a population."""
         return Batch(self.setup, self.search)
 
-    def with_scatter(self, effect: Scatter) -> Ground:
+    def with_scatter(self, effect: Scatter) -> NullModel:
         """The same for a model that contains an effect on the scatter."""
         setup, fitter = carrying(self.setup, effect), self.search.fitter
         moved = fitter.space.whiten(self.setup.residual - setup.residual)
@@ -79,14 +79,14 @@ class Ground:
 class Analysis:
     """The result of the loop, before it is put into records.
 
-    `bare` is the null model at the start of the loop and `ground` the one at its end. They differ
-    only by an effect on the scatter of a population, which the latter contains.
+    `initial_null_model` is that at the start of the loop, `null_model` the one at its end. They
+    differ only by an effect on the scatter of a population, which the latter contains.
     """
 
-    bare: Ground
-    ground: Ground
+    initial_null_model: NullModel
+    null_model: NullModel
     selection: Selection
-    judged: Judged
+    identified: Identified
     others: tuple[Other, ...]
     significant: bool
     scatter: tuple[Scatter, ...] = ()
@@ -103,25 +103,25 @@ class Analysis:
     @property
     def setup(self) -> Setup:
         """The setup of the final null model."""
-        return self.ground.setup
+        return self.null_model.setup
 
     @property
     def search(self) -> Search:
         """The search given the final null model."""
-        return self.ground.search
+        return self.null_model.search
 
     def nameless(self) -> Analysis:
         """The analysis of a batch without any identified effect."""
-        bare = self.bare
-        verdict = judged(bare.search, bare.empty, bare.generic, bare.empty)
-        odd = misfit(bare.batch, bare.empty, None)
-        selection = replace(self.selection, fit=bare.empty)
-        return Analysis(bare, bare, selection, verdict, (), self.significant, (), odd)
+        null = self.initial_null_model
+        verdict = identified(null.search, null.empty, null.generic, null.empty)
+        odd = misfit(null.batch, null.empty, None)
+        selection = replace(self.selection, fit=null.empty)
+        return Analysis(null, null, selection, verdict, (), self.significant, (), odd)
 
     @property
     def score(self) -> float:
         """Of a batch: minus twice the log likelihood of its units, plus the effects' price."""
-        batch = self.bare.batch
+        batch = self.initial_null_model.batch
         if not self.scatter:
             return batch.plain(self.fit)
         return self.scatter[0].score + batch.price(self.fit)
@@ -173,7 +173,7 @@ def _of_batch(
     all_noises = tuple(replace(noise, good=None) for noise in noises)
     search, generic = searching(setup, all_noises, *columns, search.thresholds)
     with_outliers = concluded(setup, all_noises, search, generic, select(search))
-    penalty_per_unit = 2.0 * np.log(FAR_OUT * without_outliers.bare.batch.law.std)
+    penalty_per_unit = 2.0 * np.log(FAR_OUT * without_outliers.initial_null_model.batch.law.std)
     better = without_outliers.score + penalty_per_unit * outlier_count - with_outliers.score
     return with_outliers if with_outliers.scatter and better > 0.0 else without_outliers
 
@@ -202,42 +202,51 @@ def _settled(
             selection, accepted=tuple((fit, search.tested(fit)) for fit in accepted)
         )
         start = search.fitter.refined(settled.fit.members)
-    return _answer(Ground(setup, tuple(noises), search, generic), settling, selection, settled)
+    return _answer(NullModel(setup, tuple(noises), search, generic), settling, selection, settled)
 
 
 def without(analysis: Analysis, name: str, believed: str = "") -> Analysis:
     """The analysis of rows without the effect `name`, the remaining ones fitted and tested again.
     Its contribution may belong to the form of the effect `believed`; it stays as a generic curve.
     """
-    ground, selection = analysis.ground, analysis.selection
+    null_model, selection = analysis.null_model, analysis.selection
     sure = analysis.believed | ({believed} if believed else set())
     fit, names = analysis.fit, analysis.fit.names
     curve = (
         as_curve(
-            ground.search.fitter, fit, names.index(name), names.index(believed), analysis.setup.data
+            null_model.search.fitter,
+            fit,
+            names.index(name),
+            names.index(believed),
+            analysis.setup.data,
         )
         if believed
         else None
     )
     settling = Settling(
-        ground.search, ground.generic, analysis.setup.data, ground.empty, selection.accepted, sure
+        null_model.search,
+        null_model.generic,
+        analysis.setup.data,
+        null_model.empty,
+        selection.accepted,
+        sure,
     )
     barred = frozenset({name, *analysis.barred})
     settled = settling.again(fit, barred, () if curve is None else (curve,))
     settled = replace(settled, struck=(*analysis.struck, *({name} & {*selection.named})))
-    answer = _answer(ground, settling, selection, settled, barred)
+    answer = _answer(null_model, settling, selection, settled, barred)
     return replace(answer, barred=barred, believed=sure)
 
 
 def _answer(
-    ground: Ground,
+    null_model: NullModel,
     settling: Settling,
     selection: Selection,
     settled: Settled,
     barred: frozenset[str] = frozenset(),
 ) -> Analysis:
     """The analysis that ends with a settled fit; the instrument is preferred at equal columns."""
-    search, fit = ground.search, settled.fit
+    search, fit = null_model.search, settled.fit
     named = names_of(fit.members)
     others = rivals(search, fit, named)
     if others and others[0].distance < -BETTER and not barred & {*others[0].names}:
@@ -245,17 +254,17 @@ def _answer(
         if settling.holds(rival_fit):
             fit, named = rival_fit, names_of(rival_fit.members)
             others = rivals(search, fit, named)
-    if (preferred := first_of_twins(fit, others, False)) is not None:
+    if (preferred := first_of_confounded(fit, others, False)) is not None:
         fit = search.fitter.fit(sorted(preferred.members, key=is_term))
         others = rivals(search, fit, named)
     labels = {member.name: label(member) for member in fit.members if is_term(member)}
     steps = concluding(search, selection, fit, labels)
     struck = tuple(name for name in selection.named if name in settled.struck)
-    verdict = Judged(named, (), settled.left, settled.significant)
-    detected = bool(ground.left.evidence.max(initial=0.0) > search.thresholds.generic)
+    verdict = Identified(named, (), settled.residual_forms, settled.significant)
+    detected = bool(null_model.residual_forms.evidence.max(initial=0.0) > search.thresholds.generic)
     return Analysis(
-        ground,
-        ground,
+        null_model,
+        null_model,
         replace(selection, fit=fit, steps=steps),
         verdict,
         tuple(others),
@@ -314,27 +323,27 @@ def concluded(
     """The analysis that ends with a selection: effects on the scatter, rivals, generic forms that
     displace effects, and the forms that remain.
     """
-    bare = Ground(setup, tuple(noises), search, generic)
-    ground, selection, scatter_effects = _given_scatter(bare, selection)
-    search = ground.search
-    verdict = judged(search, selection.fit, generic, ground.empty)
+    initial = NullModel(setup, tuple(noises), search, generic)
+    null_model, selection, scatter_effects = _given_scatter(initial, selection)
+    search = null_model.search
+    verdict = identified(search, selection.fit, generic, null_model.empty)
     others = rivals(search, selection.fit, verdict.kept)
-    preferred = first_of_twins(selection.fit, others, setup.data.target.population)
+    preferred = first_of_confounded(selection.fit, others, setup.data.target.population)
     if preferred is not None:
         selection = replace(selection, fit=preferred)
-        verdict = judged(search, preferred, generic, ground.empty)
+        verdict = identified(search, preferred, generic, null_model.empty)
         others = rivals(search, preferred, verdict.kept)
-    detected = bool(bare.left.evidence.max(initial=0.0) > search.thresholds.generic)
-    batch_misfit = misfit(bare.batch, selection.fit, next(iter(scatter_effects), None))
+    detected = bool(initial.residual_forms.evidence.max(initial=0.0) > search.thresholds.generic)
+    batch_misfit = misfit(initial.batch, selection.fit, next(iter(scatter_effects), None))
     if batch_misfit is not None and batch_misfit.bent:
-        ground, scatter_effects = bare, ()
-        selection = replace(selection, fit=bare.batch.unmoved(selection.fit))
-        search = bare.search
-        verdict = judged(search, selection.fit, generic, bare.empty)
+        null_model, scatter_effects = initial, ()
+        selection = replace(selection, fit=initial.batch.unmoved(selection.fit))
+        search = initial.search
+        verdict = identified(search, selection.fit, generic, initial.empty)
         others = rivals(search, selection.fit, verdict.kept)
     return Analysis(
-        bare,
-        ground,
+        initial,
+        null_model,
         selection,
         verdict,
         tuple(others),
@@ -345,27 +354,29 @@ def concluded(
 
 
 def _given_scatter(
-    bare: Ground, selection: Selection
-) -> tuple[Ground, Selection, tuple[Scatter, ...]]:
+    initial: NullModel, selection: Selection
+) -> tuple[NullModel, Selection, tuple[Scatter, ...]]:
     """Select again given the effects on the scatter: a mixture moves the mean itself."""
-    ground, original = bare, selection
-    if not bare.setup.laws or structured(bare.search, selection.fit, bare.generic, bare.empty):
-        return bare, selection, ()  # units with a structure do not scatter
-    fit, scatter_effects = _likeliest_scatter(bare, bare, selection.fit)
+    null_model, original = initial, selection
+    if not initial.setup.laws or structured(
+        initial.search, selection.fit, initial.generic, initial.empty
+    ):
+        return initial, selection, ()  # units with a structure do not scatter
+    fit, scatter_effects = _likeliest_scatter(initial, initial, selection.fit)
     for _ in range(ROUNDS if scatter_effects else 0):
-        ground = bare.with_scatter(scatter_effects[0])
-        names, selection = selection.fit.names, select(ground.search)
-        fit, scatter_effects = _likeliest_scatter(bare, ground, selection.fit)
+        null_model = initial.with_scatter(scatter_effects[0])
+        names, selection = selection.fit.names, select(null_model.search)
+        fit, scatter_effects = _likeliest_scatter(initial, null_model, selection.fit)
         selection = replace(selection, fit=fit)
         if not scatter_effects:  # an effect that is no longer selected had widened them
-            return bare, original, ()
+            return initial, original, ()
         if fit.names == names:
             break
     if scatter_effects:
-        ground, best = bare.with_scatter(scatter_effects[0]), scatter_effects[0]
-        selection = replace(selection, fit=ground.search.fitter.refined(selection.fit.members))
-        selection = beside(
-            ground.search,
+        null_model, best = initial.with_scatter(scatter_effects[0]), scatter_effects[0]
+        selection = replace(selection, fit=null_model.search.fitter.refined(selection.fit.members))
+        selection = with_identified_by_likelihood(
+            null_model.search,
             original,
             selection,
             best.candidate.name,
@@ -373,24 +384,26 @@ def _given_scatter(
             best.threshold,
             best.held_out,
         )
-    return ground, selection, scatter_effects
+    return null_model, selection, scatter_effects
 
 
-def _likeliest_scatter(bare: Ground, ground: Ground, fit: Fit) -> tuple[Fit, tuple[Scatter, ...]]:
+def _likeliest_scatter(
+    initial: NullModel, null_model: NullModel, fit: Fit
+) -> tuple[Fit, tuple[Scatter, ...]]:
     """The likeliest effects on the scatter given all selected effects, all but one, or none.
 
     An effect that has absorbed the mean of a mixture hides the mixture.
     """
     reduced_sets = [fit.without(at) for at in range(len(fit.members))]
-    candidate_fits = [fit, *(ground.search.fitter.fit(reduced) for reduced in reduced_sets)]
-    candidate_fits += [ground.empty] if len(reduced_sets) > 1 else []
-    best: tuple[float, Fit, tuple[Scatter, ...]] = (bare.batch.plain(fit), fit, ())
+    candidate_fits = [fit, *(null_model.search.fitter.fit(reduced) for reduced in reduced_sets)]
+    candidate_fits += [null_model.empty] if len(reduced_sets) > 1 else []
+    best: tuple[float, Fit, tuple[Scatter, ...]] = (initial.batch.plain(fit), fit, ())
     for candidate_fit in candidate_fits:
-        effects = scatter(bare.batch, candidate_fit)
-        score = effects[0].score + bare.batch.price(candidate_fit) if effects else np.inf
+        effects = scatter(initial.batch, candidate_fit)
+        score = effects[0].score + initial.batch.price(candidate_fit) if effects else np.inf
         if score < best[0]:
             best = (score, candidate_fit, effects)
     _, fit, effects = best
-    if effects and (members := bare.batch.with_level(fit, effects[0])) != fit.members:
-        fit = ground.search.fitter.fit(members)
+    if effects and (members := initial.batch.with_level(fit, effects[0])) != fit.members:
+        fit = null_model.search.fitter.fit(members)
     return fit, effects

@@ -13,7 +13,7 @@ from scipy import optimize
 from ...models.inputs.distribution import Array
 from .data import GapData
 from .fit import Fitter, Member
-from .linear import Beside, Groups, unit
+from .linear import ConditionalGroups, Groups, unit
 from .scan import ALIKE, Dictionary
 
 
@@ -199,7 +199,9 @@ class Training:
         fitter, member = self.fitter, members[at]
         others = [other for k, other in enumerate(members) if k != at]
         z = np.hstack([fitter.q, *(unit(fitter.white(other)) for other in others)])
-        given_others = Beside.of(self.products(z, z)[blocks], self._with_record(z)[blocks])
+        given_others = ConditionalGroups.of(
+            self.products(z, z)[blocks], self._with_record(z)[blocks]
+        )
         white = fitter.white(member)
         start, sided = np.zeros(1, dtype=np.int64), np.array([member.candidate.one_sided])
         whole, kept = self._grid(member.name), self._as_grid(Groups(white, start, sided))

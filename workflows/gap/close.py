@@ -14,7 +14,7 @@ from .data import GapData
 from .fit import Fit, Member
 from .plan import GapPlan
 from .predictor import predictor
-from .setup import Setup, left_of, nominal
+from .setup import Setup, nominal, residual_of
 from .space import Space
 
 LEAST_ROWS = 10
@@ -176,7 +176,7 @@ def corrected(setup: Setup, space: Space, fit: Fit, plain: bool = False) -> Corr
 
 def _expected_squares(setup: Setup, used: Space, fit: Fit) -> float:
     """The sum of squares of the residual, if the model is as linear as the fit assumes."""
-    white = used.whiten(left_of(setup, fit))
+    white = used.whiten(residual_of(setup, fit))
     return float(white @ white)
 
 

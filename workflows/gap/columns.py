@@ -21,7 +21,7 @@ def alike(first: pd.Series[Any], second: pd.Series[Any]) -> bool:
     return bool(np.abs(a - b).max(initial=0.0) <= 1e-9 * spread)
 
 
-def told_apart(frame: pd.DataFrame, columns: tuple[Column, ...]) -> list[str]:
+def column_messages(frame: pd.DataFrame, columns: tuple[Column, ...]) -> list[str]:
     """Sentences about columns that are constant, equal or strongly correlated."""
     numbers = [c.name for c in columns if not c.text and str(c.role) != "repeat"]
     still = [name for name in numbers if np.ptp(frame[name].to_numpy(dtype=float)) == 0.0]

@@ -11,7 +11,7 @@ from .abstain import acts_in
 from .data import GapData
 from .fit import Fit, Fitter, Member
 from .library import Candidate
-from .linear import basis, beside
+from .linear import basis, projected_out
 
 KNOTS = 60
 """Knots of a curve, at most."""
@@ -33,7 +33,9 @@ def as_curve(fitter: Fitter, fit: Fit, small: int, large: int, data: GapData) ->
         fitter.columns.of(m.candidate, m.shape) for m in (small_member, large_member)
     )
     contribution, q = contribution @ fit.coefficients[small], basis(fitter.raw_base)
-    shared = np.linalg.lstsq(beside(large_columns, q), beside(contribution, q), rcond=1e-9)[0]
+    shared = np.linalg.lstsq(
+        projected_out(large_columns, q), projected_out(contribution, q), rcond=1e-9
+    )[0]
     parts = np.split(contribution - large_columns @ shared, len(data.outputs))
     acting = [at for at, part in enumerate(parts) if np.any(part)]
     variables = acts_in(small_member.candidate.effect.needs) - {Role.DIRECTION}

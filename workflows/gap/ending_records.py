@@ -45,11 +45,13 @@ MORE = "measure more units of one lot: a mixture has two peaks, or a shoulder, a
 
 def gate(end: Ending) -> Gate:
     """The test of the null model (stage 1) as a record."""
-    analysis, null_model = end.analysis, end.analysis.bare
+    analysis, null_model = end.analysis, end.analysis.initial_null_model
     setup, count = null_model.setup, len(null_model.setup.data)
     output_gates = []
     for at, (output, noise) in enumerate(zip(setup.data.outputs, null_model.noises, strict=True)):
-        level = null_model.left.evidence[null_model.generic.outputs == at].max(initial=0.0)
+        level = null_model.residual_forms.evidence[null_model.generic.outputs == at].max(
+            initial=0.0
+        )
         rows = slice(at * count, (at + 1) * count)
         raw = setup.residual[rows] - end.before.fitted[rows]
         limit = analysis.search.thresholds.generic
@@ -94,7 +96,7 @@ def detectable(end: Ending) -> tuple[tuple[Detectable, ...], tuple[str, ...]]:
     """The smallest size at which each effect is detected with probability 0.9, and the names of the
     effects that are undetectable because the free columns span them.
     """
-    search, setup = end.analysis.bare.search, end.setup
+    search, setup = end.analysis.initial_null_model.search, end.setup
     wanted = np.sqrt(search.thresholds.library) + 1.2816
     white, raw = search.white.columns, search.book.raw.columns
     total = np.einsum("ij,ij->j", white, white)
@@ -126,7 +128,7 @@ def scores(end: Ending) -> tuple[Score, ...]:
     """The candidates (stage 3) as records: the gain of each effect alone given the model's free
     parameters, best first.
     """
-    search = end.analysis.bare.search
+    search = end.analysis.initial_null_model.search
     return tuple(
         Score(
             candidate.member.name,
@@ -182,7 +184,7 @@ def _effect(end: Ending, at: int, spread: Spread | None) -> FoundEffect:
     intervals = {
         parameter.name: _ends(end, member.name, parameter, values, spread) for parameter in numbers
     }
-    total = max(end.analysis.ground.empty.rss - end.fit.rss, 1e-300)
+    total = max(end.analysis.null_model.empty.rss - end.fit.rss, 1e-300)
     return FoundEffect(
         name=member.name,
         family=member.candidate.effect.family,
@@ -291,7 +293,7 @@ def residual_table(end: Ending, full: GapData) -> pd.DataFrame:
     inputs = {c.name: full.readings.table[c.name] for c in full.target.columns}
     frame = pd.DataFrame({"row": full.rows, **inputs})
     used = np.flatnonzero(np.isin(full.rows, setup.data.rows))
-    start = end.analysis.bare
+    start = end.analysis.initial_null_model
     null_model = corrected(start.setup, start.search.fitter.space, start.empty)
     before, after = null_model.predicted(full), end.model.predicted(full)
     for at, (output, noise) in enumerate(zip(setup.data.outputs, start.noises, strict=True)):

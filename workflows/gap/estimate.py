@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from ...models.inputs.distribution import Array
 from .generic import Form
-from .linear import Groups, basis, beside, products
-from .noise import Noise, autocorrelation, outliers, robust_scale, scale_left, size_follows
+from .linear import Groups, basis, products, projected_out
+from .noise import Noise, autocorrelation, outliers, residual_scale, robust_scale, size_follows
 from .scan import evidence
 
 CERTAIN = 14.0
@@ -74,7 +74,7 @@ def _slow(n: int) -> Array:
 def _first_scale(remainder: Remainder, kept: Array, sigma: Array) -> float:
     q = basis(kept / sigma[:, None])
     return max(
-        robust_scale(beside(remainder.residual / sigma, q)),
+        robust_scale(projected_out(remainder.residual / sigma, q)),
         remainder.law,
         remainder.resolution,
         1e-300,
@@ -141,7 +141,7 @@ def _start(remainder: Remainder, kept: Array, noise: Noise) -> Start:
     if not noise.is_plain or noise.good is not None:
         groups = Groups(noise.whiten(groups.columns), groups.starts, groups.one_sided)
     q = basis(noise.whiten(kept))
-    residual = beside(noise.whiten(remainder.residual), q)
+    residual = projected_out(noise.whiten(remainder.residual), q)
     return Start(kept, q, residual, groups, *products(groups, q, residual))
 
 
@@ -157,13 +157,13 @@ def _with_forms(
     projected, product, trend = start.projected, start.product, False
     while chosen.shape[1] < max(len(residual) // 5, start.kept.shape[1] + 2):
         scale = residual @ residual / (len(residual) - q.shape[1])
-        level = evidence(white, white.gains_beside(projected, product) / scale)
+        level = evidence(white, white.conditional_gains(projected, product) / scale)
         best = int(np.argmax(np.where(allowed, level, -np.inf)))
         if level[best] < CERTAIN:
             break
         chosen = np.column_stack([chosen, remainder.generic.of(best)])
-        new = basis(beside(beside(white.of(best), q), q))
-        residual, q = beside(residual, new), np.hstack([q, new])
+        new = basis(projected_out(projected_out(white.of(best), q), q))
+        residual, q = projected_out(residual, new), np.hstack([q, new])
         more, product = products(white, new, residual)
         projected = np.vstack([projected, more])
         trend |= remainder.slow[best]
@@ -173,7 +173,7 @@ def _with_forms(
 def _likelihood(residual: Array, chosen: Array, noise: Noise) -> float:
     """Log likelihood less half ln n per column, up to a constant."""
     q = basis(noise.whiten(chosen))
-    whitened = beside(noise.whiten(residual), q)
+    whitened = projected_out(noise.whiten(residual), q)
     n = len(residual)
     spread = -0.5 * (n - 1) * np.log(1.0 - noise.rho**2) - float(np.sum(np.log(noise.sigma)))
     return float(spread - 0.5 * n * np.log(whitened @ whitened / n) - 0.5 * np.log(n) * q.shape[1])
@@ -188,8 +188,8 @@ def _scaled(remainder: Remainder, chosen: Array, noise: Noise) -> Noise:
         level = np.sqrt(np.mean(noise.sigma**2))
         return replace(noise, sigma=noise.sigma * pure / level, source="repeats")
     q = basis(noise.whiten(chosen))
-    whitened = beside(noise.whiten(remainder.residual), q)
-    scale = max(scale_left(whitened, q.shape[1]), remainder.resolution / noise.level)
+    whitened = projected_out(noise.whiten(remainder.residual), q)
+    scale = max(residual_scale(whitened, q.shape[1]), remainder.resolution / noise.level)
     return replace(noise, sigma=noise.sigma * scale)
 
 

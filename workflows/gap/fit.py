@@ -12,7 +12,7 @@ from scipy import optimize
 from ...models.effects import EffectParameter
 from ...models.inputs.distribution import Array
 from .library import Candidate, Columns
-from .linear import Beside, Groups, basis, beside, unit
+from .linear import ConditionalGroups, Groups, basis, projected_out, unit
 from .space import Space
 
 REMEMBERED = 400
@@ -87,7 +87,7 @@ class Fitter:
         self.raw_base = base
         self.base = space.with_prior(base)
         self.q = basis(self.base)
-        self.y_left = beside(self.y, self.q)
+        self.y_left = projected_out(self.y, self.q)
         self._kept: dict[tuple[str, tuple[float, ...]], Array] = {}
         self._with: dict[int, tuple[Groups, dict[tuple[object, ...], Array]]] = {}
         self._refined: dict[tuple[object, ...], Fit] = {}
@@ -95,7 +95,7 @@ class Fitter:
     def of_record(self, y: Array) -> Fitter:
         """The fitter for another whitened record (N,)."""
         fitter = copy(self)
-        fitter.y, fitter.y_left, fitter._refined, fitter._with = y, beside(y, self.q), {}, {}
+        fitter.y, fitter.y_left, fitter._refined, fitter._with = y, projected_out(y, self.q), {}, {}
         return fitter
 
     @property
@@ -121,7 +121,7 @@ class Fitter:
         )
         z = np.hstack(parts)
         with_y = self._product(groups, ("record",), self.y[:, None])[0]
-        return Beside.of(z.T @ z, z.T @ self.y).gains(groups, with_groups, with_y)
+        return ConditionalGroups.of(z.T @ z, z.T @ self.y).gains(groups, with_groups, with_y)
 
     def _product(self, groups: Groups, key: tuple[object, ...], columns: Array) -> Array:
         """Products (k, C) of the columns (N, k) of a key with those of groups."""
@@ -187,7 +187,7 @@ class Fitter:
         the better fit.
         """
         q = self.spanned([member for k, member in enumerate(members) if k != at])
-        residual = beside(self.y, q)
+        residual = projected_out(self.y, q)
         shaped_forms = [self._shaped(form, q, residual) for form in members[at].forms]
         return (
             max(shaped_forms, key=lambda pair: pair[1])[0]

@@ -27,7 +27,7 @@ from .one_delay import uneven_delays
 from .plan import GapPlan
 from .plausible import unlikely_numbers
 from .populations.compared import compared
-from .populations.found import attribution_of, inputs_instead, said
+from .populations.results import attribution_of, inputs_instead, summary_messages
 from .progress import GapProgress, Tell, silent
 from .quantiles import spread_of_units
 from .recalibration import moved_far
@@ -81,7 +81,7 @@ def gap(
             return GapOutcome("done", out, (*summary_of(out), f"{out} was whole already"))
         kept = opened(place, identity, resume)
         try:
-            result = found(plan, data, workers, progress, kept)
+            result = analysis_result(plan, data, workers, progress, kept)
             lines = lines_of(result)
             write(result, out, lines)
             place.complete()
@@ -99,7 +99,7 @@ def _saved(kept: Replicates, plan: GapPlan) -> str:
     return f"interrupted: {done}run the same command with --resume to go on"
 
 
-def found(
+def analysis_result(
     plan: GapPlan,
     data: GapData,
     workers: Execution | int = 1,
@@ -151,11 +151,11 @@ def ending(
 def result_of(plan: GapPlan, data: GapData, end: Ending, spread: Spread | None = None) -> GapResult:
     """The final result as records; intervals are those of the replicates where there are any."""
     analysis, setup = end.analysis, end.setup
-    bare = analysis.bare
-    limit = bare.search.thresholds.generic
+    initial = analysis.initial_null_model
+    limit = initial.search.thresholds.generic
     table = residual_table(end, data)
     outputs = data.outputs
-    noise = {o.name: n.level for o, n in zip(outputs, bare.noises, strict=True)}
+    noise = {o.name: n.level for o, n in zip(outputs, initial.noises, strict=True)}
     residuals_by_side = {
         side: {o.name: table[f"{o.name}_{side}"].to_numpy() for o in outputs}
         for side in ("before", "after")
@@ -174,7 +174,7 @@ def result_of(plan: GapPlan, data: GapData, end: Ending, spread: Spread | None =
         inputs=tuple(Axis(c.name, c.unit, c.meaning) for c in data.inputs),
         gate=gate(end),
         where=of_inside(setup, end.fit, table)
-        + regions(bare.setup, bare.search.fitter, bare.generic, bare.empty, limit),
+        + regions(initial.setup, initial.search.fitter, initial.generic, initial.empty, limit),
         scores=scores(end),
         steps=renumbered(analysis.selection.steps),
         effects=named_effects,
@@ -237,7 +237,7 @@ def _notes(analysis: Analysis, data: GapData, end: Ending) -> tuple[str, ...]:
     drawing = end.setup.plan.drawing
     notes = [*([drawing.assumed] if drawing and drawing.assumed else []), *end.setup.first]
     notes += [*unlikely_numbers(end.fit, data), *data.notes, *end.setup.notes]
-    for output, noise in zip(data.outputs, analysis.bare.noises, strict=True):
+    for output, noise in zip(data.outputs, analysis.initial_null_model.noises, strict=True):
         if noise.outliers:
             many = f"{noise.outliers} outliers do" if noise.outliers > 1 else "1 outlier does"
             notes.append(f"{output.name}: {many} not count")
@@ -284,7 +284,7 @@ def lines_of(result: GapResult) -> tuple[str, ...]:
     lines += [f"remainder: {part}" for part in result.remainder]
     if not result.remainder:
         lines += [f"without a name: {shape}" for shape in result.shapes]
-    lines += said(result.population, result.attribution)
+    lines += summary_messages(result.population, result.attribution)
     if (planned := result.next_measurement) is not None:
         lines.append(f"next measurement: {planned}")
         lines += [f"next measurement: {entry}" for entry in (*planned.effects[1:], *planned.notes)]

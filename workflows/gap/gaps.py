@@ -32,14 +32,14 @@ class Gaps:
 
 def gaps(end: Ending) -> Gaps:
     """The gaps of one analysis, without outliers."""
-    bare, setup = end.analysis.bare, end.setup
-    before = bare.setup.residual - end.before.fitted
+    initial, setup = end.analysis.initial_null_model, end.setup
+    before = initial.setup.residual - end.before.fitted
     after = setup.residual - end.after.fitted
     if setup.data.target.population:
         return _of_units(end, before, after)
     noise = {
         o.name: output_noise.level
-        for o, output_noise in zip(setup.data.outputs, bare.noises, strict=True)
+        for o, output_noise in zip(setup.data.outputs, initial.noises, strict=True)
     }
     return Gaps(
         _whole(end, _by_output(end, before)),
@@ -63,13 +63,13 @@ def never_worse(end: Ending) -> Ending:
 
 def _by_output(end: Ending, raw: Array) -> dict[str, float]:
     parts = np.split(raw, len(end.setup.data.outputs))
-    every = zip(end.setup.data.outputs, parts, end.analysis.bare.noises, strict=True)
+    every = zip(end.setup.data.outputs, parts, end.analysis.initial_null_model.noises, strict=True)
     return {output.name: rmse(part, noise.good) for output, part, noise in every}
 
 
 def _whole(end: Ending, by_output: dict[str, float]) -> dict[str, float]:
     """Gaps by output with the total: their root mean square, each in units of its noise."""
-    levels = [noise.level for noise in end.analysis.bare.noises]
+    levels = [noise.level for noise in end.analysis.initial_null_model.noises]
     scaled = np.array(list(by_output.values())) / np.array(levels)
     return by_output | {"total": float(np.sqrt(np.mean(scaled**2)))}
 
@@ -81,15 +81,15 @@ def _of_units(end: Ending, before: Array, after: Array) -> Gaps:
     first: dict[str, float] = {}
     last: dict[str, float] = {}
     least: dict[str, float] = {}
-    bare, outputs = end.analysis.bare, end.setup.data.outputs
+    initial, outputs = end.analysis.initial_null_model, end.setup.data.outputs
     parts = (np.split(x, len(outputs)) for x in (before, after))
     for at, (output, x, y) in enumerate(zip(outputs, *parts, strict=True)):
-        kept = bare.noises[at].kept
-        law = whole = bare.setup.laws[output.name]
+        kept = initial.noises[at].kept
+        law = whole = initial.setup.laws[output.name]
         wider = end.analysis.scatter[:1] if at == 0 else ()
         for effect in wider:
             y = y + effect.moves
-            y[kept] = held_out_units(bare.batch.units(end.fit), effect, y[kept])
+            y[kept] = held_out_units(initial.batch.units(end.fit), effect, y[kept])
             whole = effect.changed(law)
         if not wider:
             x, y = x[kept], y[kept]

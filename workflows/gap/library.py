@@ -133,7 +133,7 @@ class Columns:
         self._slopes: dict[str, Array] = {}
         self._read = {name: y + (beside or {}).get(name, 0.0) for name, y in self._base.items()}
 
-    def read_beside(self, more: Mapping[str, Array]) -> Columns:
+    def with_addition(self, more: Mapping[str, Array]) -> Columns:
         """The same columns, with `more` (n,) added to the outputs that the instrument measures."""
         return Columns(self.data, self.predict, more)
 

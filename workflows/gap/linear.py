@@ -26,7 +26,7 @@ def basis(columns: Array) -> Array:
     return np.ascontiguousarray(q[:, np.abs(np.diag(r)) > np.sqrt(GONE)], dtype=np.float64)
 
 
-def beside(columns: Array, q: Array) -> Array:
+def projected_out(columns: Array, q: Array) -> Array:
     """The part of columns (N, ...) that is orthogonal to an orthonormal basis (N, r)."""
     return columns - q @ (q.T @ columns)
 
@@ -93,7 +93,7 @@ class Groups:
         the basis become zero. The sign of single columns stays.
         """
         before = np.einsum("ij,ij->j", self.columns, self.columns)
-        remaining = beside(self.columns, q)
+        remaining = projected_out(self.columns, q)
         for size in np.unique(self.sizes):
             at = self.starts[self.sizes == size][:, None] + np.arange(size)
             remaining[:, at.ravel()] = _each_orthonormal(remaining, before, at)
@@ -128,7 +128,7 @@ class Groups:
         """Products (g, m, m) of each group's columns in some rows, by the size m of the groups."""
         return [_grams(self.columns[rows], block.at) for block in self._blocks]
 
-    def gains_beside(
+    def conditional_gains(
         self, projected: Array, products: Array, grams: Sequence[Array] | None = None
     ) -> Array:
         """Gain (..., g) of each group given an orthonormal basis Q (N, r).
@@ -159,7 +159,7 @@ class Groups:
 
 
 @dataclass(frozen=True)
-class Beside:
+class ConditionalGroups:
     """Gains of groups given columns Z of unit length, by products alone: `turned` (..., k, k) makes
     Z orthonormal, `record` (..., k) are then its products with a record.
     """
@@ -168,7 +168,7 @@ class Beside:
     record: Array
 
     @classmethod
-    def of(cls, gram: Array, record: Array) -> Beside:
+    def of(cls, gram: Array, record: Array) -> ConditionalGroups:
         """From the products Z' Z (..., k, k) and Z' y (..., k)."""
         turned = whitening(gram)
         return cls(turned, np.einsum("...jk,...k->...j", turned, record))
@@ -179,7 +179,7 @@ class Beside:
         """Gain (..., g) of groups X for the record, with Z' X (..., k, C) and X' y (..., C)."""
         projected = self.turned @ with_z
         remaining = with_y - np.einsum("...k,...kc->...c", self.record, projected)
-        return groups.gains_beside(projected, remaining, grams)
+        return groups.conditional_gains(projected, remaining, grams)
 
 
 def _each_orthonormal(columns: Array, before: Array, at: NDArray[np.int64]) -> Array:

@@ -10,7 +10,7 @@ from ...models.inputs.distribution import Array
 from ...models.measurable import Role
 from .fit import Fit, Fitter
 from .generic import PREDICTED, Form
-from .linear import basis, beside, products
+from .linear import basis, products, projected_out
 from .scan import Remaining, evidence
 from .setup import Setup
 from .where import along, curve_of, densest
@@ -35,24 +35,24 @@ def regions(
     """
     located: list[Region] = []
     groups, q = generic.white, fitter.q
-    residual = beside(fit.residual, q)
+    residual = projected_out(fit.residual, q)
     projected, product = products(groups, q, residual)
     beyond = fit.rss - fitter.space.count
     while len(located) < MOST:
-        gains = groups.gains_beside(projected, product)
+        gains = groups.conditional_gains(projected, product)
         level = evidence(groups, gains)
         at = int(np.argmax(level))
         if level[at] <= limit:
             break
         parts = [generic.white.of(int(k)) for k in _flexible(generic, at)]
-        taken = basis(beside(np.hstack(parts), q))
+        taken = basis(projected_out(np.hstack(parts), q))
         explained = max(float(np.sum((taken.T @ residual) ** 2)) - taken.shape[1], float(gains[at]))
         beyond = max(beyond, explained)
         low, high = _ends(setup, fitter, generic, at, q, residual, explained)
         located.append(
             _region(setup, generic, at, low, high, explained / beyond, float(level[at]), limit)
         )
-        q, residual = np.hstack([q, taken]), beside(residual, taken)
+        q, residual = np.hstack([q, taken]), projected_out(residual, taken)
         more, product = products(groups, taken, residual)
         projected = np.vstack([projected, more])
     return tuple(located)
@@ -117,7 +117,7 @@ def _turning(
     if form.direction:
         odd = odd * _sign(setup)[:, None]
     columns[output * n : (output + 1) * n] = odd
-    remaining = beside(fitter.space.whiten(columns), q)
+    remaining = projected_out(fitter.space.whiten(columns), q)
     size = np.einsum("ij,ij->j", remaining, remaining)
     gains = (remaining.T @ residual) ** 2 / np.maximum(size, 1e-9)
     best = int(np.argmax(gains))

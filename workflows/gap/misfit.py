@@ -17,7 +17,7 @@ from ...models.inputs.distribution import Array
 from .analysis import Analysis
 from .close import Corrected
 from .fit import Fit, Fitter, Member
-from .linear import basis, beside
+from .linear import basis, projected_out
 from .settle import names_of
 from .unresolved import is_term, whole_of
 
@@ -47,7 +47,7 @@ def misfit_of(analysis: Analysis, fit: Fit) -> dict[tuple[str, str], float]:
         others = [columns[k] for k in named if k != at]
         for k, number in enumerate(numbers):
             given_columns = [fitter.base, np.delete(columns[at], k, axis=1), *others]
-            g = beside(columns[at][:, k], basis(np.hstack(given_columns)))
+            g = projected_out(columns[at][:, k], basis(np.hstack(given_columns)))
             size = float(g @ g)
             variance = sum(_part(analysis, fit, term, g) for term in terms) if size > 0.0 else 0.0
             if variance > 0.0:
@@ -97,9 +97,9 @@ def _columns(fitter: Fitter, fit: Fit, at: int) -> Array:
 def _part(analysis: Analysis, fit: Fit, term: int, g: Array) -> float:
     """E/m of a term, times the fraction of g that lies in its whole form."""
     member, fitter = fit.members[term], analysis.search.fitter
-    added = beside(fitter.white(member) @ fit.coefficients[term], fitter.q)
+    added = projected_out(fitter.white(member) @ fit.coefficients[term], fitter.q)
     bias = float(g @ added) ** 2 / float(g @ g)
-    q = basis(beside(fitter.white(whole_of(member, analysis.setup.data)), fitter.q))
+    q = basis(projected_out(fitter.white(whole_of(member, analysis.setup.data)), fitter.q))
     fraction = float(np.sum((q.T @ g) ** 2)) / float(g @ g)
     if fraction < LITTLE:
         return 0.0

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy import linalg, special
 
 from ...models.inputs.distribution import Array
-from .linear import basis, beside, whitening
+from .linear import basis, projected_out, whitening
 
 GRID = np.concatenate([np.arange(0.0, 0.9, 0.05), [0.9, 0.93, 0.96, 0.98, 0.99]])
 """Autocorrelations that are tried."""
@@ -125,7 +125,7 @@ def _restricted(residual: Array, columns: Array, noise: Noise) -> Array:
     """
     plain = replace(noise, rho=0.0)
     x = plain.whiten(columns)
-    z = np.column_stack([x, beside(plain.whiten(residual), basis(x))])
+    z = np.column_stack([x, projected_out(plain.whiten(residual), basis(x))])
     size = np.maximum(np.linalg.norm(z, axis=0), 1e-300)
     z = z / size
     now, before = z[1:], z[:-1]
@@ -146,7 +146,7 @@ def _restricted(residual: Array, columns: Array, noise: Noise) -> Array:
     return np.asarray(jacobian - 0.5 * spread - 0.5 * count * rss)
 
 
-def scale_left(white: Array, used: int) -> float:
+def residual_scale(white: Array, used: int) -> float:
     """Standard deviation of whitened residuals (N,) after `used` numbers were fitted."""
     count = int(np.count_nonzero(white))
     return float(np.sqrt(white @ white / max(count - used, 1)))

@@ -16,7 +16,7 @@ from ...models.effects.instrument.delay import Delay
 from ...models.inputs.distribution import Array
 from .data import GapData
 from .fit import Fit, Fitter, Member
-from .linear import basis, beside
+from .linear import basis, projected_out
 
 STEP = 1e-2
 """Relative step of a derivative."""
@@ -69,7 +69,7 @@ def _uneven(
     longer, shorter = (fitter.columns.of(member.candidate, shape)[:, 0] for shape in ends)
     slope = (longer - shorter) / (2.0 * STEP * late)
     parts = [fitter.space.whiten(np.where(kind, slope, 0.0)) for kind in _kinds(slope, data).T]
-    g = beside(np.column_stack(parts), q)
+    g = projected_out(np.column_stack(parts), q)
     if (np.sum(g**2, axis=0) < LITTLE * np.sum(g**2)).any():
         return None
     corrections, covariance = _estimated(g, fit.residual)

@@ -29,7 +29,7 @@ from .law import law_with
 from .library import Candidate, carried
 from .likelihood import BatchLikelihood, threshold
 from .select import Search
-from .setup import Setup, left_of
+from .setup import Setup, residual_of
 
 CERTAIN = 1e-9
 """Probabilities this close to 0 or 1 are clipped."""
@@ -54,12 +54,14 @@ class Scatter:
     held_out: Improvement
     score: float
     distance: float = 0.0
-    beside: str = ""
+    mean_effect: str = ""
 
     @property
     def names(self) -> tuple[str, ...]:
         """The effect, preceded by the one that moves the mean in addition."""
-        return (self.beside, self.candidate.name) if self.beside else (self.candidate.name,)
+        return (
+            (self.mean_effect, self.candidate.name) if self.mean_effect else (self.candidate.name,)
+        )
 
     @property
     def apart_from_inputs(self) -> str:
@@ -85,7 +87,7 @@ class Scatter:
         """The likelihood that it was fitted by (about the units' mean if another effect moves it),
         and its maximum (k,).
         """
-        batch_likelihood = BatchLikelihood(self.candidate, law, self.target, bool(self.beside))
+        batch_likelihood = BatchLikelihood(self.candidate, law, self.target, bool(self.mean_effect))
         return batch_likelihood, np.array(
             [self.numbers[parameter.name] for parameter in batch_likelihood.numbers]
         ) / batch_likelihood.scale
@@ -163,10 +165,12 @@ class Batch:
         """The members of a fit; the effect on all units is among them only if `scatter_effect`
         needs it.
         """
-        if any(name in self.levels for name in fit.names) == bool(scatter_effect.beside):
+        if any(name in self.levels for name in fit.names) == bool(scatter_effect.mean_effect):
             return fit.members
         level = [
-            member for member in self.search.book.members if member.name == scatter_effect.beside
+            member
+            for member in self.search.book.members
+            if member.name == scatter_effect.mean_effect
         ]
         return (*self.moving(fit), *level)
 
@@ -177,7 +181,7 @@ class Batch:
     def units(self, fit: Fit, but: Sequence[str] = ()) -> Units:
         """The units that count, given the effects on single units except those in `but`."""
         kept = self.search.fitter.space.noises[0].kept
-        residual = left_of(self.setup, fit, (*self.levels, *but))
+        residual = residual_of(self.setup, fit, (*self.levels, *but))
         return Units(self.law, residual[kept], self.search.labels[kept])
 
 
@@ -277,7 +281,7 @@ def _tried(batch: Batch, units: Units, candidate: Candidate, level: str) -> Scat
     values, low, high = (kind.values(p) for p in (at, at - half, at + half))
     ends = {name: (low[name], high[name]) for name in values}
     if Role.LOT in data.readings and isinstance(candidate.effect, OfUnits):
-        values |= candidate.effect.beside_lots
+        values |= candidate.effect.with_lots
     return Scatter(
         candidate,
         data.target,
@@ -287,7 +291,7 @@ def _tried(batch: Batch, units: Units, candidate: Candidate, level: str) -> Scat
         np.nan,
         _held_out(units, centred, free),
         price - 2.0 * used(x, at),
-        beside=level if apart else "",
+        mean_effect=level if apart else "",
     )
 
 
@@ -310,7 +314,7 @@ def held_out_units(units: Units, scatter_effect: Scatter, x: Array) -> Array:
     deviations, whole = np.empty_like(x), scatter_effect.changed(units.law).histogram
     for block in np.unique(units.labels):
         out = units.labels == block
-        training = x[~out] - x[~out].mean() if scatter_effect.beside else x[~out]
+        training = x[~out] - x[~out].mean() if scatter_effect.mean_effect else x[~out]
         law = used.changed(used.best(training, start)).histogram
         deviations[out] = whole.ppf(np.clip(law.cdf(x[out]), CERTAIN, 1.0 - CERTAIN))
     return deviations

@@ -18,7 +18,7 @@ from ...models.effects.readings import SESSION
 from ...models.measurable import Column, Role
 from ...units import converted
 from .clocks import clock_faults, late
-from .columns import alike, told_apart
+from .columns import alike, column_messages
 from .data import GapData, assembled
 from .next.faults import range_faults
 from .plan import GapPlan, output_of
@@ -116,7 +116,7 @@ def checked_table(
             f"a {SESSION} may have a level of its own; [validation] blocks = "
             f'"{SESSION}" would hold out one after the other'
         )
-    notes += [*told_apart(frame, present), *late(frame, present), *_unused_note(unused)]
+    notes += [*column_messages(frame, present), *late(frame, present), *_unused_note(unused)]
     data = assembled(plan, frame, present, outputs, predictions, stds, notes)
     if faults := range_faults(plan, data, place):
         return None, faults

@@ -44,7 +44,7 @@ def as_read(setup: Setup, fit: Fit | None = None) -> Setup:
             if not _reads(setup, member.candidate):
                 total = total + setup.columns.of(member.candidate, member.shape) @ size
         more = dict(zip((o.name for o in outputs), np.split(total, len(outputs)), strict=True))
-    return replace(setup, columns=setup.columns.read_beside(more))
+    return replace(setup, columns=setup.columns.with_addition(more))
 
 
 def read_again(setup: Setup, space: Space, fit: Fit) -> tuple[Setup, Fit]:

@@ -18,7 +18,7 @@ def moved_far(end: Ending) -> str:
     model = end.model
     pairs = zip(model.numbers, model.errors.tolist(), strict=True)
     errors = {number.name: float(error) for number, error in pairs if number.kind == "free"}
-    return said(
+    return recalibration_message(
         (
             parameter.name,
             parameter.after - parameter.before,
@@ -29,7 +29,7 @@ def moved_far(end: Ending) -> str:
     )
 
 
-def said(moves: Iterable[tuple[str, float, float, float]]) -> str:
+def recalibration_message(moves: Iterable[tuple[str, float, float, float]]) -> str:
     """The same note from names, moves, tolerances and standard errors."""
     far = [
         name

@@ -12,7 +12,7 @@ from .analysis import Analysis
 from .fit import Member
 from .gaps import gaps
 from .generic import LEVELS
-from .linear import beside
+from .linear import projected_out
 from .result import Ending
 from .unresolved import is_term
 
@@ -22,7 +22,7 @@ MOST = 3
 
 def struck_of(analysis: Analysis) -> tuple[str, ...]:
     """Effects that were accepted and are not in the answer: their form is not that of the data."""
-    lost = tuple(analysis.fit.names[at] for at in analysis.judged.lost)
+    lost = tuple(analysis.fit.names[at] for at in analysis.identified.lost)
     return (*lost, *analysis.struck)
 
 
@@ -85,7 +85,7 @@ def _of_scatter(end: Ending) -> tuple[Remainder, ...]:
 
 def _beyond(end: Ending) -> float:
     """The squared gap in excess of the noise, in noise units."""
-    empty = end.analysis.ground.empty
+    empty = end.analysis.null_model.empty
     return max(empty.rss - end.analysis.search.fitter.space.count, 1e-300)
 
 
@@ -102,7 +102,9 @@ def _of_terms(end: Ending, members: Sequence[Member]) -> Remainder:
         added = added + whole[at * n : (at + 1) * n]
         white = white + fitter.white(member) @ coefficients
     rms, unit = float(np.std(added)), setup.data.outputs[at].unit
-    white = beside(white, fitter.q)  # without the part that the zeros and free parameters span
+    white = projected_out(
+        white, fitter.q
+    )  # without the part that the zeros and free parameters span
     fraction = min(1.0, float(white @ white) / _beyond(end))
     text = ", and ".join(dict.fromkeys(shape(term) for term in terms))
     return Remainder(
@@ -111,14 +113,14 @@ def _of_terms(end: Ending, members: Sequence[Member]) -> Remainder:
 
 
 def _level(end: Ending, output: int) -> float:
-    return end.analysis.ground.noises[output].level
+    return end.analysis.null_model.noises[output].level
 
 
 def _of_forms(end: Ending) -> tuple[Remainder, ...]:
     """The strongest form of each variable that is still significant given the terms."""
-    generic, remaining = end.analysis.ground.generic, end.analysis.judged.left
+    generic, remaining = end.analysis.null_model.generic, end.analysis.identified.residual_forms
     remainders: dict[tuple[int, str], Remainder] = {}
-    for at in end.analysis.judged.significant:
+    for at in end.analysis.identified.significant:
         form, output = generic.forms[at], int(generic.outputs[at])
         key = (output, form.variable)
         if key in remainders or len(remainders) >= MOST:

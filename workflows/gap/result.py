@@ -13,7 +13,7 @@ from .analysis import Analysis, without
 from .blocks import HeldOut
 from .close import Corrected, corrected
 from .fit import Fit
-from .linear import beside
+from .linear import projected_out
 from .misfit import misfit_of, of_weights
 from .settle import names_of, predicts_as_well
 from .setup import Setup
@@ -68,7 +68,7 @@ class Ending:
         in an unidentified way.
         """
         terms = len(self.named) < len(self.fit.members)
-        forms_remain = self.rows and bool(self.analysis.judged.significant)
+        forms_remain = self.rows and bool(self.analysis.identified.significant)
         return terms or forms_remain or self.analysis.misfit is not None
 
     @property
@@ -135,7 +135,8 @@ def _is_form(end: Ending, small: int, large: int) -> bool:
     """Whether the small member's contribution may be an error of the large member's form."""
     fitter, fit = end.analysis.search.fitter, end.fit
     a, b = (
-        beside(fitter.white(fit.members[k]) @ fit.coefficients[k], fitter.q) for k in (small, large)
+        projected_out(fitter.white(fit.members[k]) @ fit.coefficients[k], fitter.q)
+        for k in (small, large)
     )
     small_norm, large_norm = float(np.linalg.norm(a)), float(np.linalg.norm(b))
     alike = abs(float(a @ b)) / max(small_norm * large_norm, 1e-300)
@@ -145,13 +146,13 @@ def _is_form(end: Ending, small: int, large: int) -> bool:
 
 def _ended(analysis: Analysis) -> Ending:
     search = analysis.search
-    lost = analysis.judged.lost
+    lost = analysis.identified.lost
     kept = [member for at, member in enumerate(analysis.fit.members) if at not in lost]
-    fit = search.fitter.refined(kept) if kept else analysis.ground.empty
+    fit = search.fitter.refined(kept) if kept else analysis.null_model.empty
     if not lost and not analysis.scatter and not analysis.setup.data.target.population:
         fit = analysis.fit  # as it was tested
     model = corrected(analysis.setup, search.fitter.space, fit)
-    null_model = analysis.bare
+    null_model = analysis.initial_null_model
     end = Ending(
         analysis, fit, model, null_model.search.tested(null_model.empty), search.tested(fit)
     )

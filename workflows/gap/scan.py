@@ -17,7 +17,7 @@ from ...models.measurable import Role
 from .fit import Fit, Fitter, Member
 from .generic import Form
 from .library import Candidate, Columns, grid
-from .linear import Groups, beside, joined
+from .linear import Groups, joined, projected_out
 from .space import Space
 
 CHUNK = 250
@@ -86,7 +86,7 @@ def thresholds(
     tops, levels = [], []
     for start in range(0, simulations, CHUNK):
         noise = rng.standard_normal((len(q), min(CHUNK, simulations - start)))
-        scale = np.sum(beside(noise, q) ** 2, axis=0) / (len(q) - q.shape[1])
+        scale = np.sum(projected_out(noise, q) ** 2, axis=0) / (len(q) - q.shape[1])
         tops.append(np.max(named.gains(noise) / scale, axis=0, initial=0.0))
         levels.append(strongest(forms, forms.gains(noise) / scale))
     at = 1.0 - 0.5 * rate
@@ -124,25 +124,27 @@ def _evidence(sizes: NDArray[np.int64], gains: Array) -> Array:
 
 
 @dataclass(frozen=True)
-class Found:
+class ScanResult:
     """A candidate at its best grid point, with its gain given the members of a fit."""
 
     member: Member
     gain: float
 
 
-def scan(fitter: Fitter, white: Groups, book: Dictionary, members: Sequence[Member]) -> list[Found]:
+def scan(
+    fitter: Fitter, white: Groups, book: Dictionary, members: Sequence[Member]
+) -> list[ScanResult]:
     """Each candidate that is not in a fit of `members`, at its best grid point, best first. Of two
     that differ by rounding alone the first one of the library precedes, on any machine.
     """
     gains = fitter.gains(white, members)
     taken = {member.name for member in members}
-    best: dict[str, Found] = {}
+    best: dict[str, ScanResult] = {}
     for member, gain in zip(book.members, gains.tolist(), strict=True):
         if member.name in taken:
             continue
         if member.name not in best or gain > (1.0 + ALIKE) * best[member.name].gain:
-            best[member.name] = Found(member, gain)
+            best[member.name] = ScanResult(member, gain)
     return sorted(best.values(), key=lambda candidate: -float(f"{candidate.gain:.9g}"))
 
 
@@ -161,7 +163,7 @@ class Remaining:
 
 
 @dataclass(frozen=True)
-class Left:
+class GenericResidual:
     """Generic forms tested against a residual: evidence and gain of each, and the order of
     evidence.
     """
@@ -171,8 +173,8 @@ class Left:
     best: NDArray[np.int64]
 
 
-def left_over(fit: Fit, fitter: Fitter, generic: Remaining) -> Left:
+def generic_residual(fit: Fit, fitter: Fitter, generic: Remaining) -> GenericResidual:
     """The generic forms tested against the residual of a fit, given all its members."""
     gains = generic.gains(fitter, fit)
     level = evidence(generic.white, gains)
-    return Left(level, gains, np.argsort(-level))
+    return GenericResidual(level, gains, np.argsort(-level))

@@ -14,7 +14,7 @@ from .blocks import HeldOut, Improvement, Training, held_out, improvement
 from .fit import Fit, Fitter, Member
 from .linear import Groups
 from .plan import GapSettings
-from .scan import Dictionary, Found, Thresholds, scan
+from .scan import Dictionary, ScanResult, Thresholds, scan
 
 REFINED = 8
 """Number of candidates whose nonlinear parameters are fitted at each step."""
@@ -47,10 +47,10 @@ class Search:
     thresholds: Thresholds
     labels: NDArray[np.int64]
     settings: GapSettings
-    _open: dict[tuple[object, ...], list[Found]] = field(init=False, default_factory=dict)
+    _open: dict[tuple[object, ...], list[ScanResult]] = field(init=False, default_factory=dict)
     _tested: dict[tuple[object, ...], HeldOut] = field(init=False, default_factory=dict)
 
-    def open(self, members: Sequence[Member]) -> list[Found]:
+    def open(self, members: Sequence[Member]) -> list[ScanResult]:
         """The candidates that may be added to `members`, best first."""
         key = tuple(member.key for member in members)
         if key not in self._open:
@@ -60,7 +60,7 @@ class Search:
             ]
         return self._open[key]
 
-    def refined(self, members: Sequence[Member], candidates: Sequence[Found]) -> list[Fit]:
+    def refined(self, members: Sequence[Member], candidates: Sequence[ScanResult]) -> list[Fit]:
         """Fits with one more candidate each, its nonlinear parameters fitted, best first."""
         if not candidates:
             return []
@@ -73,7 +73,7 @@ class Search:
         fits = [self._grown(members, candidate.member) for candidate in near]
         return sorted(fits, key=lambda fit: fit.score)
 
-    def _reached(self, members: Sequence[Member], candidates: Sequence[Found]) -> float:
+    def _reached(self, members: Sequence[Member], candidates: Sequence[ScanResult]) -> float:
         """The largest gain with physically admissible signs; a scan respects the signs of single
         columns only.
         """
@@ -181,7 +181,7 @@ def select(search: Search, quick: bool = False) -> Selection:
     return Selection(fit, tuple(steps), tuple(rejected_names), real, tuple(accepted), fit.names)
 
 
-def beside(
+def with_identified_by_likelihood(
     search: Search,
     before: Selection,
     after: Selection,

@@ -21,7 +21,7 @@ from ...models.inputs.distribution import Array
 from ...models.measurable import Role
 from .data import GapData
 from .library import Candidate, Columns, grid
-from .linear import basis, beside
+from .linear import basis, projected_out
 
 FAR = 0.25
 """Residual squares with the opposite sign, as a fraction of those with the given one, below which a
@@ -66,9 +66,9 @@ def turned(
     for at, output in enumerate(data.outputs):
         mine = rows + at * len(data)
         q = basis(base[mine])
-        output_blocks = [(candidate, beside(block[mine], q)) for candidate, block in blocks]
-        y = beside(data.measured[output.name][rows], q)
-        p = beside(predicted[output.name][rows], q)
+        output_blocks = [(candidate, projected_out(block[mine], q)) for candidate, block in blocks]
+        y = projected_out(data.measured[output.name][rows], q)
+        p = projected_out(predicted[output.name][rows], q)
         as_given = _best(y - p, output_blocks)
         ways = {"reading": _best(-y - p, output_blocks), "gap": _best(p - y, output_blocks)}
         way = min(ways, key=lambda name: ways[name].rss)

@@ -16,7 +16,7 @@ from ...models.measurable import Column, Role
 from .data import GapData
 from .fit import Fit
 from .library import Columns
-from .linear import basis, beside
+from .linear import basis, projected_out
 from .predictor import predictor
 from .setup import Setup
 
@@ -134,7 +134,7 @@ def _difference(setup: Setup, levels: Array, design: Design, fit: Fit, rival: Fi
     for k in range(len(data.outputs)):
         ones[k * len(data) : (k + 1) * len(data), k] = 1.0
     q = basis(np.hstack([ones, *free]) / level[:, None])
-    residual = beside(np.asarray(mine) / level, q)
+    residual = projected_out(np.asarray(mine) / level, q)
     return float(np.sqrt(np.mean(residual**2)))
 
 

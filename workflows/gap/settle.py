@@ -18,8 +18,8 @@ from .blocks import HeldOut, improvement
 from .data import GapData
 from .fit import Fit, Member
 from .generic import LEVELS
-from .linear import basis, beside
-from .scan import Left, Remaining, left_over
+from .linear import basis, projected_out
+from .scan import GenericResidual, Remaining, generic_residual
 from .select import Search
 from .unresolved import is_term, member_of, term_of
 
@@ -50,7 +50,7 @@ class Settled:
 
     fit: Fit
     struck: tuple[str, ...]
-    left: Left
+    residual_forms: GenericResidual
     significant: tuple[int, ...]
 
 
@@ -77,7 +77,7 @@ class Settling:
         if len(answers) > 1 and answers[1].score < answers[0].score - FREER:
             answers.reverse()
         best = self._chosen(answers, frozenset())
-        remaining = left_over(best, self.search.fitter, self.generic)
+        remaining = generic_residual(best, self.search.fitter, self.generic)
         struck = tuple(name for name in fit.names if name not in best.names)
         return Settled(best, struck, remaining, significant_forms(self.search, remaining))
 
@@ -86,7 +86,7 @@ class Settling:
         kept = [*(member for member in fit.members if member.name not in barred), *more]
         grown = self.grown(self.search.fitter.refined(kept), barred)
         best = self._chosen([grown], barred)
-        remaining = left_over(best, self.search.fitter, self.generic)
+        remaining = generic_residual(best, self.search.fitter, self.generic)
         return Settled(best, (), remaining, significant_forms(self.search, remaining))
 
     def _chosen(self, answers: Sequence[Fit], barred: frozenset[str]) -> Fit:
@@ -142,7 +142,7 @@ class Settling:
         """The fit with the one additional form that predicts best; None where none predicts
         better.
         """
-        remaining = left_over(fit, self.search.fitter, self.generic)
+        remaining = generic_residual(fit, self.search.fitter, self.generic)
         best, least = None, float(np.sum(tested.white**2))
         for larger in self._with_forms(fit, barred, remaining, [int(at) for at in remaining.best]):
             error = float(np.sum(self.search.tested(larger).white ** 2))
@@ -212,8 +212,8 @@ class Settling:
         whole = np.zeros((len(raw) * len(outputs), raw.shape[1]))
         place = outputs.index(effect.term.output)  # type: ignore[attr-defined]
         whole[place * len(raw) : (place + 1) * len(raw)] = raw
-        q = basis(beside(fitter.space.whiten(whole), fitter.q))
-        mine = beside(fitter.white(fit.members[at]) @ fit.coefficients[at], fitter.q)
+        q = basis(projected_out(fitter.space.whiten(whole), fitter.q))
+        mine = projected_out(fitter.white(fit.members[at]) @ fit.coefficients[at], fitter.q)
         return float(np.sum((q.T @ mine) ** 2)) > 0.9 * float(mine @ mine)
 
     def _larger(self, fit: Fit, barred: set[str]) -> Fit | None:
@@ -255,13 +255,13 @@ class Settling:
 
     def _forms(self, fit: Fit, barred: set[str]) -> Iterator[Fit]:
         """Fits with one more term, from the significant forms, the likeliest first."""
-        remaining = left_over(fit, self.search.fitter, self.generic)
+        remaining = generic_residual(fit, self.search.fitter, self.generic)
         at = significant_forms(self.search, remaining)
         if sum(is_term(member) for member in fit.members) < TERMS:
             yield from self._with_forms(fit, barred, remaining, at)
 
     def _with_forms(
-        self, fit: Fit, barred: Collection[str], remaining: Left, at: Sequence[int]
+        self, fit: Fit, barred: Collection[str], remaining: GenericResidual, at: Sequence[int]
     ) -> Iterator[Fit]:
         """Fits with one of these forms in addition, the likeliest first, at most TRIED of them."""
         penalty, sizes = self.search.fitter.penalty, self.generic.white.sizes

@@ -18,7 +18,7 @@ from .fit import Fit
 from .generic import Form, generic, groups_of
 from .law import law_of
 from .library import Candidate, Columns, candidates, left_out, with_lots
-from .linear import Groups, basis, beside
+from .linear import Groups, basis, projected_out
 from .plan import GapPlan
 from .predictor import predictor
 from .read import finite_faults
@@ -100,7 +100,7 @@ def prepared(plan: GapPlan, full: GapData) -> Setup:
     )
 
 
-def left_of(setup: Setup, fit: Fit, but: Sequence[str] = ()) -> Array:
+def residual_of(setup: Setup, fit: Fit, but: Sequence[str] = ()) -> Array:
     """Residual (N,) of a fit, in the outputs' units; the effects named in `but` are not
     subtracted.
     """
@@ -198,7 +198,7 @@ def recalibrated(plan: GapPlan, data: GapData, predicted: Mapping[str, Array]) -
         moved = _moved(plan, data, dict(zip(names, (middle + x * half).tolist(), strict=True)))
         if population:
             return np.append(np.sqrt(len(data)) * np.mean((measured - moved) / scale), x)
-        return beside((measured - moved) / scale, q)
+        return projected_out((measured - moved) / scale, q)
 
     solution = optimize.least_squares(
         residual,

@@ -12,27 +12,29 @@ from .fit import Fit
 from .population import Misfit
 from .remainder import struck_of
 from .result import Ending
-from .scan import left_over
-from .setup import left_of
+from .scan import generic_residual
+from .setup import residual_of
 from .where import along, shapes
 
 
 def shape_records(end: Ending) -> tuple[Shape, ...]:
     """The forms that are significant given the final fit (stage 7), as records."""
     analysis, search = end.analysis, end.analysis.search
-    generic = analysis.ground.generic
+    generic = analysis.null_model.generic
     misfit_shapes = () if analysis.misfit is None else (_of_misfit(end, analysis.misfit),)
-    settled = not analysis.judged.lost and not end.remains and not analysis.judged.significant
+    settled = (
+        not analysis.identified.lost and not end.remains and not analysis.identified.significant
+    )
     if not analysis.significant or (end.named and settled):
         return misfit_shapes
     fit = search.fitter.fit([end.fit.members[at] for at in end.named])
-    remaining = left_over(fit, search.fitter, generic)
+    remaining = generic_residual(fit, search.fitter, generic)
     lost = struck_of(analysis)
     records = shapes(
         end.setup,
         search.fitter,
         generic,
-        analysis.judged,
+        analysis.identified,
         remaining,
         fit,
         search.thresholds.generic,
@@ -62,9 +64,9 @@ def _formula(end: Ending, shape: Shape, fit: Fit) -> str:
         x = np.mod(shape.order * setup.data.readings[Role.ANGLE], 2.0 * np.pi)
         name, period = f"({shape.order:g} {name})", 2.0 * np.pi
     at = [o.name for o in setup.data.outputs].index(shape.output)
-    rows, noise = slice(at * n, (at + 1) * n), end.analysis.ground.noises[at]
+    rows, noise = slice(at * n, (at + 1) * n), end.analysis.null_model.noises[at]
     good = noise.kept
-    y = left_of(setup, fit)[rows]
+    y = residual_of(setup, fit)[rows]
     if shape.direction == "odd":
         sign = np.asarray(setup.data.readings[Role.DIRECTION], dtype=float)
         y = y * sign

@@ -18,7 +18,7 @@ from .data import GapData
 from .fit import Fitter, Member
 from .generic import FROM_LEAST, LEVELS, ODD, STEP, SWING, Form, origin
 from .library import Candidate
-from .linear import basis, beside
+from .linear import basis, projected_out
 
 WITHIN = 0.9
 """Fraction of an effect's column in the span of a form from which the form is taken without it; a
@@ -121,7 +121,7 @@ def member_of(term: Term, data: GapData, fitter: Fitter, named: Sequence[Member]
     span; None where nothing else remains.
     """
     whole = _member(Unresolved(term), data)
-    form = beside(fitter.white(whole), fitter.q)
+    form = projected_out(fitter.white(whole), fitter.q)
     q, r, order = linalg.qr(form, mode="economic", pivoting=True)
     good = np.abs(np.diag(r)) > 1e-5 * max(float(np.abs(r[0, 0])), 1e-300)
     rank = int(good.sum())
@@ -152,7 +152,7 @@ def _within(q: NDArray[Any], fitter: Fitter, named: Sequence[Member]) -> list[Ar
     for member in named:
         if is_term(member):
             continue
-        columns = beside(fitter.white(member), fitter.q)
+        columns = projected_out(fitter.white(member), fitter.q)
         for column in columns.T:
             if float(np.sum((q.T @ column) ** 2)) > WITHIN * float(column @ column) > 0.0:
                 inside.append(column)

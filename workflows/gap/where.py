@@ -9,11 +9,11 @@ from ...gap_records import Region, Shape
 from ...models.effects.readings import unit_numbers
 from ...models.inputs.distribution import Array
 from ...models.measurable import Role
-from .abstain import Judged
+from .abstain import Identified
 from .fit import Fit, Fitter
 from .generic import PREDICTED, Form, order_of_units
-from .linear import beside
-from .scan import Left, Remaining
+from .linear import projected_out
+from .scan import GenericResidual, Remaining
 from .setup import Setup
 
 FAMILIES = {
@@ -72,7 +72,7 @@ def curve_of(setup: Setup, generic: Remaining, at: int, q: Array, residual: Arra
     which = int(generic.outputs[at])
     forms = len(generic.forms) // len(setup.data.outputs)
     raw = setup.generic.of(at - which * forms)
-    coefficients = np.linalg.lstsq(beside(generic.white.of(at), q), residual, rcond=1e-7)[0]
+    coefficients = np.linalg.lstsq(projected_out(generic.white.of(at), q), residual, rcond=1e-7)[0]
     curve = raw @ coefficients
     zero = setup.data.outputs[which].name in setup.data.zeros
     return np.asarray(curve - curve.mean() if zero else curve)
@@ -97,8 +97,8 @@ def shapes(
     setup: Setup,
     fitter: Fitter,
     generic: Remaining,
-    verdict: Judged,
-    remaining: Left,
+    verdict: Identified,
+    remaining: GenericResidual,
     fit: Fit,
     limit: float,
     near: tuple[str, ...],

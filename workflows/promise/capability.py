@@ -42,7 +42,7 @@ def capability_table(problem: ToleranceProblem) -> pd.DataFrame:
             "made_to": sample.made_to or None,
             "df": sample.knowledge.df,
             "type": sample.type,
-            "departures": "; ".join(finding.text for finding in sample.found),
+            "departures": "; ".join(finding.text for finding in sample.findings),
         }
         indices = [
             {"index": key, "value": index.value, "low": index.low, "high": index.high}

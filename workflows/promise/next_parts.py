@@ -170,7 +170,9 @@ def with_more(known: Knowledge, ratio: float) -> Knowledge:
     gauge = known.difference
     if gauge is not None:
         gauge = replace(
-            gauge, seen=gauge.gauge + variance_ratio * gauge.own, seen_df=gauge.seen_df + MORE
+            gauge,
+            measured=gauge.gauge + variance_ratio * gauge.own,
+            measured_df=gauge.measured_df + MORE,
         )
     return replace(
         known,

@@ -92,7 +92,7 @@ def review(
     for name in made:
         sample = latest[name].sample
         lines += [
-            f"{name} {finding.text}" for finding in (sample.found if sample is not None else ())
+            f"{name} {finding.text}" for finding in (sample.findings if sample is not None else ())
         ]
     if since is not None:
         lines += _since(since, now, earlier, design)

@@ -71,14 +71,14 @@ def _cumulants(stack: Stack, at: int) -> Array:
 
 
 def _shaped(sample: PartSample) -> bool:
-    return any(finding.kind in NOT_NORMAL for finding in sample.found)
+    return any(finding.kind in NOT_NORMAL for finding in sample.findings)
 
 
 def doubt(sample: PartSample) -> str:
     """Why a sample does not carry an assurance, empty where it does."""
     if not _shaped(sample):
         return ""
-    if any(finding.kind == "outlier" for finding in sample.found):
+    if any(finding.kind == "outlier" for finding in sample.findings):
         return "has an outlier"
     values = sample.deviations
     skew, excess = float(stats.skew(values)), float(stats.kurtosis(values))

@@ -12,7 +12,7 @@ RELATIONS = ("equal", "at_least", "at_most", "above", "below", "within")
 
 
 @dataclass(frozen=True, slots=True)
-class Reading:
+class Interpretation:
     """A way to recompute a claim; `states` is how it interprets the document (empty: literally)."""
 
     recipe: Recipe
@@ -41,7 +41,7 @@ class Claim:
     ambiguous: str = ""
     lost: str = ""
     why: str = ""
-    readings: tuple[Reading, ...] = ()
+    readings: tuple[Interpretation, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,7 +14,7 @@ from ...errors import InputError, ModelError
 from ...units import converted
 from ..execution import pinned
 from .calculation import Quantity
-from .claims import Claim, Reading
+from .claims import Claim, Interpretation
 from .verdict import Outcome, Verdict, outcome, verdict
 
 
@@ -59,10 +59,10 @@ def generator(seed: int, name: str) -> np.random.Generator:
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=tuple(map(int, words))))
 
 
-def _read(task: ClaimTask, reading: Reading) -> tuple[Outcome, dict[str, ComputedTable]]:
+def _read(task: ClaimTask, reading: Interpretation) -> tuple[Outcome, dict[str, ComputedTable]]:
     claim = task.claim
     try:
-        computed = reading.recipe.found(generator(task.seed, claim.id))
+        computed = reading.recipe.recomputed(generator(task.seed, claim.id))
         quantities = [_in_unit(quantity, claim.unit) for quantity in computed.quantities]
     except (ArithmeticError, ModelError, ValueError) as error:
         raise ModelError(f"claim {claim.id}, {reading.recipe.by}: {error}") from error

@@ -8,7 +8,7 @@ from enum import StrEnum
 from math import nan
 
 from .calculation import Quantity
-from .claims import Claim, Reading
+from .claims import Claim, Interpretation
 
 ROUNDING = 1e-9
 """Relative slack of a comparison: the rounding of the last binary digits."""
@@ -55,7 +55,7 @@ class Verdict:
         return self.outcomes[self.shown] if self.shown >= 0 else None
 
 
-def outcome(claim: Claim, reading: Reading, quantities: Sequence[Quantity]) -> Outcome:
+def outcome(claim: Claim, reading: Interpretation, quantities: Sequence[Quantity]) -> Outcome:
     """What a reading gives; `quantities` are in the unit of the claim."""
     computed = tuple(quantity.value for quantity in quantities)
     deviation = _deviations(claim, computed)

@@ -39,7 +39,7 @@ def analysed(settings: StudySettings, data: StudyData, out: Path) -> tuple[str, 
     digest = _digest(settings, data)
     from .statistics import analyse  # statsmodels takes seconds to import
     from .statistics.runs import runs_of
-    from .write import lines, said, write
+    from .write import lines, study_record, write
 
     seed = np.random.SeedSequence(settings.seed, spawn_key=STREAM)
     result = analyse(settings, data, np.random.default_rng(seed))
@@ -48,7 +48,7 @@ def analysed(settings: StudySettings, data: StudyData, out: Path) -> tuple[str, 
     keys = [factor.key for factor in settings.factors]
     write_text(out / LEADERS, csv_text(leaders(data.design[keys], costs)))
     terminal_lines = lines(result)
-    write_text(out / SAID, said(result, {"digest": digest, "lines": list(terminal_lines)}))
+    write_text(out / SAID, study_record(result, {"digest": digest, "lines": list(terminal_lines)}))
     return terminal_lines
 
 

@@ -126,7 +126,7 @@ class Design(ABC):
 
 
 @dataclass(frozen=True, slots=True)
-class Reading:
+class Hypothesis:
     """An interpretation of a figure: at level `a` of a key a run is better than at level `b`.
 
     `better` False: it is worse. `says` is its wording, `figure` is where it stands.
@@ -154,7 +154,7 @@ class StudySettings:
     base: Mapping[str, Level] = field(default_factory=dict)
     objectives: tuple[str, ...] = ()
     """Objectives of the run: one, or a front."""
-    readings: tuple[Reading, ...] = ()
+    readings: tuple[Hypothesis, ...] = ()
     configuration: str = field(default="", repr=False)
     """The resolved configuration as TOML."""
     labels: Labels = Labels()

@@ -21,7 +21,7 @@ from .racing import STOPPED, left_behind, looks
 from .records import LARGER_IS_BETTER
 from .responses import needs_level, unknown
 from .trial import Chunk, Job, RunRecord, Surveying, done, ended, lost, response_of
-from .yardstick import Yardstick, bare
+from .yardstick import Yardstick, box_alone
 
 if TYPE_CHECKING:
     from .storage.database import Database
@@ -172,7 +172,7 @@ class Work:
         if problem in self._measures:
             return self._measures[problem]
         if problem not in self._boxes:
-            self._boxes[problem] = bare(self.plan.problems[problem])
+            self._boxes[problem] = box_alone(self.plan.problems[problem])
         return self._boxes[problem]
 
     def _next(self) -> Chunk | None:

@@ -27,7 +27,7 @@ def write(result: StudyResult, folder: Path) -> None:
     write_text(folder / page_data.NAME, page_data.dumped(result))
 
 
-def said(result: StudyResult, more: Mapping[str, Any]) -> str:
+def study_record(result: StudyResult, more: Mapping[str, Any]) -> str:
     """`study.json`: recommendations, verdicts on readings, notes, and `more`."""
     record = {
         **({"mechanism": dict(result.mechanism)} if result.mechanism else {}),

@@ -37,7 +37,7 @@ class Yardstick:
         return self.value + (1.0 - SHARE) * abs(self.value)
 
 
-def bare(problem: ToleranceProblem) -> Yardstick:
+def box_alone(problem: ToleranceProblem) -> Yardstick:
     """The box alone, with which runs can begin."""
     ideal, nadir = (tuple(float(v) for v in end) for end in problem.box())
     return Yardstick(Box(ideal, nadir), nan, nan)
@@ -55,7 +55,7 @@ def yardstick(problem: ToleranceProblem) -> Yardstick:
         value = float(problem.objective_values(outputs)[0, 0])
     if problem.n_obj == 1:
         bound = _bound(problem)
-    return replace(bare(problem), value=value, bound=bound)
+    return replace(box_alone(problem), value=value, bound=bound)
 
 
 def _bound(problem: ToleranceProblem) -> float:

@@ -57,7 +57,7 @@ def analysed(found: Record) -> dict[str, Any]:
     Raises InputError where the project refuses them.
     """
     with TemporaryDirectory() as folder:
-        result = gap.found(*read_as_files(found, Path(folder)))
+        result = gap.analysis_result(*read_as_files(found, Path(folder)))
     said: dict[str, Any] = json.loads(as_json(record(result)))
     return said
 

@@ -43,7 +43,7 @@ class LotMixture(OfUnits):
     mistaken_for = ("lot_offset", "spread_inflation", "process_mean_shift")
     reference = "McLachlan and Peel, Finite Mixture Models, 2000"
     apart_from_inputs = "two suppliers"
-    beside_lots: ClassVar[Mapping[str, float]] = {WITHIN.name: 1.0}
+    with_lots: ClassVar[Mapping[str, float]] = {WITHIN.name: 1.0}
     weight = Weight("offset", "c, how far the second supplier is off", low=-inf)
 
     def own_parameters(self, target: Target) -> tuple[EffectParameter, ...]:

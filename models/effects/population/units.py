@@ -26,7 +26,7 @@ class OfUnits(Effect):
 
     apart_from_inputs: ClassVar[str] = ""
     """A cause other than the inputs of the batch; empty where inputs may have the same effect."""
-    beside_lots: ClassVar[Mapping[str, float]] = MappingProxyType({})
+    with_lots: ClassVar[Mapping[str, float]] = MappingProxyType({})
     """Parameters that apply where other effects move whole lots."""
 
     def own_applies(self, target: Target) -> bool:

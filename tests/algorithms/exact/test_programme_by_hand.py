@@ -14,7 +14,7 @@ import pytest
 
 from tolevo.algorithms.exact.combination import Combination
 from tolevo.algorithms.exact.programme import Programme
-from tolevo.algorithms.exact.slsqp import Found
+from tolevo.algorithms.exact.slsqp import LocalOptimum
 from tolevo.models.costs import Reciprocal
 from tolevo.problems.forms import Feature, Form, Way
 
@@ -41,12 +41,14 @@ def unused(*_: object, **__: object) -> Any:
     pytest.fail("not needed here")
 
 
-def ends_at(t: float, multiplier: float = 0.0) -> Callable[..., Found]:
+def ends_at(t: float, multiplier: float = 0.0) -> Callable[..., LocalOptimum]:
     """SLSQP that ends at one part's t whatever is asked: with one part the unit of ln t is 1."""
 
-    def found(*given: Any) -> Found:
+    def found(*given: Any) -> LocalOptimum:
         margins, start = given[2], given[4]
-        return Found(np.full(len(start), np.log(t)), np.full(len(margins(start)), multiplier))
+        return LocalOptimum(
+            np.full(len(start), np.log(t)), np.full(len(margins(start)), multiplier)
+        )
 
     return found
 
@@ -110,8 +112,8 @@ def test_a_search_that_ends_nowhere_proves_nothing(
     """0.15 can be kept: tangents at any point, with any price, must not say that it cannot."""
     own = programme(*OPPOSED, correlation=-0.9)
 
-    def nowhere(*_: object) -> Found:
-        return Found(np.array([share, 1.0 - share, 0.0]), np.ones(1))
+    def nowhere(*_: object) -> LocalOptimum:
+        return LocalOptimum(np.array([share, 1.0 - share, 0.0]), np.ones(1))
 
     monkeypatch.setattr(SLSQP, nowhere)
     found = own.least_cost(np.array([[0.15]]))
@@ -236,9 +238,9 @@ def test_a_search_begins_at_the_loosest_of_17_places_that_keep(
     """Powers of two from 1 to 2^16 keep t <= limit."""
     begun: list[float] = []
 
-    def noted(*given: Any) -> Found:
+    def noted(*given: Any) -> LocalOptimum:
         begun.append(float(np.exp(given[4][0])))
-        return Found(given[4], np.zeros(1))
+        return LocalOptimum(given[4], np.zeros(1))
 
     monkeypatch.setattr(SLSQP, noted)
     own = programme((1.0, 2.0**16, (1.0,), (0.0,), 1.0))

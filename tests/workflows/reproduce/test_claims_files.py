@@ -237,7 +237,7 @@ def test_seed_and_study_may_be_set(tmp_path: Path) -> None:
     plan = read_claims([file(tmp_path, text)], ["seed=7", f"study={tmp_path}"])
     assert plan.sources[0].file.seed == 7
     recipe = plan.sources[0].file.claims[0].readings[0].recipe
-    assert recipe.found(np.random.default_rng(0)).quantities[0].value == 2.0
+    assert recipe.recomputed(np.random.default_rng(0)).quantities[0].value == 2.0
     with pytest.raises(InputError, match=r"parameters.study: .* does not exist: name the dir"):
         read_claims([file(tmp_path, text)], ["study=nowhere"])
     with pytest.raises(InputError, match="sead: is not a known key"):

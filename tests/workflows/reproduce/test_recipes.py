@@ -55,7 +55,7 @@ def test_standard_errors_are_those_of_the_bootstrap(statistic: Statistic) -> Non
 
 def test_share_of_units_is_that_of_the_problem() -> None:
     """The sample against the convolution: another code path."""
-    (found,) = batch(Statistic("fraction_below", 1.0)).found(rng()).quantities
+    (found,) = batch(Statistic("fraction_below", 1.0)).recomputed(rng()).quantities
     problem = RvBacklash(Settings(parameters={"reading": "printed"}))
     bands = problem.references()["document B"]
     exact = problem.outputs_of(bands[None])["yield_percent"][0] / 100.0
@@ -69,10 +69,10 @@ def test_operating_points_are_rows() -> None:
     at = {f"dtheta_{k}_mrad": (value,) for k, value in enumerate((-1.6, 5.3, 5.8, 3.2), 1)}
     recipe = ByModel("assembly", Assembly, {}, {}, {}, (), at | {"precision_weight": (0.0,)},
                      ("delta_2_mrad", "delta_4_mrad"))  # fmt: skip
-    found = recipe.found(rng()).quantities
+    found = recipe.recomputed(rng()).quantities
     np.testing.assert_allclose([one.value for one in found], [3.7, 9.0])
     assert [one.unit for one in found] == ["mrad", "mrad"]
-    slope = Derivative(recipe, "dtheta_1_mrad", 0.1).found(rng()).quantities
+    slope = Derivative(recipe, "dtheta_1_mrad", 0.1).recomputed(rng()).quantities
     np.testing.assert_allclose([one.value for one in slope], [1.0, 0.0], atol=1e-9)
     assert slope[0].unit == "(mrad)/(mrad)"
 
@@ -87,21 +87,21 @@ def test_derivatives_of_a_problem() -> None:
         ("phi_3_arcmin", "centre_distance_mm", 0.01, -1e-6 / 0.036**2 * 1e-3 * 60 * 180 / np.pi),
     ):
         recipe = Derivative(ByProblem("rv_backlash", problem, design, (output,)), by, step)
-        (found,) = recipe.found(rng()).quantities
+        (found,) = recipe.recomputed(rng()).quantities
         np.testing.assert_allclose(found.value, wanted, rtol=1e-5)
 
 
 def test_derivative_of_a_calculation_by_its_parameter() -> None:
     kind = registry.load("calculations", "backlash_stages")
     recipe = Derivative(ByCalculation(kind, (), ("cycloid_mean_arcmin",)), "stagger_arcmin", 0.02)
-    (found,) = recipe.found(rng()).quantities
+    (found,) = recipe.recomputed(rng()).quantities
     np.testing.assert_allclose(found.value, -2.0, rtol=1e-9)
 
 
 def test_both_ends_of_a_derivative_take_the_same_random_numbers() -> None:
     """d mean/d clearance is 1/2 du/a_0 for every unit draw, so that nearly no noise is left."""
     recipe = Derivative(batch(Statistic("mean")), "crank_bearing_um", 0.5)
-    (found,) = recipe.found(rng()).quantities
+    (found,) = recipe.recomputed(rng()).quantities
     wanted = 0.5e-6 / 0.036 * 60 * 180 / np.pi
     np.testing.assert_allclose(found.value, wanted, rtol=4.0 / np.sqrt(3 * 4000))
 
@@ -112,8 +112,8 @@ def test_errors_pass_through_a_formula() -> None:
     formula = ByFormula(
         (Formula("3 * a - b"),), {"a": (one, "arcmin"), "b": (one, "arcmin")}, "arcmin"
     )
-    (found,) = formula.found(rng()).quantities
-    parts = [one.found(stream).quantities[0] for stream in rng().spawn(2)]
+    (found,) = formula.recomputed(rng()).quantities
+    parts = [one.recomputed(stream).quantities[0] for stream in rng().spawn(2)]
     assert parts[0].value != parts[1].value
     np.testing.assert_allclose(found.value, 3 * parts[0].value - parts[1].value)
     errors = np.array([one.standard_error for one in parts])
@@ -122,7 +122,7 @@ def test_errors_pass_through_a_formula() -> None:
 
 def test_terms_enter_in_their_unit() -> None:
     recipe = ByFormula((Formula("sin(x)"),), {"x": (Constant(30.0, "deg"), "rad")}, "1")
-    np.testing.assert_allclose(recipe.found(rng()).quantities[0].value, 0.5)
+    np.testing.assert_allclose(recipe.recomputed(rng()).quantities[0].value, 0.5)
 
 
 def test_generator_depends_on_seed_and_id_alone() -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from tolevo.errors import ModelError
 from tolevo.workflows.reproduce.calculation import Quantity
-from tolevo.workflows.reproduce.claims import Claim, Reading
+from tolevo.workflows.reproduce.claims import Claim, Interpretation
 from tolevo.workflows.reproduce.recipes import Constant
 from tolevo.workflows.reproduce.task import ClaimTask, check
 from tolevo.workflows.reproduce.verdict import Word, outcome, verdict
@@ -18,7 +18,7 @@ PLAIN = Claim("a", "page 1", "length", "mm", (2.0,), tolerance=0.05)
 def judged(claim: Claim, *values: float, states: tuple[str, ...] = ("", "half", "third")) -> str:
     """The verdict where readings compute these values."""
     outcomes = [
-        outcome(claim, Reading(Constant(value, "mm"), said), [Quantity(value, "mm")])
+        outcome(claim, Interpretation(Constant(value, "mm"), said), [Quantity(value, "mm")])
         for value, said in zip(values, states, strict=False)
     ]
     return verdict(claim, outcomes).word
@@ -67,7 +67,7 @@ def test_first_reading_that_holds_decides() -> None:
 def test_reason_names_the_facts() -> None:
     claim = replace(PLAIN, why="a wrong bracket")
     outcomes = [
-        outcome(claim, Reading(Constant(1.0, "mm"), said), [Quantity(value, "mm")])
+        outcome(claim, Interpretation(Constant(1.0, "mm"), said), [Quantity(value, "mm")])
         for value, said in ((4.0, ""), (2.01, "it is halved"))
     ]
     found = verdict(claim, outcomes)
@@ -84,7 +84,7 @@ def test_all_values_of_a_pair_have_to_hold() -> None:
     claim = replace(PLAIN, printed=(2.0, 3.0))
     recipe = Constant(0.0, "mm")
     for values, holds in (((2.0, 3.0), True), ((2.0, 3.2), False)):
-        found = outcome(claim, Reading(recipe), [Quantity(one, "mm") for one in values])
+        found = outcome(claim, Interpretation(recipe), [Quantity(one, "mm") for one in values])
         assert found.holds is holds
         np.testing.assert_allclose(found.deviation, np.subtract(values, (2.0, 3.0)))
 
@@ -92,7 +92,7 @@ def test_all_values_of_a_pair_have_to_hold() -> None:
 @pytest.mark.parametrize(("error", "told"), [(0.0, False), (0.02, False), (0.04, True)])
 def test_chance_is_told_where_it_may_turn_the_verdict(error: float, told: bool) -> None:
     """2.11 misses 2.05 by 0.06: three standard errors of 0.02, less than two of 0.04."""
-    found = outcome(PLAIN, Reading(Constant(0.0, "mm")), [Quantity(2.11, "mm", error)])
+    found = outcome(PLAIN, Interpretation(Constant(0.0, "mm")), [Quantity(2.11, "mm", error)])
     assert ("another draw" in verdict(PLAIN, [found]).reason) is told
 
 
@@ -100,7 +100,7 @@ def test_chance_is_told_where_it_may_turn_the_verdict(error: float, told: bool) 
 def test_above_is_above_by_more_than_chance(error: float, word: Word) -> None:
     """2.1 is above 2 by 0.1: more than two standard errors of 0.04, less than two of 0.06."""
     claim = replace(PLAIN, printed=(2.0,), relation="above", tolerance=0.0)
-    found = outcome(claim, Reading(Constant(0.0, "mm")), [Quantity(2.1, "mm", error)])
+    found = outcome(claim, Interpretation(Constant(0.0, "mm")), [Quantity(2.1, "mm", error)])
     reached = verdict(claim, [found])
     assert reached.word == word
     assert ("less than two standard errors (0.06 mm)" in reached.reason) is not found.holds
@@ -114,7 +114,7 @@ def test_lost_data_cannot_be_checked() -> None:
 
 
 def test_values_are_brought_to_the_unit_of_the_claim() -> None:
-    claim = replace(PLAIN, readings=(Reading(Constant(2000.0, "um")),))
+    claim = replace(PLAIN, readings=(Interpretation(Constant(2000.0, "um")),))
     found = check(ClaimTask("k", 0, 0, claim, 0)).verdict
     assert found.word == Word.REPRODUCED
     assert found.outcome is not None
@@ -122,6 +122,6 @@ def test_values_are_brought_to_the_unit_of_the_claim() -> None:
 
 
 def test_a_value_that_is_not_finite_is_an_error_that_names_the_claim() -> None:
-    claim = replace(PLAIN, readings=(Reading(Constant(float("nan"), "mm")),))
+    claim = replace(PLAIN, readings=(Interpretation(Constant(float("nan"), "mm")),))
     with pytest.raises(ModelError, match="claim a, printed numbers: the value is nan"):
         check(ClaimTask("k", 0, 0, claim, 0))

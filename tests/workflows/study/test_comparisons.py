@@ -11,7 +11,7 @@ from statsmodels.stats.anova import AnovaRM
 
 from tolevo.records import Response
 from tolevo.workflows.study.designs import Factorial, LatinHypercube, OneAtATime
-from tolevo.workflows.study.records import Factor, Reading, StudyData, StudySettings
+from tolevo.workflows.study.records import Factor, Hypothesis, StudyData, StudySettings
 from tolevo.workflows.study.statistics import analyse
 from tolevo.workflows.study.statistics.anova import level_test, surface_tests
 from tolevo.workflows.study.statistics.contrasts import Contrast, contrasts
@@ -199,13 +199,13 @@ def settings_and_data(
     return settings, synthetic.data(settings, effect, noise, rng(), common=1.0)
 
 
-def readings() -> tuple[Reading, ...]:
+def readings() -> tuple[Hypothesis, ...]:
     return (
-        Reading("Figure 9", "large is good", "population", 80, 20, "gap_percent"),
-        Reading("Figure 9", "small is good", "population", 20, 80, "gap_percent"),
-        Reading("Figure 9", "small is bad", "population", 20, 80, "gap_percent", better=False),
-        Reading("Figure 11", "rate matters", "mutation", 0.001, 0.08, "gap_percent"),
-        Reading("Figure 12", "none", "mutation", 0.5, 0.08, "gap_percent"),
+        Hypothesis("Figure 9", "large is good", "population", 80, 20, "gap_percent"),
+        Hypothesis("Figure 9", "small is good", "population", 20, 80, "gap_percent"),
+        Hypothesis("Figure 9", "small is bad", "population", 20, 80, "gap_percent", better=False),
+        Hypothesis("Figure 11", "rate matters", "mutation", 0.001, 0.08, "gap_percent"),
+        Hypothesis("Figure 12", "none", "mutation", 0.5, 0.08, "gap_percent"),
     )
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.stats import t
 
 from tolevo.workflows.study.designs import Factorial
-from tolevo.workflows.study.records import Factor, Reading
+from tolevo.workflows.study.records import Factor, Hypothesis
 from tolevo.workflows.study.statistics import analyse, morris, resampling
 from tolevo.workflows.study.statistics.anova import level_test, model
 from tolevo.workflows.study.statistics.contrasts import Contrast
@@ -168,7 +168,7 @@ def test_an_interval_without_an_end_is_not_told(low: float, high: float, told: s
         "p_holm": 0.01, "effect": 0.9, "difference": 2.0, "low": low, "high": high,
         "significant": True, "reason": "",
     }])  # fmt: skip
-    reading = Reading("Figure 1", "k helps", "k", 1, 2, "gap_percent", better=False)
+    reading = Hypothesis("Figure 1", "k helps", "k", 1, 2, "gap_percent", better=False)
     found = verdicts((reading,), tests)[0]
     assert found.verdict == "holds" and told in found.sentence and "nan" not in found.sentence
 

@@ -13,7 +13,7 @@ import numpy as np
 from scipy import linalg, optimize
 
 from ....models.inputs.distribution import Array
-from .rows import Said
+from .rows import Predictions
 
 MOST = 1e4
 """Largest multiple of the number of measurements for which a result is given."""
@@ -35,7 +35,12 @@ class Duel:
     ahead: float
 
     @classmethod
-    def of(cls, record: tuple[Said, Said], points: tuple[Said, Said], ahead: float) -> Duel:
+    def of(
+        cls,
+        record: tuple[Predictions, Predictions],
+        points: tuple[Predictions, Predictions],
+        ahead: float,
+    ) -> Duel:
         """The duel from both predictions at the record and at the new measurements, whitened."""
         wide = tuple(
             _open(old.columns, new.columns) for old, new in zip(record, points, strict=True)

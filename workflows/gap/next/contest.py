@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....models.inputs.distribution import Array
-from .rows import Said
+from .rows import Predictions
 
 RIDGE = 1e-10
 """Fraction of a column's square that keeps a fit regular."""
@@ -22,18 +22,23 @@ Chosen = NDArray[np.int64]
 @dataclass(frozen=True)
 class Contest:
     """An explanation against a rival, in noise units. `gram` (p, p), `cross` (p,) and `square` are
-    the rival's normal equations at the record; `left` (C, k) is the residual of the explanation
+    the rival's normal equations at the record; `residual` (C, k) is the residual of the explanation
     given the rival at C candidates of k measurements, `columns` (C, k, p) are the rival's.
     """
 
     gram: Array
     cross: Array
     square: float
-    left: Array
+    residual: Array
     columns: Array
 
     @classmethod
-    def of(cls, record: tuple[Said, Said], points: tuple[Said, Said], readings: int) -> Contest:
+    def of(
+        cls,
+        record: tuple[Predictions, Predictions],
+        points: tuple[Predictions, Predictions],
+        readings: int,
+    ) -> Contest:
         """The contest from both predictions at the record and at candidates of `readings`
         measurements, all whitened; the rows of a candidate are adjacent.
         """
@@ -49,7 +54,7 @@ class Contest:
             gram=x.T @ x + RIDGE * np.eye(len(scale)),
             cross=x.T @ y,
             square=float(y @ y),
-            left=residual.reshape(-1, readings),
+            residual=residual.reshape(-1, readings),
             columns=new.reshape(-1, readings, len(scale)),
         )
 
@@ -58,7 +63,7 @@ class Contest:
         (p, p) of its normal equations.
         """
         x = self.columns[chosen].reshape(-1, self.columns.shape[2])
-        y = self.left[chosen].ravel()
+        y = self.residual[chosen].ravel()
         inverse = np.asarray(np.linalg.inv(self.gram + x.T @ x), dtype=np.float64)
         cross = self.cross + x.T @ y
         coefficients = inverse @ cross
@@ -71,7 +76,7 @@ class Contest:
     def with_each(self, chosen: Chosen) -> Array:
         """Discrimination (C,) with these candidates and each one in addition."""
         level, coefficients, inverse = self.level(chosen)
-        residual = self.left - self.columns @ coefficients
+        residual = self.residual - self.columns @ coefficients
         spread = self.columns @ inverse
         if residual.shape[1] == 1:
             lever = np.einsum("ckp,ckp->c", spread, self.columns)

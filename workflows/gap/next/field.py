@@ -23,7 +23,7 @@ from ..space import Space
 from .contest import Chosen
 from .cycles import LOCKED, PATH, along_path, cycles, in_cycles
 from .points import NO_POINT, RANGE, Axis, Table, axes_of, candidates, inside, turning
-from .rows import Said, base_at, columns_at, placed, said
+from .rows import Predictions, base_at, columns_at, placed, predictions
 
 
 class _Onward(Columns):
@@ -62,13 +62,15 @@ class Ahead:
     def __len__(self) -> int:
         return len(next(iter(self.table.values())))
 
-    def says(self, fit: Fit) -> Said:
+    def says(self, fit: Fit) -> Predictions:
         """The prediction of a fit for them, whitened along their path."""
-        return self.white(said(self.columns, self.base, fit))
+        return self.white(predictions(self.columns, self.base, fit))
 
-    def white(self, prediction: Said) -> Said:
+    def white(self, prediction: Predictions) -> Predictions:
         """In noise units."""
-        return Said(self._space.whiten(prediction.values), self._space.whiten(prediction.columns))
+        return Predictions(
+            self._space.whiten(prediction.values), self._space.whiten(prediction.columns)
+        )
 
 
 @dataclass(frozen=True)
@@ -85,13 +87,13 @@ class Field:
     columns: Columns
     noises: Sequence[Noise]
 
-    def says(self, fit: Fit) -> Said:
+    def says(self, fit: Fit) -> Predictions:
         """The prediction of a fit for every candidate, whitened; the rows of a candidate are
         adjacent.
         """
-        return self.white(said(self.columns, self.base, fit))
+        return self.white(predictions(self.columns, self.base, fit))
 
-    def white(self, prediction: Said) -> Said:
+    def white(self, prediction: Predictions) -> Predictions:
         """A prediction in noise units; the measurements within a candidate are successive."""
         together = np.column_stack([prediction.values, prediction.columns])
         parts = np.split(together, len(self.noises))
@@ -101,7 +103,7 @@ class Field:
             for part, noise in zip(parts, self.noises, strict=True)
         ]
         whole = np.stack(blocks, axis=1).reshape(-1, together.shape[1])
-        return Said(whole[:, 0], whole[:, 1:])
+        return Predictions(whole[:, 0], whole[:, 1:])
 
     @property
     def readings(self) -> int:

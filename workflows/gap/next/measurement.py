@@ -131,7 +131,7 @@ def _of_effects(end: Ending, wanted: NextPlan) -> Planned:
     """Points at which the effects nearest to the threshold, or the listed ones, would be
     detected.
     """
-    null_model = end.analysis.bare
+    null_model = end.analysis.initial_null_model
     noises, setup = null_model.search.fitter.space.noises, null_model.setup
     sought, notes = wanted_effects(end, wanted)
     sought = [effect for effect in sought if not _reads(end, effect.fit)]

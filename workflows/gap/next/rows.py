@@ -15,7 +15,7 @@ from ....models.measurable import Column
 from ..data import GapData
 from ..fit import Fit, Fitter, Member
 from ..library import Columns, Predict
-from ..linear import basis, beside
+from ..linear import basis, projected_out
 from ..predictor import predictor
 from ..setup import STEP, Setup, zeros_of
 from .points import Table
@@ -71,7 +71,7 @@ def _nothing(data: GapData) -> Predict:
 
 
 @dataclass(frozen=True)
-class Said:
+class Predictions:
     """The prediction (N,) of a fit at N rows, and the columns (N, p) of all that is fitted in it:
     free parameters, zeros, effects, and the derivatives by their nonlinear parameters.
     """
@@ -80,7 +80,7 @@ class Said:
     columns: Array
 
 
-def said(columns: Columns, base: Array, fit: Fit) -> Said:
+def predictions(columns: Columns, base: Array, fit: Fit) -> Predictions:
     """The prediction of a fit at the rows of `columns`, in the outputs' units."""
     values, parts = base @ fit.free, [base]
     for member, coefficients in zip(fit.members, fit.coefficients, strict=True):
@@ -89,7 +89,7 @@ def said(columns: Columns, base: Array, fit: Fit) -> Said:
         if not member.candidate.alone:
             parts.append(member_columns)
         parts += [column[:, None] for column in _moving(columns, member, coefficients)]
-    return Said(np.asarray(values), np.hstack(parts))
+    return Predictions(np.asarray(values), np.hstack(parts))
 
 
 def _moving(columns: Columns, member: Member, coefficients: Array) -> Iterator[Array]:
@@ -106,20 +106,22 @@ def _moving(columns: Columns, member: Member, coefficients: Array) -> Iterator[A
         yield (high - low) @ coefficients / max(ends[1] - ends[0], 1e-300)
 
 
-def of_record(fitter: Fitter, fit: Fit) -> Said:
+def of_record(fitter: Fitter, fit: Fit) -> Predictions:
     """The prediction of a fit at the N whitened measurements of the record, followed by the
     tolerances.
     """
-    prediction = said(fitter.columns, fitter.raw_base, fit)
+    prediction = predictions(fitter.columns, fitter.raw_base, fit)
     free = fitter.base.shape[1]
     columns = fitter.space.whiten(prediction.columns)
     columns[:, :free] = fitter.base
     values = fitter.space.whiten(prediction.values)
     tail = slice(len(values) - fitter.space.prior, None)
     values[tail] = fitter.base[tail] @ fit.free
-    return Said(values, columns)
+    return Predictions(values, columns)
 
 
-def distance(explanation: Said, rival: Said) -> float:
+def distance(explanation: Predictions, rival: Predictions) -> float:
     """Squared norm of the difference of two predictions outside the span of the rival's columns."""
-    return float(np.sum(beside(explanation.values - rival.values, basis(rival.columns)) ** 2))
+    return float(
+        np.sum(projected_out(explanation.values - rival.values, basis(rival.columns)) ** 2)
+    )

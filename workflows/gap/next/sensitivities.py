@@ -16,7 +16,7 @@ from ..result import Ending
 from ..scan import scan
 from .contest import Contest
 from .field import Ahead, Field
-from .rows import Said, distance, of_record
+from .rows import Predictions, distance, of_record
 from .separations import joined
 
 NEAREST = 2
@@ -34,7 +34,7 @@ class Sought:
 
     fit: Fit
     size: Array
-    record: tuple[Said, Said]
+    record: tuple[Predictions, Predictions]
 
     @property
     def member(self) -> Member:
@@ -46,7 +46,7 @@ def wanted_effects(end: Ending, wanted: NextPlan) -> tuple[list[Sought], list[st
     """The listed effects, or those nearest to the threshold; and why others cannot be planned
     for.
     """
-    search = end.analysis.bare.search
+    search = end.analysis.initial_null_model.search
     members = {
         candidate.member.name: candidate.member
         for candidate in scan(search.fitter, search.white, search.book, ())
@@ -78,7 +78,9 @@ def _detected(end: Ending, effect: Sought) -> bool:
     """Whether the record shows the effect already: then its form is in question, not its
     presence.
     """
-    detectable_norm = float(np.sqrt(end.analysis.bare.search.thresholds.library)) + NINE_OF_TEN
+    detectable_norm = (
+        float(np.sqrt(end.analysis.initial_null_model.search.thresholds.library)) + NINE_OF_TEN
+    )
     return distance(*effect.record) > detectable_norm**2
 
 
@@ -86,7 +88,7 @@ def _sought(end: Ending, member: Member, amount: float | None) -> Sought | None:
     """The effect of the fitted or the relevant size, of a detectable size where the fit has
     none.
     """
-    search = end.analysis.bare.search
+    search = end.analysis.initial_null_model.search
     fit = search.fitter.fit([member])
     raw = search.fitter.columns.of(member.candidate, member.shape)
     size = fit.coefficients[0]
@@ -114,23 +116,23 @@ def _unit(raw: Array) -> Array:
     return size
 
 
-def _record(end: Ending, fit: Fit, size: Array) -> tuple[Said, Said]:
+def _record(end: Ending, fit: Fit, size: Array) -> tuple[Predictions, Predictions]:
     """The prediction of an effect of that size at the record, and of the null fit with its free
     columns.
     """
-    fitter = end.analysis.bare.search.fitter
+    fitter = end.analysis.initial_null_model.search.fitter
     (member,) = fit.members
     values = fitter.white(member) @ size
     base = of_record(fitter, fitter.fit(()))
-    return Said(values, base.columns), Said(np.zeros_like(values), base.columns)
+    return Predictions(values, base.columns), Predictions(np.zeros_like(values), base.columns)
 
 
-def _at(sought: Sought, at: Ahead | Field) -> tuple[Said, Said]:
+def _at(sought: Sought, at: Ahead | Field) -> tuple[Predictions, Predictions]:
     """The same at further measurements."""
     candidate, shape = sought.member.candidate, sought.member.shape
     values = at.columns.of(candidate, shape) @ sought.size
-    prediction = at.white(Said(values, at.base))
-    return prediction, Said(np.zeros_like(prediction.values), prediction.columns)
+    prediction = at.white(Predictions(values, at.base))
+    return prediction, Predictions(np.zeros_like(prediction.values), prediction.columns)
 
 
 def contest(field: Field, sought: Sought) -> Contest:
@@ -142,7 +144,7 @@ def sensitivity(end: Ending, sought: Sought, new: Ahead, alike: Ahead) -> Sensit
     """The detection of an effect by the planned measurements, and by as many like the present
     ones.
     """
-    limit = end.analysis.bare.search.thresholds.library
+    limit = end.analysis.initial_null_model.search.thresholds.library
     levels = [distance(*sought.record)]
     levels += [joined(*sought.record, *_at(sought, at)) for at in (new, alike)]
     size, candidate = sought.size, sought.member.candidate

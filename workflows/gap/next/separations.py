@@ -12,14 +12,14 @@ import numpy as np
 from ....gap_next_records import Separation
 from ..ambiguity import Other
 from ..fit import Fit, Member
-from ..linear import beside
+from ..linear import projected_out
 from ..result import Ending
 from ..select import Search
 from .chance import Duel
 from .contest import Chosen, Contest
 from .exchange import added, exchanged
 from .field import Ahead, Field
-from .rows import Said, distance, of_record
+from .rows import Predictions, distance, of_record
 
 SUPPORT = 60
 """Number of measurements that are chosen one by one; further ones repeat them."""
@@ -45,12 +45,12 @@ class Pair:
     """
 
     other: Other
-    mine: Said
+    mine: Predictions
     fits: tuple[Fit, ...]
-    records: tuple[Said, ...]
+    records: tuple[Predictions, ...]
     contests: tuple[Contest, ...] = ()
 
-    def with_fit(self, fit: Fit, record: Said, contest: Contest) -> Pair:
+    def with_fit(self, fit: Fit, record: Predictions, contest: Contest) -> Pair:
         """The pair with one more value under consideration."""
         return replace(
             self,
@@ -72,7 +72,9 @@ def paired(end: Ending, rival: Other, field: Field | None = None) -> Pair:
     return Pair(rival, mine, (rival.fit,), (record,), contests)
 
 
-def _contest(end: Ending, field: Field, mine: Said, record: Said, rival: Fit) -> Contest:
+def _contest(
+    end: Ending, field: Field, mine: Predictions, record: Predictions, rival: Fit
+) -> Contest:
     points = field.says(end.fit), field.says(rival)
     return Contest.of((mine, record), points, field.readings)
 
@@ -121,7 +123,7 @@ def variants(search: Search, fit: Fit) -> list[Fit]:
         return []
     at = np.array([k for k, member in enumerate(search.book.members) if member.name == last.name])
     q = search.fitter.spanned(other_members)
-    gains = search.white.some(at).orthonormal(q).gains(beside(search.fitter.y, q))
+    gains = search.white.some(at).orthonormal(q).gains(projected_out(search.fitter.y, q))
     allowed = at[gains >= gains.max() - search.settings.set_distance]
     kept = allowed[np.unique(np.linspace(0, len(allowed) - 1, VARIANTS).round().astype(int))]
     shapes = [search.book.members[k].shape for k in kept]
@@ -171,9 +173,11 @@ def record_of(
     )
 
 
-def joined(mine: Said, rival: Said, new_mine: Said, new_rival: Said) -> float:
+def joined(
+    mine: Predictions, rival: Predictions, new_mine: Predictions, new_rival: Predictions
+) -> float:
     """The discrimination by the record and new measurements together."""
     values = np.concatenate([mine.values, new_mine.values])
     rival_values = np.concatenate([rival.values, new_rival.values])
     columns = np.vstack([rival.columns, new_rival.columns])
-    return distance(Said(values, columns), Said(rival_values, columns))
+    return distance(Predictions(values, columns), Predictions(rival_values, columns))

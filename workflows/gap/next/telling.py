@@ -19,8 +19,8 @@ def telling(field: Field, contest: Contest, chosen: Chosen) -> tuple[str, ...]:
     ratio of it, or of its square, over all candidates.
     """
     _, coefficients, _ = contest.level(chosen)
-    residual = (contest.left - contest.columns @ coefficients).reshape(
-        len(contest.left), -1, field.each
+    residual = (contest.residual - contest.columns @ coefficients).reshape(
+        len(contest.residual), -1, field.each
     )
     signed = residual.sum(axis=1).ravel()
 

@@ -52,7 +52,7 @@ def of_scatter(end: Ending, mine: Scatter, rival: Scatter, count: int) -> Separa
     """The separation of two effects on the scatter by further units: the log likelihood ratio of a
     unit has a mean and a variance, which add up over units.
     """
-    law = end.analysis.bare.batch.law
+    law = end.analysis.initial_null_model.batch.law
     laws = [effect.changed(law) for effect in (mine, rival)]
     kinds = [effect.likelihood(law)[0] for effect in (mine, rival)]
     moments = [_moments(right, wrong) for right, wrong in zip(laws, kinds[::-1], strict=True)]

@@ -31,8 +31,8 @@ def of_batch(end: Ending) -> tuple[Attribution, ...]:
     tables = Tables(UnitLaw(sources), y, u, settings.parts_out_of_limits)
     weighed = Weighed(tables, settings.set_distance, settings.interval, *_rival(end, tables))
     if weighed.gain <= tables.chance(settings.false_rate, end.setup.plan.seed):
-        text = _beside(end) or f"no input of its own: cannot tell with n = {len(y)}"
-        verdict = "none" if _beside(end) else "cannot tell"
+        text = _subtracted_effects(end) or f"no input of its own: cannot tell with n = {len(y)}"
+        verdict = "none" if _subtracted_effects(end) else "cannot tell"
         return (Attribution(names, output.name, "", (), verdict, (), text),)
     attributions = decided(weighed, names, output.name, output.unit)
     if not sources.basis:
@@ -128,7 +128,7 @@ def _refused(end: Ending) -> str:
     count = len(end.setup.data)
     if not end.setup.plan.settings.effects_at_most or count < LEAST_NAMED:
         return f"cannot tell with n = {count} which input it is due to"
-    setup = end.analysis.bare.setup
+    setup = end.analysis.initial_null_model.setup
     if any(
         on_scatter(active.effect, active.values, setup.data.readings, setup.data.target)
         for active in setup.plan.active
@@ -150,14 +150,14 @@ def trends(end: Ending) -> tuple[str, ...]:
     return tuple(member.name for member in end.fit.members if member.candidate.effect.along_units)
 
 
-def _beside(end: Ending) -> str:
+def _subtracted_effects(end: Ending) -> str:
     """The sentence on effects that are subtracted before attribution; empty where there are
     none.
     """
     out = [
         name
         for name in end.fit.names
-        if name not in (*trends(end), *end.analysis.bare.batch.levels)
+        if name not in (*trends(end), *end.analysis.initial_null_model.batch.levels)
     ]
     return f"beside {', '.join(out)} nothing is left to attribute to an input" if out else ""
 
@@ -166,7 +166,7 @@ def _units(end: Ending) -> tuple[Array, Array]:
     """Units (n,) that count, given the effects on single units, and their order (n,) from 0 to
     1.
     """
-    bare = end.analysis.bare
-    numbers = unit_numbers(bare.setup.data.readings).astype(float)
-    units = bare.batch.units(end.fit, trends(end))
-    return units.x + units.law.mean, (numbers / max(numbers.max(), 1.0))[bare.noises[0].kept]
+    initial = end.analysis.initial_null_model
+    numbers = unit_numbers(initial.setup.data.readings).astype(float)
+    units = initial.batch.units(end.fit, trends(end))
+    return units.x + units.law.mean, (numbers / max(numbers.max(), 1.0))[initial.noises[0].kept]

@@ -14,7 +14,7 @@ from ....models.inputs.distribution import Array
 from ....models.measurable import Role
 from ..predictor import predictor
 from ..result import Ending
-from ..setup import LEAST_NAMED, left_of
+from ..setup import LEAST_NAMED, residual_of
 from .lines import Compared, batches
 from .statistics import Look, Statistic, along, between_lots, looks_of, two_of, unlike, values_of
 
@@ -39,7 +39,7 @@ def compared(end: Ending) -> tuple[PopulationLine, ...]:
     if population:
         return tuple(line for k, model in enumerate(models) for line in _of_batch(end, model, k))
     plain = predictor(end.setup.plan, end.setup.data)({})
-    residuals = np.split(left_of(end.setup, end.fit), len(end.setup.data.outputs))
+    residuals = np.split(residual_of(end.setup, end.fit), len(end.setup.data.outputs))
     lines: tuple[PopulationLine, ...] = ()
     for stream, model in enumerate(models):
         for at, output in enumerate(end.setup.data.outputs):
@@ -51,13 +51,13 @@ def compared(end: Ending) -> tuple[PopulationLine, ...]:
 
 def _of_batch(end: Ending, model: str, stream: int) -> tuple[PopulationLine, ...]:
     """The lines of the deviations of units from the model's prediction."""
-    bare = end.analysis.bare
-    setup, fit = (end.setup, end.fit) if model == "after" else (bare.setup, bare.empty)
-    output, kept = setup.data.outputs[0], bare.noises[0].kept
-    law, middle = bare.setup.laws[output.name], 0.0
+    initial = end.analysis.initial_null_model
+    setup, fit = (end.setup, end.fit) if model == "after" else (initial.setup, initial.empty)
+    output, kept = setup.data.outputs[0], initial.noises[0].kept
+    law, middle = initial.setup.laws[output.name], 0.0
     for effect in end.analysis.scatter[:1] if model == "after" else ():
         law, middle = effect.changed(law), effect.moves
-    x = left_of(setup, fit)[kept] + middle
+    x = residual_of(setup, fit)[kept] + middle
     readings = setup.data.readings
     order = unit_numbers(readings)[kept].astype(float)
     lots = between_lots(labels_of(readings[Role.LOT])[1][kept]) if Role.LOT in readings else None
@@ -85,7 +85,7 @@ def _of_pairs(
     end: Ending, at: int, model: str, stream: int, simulated: Array
 ) -> tuple[PopulationLine, ...]:
     setup = end.setup
-    output, kept = setup.data.outputs[at], end.analysis.bare.noises[at].kept
+    output, kept = setup.data.outputs[at], end.analysis.initial_null_model.noises[at].kept
     s, measured = simulated[kept], setup.data.measured[output.name][kept]
     r = measured - s
     order = unit_numbers(setup.data.readings)[kept].astype(float)

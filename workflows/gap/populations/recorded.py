@@ -19,7 +19,7 @@ from ....models.inputs.distribution import Array
 from ....models.measurable import Column, Role
 from ..predictor import predictor
 from ..result import Ending
-from ..scan import left_over
+from ..scan import generic_residual
 from ..setup import LEAST_NAMED
 
 GAIN_LOW, GAIN_HIGH = -0.5, 1.0
@@ -36,8 +36,8 @@ READ_AGAIN = 3
 class Wrong:
     """One input recorded wrongly (or the zero of an output), and the residual given it.
 
-    `amount` is how much too large it was recorded, `left` the squared whitened residual given it,
-    `moved` (N,) the change of the model's prediction, whitened.
+    `amount` is how much too large it was recorded, `residual_square` the squared whitened residual
+    given it, `moved` (N,) the change of the model's prediction, whitened.
     """
 
     name: str
@@ -45,7 +45,7 @@ class Wrong:
     unit: str
     amount: float
     error: float
-    left: float
+    residual_square: float
     moved: Array
     is_input: bool = True
     why: str = ""
@@ -161,7 +161,7 @@ class Records:
         """Whether the residual given it is only noise, for any zeros."""
         analysis = self.end.analysis
         fitter = analysis.search.fitter.of_record(self.y - wrong.moved)
-        remaining = left_over(fitter.fit(()), fitter, analysis.ground.generic)
+        remaining = generic_residual(fitter.fit(()), fitter, analysis.null_model.generic)
         return bool(remaining.evidence.max(initial=0.0) <= analysis.search.thresholds.generic)
 
     @cached_property
@@ -183,7 +183,7 @@ class Records:
         """The squared residual given only the gauge biases that gain more than their price."""
         whole = float(self.y @ self.y)
         pays = (
-            max(whole - gauge.left - self.price, 0.0)
+            max(whole - gauge.residual_square - self.price, 0.0)
             for gauge in self.zeros
             if gauge.kind == "bias"
         )
@@ -200,20 +200,22 @@ def of_recorded(end: Ending) -> tuple[Attribution, ...]:
     every = (*records.wrong, *records.zeros)
     rate = end.setup.plan.settings.false_rate / max(len(every), 1)
     least = float(chdtri(1, rate))
-    best = min(records.wrong, key=lambda wrong: wrong.left, default=None)
-    if best is None or float(records.y @ records.y) - best.left <= least:
+    best = min(records.wrong, key=lambda wrong: wrong.residual_square, default=None)
+    if best is None or float(records.y @ records.y) - best.residual_square <= least:
         return ()
-    top = min(*(wrong.left + records.price for wrong in every), records.named, records.gauges)
+    top = min(
+        *(wrong.residual_square + records.price for wrong in every), records.named, records.gauges
+    )
     max_distance = end.setup.plan.settings.set_distance
     standing = [
         wrong
         for wrong in every
-        if not wrong.why and wrong.left + records.price - top <= max_distance
+        if not wrong.why and wrong.residual_square + records.price - top <= max_distance
     ]
     standing = [wrong for wrong in standing if records.explains(wrong)]
     if not any(wrong.is_input for wrong in standing):
         return () if end.fit.members or not end.analysis.significant else (_none(end, best),)
-    standing.sort(key=lambda wrong: wrong.left)
+    standing.sort(key=lambda wrong: wrong.residual_square)
     return _records_of(end, records, standing, top, max_distance)
 
 
@@ -236,9 +238,9 @@ def _records_of(
     attributions = []
     for kind in dict.fromkeys(wrong.kind for wrong in standing):
         errors = [wrong for wrong in (*records.wrong, *records.zeros) if wrong.kind == kind]
-        errors.sort(key=lambda wrong: wrong.left)
+        errors.sort(key=lambda wrong: wrong.residual_square)
         records_of_kind = tuple(
-            _record(end, wrong, wrong in standing, wrong.left + records.price - top)
+            _record(end, wrong, wrong in standing, wrong.residual_square + records.price - top)
             for wrong in errors
         )
         names = tuple(wrong.name for wrong in standing if wrong.kind == kind)

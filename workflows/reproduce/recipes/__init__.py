@@ -7,7 +7,7 @@ from .by_formula import ByFormula, Constant
 from .by_model import STATISTICS, ByModel, Statistic
 from .by_problem import ByProblem
 from .derivative import Derivative
-from .recipe import Found, Recipe
+from .recipe import Recipe, Recomputed
 
 __all__ = [
     "STATISTICS",
@@ -17,7 +17,7 @@ __all__ = [
     "ByProblem",
     "Constant",
     "Derivative",
-    "Found",
     "Recipe",
+    "Recomputed",
     "Statistic",
 ]

@@ -11,7 +11,7 @@ import numpy as np
 from ....declarations import Scalar, Value, number
 from ....errors import Fault, nearest, raise_all
 from ..calculation import Calculation, Computed
-from .recipe import Found, Recipe
+from .recipe import Recipe, Recomputed
 
 KEPT = 64
 """Results of calculations without chance that a process keeps."""
@@ -27,7 +27,7 @@ class ByCalculation(Recipe):
     place: str = "quantity"
     """Where the names of the quantities stand, for faults."""
 
-    def found(self, rng: np.random.Generator) -> Found:
+    def recomputed(self, rng: np.random.Generator) -> Recomputed:
         computed = self._computed(rng)
         known = computed.quantities
         raise_all(
@@ -40,7 +40,7 @@ class ByCalculation(Recipe):
             if name not in known
         )
         tables = {f"{self.kind.name}_{table.name}": table for table in computed.tables}
-        return Found(tuple(known[name] for name in self.quantities), tables)
+        return Recomputed(tuple(known[name] for name in self.quantities), tables)
 
     def _computed(self, rng: np.random.Generator) -> Computed:
         if self.kind.sampled:

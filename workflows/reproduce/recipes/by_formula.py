@@ -14,7 +14,7 @@ from ....errors import ModelError
 from ....models.expressions import Formula
 from ....units import converted
 from ..calculation import Quantity
-from .recipe import Found, Recipe
+from .recipe import Recipe, Recomputed
 
 Array = NDArray[np.float64]
 
@@ -26,8 +26,8 @@ class Constant(Recipe):
     value: float
     unit: str
 
-    def found(self, rng: np.random.Generator) -> Found:
-        return Found((Quantity(self.value, self.unit),))
+    def recomputed(self, rng: np.random.Generator) -> Recomputed:
+        return Recomputed((Quantity(self.value, self.unit),))
 
     @property
     def by(self) -> str:
@@ -42,20 +42,20 @@ class ByFormula(Recipe):
     terms: Mapping[str, tuple[Recipe, str]]
     unit: str
 
-    def found(self, rng: np.random.Generator) -> Found:
+    def recomputed(self, rng: np.random.Generator) -> Recomputed:
         values: dict[str, Array] = {}
         errors: dict[str, float] = {}
         tables: dict[str, ComputedTable] = {}
         for stream, (name, (recipe, unit)) in zip(
             rng.spawn(len(self.terms)), self.terms.items(), strict=True
         ):
-            computed = recipe.found(stream)
+            computed = recipe.recomputed(stream)
             (quantity,) = computed.quantities
             values[name] = np.asarray(converted(quantity.value, quantity.unit, unit))
             zero = converted(0.0, quantity.unit, unit)
             errors[name] = converted(quantity.standard_error, quantity.unit, unit) - zero
             tables.update(computed.tables)
-        return Found(
+        return Recomputed(
             tuple(self._quantity(formula, values, errors) for formula in self.formulas), tables
         )
 

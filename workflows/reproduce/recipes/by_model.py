@@ -16,7 +16,7 @@ from ....models.inputs.distribution import Distribution
 from ....models.measurable import MeasurableModel
 from ..calculation import Quantity
 from ..sampling import share_error
-from .recipe import Found, Recipe
+from .recipe import Recipe, Recomputed
 
 Array = NDArray[np.float64]
 STATISTICS = (
@@ -123,10 +123,10 @@ class ByModel(Recipe):
                 columns[column.name] = np.arange(count).astype(str)
         return columns
 
-    def found(self, rng: np.random.Generator) -> Found:
+    def recomputed(self, rng: np.random.Generator) -> Recomputed:
         values = predicted(self.model(), self.name, self.table(), self.effects, rng)
         units = {output.name: output.unit for output in self.kind.outputs}
-        return Found(
+        return Recomputed(
             tuple(
                 Quantity(
                     self.statistic.of(values[name]),

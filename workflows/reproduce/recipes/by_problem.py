@@ -10,7 +10,7 @@ from ....declarations import number
 from ....problems.interfaces import Accuracy
 from ....problems.tolerance_problem import ToleranceProblem
 from ..calculation import Quantity
-from .recipe import Found, Recipe
+from .recipe import Recipe, Recomputed
 
 
 @dataclass(frozen=True)
@@ -22,13 +22,13 @@ class ByProblem(Recipe):
     design: tuple[float, ...]
     outputs: tuple[str, ...]
 
-    def found(self, rng: np.random.Generator) -> Found:
+    def recomputed(self, rng: np.random.Generator) -> Recomputed:
         whole = Accuracy.of(self.problem).reported().outputs_of(np.array([self.design]))
         errors = {
             output.error_of: output.name for output in self.problem.outputs if output.error_of
         }
         units = {output.name: output.unit for output in self.problem.outputs}
-        return Found(
+        return Recomputed(
             tuple(
                 Quantity(
                     float(whole[name][0]),

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..calculation import Quantity
-from .recipe import Found, Recipe
+from .recipe import Recipe, Recomputed
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,13 +22,13 @@ class Derivative(Recipe):
     name: str
     step: float
 
-    def found(self, rng: np.random.Generator) -> Found:
+    def recomputed(self, rng: np.random.Generator) -> Recomputed:
         ends = [
-            self.recipe.shifted(self.name, sign * self.step).found(deepcopy(rng)).quantities
+            self.recipe.shifted(self.name, sign * self.step).recomputed(deepcopy(rng)).quantities
             for sign in (1.0, -1.0)
         ]
         per = self.recipe.unit_of(self.name) or "1"
-        return Found(
+        return Recomputed(
             tuple(
                 Quantity(
                     (high.value - low.value) / (2.0 * self.step),

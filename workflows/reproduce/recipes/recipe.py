@@ -13,7 +13,7 @@ from ..calculation import Quantity
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Found:
+class Recomputed:
     """Computed quantities in the order asked for, and tables by a name for their file."""
 
     quantities: tuple[Quantity, ...]
@@ -24,7 +24,7 @@ class Recipe(ABC):
     """How one or more values are recomputed; a frozen dataclass that can be sent to a process."""
 
     @abstractmethod
-    def found(self, rng: np.random.Generator) -> Found:
+    def recomputed(self, rng: np.random.Generator) -> Recomputed:
         """The values, every random number from `rng`."""
 
     @property

@@ -7,10 +7,10 @@ from typing import Any
 import pandas as pd
 
 from ....records import Verdict
-from ..records import LARGER_IS_BETTER, Reading
+from ..records import LARGER_IS_BETTER, Hypothesis
 
 
-def verdicts(readings: tuple[Reading, ...], tests: pd.DataFrame) -> tuple[Verdict, ...]:
+def verdicts(readings: tuple[Hypothesis, ...], tests: pd.DataFrame) -> tuple[Verdict, ...]:
     """A verdict with its sentence for every reading whose levels were compared."""
     outcomes = []
     for reading in readings:
@@ -30,7 +30,7 @@ def verdicts(readings: tuple[Reading, ...], tests: pd.DataFrame) -> tuple[Verdic
     return tuple(outcomes)
 
 
-def _row(reading: Reading, tests: pd.DataFrame) -> dict[str, Any] | None:
+def _row(reading: Hypothesis, tests: pd.DataFrame) -> dict[str, Any] | None:
     """The comparison of the two levels, turned so that `a` comes first."""
     of_key = tests[
         (tests["kind"] == "wilcoxon")
@@ -51,7 +51,7 @@ def _row(reading: Reading, tests: pd.DataFrame) -> dict[str, Any] | None:
     return None
 
 
-def _verdict(reading: Reading, row: dict[str, Any] | None) -> tuple[str, str]:
+def _verdict(reading: Hypothesis, row: dict[str, Any] | None) -> tuple[str, str]:
     """The verdict, and the evidence for it."""
     if row is None:
         text = f"The study has no comparison of {reading.a} with {reading.b} in {reading.response}"
@@ -72,7 +72,7 @@ def _verdict(reading: Reading, row: dict[str, Any] | None) -> tuple[str, str]:
     )
 
 
-def _evidence(reading: Reading, row: dict[str, Any]) -> str:
+def _evidence(reading: Hypothesis, row: dict[str, Any]) -> str:
     """The comparison in words."""
     size = (
         f"{reading.response} at {reading.a} less that at {reading.b} is "

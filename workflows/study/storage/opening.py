@@ -172,7 +172,7 @@ def _recovered(
         raise refuse(
             str(path), f"is damaged ({error}) and none of its runs can be read: {backend.anew}"
         )
-    identity = identity or _configuration_beside(path)
+    identity = identity or _stored_configuration(path)
     aside = _put_aside(path)
     database = _database(SqliteFile(path), plan)
     if identity:
@@ -219,7 +219,7 @@ def _salvaged(path: Path, plan: StudyPlan) -> tuple[str, list[Row], list[int]]:
     return identity, rows, holes
 
 
-def _configuration_beside(path: Path) -> str:
+def _stored_configuration(path: Path) -> str:
     try:
         return (path.parent / CONFIGURATION).read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError):

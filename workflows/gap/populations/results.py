@@ -27,7 +27,9 @@ def inputs_instead(end: Ending, attributions: Sequence[Attribution]) -> tuple[Ri
 
     Clipped interference changes the shape of the distribution as a second supplier does.
     """
-    levels = end.analysis.bare.batch.levels if end.setup.data.target.population else ()
+    levels = (
+        end.analysis.initial_null_model.batch.levels if end.setup.data.target.population else ()
+    )
     apart = [effect.candidate for effect in end.analysis.scatter[:1] if effect.apart_from_inputs]
     shifts = [
         attribution
@@ -43,7 +45,9 @@ def inputs_instead(end: Ending, attributions: Sequence[Attribution]) -> tuple[Ri
     return (Rival(levels[:1], (apart[0].name,), nearest, Measurement(shifts[0].text)),)
 
 
-def said(lines: Sequence[PopulationLine], attribution: Sequence[Attribution]) -> list[str]:
+def summary_messages(
+    lines: Sequence[PopulationLine], attribution: Sequence[Attribution]
+) -> list[str]:
     """The summary: the differences before correction, and the inputs that may cause them."""
     before = [line for line in lines if line.model == "before"]
     differ = [

@@ -15,7 +15,7 @@ from tolevo.models.capability import Knowledge, PartSample
 from tolevo.models.costs import Reciprocal
 from tolevo.problems.declaration import Declaration
 from tolevo.problems.deviations import Deviations, PromisedOutput
-from tolevo.problems.judged import Judged, Shortfall
+from tolevo.problems.process_problem import ProcessProblem, Shortfall
 from tolevo.problems.promise import ASSURED, PREDICTIVE, Promise
 from tolevo.problems.settings import Settings, VariableSetting
 
@@ -24,7 +24,7 @@ SLOPES = np.array([1.0, 0.7, 1.6])
 LIMIT = 10.0
 
 
-class Chain(Judged):
+class Chain(ProcessProblem):
     """A sum of three normal errors below a limit, evaluated as if it had no closed form."""
 
     declaration = Declaration(

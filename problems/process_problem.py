@@ -53,7 +53,7 @@ class Verdict:
     shortfalls: Array
 
 
-class Judged(WithPromise):
+class ProcessProblem(WithPromise):
     """A problem that evaluates its units for any state of its processes.
 
     A state is a scale of each known standard deviation, and an error of each mean in standard
