@@ -107,7 +107,7 @@ class Machined(ToleranceProblem, Checks, Drawing, Differentiable):
             cls._check(table)
             if name in top.section("costs"):
                 top.section("costs").fault(
-                    name, "is stated beside machines, which have prices: leave it out"
+                    name, "is stated in addition to machines, which have prices: leave it out"
                 )
             if offers is not None:
                 machines[name] = offers
@@ -124,14 +124,17 @@ class Machined(ToleranceProblem, Checks, Drawing, Differentiable):
     def _check(cls, table: Section) -> None:
         """Faults of the other keys of a variable that machines make."""
         if "value" in table:
-            table.fault("value", "is fixed beside machines: limits of inspection are low and high")
+            table.fault(
+                "value",
+                "is fixed although machines are stated: limits of inspection are low and high",
+            )
         if table.take("measured") is not None:
-            table.fault("measured", "is stated beside machines: state it in each [[...machine]]")
+            table.fault("measured", "is stated next to machines: state it in each [[...machine]]")
         given = read_distribution(table) if "distribution" in table else Normal()
         if given != Normal():
             table.fault(
                 "distribution",
-                "must be left out beside machines, whose good parts count as "
+                "must be left out where machines are stated, whose good parts count as "
                 "normal with a mean and scatter of their own",
             )
 

@@ -28,7 +28,7 @@ NEXT = (
 )
 CAPABILITY = (
     "Every measured characteristic: Cp and Cpk with 95 % confidence limits, and the distribution "
-    "type of ISO 22514-2 as far as the tests tell. capability.csv has this table."
+    "type of ISO 22514-2 as far as the tests show. capability.csv has this table."
 )
 CHARTED = (
     "Single values in the order of their making, with mean and control limits 2.66 mean moving "

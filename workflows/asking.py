@@ -115,7 +115,7 @@ class Search:
         faults = []
         for name in self._needed():
             if name not in outputs:
-                text = "is missing: tell every objective and every output with a limit"
+                text = "is missing: state every objective and every output with a limit"
             elif np.shape(outputs[name]) != (count,):
                 text = f"must have shape ({count},), one value a design"
             elif not np.all(np.isfinite(np.asarray(outputs[name], dtype=float))):

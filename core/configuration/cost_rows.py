@@ -89,7 +89,7 @@ def _contradiction(name: str, currency: str, stated: Any) -> str:
     whose = f'{name}, whose costs are in "{currency}"'
     if isinstance(stated, str):
         return f'contradicts {whose}: the configuration says "{stated}"'
-    return f'is missing beside {whose}: write currency = "{currency}"'
+    return f'is missing next to {whose}: write currency = "{currency}"'
 
 
 def _nearest(name: str, cost_table: tables.Table) -> str:

@@ -42,7 +42,7 @@ def read_built(top: Section, folder: Path, variables: Iterable[Variable]) -> Bui
     key = "run" if "run" in inner else "file"
     name, point = inner.text(key), inner.take("point")
     if key == "run" and "file" in inner:
-        inner.fault("file", "is given beside run: leave one of them out")
+        inner.fault("file", "is given in addition to run: leave one of them out")
         inner.take("file")
     inner.finish()
     if name is None:

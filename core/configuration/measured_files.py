@@ -36,7 +36,7 @@ def fill_measured(table: Raw, folder: Path, faults: list[Fault]) -> None:
                 faults.append(Fault(place, text))
                 continue
             if "values" in measured:
-                faults.append(Fault(place, "is given beside values: keep one"))
+                faults.append(Fault(place, "is given in addition to values: keep one"))
                 continue
             wanted, before = measured.get("characteristic"), len(faults)
             contents = [_read(folder / name, wanted, options, place, faults) for name in names]

@@ -34,7 +34,7 @@ def read_measured(
         return None
     stated = [key for key in (BOUNDS if deviates else keys()) if key in section]
     for key in stated:
-        section.fault(key, "is stated beside measured, which tells it: keep one")
+        section.fault(key, "is stated in addition to measured, from which it follows: keep one")
     sample = read_sample(section, variable.unit, None, mid or 0.0, t, follows=not deviates)
     if sample is None or stated:
         return None

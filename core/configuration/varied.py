@@ -31,7 +31,7 @@ def read_factors(section: Section, table: Table, base: Mapping[str, Any]) -> tup
         elif key not in base:
             known = ", ".join(_neighbours(key, base))
             text = f"is no setting of this run that has a value{nearest(key, base)}"
-            section.fault(key, f"{text}; beside it: {known}" if known else text)
+            section.fault(key, f"{text}; in addition: {known}" if known else text)
         else:
             factors.append(_factor(section, key, value, base[key]))
     section.finish()

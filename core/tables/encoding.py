@@ -94,7 +94,7 @@ def _legacy(content: bytes, place: str) -> str:
     candidates = east_asian(lines, name)
     if len(candidates) == 1 and kind != UNSURE:
         return candidates[0]
-    raise refuse(place, f"the encoding cannot be told: {_decodings(lines)}; state --encoding")
+    raise refuse(place, f"the encoding cannot be determined: {_decodings(lines)}; state --encoding")
 
 
 def _quick(content: bytes, encoding: str) -> str:

@@ -148,7 +148,7 @@ def knowledge_of(
     observed, mean = float(np.var(values, ddof=1)), float(np.mean(values))
     if observed <= 0.0:
         raise ValueError(
-            f"has {n} equal values: the resolution of the gauge is too coarse to tell a scatter"
+            f"has {n} equal values: the resolution of the gauge is too coarse to show a scatter"
         )
     variance = observed if gauge is None else observed - gauge.sigma**2
     if gauge is not None and variance <= 0.0:

@@ -241,7 +241,7 @@ def _prior(section: Section, made_to: float, unit: str) -> Prior | None:
     cp, sigma = table.number("cp", within=POSITIVE), table.number("sigma", unit, POSITIVE)
     parts = table.number("parts", within=POSITIVE)
     if "cp" in table and "sigma" in table:
-        table.fault("sigma", "is stated beside cp: keep one")
+        table.fault("sigma", "is stated in addition to cp: keep one")
     elif "cp" not in table and "sigma" not in table:
         table.fault("cp", "is missing: the capability that is believed, or sigma")
     elif cp is not None and not made_to:

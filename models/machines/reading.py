@@ -90,7 +90,7 @@ def _scatter(table: Section, owner: Owner) -> tuple[tuple[float, float] | None, 
         return (None if faulty or sigma is None else (sigma, mean or 0.0)), None
     stated = [key for key in ("sigma", "mean") if key in table]
     for key in stated:
-        table.fault(key, "is stated beside measured, which tells it: keep one")
+        table.fault(key, "is stated in addition to measured, from which it follows: keep one")
     sample = read_sample(table, owner.unit, owner.nominal, owner.mid, follows=False)
     if sample is None or stated:
         return None, None

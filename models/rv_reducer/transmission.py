@@ -46,7 +46,7 @@ OWN: tuple[Parameter, ...] = (
     _reading(
         "sun_runout_um",
         "um",
-        "runout of the sun (twice its eccentricity), as seen by one planet",
+        "runout of the sun (twice its eccentricity), as one planet meets it",
         200.0,
     ),
     _reading("sun_runout_phase_deg", "deg", "where in a turn of the sun it advances most", 360.0),

@@ -71,7 +71,7 @@ _IN_BEARINGS = "every crank bearing has {bearing:.4g} um more clearance inside t
 COUNTERPARTS: Mapping[str, tuple[Callable[[Mapping[str, float], ContactGeometry], Change], str]] = {
     "differential_thermal_expansion": (
         _expansion,
-        "the warmer disc fills the pin circle: it grows by {circle:+.4g} um beside the discs",
+        "the warmer disc fills the pin circle: it grows by {circle:+.4g} um more than the discs",
     ),
     "process_mean_shift": (_shift, "every unit's backlash changes by {effective:+.4g} arcmin"),
     "spread_inflation": (_inflation, "the backlash scatters {growth:.4g} % more about its mean"),

@@ -105,7 +105,7 @@ def _words(
         else "There is no involute stage."
     )
     outside = (
-        "What effects add beside the contact is in the population and not in the one unit."
+        "What effects add to the contact is in the population and not in the one unit."
         if evaluation.model.change.outside
         else ""
     )

@@ -91,7 +91,7 @@ def _read(
     if zone.machines and not (isinstance(distribution, Normal) and distribution.shift == 0.0):
         section.fault(
             "distribution",
-            "must be normal and centred beside machines: state mean in [[part.machine]]",
+            "must be normal and centred where machines are stated: state mean in [[part.machine]]",
         )
         return None
     sample = None
@@ -115,7 +115,9 @@ def _sample(
     """The sample of measured parts, None and faults where it does not apply."""
     stated = [key for key in ("distribution", "cp", "cpk", "shift") if key in section]
     for key in stated:
-        section.fault(key, "is stated beside [part.measured], which tells it: keep one")
+        section.fault(
+            key, "is stated in addition to [part.measured], from which it follows: keep one"
+        )
     if zone.machines or len(zone.processes) != 1:
         section.fault(
             "measured",

@@ -69,7 +69,7 @@ def promise_faults(definition: Definition, given: Mapping[str, Bound]) -> list[F
         faults.append(Fault("promise", text))
     if definition.correlations and promise.statement != PLUG_IN:
         text = (
-            f"cannot be {promise.statement} beside [[correlation]]: what samples tell of "
+            f"cannot be {promise.statement} with [[correlation]]: what samples say of "
             "correlated parts is not known; state plug_in"
         )
         faults.append(Fault("promise.statement", text))

@@ -103,7 +103,7 @@ def _either(requirement: Requirement, top: Section, parts: list[Part | None]) ->
         f" (part {name})" if isinstance(name := table.get("name"), str) else "" for table in tables
     ]
     if requirement.formula:
-        text = "is given beside requirement.formula: keep one of them"
+        text = "is given in addition to requirement.formula: keep one of them"
         return [
             Fault(f"part[{at}].sensitivity", text + names[at])
             for at, is_stated in enumerate(given)

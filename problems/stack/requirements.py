@@ -80,7 +80,9 @@ def _key(section: Section, place: str) -> str:
     """The name of one of several requirements; a stand-in where it has none that is valid."""
     name, stand_in = section.text("name"), place.replace("[", "_").replace("]", "")
     if "name" not in section:
-        section.fault("name", "is missing: outputs of several requirements are told by their name")
+        section.fault(
+            "name", "is missing: outputs of several requirements are distinguished by their names"
+        )
     if name is None:
         return stand_in
     if not _NAME.fullmatch(name):

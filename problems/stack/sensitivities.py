@@ -66,7 +66,7 @@ def sensitivity_faults(
     faults = []
     for requirement in requirements:
         if requirement.formula and requirement.key in keys:
-            text = f"is given beside {requirement.place}.formula: keep one of them"
+            text = f"is given in addition to {requirement.place}.formula: keep one of them"
             faults += [
                 Fault(f"part[{at}].sensitivity.{requirement.key}", text + _name(table))
                 for at, table in enumerate(tables)

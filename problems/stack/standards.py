@@ -101,8 +101,8 @@ def price_remark(name: str, processes: tuple[Process, ...], prices: dict[str, An
     if not inverted:
         return ""
     return (
-        f"the prices of {name} do not fall with coarser grades ({'; '.join(inverted)}): the dearer "
-        "ones are never chosen"
+        f"the prices of {name} do not fall with coarser grades ({'; '.join(inverted)}): "
+        "the more expensive ones are never chosen"
     )
 
 

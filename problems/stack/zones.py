@@ -55,7 +55,9 @@ def read_tolerance(
     if fit and not given:
         section, given = section.having("fit", fit), ["fit"]
     elif fit:
-        section.fault(given[0], f"is a second statement beside {fit} of its [[fit]]: keep one")
+        section.fault(
+            given[0], f"is a second statement in addition to {fit} of its [[fit]]: keep one"
+        )
         return None
     if set(given) in MADE:
         return _alternatives(section, unit, nominal)

@@ -115,5 +115,5 @@ def _effects(planned: NextMeasurement) -> str:
         }
         for effect in planned.effects
     ]
-    caption = "Chance of being seen above the threshold of the whole library."
+    caption = "Probability of detection above the threshold of the whole library."
     return table(pd.DataFrame(rows), caption=caption)

@@ -54,7 +54,7 @@ def _attribution(attribution: Attribution) -> str:
             "explains worse by": c.distance,
             "excluded because": c.excluded_because,
             "parts to measure": c.parts or None,
-            "units that would tell": c.readings or None,
+            "units needed": c.readings or None,
         }
         for c in attribution.candidates
     ]

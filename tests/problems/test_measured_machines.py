@@ -109,7 +109,7 @@ def test_a_prior_is_worth_so_many_parts(tmp_path: Path) -> None:
 def test_every_fault_has_its_place(tmp_path: Path) -> None:
     wrong: list[tuple[dict[str, Any], list[str]]] = [
         ({"measured": {"values": VALUES.tolist()}, "sigma": 1.0, "mean": 0.1},
-         ["sigma: is stated beside measured", "mean: is stated beside measured"]),
+         ["sigma: is stated in addition to measured", "mean: is stated in addition to measured"]),
         ({"measured": {"file": "none.csv"}}, ["measured.file: none.csv does not exist"]),
         ({"measured": {"values": [1.0, 2.0]}}, ["measured.values: has 2 values"]),
         ({"measured": {"values": VALUES.tolist(), "prior": {"cp": 1.3, "parts": 5}}},

@@ -161,9 +161,9 @@ WRONG: list[tuple[dict[str, Any], dict[str, Any], list[str]]] = [
     ({"values": VALUES.tolist(), "made_to": "fixed"}, {}, ["measured.made_to: cannot be fixed"]),
     ({"file": "none.csv", "made_to": 4.0}, {}, ["measured.file: none.csv does not exist"]),
     (SAMPLE | {"uint": "um"}, {"distribution": "uniform", "cp": 1.0},
-     ["distribution: is stated beside measured", "measured.uint"]),
+     ["distribution: is stated in addition to measured", "measured.uint"]),
     (SAMPLE, {"machine": [{"name": "a", "price": 1.0, "sigma": 1.0}]},
-     ["measured: is stated beside machines"]),
+     ["measured: is stated next to machines"]),
 ]  # fmt: skip
 
 

@@ -202,7 +202,7 @@ def test_a_promise_out_of_reach_is_said_before(tmp_path: Path) -> None:
         (("[promise]", "[limits]\nyield_percent = 99.0\n[promise]"),
          "limits.yield_percent: asks for 99 % at least, the promise is of 99.73 %"),
         (("[algorithm]", '[[correlation]]\nparts = ["p0", "p1"]\ncoefficient = 0.5\n[algorithm]'),
-         "promise.statement: cannot be assured beside [[correlation]]"),
+         "promise.statement: cannot be assured with [[correlation]]"),
     ],
 )  # fmt: skip
 def test_faults(change: tuple[str, str], words: str, tmp_path: Path) -> None:

@@ -24,7 +24,7 @@ def of_units(result: GapResult) -> GapResult:
     mean = PopulationLine("before", "y<", "location", "mean", "um", 0.7, 0.9, 0.2, 0.15, 0.25, 0.11,
                           0.14, "differs")  # fmt: skip
     shape = replace(mean, aspect="shape", statistic="distance of shapes", low=NAN, high=NAN,
-                    verdict="no difference seen; one of 0.3 would have been")  # fmt: skip
+                    verdict="no difference detected; one of 0.3 would have been")  # fmt: skip
     stands = InputChange("pin<", 1.51, 1.3, 1.7, "um", 1.01, 0.4, parts=3, readings=1200)
     out = InputChange("runout", 5.9, 5.0, 6.6, "um", 5.9, 40.0, "it needs 5.9 of its tolerance")
     found = Attribution("process_mean_shift", "y<", "shift", ("pin<",), "attributed", (stands, out),
@@ -35,7 +35,7 @@ def of_units(result: GapResult) -> GapResult:
 def test_page_has_both_tables_and_escapes_them(of_units: GapResult) -> None:
     text = gap_page(of_units)
     parsed(text)
-    for expected in ("distance of shapes", "no difference seen; one of 0.3", "0.25",
+    for expected in ("distance of shapes", "no difference detected; one of 0.3", "0.25",
                      "Inputs behind",
                      "it needs 5.9 of its tolerance", "1.51", "1200", "y&lt;",
                      "shift of pin&lt; alone"):  # fmt: skip

@@ -322,7 +322,7 @@ def test_what_is_no_text(tmp_path: Path, content: bytes) -> None:
     (tmp_path / "bench.csv").write_bytes(content)
     with pytest.raises(
         InputError,
-        match=r"bench\.csv: (is not (a workbook|text)|the encoding cannot be told|has no)",
+        match=r"bench\.csv: (is not (a workbook|text)|the encoding cannot be determined|has no)",
     ):
         read_data(read_gap(tmp_path / "gap.toml"), tmp_path / "bench.csv")
 

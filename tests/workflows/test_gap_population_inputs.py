@@ -284,7 +284,7 @@ def test_what_lots_do_is_of_no_input(tmp_path: Path) -> None:
     result = analysed(tmp_path, units(200, 11) + 0.5 * (lots == "B"), lot=lots)
     assert result.names == ("lot_offset",)
     assert [one.verdict for one in result.attribution] == ["none"]
-    assert "beside lot_offset nothing is left" in result.attribution[0].text
+    assert "given lot_offset, nothing remains" in result.attribution[0].text
 
 
 def test_no_gap_has_no_input(tmp_path: Path) -> None:

@@ -145,7 +145,7 @@ def test_few_units_cannot_tell() -> None:
     found = lines(normal(12, 13))
     assert {one.verdict for one in found.values()} == {"cannot tell with n = 12"}
     assert lines(normal(12, 14) + 3.0)["mean"].differs
-    assert "no difference seen; one of" in lines(normal(30, 15))["mean"].verdict
+    assert "no difference detected; one of" in lines(normal(30, 15))["mean"].verdict
 
 
 def test_tail_of_an_exponential_and_of_a_normal() -> None:

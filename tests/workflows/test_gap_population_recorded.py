@@ -143,5 +143,5 @@ def test_exact_units_of_the_simulation_differ_in_nothing(tmp_path: Path) -> None
     result = analysed(tmp_path, frame)
     assert result.attribution == ()
     assert {one.verdict for one in result.population} == {
-        "no difference seen: measured is as simulated"
+        "no difference detected: measured is as simulated"
     }

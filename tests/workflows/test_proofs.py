@@ -11,12 +11,13 @@ import pytest
 from scipy.optimize import brentq
 from typer.testing import CliRunner
 
+from tolevo.algorithms.exact.bounds import Proof
 from tolevo.algorithms.exact.solver import Exact
 from tolevo.algorithms.search import search
 from tolevo.algorithms.settings import Budget
 from tolevo.cli import app
 from tolevo.configuration import read
-from tolevo.workflows.run.proofs import Statement, exact_front
+from tolevo.workflows.run.proofs import exact_front, informative
 
 A = np.array([2.0, 1.5, 1.0, 0.5])
 B = np.array([0.04, 0.09, 0.01, 0.16])
@@ -181,6 +182,7 @@ def test_same_configuration_same_bytes(algorithm: str, tmp_path: Path) -> None:
 
 def test_a_bound_without_some_limits_says_nothing_of_points_far_above_it() -> None:
     far, near = np.array([30.0, 40.0, np.nan]), np.array([20.0, np.nan])
-    kept, without = Statement("least cost"), Statement("least cost", ("yield_percent",))
-    assert kept.informative(far) and kept.informative(near)
-    assert not without.informative(far) and without.informative(near)
+    kept = Proof(np.ones(3), "least cost")
+    without = Proof(np.ones(3), "least cost", ("yield_percent",))
+    assert informative(kept, far) and informative(kept, near)
+    assert not informative(without, far) and informative(without, near)

@@ -26,7 +26,7 @@ def column_messages(frame: pd.DataFrame, columns: tuple[Column, ...]) -> list[st
     numbers = [c.name for c in columns if not c.text and str(c.role) != "repeat"]
     still = [name for name in numbers if np.ptp(frame[name].to_numpy(dtype=float)) == 0.0]
     notes = [
-        f"{name} is the same in every row: effects that depend on it cannot be seen"
+        f"{name} is the same in every row: effects that depend on it cannot be detected"
         for name in still
     ]
     moving = [name for name in numbers if name not in still]
@@ -39,7 +39,7 @@ def column_messages(frame: pd.DataFrame, columns: tuple[Column, ...]) -> list[st
         first, second = moving[i], moving[k]
         same = "is a copy of" if alike(frame[first], frame[second]) else "follows"
         notes.append(
-            f"{first} {same} {second}: what depends on the one cannot be told from what "
+            f"{first} {same} {second}: what depends on the one is confounded with what "
             "depends on the other"
         )
     if not close:
@@ -55,6 +55,6 @@ def _collinear(frame: pd.DataFrame) -> list[str]:
         return []
     mine = [name for name, x in zip(frame.columns, vectors[:, 0], strict=True) if abs(x) > 0.1]
     return [
-        f"{', '.join(mine)} are collinear: what depends on one cannot be told from what "
+        f"{', '.join(mine)} are collinear: what depends on one is confounded with what "
         "depends on the others together"
     ]

@@ -292,6 +292,6 @@ def lines_of(result: GapResult) -> tuple[str, ...]:
         detectable = sorted(result.gate.detectable, key=lambda effect: effect.rms)[:5]
         lines += [f"would have been seen from {effect}" for effect in detectable]
     if unseen := ", ".join(result.gate.unseen):
-        lines.append(f"cannot be seen, because what is free does the same: {unseen}")
+        lines.append(f"cannot be detected, because free parameters do the same: {unseen}")
     lines += [f"note: {note}" for note in result.notes]
     return tuple(lines)

@@ -29,8 +29,8 @@ TIME = Column("time_s", "s", "order of measuring", False, role=Role.TIME)
 SAME = 1e-12
 """Relative range below which measurements count as all the same."""
 NO_DIRECTION = (
-    "a direction is +1 or -1; beside a speed that has its sign, leave the column out, and else the "
-    "rows at rest"
+    "a direction is +1 or -1; where a speed has its sign leave the column out, otherwise "
+    "the rows at rest"
 )
 REPEAT = Column("repeat", "", "number of the repeat", False, role=Role.REPEAT)
 LARGEST = 1e100
@@ -106,7 +106,7 @@ def checked_table(
         return None, faults
     present = tuple(c for c in columns if c.name in frame)
     notes += [
-        f"no column {c.name} ({c.meaning}): what depends on it cannot be seen, and "
+        f"no column {c.name} ({c.meaning}): what depends on it cannot be detected, and "
         "where it varied another effect may be named instead"
         for c in columns
         if c.name not in frame and c not in (TIME, REPEAT)
@@ -295,8 +295,8 @@ def _content_faults(
         faults.append(
             Fault(
                 place,
-                "no input varies: every row is the same reading again, and no "
-                "cause can be told; vary an input, or add time_s",
+                "no input varies: every row repeats one measurement, and no "
+                "cause can be identified; vary an input, or add time_s",
             )
         )
     return faults

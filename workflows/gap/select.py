@@ -25,7 +25,7 @@ BOTH = "beyond what noise reaches, and held-out rows are predicted better"
 UNITS = "units scatter so beyond what chance reaches, those that the fit never saw as well"
 SMALL = "what it explains is below the practical limit"
 NO_FORM = "its form is not that of the data: fitted together with the rest it is not needed"
-BESIDE = "fits as well as any form beside the others"
+BESIDE = "fits as well as any form given the others"
 TERM = "held-out rows are predicted better, and no name of the library has this form"
 MASKED = 12
 """Number of candidates that are tried in pairs where none is significant alone."""
@@ -211,7 +211,7 @@ def with_identified_by_likelihood(
                 action,
                 ", ".join(names),
                 True,
-                f"fitted again beside {name}",
+                f"fitted again given {name}",
             )
             steps[-1] = replace(steps[-1], names=(*after.fit.names, name))
     return replace(after, steps=tuple(steps))
@@ -289,7 +289,7 @@ def _retested(
         dropped = [name for name in fit.names if name not in better.names]
         added = [name for name in better.names if name not in fit.names]
         text = f"{', '.join(dropped)} for {', '.join(added)}" if added else ", ".join(dropped)
-        why = "fits better beside the others" if added else "no longer beyond what noise reaches"
+        why = "fits better given the others" if added else "no longer beyond what noise reaches"
         fit = better
         accepted.append((fit, search.tested(fit)))
         _note(steps, search, fit, accepted[-1][1], action, text, True, why)

@@ -7,13 +7,14 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from ...algorithms.exact.bounds import Proof
 from ...problems.interfaces import Documented
 from ...problems.limits import Limit
 from ...problems.tolerance_problem import ToleranceProblem
 from ...records import RunResult, unit_of_cost
 from ...units import split_unit
 from ..promise.limits import promised_limits
-from .proofs import EXACT, Statement, distance_words, percent
+from .proofs import EXACT, distance_words, informative, percent
 from .references import gain_column
 
 COST = "cost"
@@ -25,10 +26,10 @@ NEAR = 1e-3
 """Fraction of a limit within which a point counts as being at it."""
 
 
-def answers(result: RunResult, problem: ToleranceProblem, statement: Statement) -> dict[str, str]:
+def answers(result: RunResult, problem: ToleranceProblem, proven: Proof) -> dict[str, str]:
     """`asked`, `found`, `published`, `limits` and `proof`: a sentence or two each.
 
-    `statement` says what the bounds of the front are proven for. Only `asked` where the front is
+    `proven` are the bounds of the front. Only `asked` where the front is
     empty.
     """
     sentences = Words(result, problem)
@@ -39,7 +40,7 @@ def answers(result: RunResult, problem: ToleranceProblem, statement: Statement) 
         "found": sentences.found(),
         "published": sentences.published(),
         "limits": sentences.of_limits(),
-        "proof": sentences.proof(statement),
+        "proof": sentences.proof(proven),
     }
 
 
@@ -183,7 +184,7 @@ class Words:
     def of_limits(self) -> str:
         limits = [o for o in self.problem.limits if o.count and o.name != COST]
         if not limits:
-            return "No limit is set beside the objectives: none costs anything."
+            return "No limit is set in addition to the objectives: none costs anything."
         row = self.result.front.iloc[self.point]
         held = [o for o in limits if self._used(o, row)]
         where = "At the one point" if len(self.result.front) == 1 else "At this point"
@@ -252,29 +253,29 @@ class Words:
                 )
         return ""
 
-    def proof(self, statement: Statement) -> str:
+    def proof(self, proven: Proof) -> str:
         gap = self.result.front["gap_percent"].to_numpy(dtype=float)
         if np.all(np.isnan(gap)):
-            return f"How far the points are from the optimum is not proven ({reason(statement)})."
-        if not statement.informative(gap):
+            return f"How far the points are from the optimum is not proven ({reason(proven)})."
+        if not informative(proven, gap):
             return (
                 "How far the points are from the optimum is not known: the proven bound is not "
-                f"informative, for it leaves out what holds them back ({statement})."
+                f"informative, for it leaves out what holds them back ({proven.statement})."
             )
         middle, most = float(np.nanmedian(gap)), float(np.nanmax(gap))
         if len(gap) == 1 and most < EXACT:
-            return f"Proven: this is the least cost within the limits ({statement})."
+            return f"Proven: this is the least cost within the limits ({proven.statement})."
         if len(gap) == 1:
             return (
                 f"Proven: no allocation within the limits costs less than {percent(most)} "
-                f"below this one ({statement})."
+                f"below this one ({proven.statement})."
             )
         if most < EXACT:
-            return f"Proven: every point of the front is optimal ({statement})."
+            return f"Proven: every point of the front is optimal ({proven.statement})."
         return (
             "Proven: no allocation of equal other objectives costs less than "
             f"{percent(middle)} below a point of the front in the median, {percent(most)} at "
-            f"most ({statement})."
+            f"most ({proven.statement})."
         )
 
 
@@ -286,9 +287,9 @@ def _step(limit: Limit) -> float:
     return min(abs(limit.low), remaining if remaining > 0.0 else np.inf) * TENTH or 1.0
 
 
-def reason(statement: Statement) -> str:
+def reason(proven: Proof) -> str:
     """The reason why nothing is proven, without the statement that nothing is."""
-    return statement.text.removeprefix("nothing is proven: ") or "there is no bound of the cost"
+    return proven.statement.removeprefix("nothing is proven: ") or "there is no bound of the cost"
 
 
 def words(name: str) -> str:

@@ -10,7 +10,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ...algorithms.exact.between import least_bounds
-from ...algorithms.exact.bounds import proof, row_limits
+from ...algorithms.exact.bounds import Proof, proof, row_limits
 from ...algorithms.exact.solver import Exact as ExactSettings
 from ...algorithms.exact.solver import closed_form, exact_vectors
 from ...algorithms.indicators import hypervolume
@@ -39,30 +39,18 @@ CLOSED = 1e-7
 
 
 @dataclass(frozen=True, slots=True)
-class Statement:
-    """What the bounds of a front are proven for, or why there are none, as `text`; `left_out` names
-    the limits that they do not keep.
-    """
-
-    text: str
-    left_out: tuple[str, ...] = ()
-
-    def __str__(self) -> str:
-        return self.text
-
-    def informative(self, gap_percent: NDArray[np.float64]) -> bool:
-        """Whether bounds say something of points (n,) that lie so far above them: where limits are
-        left out, the points may be held back by those alone.
-        """
-        return not self.left_out or bool(np.nanmedian(gap_percent) <= INFORMATIVE)
-
-
-@dataclass(frozen=True, slots=True)
 class Exact:
     """The exact front of a problem: designs (k, all variables) and its hypervolume."""
 
     designs: np.ndarray
     hypervolume: float
+
+
+def informative(proven: Proof, gap_percent: NDArray[np.float64]) -> bool:
+    """Whether bounds say something of points (n,) that lie so far above them: where limits are
+    left out, the points may be held back by those alone.
+    """
+    return not proven.left_out or bool(np.nanmedian(gap_percent) <= INFORMATIVE)
 
 
 def takes_long(problem: ToleranceProblem) -> bool:
@@ -76,17 +64,18 @@ def with_bounds(
     problem: ToleranceProblem,
     within: NDArray[np.bool_] | None = None,
     interrupted: bool = False,
-) -> tuple[pd.DataFrame, Statement]:
-    """The frame with `bound` and `gap_percent`, and what they are proven for.
+) -> tuple[pd.DataFrame, Proof]:
+    """The frame with `bound` and `gap_percent`, and the proof of its feasible points.
 
     Both are NaN in rows that are marked as not feasible, or that are not `within` the search space
     (n,). Where a point disproves its bound all are NaN and the statement says so: one is wrong.
     Where a run was `interrupted`, proofs that take long are left out.
     """
     frame = frame.assign(bound=np.nan, gap_percent=np.nan)
+    nothing = np.full(len(frame), np.nan)
     frame = frame[[name for name in frame if name != "knee"] + ["knee"] * ("knee" in frame)]
     if interrupted and takes_long(problem):
-        return frame, Statement(INTERRUPTED)
+        return frame, Proof(nothing, INTERRUPTED)
     kept = frame[frame["feasible"].astype(bool)] if "feasible" in frame else frame
     kept = kept if within is None else kept[within[frame.index.isin(kept.index)]]
     form = Provable.of(problem).form()
@@ -96,11 +85,11 @@ def with_bounds(
     try:
         bounds = proof(problem, values, len(kept))
     except ModelError as error:
-        return frame, Statement(f"nothing is proven: {error}; please report it")
+        return frame, Proof(nothing, f"nothing is proven: {error}; please report it")
     if len(kept) and "cost" in values:
         frame.loc[kept.index, "bound"] = bounds.bound
         frame.loc[kept.index, "gap_percent"] = bounds.gap_percent(values["cost"])
-    return frame, Statement(bounds.statement, bounds.left_out)
+    return frame, bounds
 
 
 def solved_front(plan: RunPlan, result: SearchResult) -> np.ndarray | None:
@@ -174,18 +163,18 @@ def _between(problem: ToleranceProblem, x: np.ndarray) -> np.ndarray:
 
 
 def measures(
-    result: SearchResult, front: pd.DataFrame, statement: Statement, exact: Exact | None
+    result: SearchResult, front: pd.DataFrame, proven: Proof, exact: Exact | None
 ) -> dict[str, object]:
     """Quality for the summary: hypervolume, its ratio to the exact one, gaps, the form."""
     last = result.history[-1].hypervolume if result.history else None
     gap = front["gap_percent"].to_numpy(dtype=float)
-    proven = bool(len(gap)) and not np.all(np.isnan(gap))
+    known = bool(len(gap)) and not np.all(np.isnan(gap))
     return {
         "hypervolume": last,
         "hypervolume_ratio": last / exact.hypervolume if exact and last is not None else None,
-        "bound_form": statement.text,
-        "gap_percent_median": float(np.nanmedian(gap)) if proven else None,
-        "gap_percent_max": float(np.nanmax(gap)) if proven else None,
+        "bound_form": proven.statement,
+        "gap_percent_median": float(np.nanmedian(gap)) if known else None,
+        "gap_percent_max": float(np.nanmax(gap)) if known else None,
     }
 
 
@@ -220,19 +209,19 @@ def _missing(reached: float, proven: float) -> str:
     return percent(100.0 * (reached - proven) / proven)
 
 
-def proof_notes(front: pd.DataFrame, statement: Statement) -> list[str]:
+def proof_notes(front: pd.DataFrame, proven: Proof) -> list[str]:
     """What the page and the terminal say of the proof."""
     gap = front["gap_percent"].to_numpy(dtype=float)
     if not len(gap) or np.all(np.isnan(gap)):
-        return [statement.text] if len(gap) else []
-    if not statement.informative(gap):
+        return [proven.statement] if len(gap) else []
+    if not informative(proven, gap):
         return [
             f"the bound is not informative: the points lie {np.nanmedian(gap):.3g} % above it "
-            f"in the median, for it leaves out what holds them back ({statement})"
+            f"in the median, for it leaves out what holds them back ({proven.statement})"
         ]
     return [
         f"proven: no allocation of equal or better other objectives costs less than the bound "
-        f"({statement}); the points lie {distance_words(np.nanmedian(gap))} above it in the "
+        f"({proven.statement}); the points lie {distance_words(np.nanmedian(gap))} above it in the "
         f"median, {distance_words(np.nanmax(gap))} at most"
     ]
 

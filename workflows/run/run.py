@@ -107,7 +107,7 @@ def _run(
     references = table(plan, printed, fronts, exact)
     front, dropped, joined = with_references(searched, references, plan.problem)
     stopped = search_result.interrupted
-    front, statement = with_bounds(front, plan.problem, interrupted=stopped)
+    front, front_proof = with_bounds(front, plan.problem, interrupted=stopped)
     before = next((side_front for side, side_front in fronts.items() if side.apart), None)
     overlays = {s.label: o for s, o in fronts.items() if s.overlay and o is not None}
     relaxed = {side.label: side_front for side, side_front in fronts.items() if side.relaxed}
@@ -137,9 +137,9 @@ def _run(
     notes = (*warned, *remarks, *resume_notes, *_notes(references, dropped, joined))
     decisions = decide(plan.problem, front, plan.choice)
     notes = (*notes, *decisions.notes)
-    proven = (*proof_notes(front, statement), *end_notes(plan.problem, front), *notes)
+    proven = (*proof_notes(front, front_proof), *end_notes(plan.problem, front), *notes)
     summary = _summary(plan, search_result, front, status, proven, time.monotonic() - start)
-    summary |= measures(search_result, front, statement, exact)
+    summary |= measures(search_result, front, front_proof, exact)
     summary |= drawn(plan.problem, front) | (
         {"alternatives": alternative_costs} if alternative_costs else {}
     )
@@ -149,7 +149,7 @@ def _run(
         overlays=overlays,
         relaxed=_concatenated(relaxed),
     )
-    answered = answers(result, plan.problem, statement)
+    answered = answers(result, plan.problem, front_proof)
     result = replace(result, summary={**result.summary, "answers": answered})
     result = _with_more(result, plan.problem, search_result, incomplete, progress)
     if before is not None:
@@ -159,7 +159,7 @@ def _run(
     write(result, out)
     if not incomplete:
         place.complete(status)
-    lines = _lines(result, status, out, proof_notes(front, statement))
+    lines = _lines(result, status, out, proof_notes(front, front_proof))
     return RunOutcome(status, out, lines, result)
 
 

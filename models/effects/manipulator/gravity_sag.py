@@ -33,7 +33,7 @@ class GravitySag(InsideSeveral):
         )
 
     def own_parameters(self, target: Target) -> tuple[EffectParameter, ...]:
-        meaning = "m0, mass that the drives carry beside the payload"
+        meaning = "m0, mass that the drives carry in addition to the payload"
         mass = quantity("moving_mass", "kg", meaning, 0.0, 100.0, linear=False)
         return (*super().own_parameters(target), mass)
 

@@ -26,7 +26,7 @@ from .units import further_units, of_scatter
 
 FILE = "next_measurement.csv"
 NOTHING = "one name fits these data: there is nothing to separate"
-NO_FORM = "the gap is seen already, and more readings give it no form of the library"
+NO_FORM = "the gap is detected already, and more measurements give it no form of the library"
 READING = "what it does depends on the reading itself: no points can be planned for it"
 PREDICT = "put the simulator's prediction at these points into the table before it is analysed"
 LIKE = "points of the record's kind: the mounting and its zero are taken to stay as they are"

@@ -65,7 +65,7 @@ def wanted_effects(end: Ending, wanted: NextPlan) -> tuple[list[Sought], list[st
             continue
         if effect is None:
             notes.append(
-                f"{name}: cannot be seen in these data, because what is free does the same"
+                f"{name}: cannot be detected in these data, because free parameters do the same"
             )
             continue
         sought.append(effect)

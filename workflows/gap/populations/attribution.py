@@ -133,7 +133,7 @@ def _refused(end: Ending) -> str:
         on_scatter(active.effect, active.values, setup.data.readings, setup.data.target)
         for active in setup.plan.active
     ):
-        return "cannot tell to which input: an effect on the scatter is in the model already"
+        return "cannot tell to which input: the model contains an effect on the scatter already"
     return ""
 
 
@@ -159,7 +159,7 @@ def _subtracted_effects(end: Ending) -> str:
         for name in end.fit.names
         if name not in (*trends(end), *end.analysis.initial_null_model.batch.levels)
     ]
-    return f"beside {', '.join(out)} nothing is left to attribute to an input" if out else ""
+    return f"given {', '.join(out)}, nothing remains to attribute to an input" if out else ""
 
 
 def _units(end: Ending) -> tuple[Array, Array]:

@@ -23,7 +23,7 @@ EXACT = 1e-9
 PLAIN = ("mean", "two suppliers", "first to last unit")
 SHAPES = ("standard deviation", "skewness", "kurtosis")
 """Statistics of the differences themselves, and those of the units with the differences added."""
-NONE = "no difference seen: measured is as simulated"
+NONE = "no difference detected: measured is as simulated"
 
 
 def compared(end: Ending) -> tuple[PopulationLine, ...]:

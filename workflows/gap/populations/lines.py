@@ -15,7 +15,7 @@ LEVEL = 0.9
 SEEN = 0.9
 """Probability of detecting a difference of the stated size."""
 COMMON = 0.05
-DIFFERS, UNSEEN = "differs", "no difference seen; one of {} would have been"
+DIFFERS, UNSEEN = "differs", "no difference detected; one of {} would have been"
 DRAWN = 500_000
 """Approximate number of units of all simulated batches together."""
 AGAIN = 200

@@ -64,9 +64,9 @@ def summary_messages(
             f"units differ from the simulated ones in {', '.join(differ[:SHOWN])}{more}"
         )
     elif any(not line.enough for line in before):
-        sentences.append(f"units beside the simulated ones: {before[0].verdict}")
+        sentences.append(f"units compared with the simulated ones: {before[0].verdict}")
     elif before:
-        sentences.append(f"units as simulated: no difference seen in {len(before)} statistics")
+        sentences.append(f"units as simulated: no difference detected in {len(before)} statistics")
     return sentences + [
         f"input: {text}" for text in dict.fromkeys(record.text for record in attribution)
     ]

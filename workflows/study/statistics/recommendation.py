@@ -101,7 +101,9 @@ def _sentence(
     what = ", ".join(f"{key} = {_plain(value)}" for key, value in settings.items())
     half = f"{test['n']} seeds that did not choose it"
     if not test["n"]:
-        return f"{response.name}: {what} is the best seen; there is no other seed to judge it by."
+        return (
+            f"{response.name}: {what} is the best observed; there is no other seed to test it with."
+        )
     if not shown:
         missing = pairs_needed(1)
         why = (
@@ -112,7 +114,7 @@ def _sentence(
             else ", and on those it is the worse one"
         )
         return (
-            f"{response.name}: {what} is the best seen, but {half} do not show that it beats "
+            f"{response.name}: {what} is the best observed, but {half} do not show that it beats "
             f"{named} (p = {test['p']:.2g}){why}."
         )
     text = (
