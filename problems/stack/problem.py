@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import field, replace
+from dataclasses import replace
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ...declarations import Assumption, Output, Parameter, Variable
+from ...declarations import Assumption, Output, Variable
 from ...errors import Fault, ModelError
 from ...models.capability import PartSample
 from ...models.costs import CostCurve
@@ -30,7 +30,7 @@ from ..interfaces import (
     Written,
 )
 from ..promise import Promise, read_promise
-from ..settings import Bound, Settings
+from ..settings import Settings
 from ..tolerance_problem import ToleranceProblem
 from .assumptions import assumptions_of
 from .by_limit import by_limit
@@ -55,23 +55,6 @@ from .writing import tables_of
 from .yields import Yields
 
 Array = NDArray[np.float64]
-
-
-class StackKind:
-    """A stack as its configuration declares it; called with settings, it makes the problem."""
-
-    definition: Definition | None
-    variables: tuple[Variable, ...]
-    outputs: tuple[Output, ...]
-    parameters: tuple[Parameter, ...] = ()
-    default_costs: Mapping[str, CostCurve] = field(default_factory=dict)
-    default_limits: Mapping[str, Bound] = field(default_factory=dict)
-    default_objectives: tuple[str, ...] = OBJECTIVES
-    default_model: str = ""
-    default_algorithm: ClassVar[str] = "exact"
-
-    def __call__(self, settings: Settings) -> Stack:
-        return Stack(replace(settings, definition=self.definition))
 
 
 class Stack(
