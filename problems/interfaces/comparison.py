@@ -29,22 +29,22 @@ class Variant:
 class Comparison(Interface):
     """Verdicts of a finer model, one unit among many, other assumptions and other machines."""
 
-    def contact_verdict(self, designs: Array) -> tuple[str, ...]:
-        """The exact contact's verdict on each full design (n, all variables), such as "keeps 1
-        arcmin in 43 % of units"; empty where it is not asked.
+    def finer_verdicts(self, designs: Array) -> tuple[str, ...]:
+        """A finer model's verdict on each full design (n, all variables), such as "by contact this
+        allocation keeps 1 arcmin in 43 % of units"; empty where there is none.
         """
         return ()
 
     def model_labels(self, designs: Array) -> tuple[str, ...]:
-        """The model that evaluates each full design (n, all variables), and the contact's verdict.
+        """The model that evaluates each full design (n, all variables), and a finer model's verdict.
 
         Empty texts where there is only one model.
         """
         alone = self._problem.declaration.model_statement
-        verdicts = self.contact_verdict(designs)
+        verdicts = self.finer_verdicts(designs)
         if not alone or not verdicts:
             return (alone,) * len(designs)
-        return tuple(f"{alone}; by contact this allocation {verdict}" for verdict in verdicts)
+        return tuple(f"{alone}; {verdict}" for verdict in verdicts)
 
     def shown_limit(self) -> tuple[str, float] | None:
         """Output and upper limit that choose the point whose units are shown."""

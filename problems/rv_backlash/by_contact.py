@@ -41,7 +41,7 @@ def contact_problem(problem: RvBacklash) -> RvReducer:
 
 
 def verdicts(problem: RvBacklash, designs: Array) -> tuple[str, ...]:
-    """The verdict on each full design (n, all variables) of the closed form, from its verb on."""
+    """The verdict on each full design (n, all variables) of the closed form."""
     contact = contact_problem(problem)
     rows = np.array(
         [
@@ -58,7 +58,7 @@ def verdicts(problem: RvBacklash, designs: Array) -> tuple[str, ...]:
     coverage = 100.0 * problem.settings.propagation.coverage
     evaluations = [contact.evaluation(row, searching=False) for row in rows]
     return tuple(
-        f"keeps {problem.limit:g} arcmin in "
+        f"by contact this allocation keeps {problem.limit:g} arcmin in "
         f"{evaluation.value('yield_percent'):.1f} % of the units at all "
         f"{contact.count('positions')} positions of a turn; {coverage:.4g} % of them stay below "
         f"{evaluation.value('backlash_max_arcmin'):.2f} arcmin, and "

@@ -262,7 +262,7 @@ class RvBacklash(
         )
         return f"GA, least cost at {limit.high:g} arcmin", RvBacklash(given)
 
-    def contact_verdict(self, designs: Array) -> tuple[str, ...]:
+    def finer_verdicts(self, designs: Array) -> tuple[str, ...]:
         return () if self.made else verdicts(self, designs)
 
     def interval(self, output: str) -> Interval:

@@ -30,15 +30,18 @@ CHOSEN = "; by contact this allocation keeps 1 arcmin in "
 class Silent(RvBacklash):
     """The problem that no other model is asked about."""
 
-    def contact_verdict(self, designs: NDArray[np.float64]) -> tuple[str, ...]:
+    def finer_verdicts(self, designs: NDArray[np.float64]) -> tuple[str, ...]:
         return ()
 
 
 class Judged(RvBacklash):
     """The problem with another model's word on every design: its cost stands in for a share."""
 
-    def contact_verdict(self, designs: NDArray[np.float64]) -> tuple[str, ...]:
-        return tuple(f"keeps 1 arcmin in {cost:.3f} %" for cost in self.cost_of(designs))
+    def finer_verdicts(self, designs: NDArray[np.float64]) -> tuple[str, ...]:
+        return tuple(
+            f"by contact this allocation keeps 1 arcmin in {cost:.3f} %"
+            for cost in self.cost_of(designs)
+        )
 
 
 def outcome(kind: type[RvBacklash], folder: Path) -> RunOutcome:
