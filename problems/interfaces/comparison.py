@@ -36,7 +36,7 @@ class Comparison(Interface):
         return ()
 
     def model_labels(self, designs: Array) -> tuple[str, ...]:
-        """The model that evaluates each full design (n, all variables), and a finer model's verdict.
+        """The model of each full design (n, all variables), and a finer model's verdict.
 
         Empty texts where there is only one model.
         """
