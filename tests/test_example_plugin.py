@@ -45,5 +45,5 @@ def test_the_page_quotes_the_example_and_is_short() -> None:
     parts = [(kind, part) for kind, block in blocks if kind in sources
              for part in re.split(r"\n\n\n", block.strip())]  # fmt: skip
     quoted = [(kind, part) for kind, part in parts if not part.startswith(("from", "import"))]
-    assert len(quoted) == 8
+    assert len(quoted) == 9
     assert [part for kind, part in quoted if part not in sources[kind]] == []

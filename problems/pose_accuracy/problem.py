@@ -257,7 +257,7 @@ class PoseAccuracy(PromisingPoses, Provable, Documented, Page):
         None where units are tested for a promise: that is not the document's task, and the 32,000
         evaluations of its GA would take 25 times the rest of the run.
         """
-        if "cost" not in self.objectives or not self.limits or self.sampled:
+        if "cost" not in self.objectives or not self.limits or self.declaration.sampled:
             return None
         label = "GA with the document's settings (not the document's allocation, which is lost)"
         return label, PoseAccuracy(replace(self.given, objectives=("cost",)))

@@ -16,6 +16,7 @@ from openpyxl import load_workbook
 from tolevo.algorithms.nsga2 import NSGA2
 from tolevo.algorithms.settings import Budget
 from tolevo.configuration.reader import read_table
+from tolevo.problems.interfaces import Comparison
 from tolevo.problems.pose_accuracy import PoseAccuracy
 from tolevo.problems.rv_backlash import RvBacklash
 from tolevo.problems.settings import Settings
@@ -109,4 +110,4 @@ def test_problems_with_one_model_say_nothing() -> None:
     problem = PoseAccuracy()
     designs = problem.complete(np.atleast_2d(problem.xl))
     assert problem.declaration.model_name == problem.declaration.model_statement == ""
-    assert problem.model_labels(designs) == ("",)
+    assert Comparison.of(problem).model_labels(designs) == ("",)
