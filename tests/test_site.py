@@ -54,8 +54,8 @@ REDUCED: dict[str, tuple[str, ...]] = {
         "seeds=6", "run.algorithm.generations=3", 'response=["gap_percent"]', "reading=[]"),
 }  # fmt: skip
 """Settings that shorten a command of more than 20 s, by what is in it; the first that fits."""
-OTHERWISE = {"reproduce --out": ("configs/claims_a.toml",)}
-"""Arguments that shorten a command that has no such setting."""
+OTHERWISE = {"reproduce --out": ("configs/claims_a.toml",), "--workers 2": ("--workers", "1")}
+"""Arguments that shorten a command that has no such setting; the last of two `--workers` counts."""
 pytestmark = pytest.mark.source_tree
 
 

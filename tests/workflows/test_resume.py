@@ -25,6 +25,8 @@ from tolevo.workflows.run.references import SideSearch
 from tolevo.workflows.run.resume import CHECKPOINT
 from tolevo.workflows.run.sides import Sides
 
+pytestmark = pytest.mark.usefixtures("unrendered")
+
 SEARCH = """
 seed = 4
 [algorithm]

@@ -15,6 +15,8 @@ from typer.testing import CliRunner
 from tolevo.cli import app
 from tolevo.configuration import read
 
+pytestmark = pytest.mark.usefixtures("unrendered")
+
 CONFIGURATION = """
 problem = "stack"
 [objectives]

@@ -22,6 +22,8 @@ from tolevo.workflows.run.front import knee, with_references
 from tolevo.workflows.run.references import gains, relaxed_bounds
 from tolevo.workflows.run.write import _texts
 
+pytestmark = pytest.mark.usefixtures("unrendered")
+
 FILES = {
     "front.csv", "front.parquet", "front.json", "references.csv", "convergence.csv",
     "summary.json", "config.toml", "report.html", "front.png", "front.svg",

@@ -32,7 +32,7 @@ from tolevo.workflows.study import StudyPlan, StudyProgress, executor_of, study
 from tolevo.workflows.study.storage.names import DATABASE
 from tolevo.workflows.study.trial import Chunk
 
-pytestmark = pytest.mark.long
+pytestmark = [pytest.mark.long, pytest.mark.usefixtures("unrendered")]
 
 RUN = """
 problem = "pose_accuracy"
