@@ -27,8 +27,6 @@ from tolevo.models.effects import Effect
 from tolevo.models.effects.effect import Action, quantity
 from tolevo.models.effects.population.units import OfUnits
 
-pytestmark = pytest.mark.usefixtures("unrendered")
-
 def stretched(drawn, mean, tail):
     return mean + (drawn - mean) * (1.0 + tail * ((drawn - mean) / 0.3) ** 2)
 

@@ -46,11 +46,11 @@ yaw_mrad = 0.6
 [algorithm]
 name = "ga"
 population = 10
-generations = 12
+generations = 8
 """
 STUDY = """
 run = "run.toml"
-seeds = 12
+seeds = 8
 response = ["gap_percent", "feasible_fraction"]
 [design]
 kind = "factorial"
