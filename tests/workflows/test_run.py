@@ -56,7 +56,7 @@ def limited(interference: float = 0.5, **more: Bound) -> Settings:
 
 def referenced() -> RunPlan:
     """A short run with references."""
-    return plan(limited(), NSGA2(population=20), generations=12, references=True)
+    return plan(limited(), NSGA2(population=16), generations=8, references=True)
 
 
 @pytest.fixture(scope="module")
@@ -122,12 +122,12 @@ def test_tables_agree(outcome: RunOutcome) -> None:
 def test_summary(outcome: RunOutcome) -> None:
     summary = json.loads((outcome.folder / "summary.json").read_text())
     assert summary["status"] == "done"
-    assert summary["evaluations"] == 240
+    assert summary["evaluations"] == 128
     assert summary["seed"] == 0
     names = {a["name"] for a in summary["assumptions"]}
     assert "references.eccentricity_um" in names
     convergence = pd.read_csv(outcome.folder / "convergence.csv")
-    assert convergence["evaluations"].tolist() == list(range(20, 241, 20))
+    assert convergence["evaluations"].tolist() == list(range(16, 129, 16))
     assert summary["hypervolume"] == pytest.approx(convergence["hypervolume"].iloc[-1])
 
 
