@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from dataclasses import fields, replace
 from pathlib import Path
 
@@ -17,7 +18,7 @@ from tolevo.directory import KINDS, MANIFEST
 from tolevo.problems.rv_backlash import RvBacklash
 from tolevo.problems.settings import Bound, PropagationSetting, Settings, VariableSetting
 from tolevo.records import RunResult
-from tolevo.workflows.run import RunOutcome, RunPlan, run
+from tolevo.workflows.run import RunOutcome, RunPlan, references, run
 from tolevo.workflows.run.front import knee, with_references
 from tolevo.workflows.run.references import gains, relaxed_bounds
 from tolevo.workflows.run.write import _texts
@@ -52,6 +53,14 @@ def plan(
 def limited(interference: float = 0.5, **more: Bound) -> Settings:
     limits = {"interference_probability": Bound(high=interference)} | more
     return Settings(limits=limits, variables=NEAR)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def short_reference() -> Iterator[None]:
+    """The GA beside the exact reference has fewer generations."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(references, "GA_BUDGET", Budget(generations=30))
+        yield
 
 
 def referenced() -> RunPlan:
