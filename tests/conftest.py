@@ -37,3 +37,12 @@ def unrendered() -> Iterator[None]:
 
     with blanks():
         yield
+
+
+@pytest.fixture(scope="module")
+def units_once() -> Iterator[None]:
+    """Models of the same loaded unit share its tables, which take a third of a second each."""
+    from tests.same_units import made_once
+
+    with made_once():
+        yield
