@@ -31,8 +31,6 @@ from tolevo.errors import Fault
 from tolevo.section import Section
 from tolevo.workflows.study.designs import DESIGNS
 
-pytestmark = pytest.mark.usefixtures("unrendered")
-
 RUN = """
 problem = "rv_backlash"
 [limits]

@@ -32,8 +32,6 @@ from tolevo.problems.robot_joint.links import TWENTY_ONE
 from tolevo.problems.settings import Bound, PropagationSetting, Settings
 from tolevo.testing import ProblemContract
 
-pytestmark = pytest.mark.usefixtures("unrendered")
-
 FOUR = ("cost", "pose_accuracy_mm", "squareness_mrad", "yaw_mrad")
 
 minimize: Any = optimize.minimize  # its stubs know arrays of one fixed dimension only
