@@ -111,7 +111,8 @@ def test_polish_improves_a_front_of_nsga2() -> None:
     assert np.median(inside[:, 0] / along) < 0.95
 
 
-@pytest.mark.parametrize("evaluations", [150, 400])
+# the larger budget is slow: that of 150 is kept by the same code
+@pytest.mark.parametrize("evaluations", [150, pytest.param(400, marks=pytest.mark.slow)])
 def test_polish_stays_within_its_budget(evaluations: int) -> None:
     assert evolved(True, evaluations).evaluations <= evaluations
 
