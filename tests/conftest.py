@@ -25,3 +25,24 @@ def one_process() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Into.arguments, "__defaults__", (1,))
         yield
+
+
+@pytest.fixture(scope="module")
+def unrendered() -> Iterator[None]:
+    """Figures are made, and written as blanks: to render them takes most of a short run or study.
+
+    For tests of what is computed, kept and resumed; those of tests/reports render every figure.
+    """
+    from tests.blanks import blanks
+
+    with blanks():
+        yield
+
+
+@pytest.fixture(scope="module")
+def units_once() -> Iterator[None]:
+    """Models of the same loaded unit share its tables, which take a third of a second each."""
+    from tests.same_units import made_once
+
+    with made_once():
+        yield

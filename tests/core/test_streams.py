@@ -11,14 +11,21 @@ from pathlib import Path
 import pytest
 
 RUN = """
-problem = "rv_backlash"
+problem = "stack"
 references = "none"
-[parameters]
-reading = "printed"
-[limits]
-interference_probability = 0.05
+[requirement]
+name = "gap"
+unit = "mm"
+[[part]]
+name = "a"
+nominal = 20.0
+unit = "mm"
+sensitivity = 1.0
+t_min = 0.01
+t_max = 0.25
+cost = { model = "reciprocal", a = 1.0, b = 0.75 }
 [algorithm]
-name = "nsga2"
+name = "random"
 population = 20
 generations = 4
 """

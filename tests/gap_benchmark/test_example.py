@@ -16,8 +16,8 @@ from benchmarks.gap.namers.workflow import SIMULATORS
 from tolevo.cli import app
 
 ROOT = Path(__file__).resolve().parents[2]
-pytestmark = pytest.mark.source_tree
-FEW = ("algorithm.generations=5", "algorithm.population=20")
+pytestmark = [pytest.mark.source_tree, pytest.mark.usefixtures("unrendered")]
+FEW = ("algorithm.generations=5", "algorithm.population=20", "references=none")
 """A search short enough for a test."""
 
 

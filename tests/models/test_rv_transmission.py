@@ -24,7 +24,7 @@ from tolevo.models.rv_reducer.transmission import RvTransmission
 from tolevo.tables import table_of
 from tolevo.workflows.simulate import simulated
 
-pytestmark = pytest.mark.long
+pytestmark = [pytest.mark.long, pytest.mark.usefixtures("units_once")]
 
 Array = NDArray[np.float64]
 ARCSEC = np.pi / 180.0 / 3600.0

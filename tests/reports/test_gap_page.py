@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from tests.blanks import blanks
 from tests.reports.html import parsed
 from tolevo.gap_next_records import NextMeasurement, Sensitivity, Separation
 from tolevo.gap_records import (
@@ -254,6 +255,7 @@ def test_what_is_missing_in_the_stored_page_is_named(result: GapResult) -> None:
     assert again.notes == ()
 
 
+@blanks()
 def test_the_next_measurement(result: GapResult) -> None:
     """Its tables, its points beside those of the record, and both again from what is stored."""
     pair = Separation(("lost_motion",), ("bearing_clearance",), 1.5, 33.25, 0.97, 0.61, 0.88, 23,

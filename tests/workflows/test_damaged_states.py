@@ -23,6 +23,8 @@ from tolevo.workflows.execution import InProcess
 from tolevo.workflows.reproduce.calculations.ga_settings import GaSettings
 from tolevo.workflows.study import study
 
+pytestmark = pytest.mark.usefixtures("unrendered")
+
 TRIALS = share(2)
 GAP = """model = "table"
 [columns]

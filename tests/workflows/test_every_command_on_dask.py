@@ -26,6 +26,8 @@ from tolevo.workflows.run.designs import Designs
 from tolevo.workflows.run.references import SideSearch
 from tolevo.workflows.run.sides import Sides
 
+pytestmark = pytest.mark.usefixtures("unrendered")
+
 distributed = pytest.importorskip("distributed")
 
 RUN = """

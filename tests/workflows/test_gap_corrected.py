@@ -21,7 +21,7 @@ from tolevo.errors import InputError
 from tolevo.models.rv_reducer.batch import RvBatch
 from tolevo.problems.rv_backlash import RvBacklash
 
-pytestmark = pytest.mark.usefixtures("without_figures")
+pytestmark = pytest.mark.usefixtures("without_figures", "units_once")
 
 ZERO = 7.0
 """[arcsec or arcmin] What the instrument reads at rest."""

@@ -19,7 +19,7 @@ from tolevo.models.rv_reducer.batch import RvBatch
 from tolevo.problems.rv_transmission_error import declared as transmission
 from tolevo.workflows.gap.plan import GapPlan
 
-pytestmark = pytest.mark.usefixtures("without_figures")
+pytestmark = pytest.mark.usefixtures("without_figures", "units_once")
 
 BACKLASH = "backlash_arcmin"
 OTHER = {"pin_circle_radius_mm": 80.0, "pins": 45, "cycloid_teeth": 44}

@@ -15,6 +15,8 @@ from tolevo.workflows.gap import gap
 from tolevo.workflows.gap.empirical import Curve, empirical
 from tolevo.workflows.gap.read import read_data
 
+pytestmark = pytest.mark.usefixtures("unrendered")
+
 Array = np.ndarray
 N = 400
 HEAD = """

@@ -18,7 +18,7 @@ from tolevo.workflows.gap import gap
 from tolevo.workflows.gap.read import read_data
 from tolevo.workflows.gap.write import record
 
-pytestmark = pytest.mark.usefixtures("without_figures")
+pytestmark = pytest.mark.usefixtures("without_figures", "units_once")
 
 HEAD = """
 model = "table"

@@ -18,6 +18,8 @@ from tolevo.workflows.gap.read import read_data
 from tolevo.workflows.gap.separate import separating
 from tolevo.workflows.gap.setup import Setup, prepared
 
+pytestmark = pytest.mark.usefixtures("unrendered")
+
 Array = np.ndarray
 Table = Mapping[str, Array]
 OUTPUTS = ("dr_mm", "dt_mm", "dz_mm", "tilt_r_mrad", "tilt_t_mrad", "yaw_mrad")

@@ -19,6 +19,8 @@ from tolevo.models.inputs.distribution import Array
 from tolevo.workflows.gap import gap
 from tolevo.workflows.gap.read import read_data
 
+pytestmark = pytest.mark.usefixtures("unrendered", "units_once")
+
 HEAD = """
 model = "table"
 seed = 0

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from tolevo.cli import app
 
-pytestmark = pytest.mark.usefixtures("without_figures")
+pytestmark = pytest.mark.usefixtures("without_figures", "units_once")
 
 WRONG = """
 model = "rv_transmission"

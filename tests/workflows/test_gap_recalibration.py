@@ -18,6 +18,8 @@ from tolevo.workflows.gap import gap
 from tolevo.workflows.gap.read import read_data
 from tolevo.workflows.gap.recalibration import recalibration_message
 
+pytestmark = pytest.mark.usefixtures("unrendered")
+
 STIFFNESS = "series_stiffness_Nm_per_arcmin"
 CONFIGURATION = f"""model = "rv_lost_motion"
 [free]

@@ -18,6 +18,8 @@ from tolevo.workflows.gap.progress import GapProgress
 from tolevo.workflows.gap.read import read_data
 from tolevo.workflows.gap.replicates import FILE
 
+pytestmark = pytest.mark.usefixtures("unrendered")
+
 TEXT = """model = "table"
 [columns]
 "torque" = { role = "torque", unit = "N m" }

@@ -18,6 +18,8 @@ from tolevo.workflows.gap.misfit import of_weights
 from tolevo.workflows.gap.plan import GapPlan
 from tolevo.workflows.gap.read import read_data
 
+pytestmark = pytest.mark.usefixtures("unrendered", "units_once")
+
 HEAD = """
 model = "table"
 seed = 0

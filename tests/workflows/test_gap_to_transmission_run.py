@@ -15,7 +15,11 @@ from typer.testing import CliRunner
 from tolevo.cli import app
 from tolevo.problems.rv_transmission_error import declared
 
-pytestmark = [pytest.mark.long, pytest.mark.usefixtures("without_figures")]
+pytestmark = [
+    pytest.mark.long,
+    pytest.mark.usefixtures("without_figures"),
+    pytest.mark.usefixtures("units_once"),
+]
 
 RUN = Path(str(files("tolevo.configs") / "rv_transmission_error.toml"))
 SMALL = (

@@ -23,7 +23,7 @@ FEW = {
     "gap": (),
 }  # fmt: skip
 """Settings by command that make it short enough for a test."""
-pytestmark = pytest.mark.source_tree
+pytestmark = [pytest.mark.source_tree, pytest.mark.usefixtures("unrendered")]
 
 
 def commands() -> list[list[str]]:

@@ -24,6 +24,8 @@ from tolevo.reports.page import page
 from tolevo.workflows.report import report
 from tolevo.workflows.run import RunOutcome, RunPlan, run
 
+pytestmark = pytest.mark.usefixtures("unrendered")
+
 STATEMENT = "document B's closed form"
 CHOSEN = "; by contact this allocation keeps 1 arcmin in "
 

@@ -16,6 +16,8 @@ from tolevo.configuration.gap import read_gap
 from tolevo.configuration.study import read_study
 from tolevo.errors import InputError
 
+pytestmark = pytest.mark.usefixtures("unrendered")
+
 NAMED = 'name = "Wrist <joint>"\ndescription = "second of six"\ndrawing = "J2-100"\n'
 LINE = "mechanism Wrist <joint> (drawing J2-100): second of six"
 TABLE = """model = "table"

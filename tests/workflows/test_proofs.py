@@ -19,6 +19,8 @@ from tolevo.cli import app
 from tolevo.configuration import read
 from tolevo.workflows.run.proofs import exact_front, informative
 
+pytestmark = pytest.mark.usefixtures("unrendered")
+
 A = np.array([2.0, 1.5, 1.0, 0.5])
 B = np.array([0.04, 0.09, 0.01, 0.16])
 S = np.array([1.0, 2.0, 0.5, 1.0])

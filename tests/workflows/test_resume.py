@@ -25,6 +25,8 @@ from tolevo.workflows.run.references import SideSearch
 from tolevo.workflows.run.resume import CHECKPOINT
 from tolevo.workflows.run.sides import Sides
 
+pytestmark = pytest.mark.usefixtures("unrendered")
+
 SEARCH = """
 seed = 4
 [algorithm]
@@ -112,7 +114,7 @@ def killed(config: Path, out: Path, *arguments: object) -> None:
 
 def test_a_killed_run_resumes_to_the_same_front(config: Path, tmp_path: Path) -> None:
     """Killed after a state was saved; resumed with the budget of the whole run."""
-    size = ("--set", "algorithm.population=100")
+    size = ("--set", "algorithm.population=40")
     endless = ("--set", "algorithm.generations=1000000")
     killed(config, tmp_path / "broken", *size, *endless)
     state = Checkpoint.read(tmp_path / "broken" / CHECKPOINT).saved() or {}

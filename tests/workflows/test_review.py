@@ -16,6 +16,8 @@ from tolevo.cli import app
 from tolevo.configuration import read
 from tolevo.problems.designs import designs_frame
 
+pytestmark = pytest.mark.usefixtures("unrendered")
+
 CONFIGURATION = """
 problem = "stack"
 [objectives]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from dataclasses import fields, replace
 from pathlib import Path
 
@@ -17,10 +18,12 @@ from tolevo.directory import KINDS, MANIFEST
 from tolevo.problems.rv_backlash import RvBacklash
 from tolevo.problems.settings import Bound, PropagationSetting, Settings, VariableSetting
 from tolevo.records import RunResult
-from tolevo.workflows.run import RunOutcome, RunPlan, run
+from tolevo.workflows.run import RunOutcome, RunPlan, references, run
 from tolevo.workflows.run.front import knee, with_references
 from tolevo.workflows.run.references import gains, relaxed_bounds
 from tolevo.workflows.run.write import _texts
+
+pytestmark = pytest.mark.usefixtures("unrendered")
 
 FILES = {
     "front.csv", "front.parquet", "front.json", "references.csv", "convergence.csv",
@@ -52,9 +55,22 @@ def limited(interference: float = 0.5, **more: Bound) -> Settings:
     return Settings(limits=limits, variables=NEAR)
 
 
+@pytest.fixture(scope="module", autouse=True)
+def short_reference() -> Iterator[None]:
+    """The GA beside the exact reference has fewer generations."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(references, "GA_BUDGET", Budget(generations=30))
+        yield
+
+
+def referenced() -> RunPlan:
+    """A short run with references."""
+    return plan(limited(), NSGA2(population=16), generations=8, references=True)
+
+
 @pytest.fixture(scope="module")
 def outcome(tmp_path_factory: pytest.TempPathFactory) -> RunOutcome:
-    return run(plan(limited(), references=True), tmp_path_factory.mktemp("run") / "a", workers=1)
+    return run(referenced(), tmp_path_factory.mktemp("run") / "a", workers=1)
 
 
 def test_all_files_of_the_contract(outcome: RunOutcome) -> None:
@@ -115,17 +131,17 @@ def test_tables_agree(outcome: RunOutcome) -> None:
 def test_summary(outcome: RunOutcome) -> None:
     summary = json.loads((outcome.folder / "summary.json").read_text())
     assert summary["status"] == "done"
-    assert summary["evaluations"] == 1000
+    assert summary["evaluations"] == 128
     assert summary["seed"] == 0
     names = {a["name"] for a in summary["assumptions"]}
     assert "references.eccentricity_um" in names
     convergence = pd.read_csv(outcome.folder / "convergence.csv")
-    assert convergence["evaluations"].tolist() == list(range(40, 1001, 40))
+    assert convergence["evaluations"].tolist() == list(range(16, 129, 16))
     assert summary["hypervolume"] == pytest.approx(convergence["hypervolume"].iloc[-1])
 
 
 def test_workers_change_nothing(outcome: RunOutcome, tmp_path: Path) -> None:
-    run(plan(limited(), references=True), tmp_path / "b", workers=2)
+    run(referenced(), tmp_path / "b", workers=2)
     for name in ("front.csv", "references.csv"):
         assert (tmp_path / "b" / name).read_bytes() == (outcome.folder / name).read_bytes()
 

@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 from tolevo.cli import app
 
 CONFIG = Path(__file__).resolve().parents[2] / "configs" / "robot_arm.toml"
-pytestmark = pytest.mark.source_tree
+pytestmark = [pytest.mark.source_tree, pytest.mark.usefixtures("unrendered")]
 
 
 def tolevo(*words: object) -> str:

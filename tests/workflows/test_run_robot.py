@@ -18,7 +18,7 @@ from tolevo.problems.robot_joint import RobotJoint
 
 ROOT = Path(__file__).resolve().parents[2]
 CONFIG = ROOT / "configs" / "robot_manipulator.toml"
-pytestmark = pytest.mark.source_tree
+pytestmark = [pytest.mark.source_tree, pytest.mark.usefixtures("unrendered")]
 FEW = ("--set", "algorithm.points=4", "--set", "propagation.samples=8192", "--quiet")
 
 

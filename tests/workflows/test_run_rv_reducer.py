@@ -15,6 +15,8 @@ from tolevo.errors import InputError
 from tolevo.workflows.run import overlay
 from tolevo.workflows.run.reach import searchable
 
+pytestmark = pytest.mark.usefixtures("unrendered")
+
 SMALL = """
 problem = "rv_reducer"
 seed = 3

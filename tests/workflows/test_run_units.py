@@ -22,6 +22,8 @@ from tolevo.reports.tables import shown
 from tolevo.workflows.run.assumptions import assumptions_cost
 from tolevo.workflows.run.units import shown_point
 
+pytestmark = pytest.mark.usefixtures("unrendered")
+
 CONFIG = """
 problem = "rv_reducer"
 seed = 3

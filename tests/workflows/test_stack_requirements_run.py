@@ -14,6 +14,8 @@ from tolevo.algorithms.exact.solver import closed_form
 from tolevo.cli import app
 from tolevo.configuration import read
 
+pytestmark = pytest.mark.usefixtures("unrendered")
+
 CONFIGURATION = """
 problem = "stack"
 [objectives]

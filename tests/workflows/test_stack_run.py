@@ -16,6 +16,8 @@ from typer.testing import CliRunner, Result
 from tolevo.cli import app
 from tolevo.configuration import read
 
+pytestmark = pytest.mark.usefixtures("unrendered")
+
 CLUTCH = Path(str(files("tolevo.configs") / "stack_clutch.toml"))
 DOCS = Path(__file__).resolve().parent.parent.parent / "docs" / "stack.md"
 SMALL = ["--set", "algorithm.population=20", "--set", "algorithm.generations=5"]

@@ -25,7 +25,7 @@ GRADES = pytest.mark.parametrize("grades", [1, pytest.param(2, marks=pytest.mark
 
 def problem(grades: int = 2, **limits: Bound) -> RvReducer:
     """Few units, one or two grades, the errors between discs left out."""
-    parameters = {"search_units": 64, "report_units": 256, "elastic_units": 16, "positions": 7}
+    parameters = {"search_units": 48, "report_units": 192, "elastic_units": 8, "positions": 5}
     variables = {name: VariableSetting(value=value) for name, value in FIXED.items()}
     variables["dr_rp_mm"] = VariableSetting(low=-0.06, high=-0.02)
     variables["dr_p_mm"] = VariableSetting(low=-0.09, high=-0.05)
@@ -43,7 +43,7 @@ def exact(grades: int) -> SearchResult:
 
 
 @cache
-def evolved(polish: bool, evaluations: int = 600) -> SearchResult:
+def evolved(polish: bool, evaluations: int = 400) -> SearchResult:
     algorithm = NSGA2(population=40, polish=polish)
     return search(problem(), algorithm, Budget(evaluations=evaluations), seed=0)
 
@@ -96,7 +96,7 @@ def test_least_cost_is_that_of_the_front(grades: int) -> None:
     front, _ = fresh(exact(grades), grades)
     front = front[np.argsort(front[:, 1])]
     along = np.exp(np.interp(level, front[:, 1], np.log(front[:, 0])))
-    # points are 20 % apart in cost, and samples of 64 units differ by some per cent
+    # points are 20 % apart in cost, and samples of 48 units differ by some per cent
     np.testing.assert_allclose(cost, along, rtol=0.08)
 
 
@@ -111,7 +111,8 @@ def test_polish_improves_a_front_of_nsga2() -> None:
     assert np.median(inside[:, 0] / along) < 0.95
 
 
-@pytest.mark.parametrize("evaluations", [150, 600])
+# the larger budget is slow: that of 150 is kept by the same code
+@pytest.mark.parametrize("evaluations", [150, pytest.param(400, marks=pytest.mark.slow)])
 def test_polish_stays_within_its_budget(evaluations: int) -> None:
     assert evolved(True, evaluations).evaluations <= evaluations
 

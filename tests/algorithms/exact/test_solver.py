@@ -160,7 +160,7 @@ def test_one_optimum_within_a_limit(case: str, share: float) -> None:
 def test_another_limit_is_kept_along_the_whole_front() -> None:
     limits = {"worst_case": Bound(high=0.4), "cost": Bound(high=30.0), "p1_t": Bound(high=0.06)}
     problem = stack(limits=limits)
-    found = run(problem)
+    found = run(problem, points=24)
     assert np.all(gaps(problem, found.f) < 1e-4)
     rss = CASES["rss"][1]
 

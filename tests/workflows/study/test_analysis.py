@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from tests.blanks import blanks
 from tolevo.reports.study import study_page
 from tolevo.workflows.study.analysed import FILES, analysed
 from tolevo.workflows.study.designs import (
@@ -60,7 +62,9 @@ def analysis(settings: Any, data: StudyData) -> Any:
     return analyse(settings, data, np.random.default_rng(0))
 
 
-def test_every_design_comes_to_sensitivities_and_a_page(synthetic: Any, design: Design) -> None:
+def test_every_design_comes_to_sensitivities_a_best_setting_and_a_page(
+    synthetic: Any, design: Design
+) -> None:
     settings, data = made(synthetic, design, 12)
     result = analysis(settings, data)
     known = result.sensitivity.set_index(["key", "statistic"])
@@ -71,15 +75,11 @@ def test_every_design_comes_to_sensitivities_and_a_page(synthetic: Any, design: 
         assert known.loc[("algorithm.population", main), "distinct"]
         assert not known.loc[("algorithm.rate", main), "distinct"]
     assert len(result.medians) == len(data.design)
+    best = result.recommendations[0]  # the one without a loss
+    assert best.settings["algorithm.population"] == 80
+    assert best.settings["algorithm.name"] == "p"
     text = study_page(result)
     assert text.startswith("<!DOCTYPE html>") and "algorithm.population" in text
-
-
-def test_the_best_setting_is_the_one_without_a_loss(synthetic: Any, design: Design) -> None:
-    settings, data = made(synthetic, design, 12)
-    found = analysis(settings, data).recommendations[0]
-    assert found.settings["algorithm.population"] == 80
-    assert found.settings["algorithm.name"] == "p"
 
 
 @pytest.mark.parametrize("seeds", [1, 2, 5])
@@ -94,7 +94,8 @@ def test_few_seeds_and_lost_settings_claim_nothing(
     assert not pairs["significant"].astype(bool).any()
     assert not any(one.shown for one in result.recommendations)
     assert any("runs failed" in note for note in result.notes)
-    assert "lost" in study_page(result)
+    with blanks() if seeds > 1 else nullcontext():  # the fewest are the hardest to draw
+        assert "lost" in study_page(result)
 
 
 def test_a_study_of_failures_only_is_still_described(synthetic: Any, design: Design) -> None:

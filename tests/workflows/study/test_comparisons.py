@@ -26,6 +26,8 @@ from tolevo.workflows.study.statistics.readings import verdicts
 from tolevo.workflows.study.statistics.recommendation import recommendation
 from tolevo.workflows.study.statistics.runs import Runs, runs_of
 
+pytestmark = pytest.mark.usefixtures("unrendered")
+
 Array = NDArray[np.float64]
 SIZE = Factor("population", (20, 40, 80))
 RATE = Factor("mutation", (0.001, 0.08))

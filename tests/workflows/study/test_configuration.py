@@ -16,6 +16,8 @@ from tolevo.errors import InputError
 from tolevo.workflows.execution import InProcess
 from tolevo.workflows.study import study
 
+pytestmark = pytest.mark.usefixtures("unrendered")
+
 CONFIGS = Path(str(files("tolevo.configs")))
 RUN = """
 problem = "pose_accuracy"

@@ -32,7 +32,7 @@ from tolevo.workflows.study import StudyPlan, StudyProgress, executor_of, study
 from tolevo.workflows.study.storage.names import DATABASE
 from tolevo.workflows.study.trial import Chunk
 
-pytestmark = pytest.mark.long
+pytestmark = [pytest.mark.long, pytest.mark.usefixtures("unrendered")]
 
 RUN = """
 problem = "pose_accuracy"
@@ -46,11 +46,11 @@ yaw_mrad = 0.6
 [algorithm]
 name = "ga"
 population = 10
-generations = 12
+generations = 8
 """
 STUDY = """
 run = "run.toml"
-seeds = 12
+seeds = 8
 response = ["gap_percent", "feasible_fraction"]
 [design]
 kind = "factorial"

@@ -11,7 +11,7 @@ import pytest
 import tolevo
 from tolevo.testing import DesignContract
 
-pytestmark = pytest.mark.source_tree
+pytestmark = [pytest.mark.source_tree, pytest.mark.usefixtures("unrendered")]
 PAGE = Path(__file__).parents[3] / "docs" / "plugins.md"
 
 

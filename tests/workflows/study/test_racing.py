@@ -22,6 +22,8 @@ from tolevo.workflows.study.storage.database import Database
 from tolevo.workflows.study.storage.site import Site
 from tolevo.workflows.study.trial import Surveying
 
+pytestmark = pytest.mark.usefixtures("unrendered")
+
 Array = NDArray[np.float64]
 SETTINGS, SEEDS, STUDIES = 16, 30, 20
 NOISES: dict[str, Callable[[np.random.Generator], Array]] = {

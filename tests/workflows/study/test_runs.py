@@ -22,6 +22,8 @@ from tolevo.workflows.execution import InProcess
 from tolevo.workflows.run.proofs import exact_front
 from tolevo.workflows.study import StudyOutcome, StudyPlan, study
 
+pytestmark = pytest.mark.usefixtures("unrendered")
+
 ONE = """
 problem = "pose_accuracy"
 [parameters]

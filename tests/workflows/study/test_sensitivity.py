@@ -27,7 +27,7 @@ KEYS = ("a", "b", "c", "d")
 UNIT = tuple(Factor(key, low=0.0, high=1.0) for key in KEYS)
 LISTS = (Factor("a", (1, 2, 3)), Factor("b", (0, 1)), Factor("c", ("x", "y", "z")))
 BASE = {"a": 1, "b": 0, "c": "x"}
-STUDIES = 100
+STUDIES = 60
 RARE = 1e-4
 """Chance at which a right interval would fail its test."""
 

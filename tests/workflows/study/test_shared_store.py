@@ -25,7 +25,7 @@ from tolevo.workflows.execution.executor import Result as Done
 from tolevo.workflows.execution.executor import TaskT
 from tolevo.workflows.store import store as store_module
 from tolevo.workflows.store.tables import FORMAT
-from tolevo.workflows.study import StudyPlan, StudyProgress, study, write
+from tolevo.workflows.study import StudyPlan, StudyProgress, study
 from tolevo.workflows.study.storage.database import Database
 from tolevo.workflows.study.storage.names import DATABASE
 from tolevo.workflows.study.storage.site import Site
@@ -62,12 +62,7 @@ KILLS = int(os.environ.get("TOLEVO_TRIALS", "10"))
 """How often a machine is killed."""
 
 
-@pytest.fixture(scope="module", autouse=True)
-def without_figures() -> Iterator[None]:
-    """Figures take most of the time of a short study."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(write, "figures", lambda result: ())
-        yield
+pytestmark = pytest.mark.usefixtures("unrendered")
 
 
 @pytest.fixture

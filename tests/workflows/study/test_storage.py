@@ -26,6 +26,8 @@ from tolevo.workflows.store.tables import FORMAT
 from tolevo.workflows.study import StudyOutcome, study
 from tolevo.workflows.study.storage.names import DATABASE
 
+pytestmark = pytest.mark.usefixtures("unrendered")
+
 RUN = """
 problem = "pose_accuracy"
 [parameters]
