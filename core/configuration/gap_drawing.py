@@ -232,8 +232,8 @@ def _assumed(
         what = "allocation" if run else "drawing"
     if not missing:
         return ""
-    stated = " in addition to what [parameters] and [variables] state"
-    besides = stated if drawn_here or fixed_here else ""
+    addition = " in addition to what [parameters] and [variables] state"
+    besides = addition if drawn_here or fixed_here else ""
     return f"answered for {DEFAULT} {what}{besides}: {'; '.join(missing)}"
 
 
