@@ -135,18 +135,18 @@ class PymooDriver(Driver):
             [place[id(individual)] for individual in optimum], dtype=np.int64
         )
         for key in VALUES:
-            saved[key] = _plain([getattr(individual, key) for individual in everyone])
+            saved[key] = _numeric_array([getattr(individual, key) for individual in everyone])
         for key in sorted({key for individual in everyone for key in individual.data}):
             known = np.array([individual.data.get(key) is not None for individual in everyone])
             values = [
                 individual.data[key] for individual, has in zip(everyone, known, strict=True) if has
             ]
-            saved[f"has.{key}"], saved[f"data.{key}"] = known, _plain(values)
+            saved[f"has.{key}"], saved[f"data.{key}"] = known, _numeric_array(values)
         for name in self.names:
             value = _attribute(algorithm, name)
             saved[f"set.{name}"] = np.array(value is not None)
             if value is not None:
-                saved[f"attribute.{name}"] = _plain(value)
+                saved[f"attribute.{name}"] = _numeric_array(value)
         return saved
 
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
@@ -178,7 +178,7 @@ def _or_empty(population: Any) -> Any:
     return () if population is None else population
 
 
-def _plain(value: Any) -> NDArray[Any]:
+def _numeric_array(value: Any) -> NDArray[Any]:
     """An array of numbers. Raises Unsavable where it is none."""
     try:
         array = np.array(value)

@@ -241,7 +241,7 @@ def table_of(quick: bool, names: Sequence[str]) -> pd.DataFrame:
 
 def drawn(table: pd.DataFrame) -> bytes:
     """CPU time and memory against size as SVG, a row of panels per command."""
-    from tolevo.reports.drawing import COLOURS, as_svg, new_figure, plain
+    from tolevo.reports.drawing import COLOURS, as_svg, new_figure, style_axes
 
     groups = list(table.groupby(["command", "against"], sort=False))
     figure = new_figure(1.6 * len(groups))
@@ -255,7 +255,7 @@ def drawn(table: pd.DataFrame) -> bytes:
             axes.loglog(part["size"], part[column], marker="o", color=colour)
             axes.set(xlabel=against, ylabel=label, ylim=(0.5 * part[column].min(), None))
             axes.set_title(f"{command}{told if column == 'cpu_s' else ''}", fontsize=9)
-            plain(axes)
+            style_axes(axes)
     return as_svg(figure)
 
 

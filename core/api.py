@@ -17,11 +17,7 @@ from typing import TYPE_CHECKING
 import pandas as pd
 
 from . import tables
-from .arguments import page_faults, page_next_to, watch_faults
-from .configuration import Configuration
-from .configuration import read as read_raw
-from .errors import Fault, raise_all
-from .given import (
+from .api_arguments import (
     READ,
     AnyPath,
     Frame,
@@ -36,6 +32,10 @@ from .given import (
     report_lines,
     start_faults_of,
 )
+from .arguments import page_faults, page_next_to, watch_faults
+from .configuration import Configuration
+from .configuration import read as read_raw
+from .errors import Fault, raise_all
 from .problems.interfaces import Checks
 from .results import Gap, Reproduction, Run, Study
 from .tabled import evaluate as evaluate

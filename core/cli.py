@@ -189,7 +189,7 @@ def report(
     """Build the page of a result again, or compare several runs."""
     from .api import report
 
-    typer.echo(f"page: {report(folders, out, figures, watch=watch, tell=messages.tell).path}")
+    typer.echo(f"page: {report(folders, out, figures, watch=watch, tell=messages.report).path}")
 
 
 @command("check")

@@ -21,7 +21,7 @@ class MessageOptions:
 
     quiet: Annotated[bool, typer.Option("--quiet", help="Nothing on stderr but errors.")] = False
 
-    def tell(self, line: str) -> None:
+    def report(self, line: str) -> None:
         """A line that the user should read, on stderr."""
         if not self.quiet:
             typer.echo(line, err=True)
@@ -38,7 +38,7 @@ class Asked(MessageOptions):
 
     def arguments(self) -> dict[str, Any]:
         """As the functions of the Python interface take them."""
-        return {"settings": self.set_, "tell": self.tell}
+        return {"settings": self.set_, "tell": self.report}
 
 
 Kept = Annotated[str, typer.Option(help="A database that machines share (postgresql://...).")]

@@ -52,7 +52,7 @@ class Finished:
     lines: tuple[str, ...]
     record: Any
     folder: Path
-    kept: Scratch | None = field(default=None, repr=False)
+    scratch: Scratch | None = field(default=None, repr=False)
     command: ClassVar[str] = ""
 
     def write(self, out: str | Path, overwrite: bool = False) -> Path:

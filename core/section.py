@@ -29,7 +29,7 @@ class Range:
         """What is wrong with `value`, empty where nothing is."""
         above = value > self.low or (value == self.low and not self.open_low)
         below = value < self.high or (value == self.high and not self.open_high)
-        return "" if above and below else f"must {self}, got {_plain(value)}"
+        return "" if above and below else f"must {self}, got {_number_text(value)}"
 
     def __str__(self) -> str:
         if math.isfinite(self.low) and math.isfinite(self.high):
@@ -40,7 +40,7 @@ class Range:
         return f"be {'below' if self.open_high else 'at most'} {self.high:.10g}"
 
 
-def _plain(value: float) -> str:
+def _number_text(value: float) -> str:
     """A number without the `.0` of a whole one."""
     return str(int(value)) if value == int(value) else str(value)
 
@@ -73,7 +73,7 @@ class Section:
     def __contains__(self, key: str) -> bool:
         return key in self._table
 
-    def given(self) -> tuple[str, ...]:
+    def all_keys(self) -> tuple[str, ...]:
         """Every key that the table has."""
         return tuple(self._table)
 
@@ -97,7 +97,7 @@ class Section:
         self._known[key] = None
         return self._table.get(key)
 
-    def known(self, keys: Iterable[str]) -> None:
+    def accept(self, keys: Iterable[str]) -> None:
         """Accept keys that are not read here."""
         self._known |= dict.fromkeys(keys)
 

@@ -10,9 +10,7 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 
 from . import tables
-from .configuration import Configuration
-from .errors import Fault, raise_all
-from .given import (
+from .api_arguments import (
     NOTES,
     READ,
     AnyPath,
@@ -24,6 +22,8 @@ from .given import (
     report_lines,
     table_faults_of,
 )
+from .configuration import Configuration
+from .errors import Fault, raise_all
 from .problems.interfaces import WithEffects
 from .wide import executing
 

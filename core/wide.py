@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from .api_arguments import Source, raw
 from .configuration import Configuration
 from .errors import Fault
-from .given import Source, raw
 
 if TYPE_CHECKING:
     from .workflows.execution import Execution

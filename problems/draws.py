@@ -58,21 +58,21 @@ class Draws:
 
 @dataclass(frozen=True, eq=False)
 class Sums:
-    """A sum of deviations of n designs: its `mean` (n,), by process the standard deviation `each`
-    and what the mean moves by an error of one standard deviation, `moved` (n, k), the variance
-    `rest` (n,) of what is known, and the ends that units are to keep.
+    """A sum of deviations of n designs: its `mean` (n,), by process the standard deviation
+    `process_std` and what the mean moves by an error of one standard deviation, `moved` (n, k),
+    the variance `known_variance` (n,) of what is known, and the ends that units are to keep.
     """
 
     mean: Array
-    each: Array
+    process_std: Array
     moved: Array
-    rest: Array
+    known_variance: Array
     lower: float
     upper: float
 
     def ends(self, drawn: Draws) -> tuple[Array, Array, Array]:
         """Standard deviation, and how many of these the ends are away from the mean, (n, draws)."""
-        square = self.each**2 @ drawn.variance.T + self.rest[:, None]
+        square = self.process_std**2 @ drawn.variance.T + self.known_variance[:, None]
         std = np.sqrt(np.maximum(square, LEAST))
         mean = self.mean[:, None] + self.moved @ drawn.error.T
         return std, (self.upper - mean) / std, (self.lower - mean) / std

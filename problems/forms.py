@@ -174,7 +174,7 @@ class Form:
         """All quantiles of the form, None where there is none."""
         return Quantiles(self.rows) if any(quantile is not None for quantile in self.rows) else None
 
-    def asked(self, row: str) -> tuple[str, str]:
+    def requesting_outputs(self, row: str) -> tuple[str, str]:
         """Outputs that ask for a requirement: itself and what it stands for."""
         return row, self.stands.get(row, row)
 

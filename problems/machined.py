@@ -20,7 +20,7 @@ from ..section import Section
 from ..units import split_unit
 from .declaration import ConfiguredProblem, Declaration, Interval
 from .interfaces import Checks, Differentiable, Drawing
-from .made import Made
+from .machined_tolerance import MachinedTolerance
 from .settings import Settings, VariableSetting
 from .tolerance_problem import ToleranceProblem
 
@@ -33,7 +33,7 @@ def with_choices(
     """The variables, and at the end a choice of machine for each that is made by some."""
     more = []
     for name, offers in machines.items():
-        tolerance = Made(name, offers)
+        tolerance = MachinedTolerance(name, offers)
         labels = tuple(way.label for way in tolerance.ways)
         last = float(len(labels) - 1)
         more.append(
@@ -78,8 +78,10 @@ class Machined(ToleranceProblem, Checks, Drawing, Differentiable):
 
     def __init__(self, settings: Settings | None = None) -> None:
         given = settings or Settings()
-        self.made = {name: Made(name, offers) for name, offers in given.machines.items()}
-        if self.made:
+        self.machined_tolerances = {
+            name: MachinedTolerance(name, offers) for name, offers in given.machines.items()
+        }
+        if self.machined_tolerances:
             variables = with_choices(type(self).declaration.variables, given.machines)
             self.declaration = replace(self.declaration, variables=variables)
         super().__init__(settings)
@@ -140,7 +142,7 @@ class Machined(ToleranceProblem, Checks, Drawing, Differentiable):
 
     def _completed(self, given: Settings) -> Settings:
         variables = dict(given.variables)
-        for tolerance in self.made.values():
+        for tolerance in self.machined_tolerances.values():
             setting = given.variables.get(tolerance.name, VariableSetting())
             fixed = tolerance.low == tolerance.high
             variables[tolerance.name] = VariableSetting(
@@ -153,19 +155,30 @@ class Machined(ToleranceProblem, Checks, Drawing, Differentiable):
             if len(tolerance.ways) == 1:
                 variables[tolerance.choice] = VariableSetting(value=0.0)
         settings = super()._completed(replace(given, variables=variables))
-        if not self.made:
+        if not self.machined_tolerances:
             return settings
-        costs = {name: curve for name, curve in settings.costs.items() if name not in self.made}
+        costs = {
+            name: curve
+            for name, curve in settings.costs.items()
+            if name not in self.machined_tolerances
+        }
         return replace(settings, costs=costs)
 
     def assumptions(self) -> tuple[Assumption, ...]:
         return (
             *super().assumptions(),
-            *(assumed for tolerance in self.made.values() for assumed in _assumptions(tolerance)),
+            *(
+                assumed
+                for tolerance in self.machined_tolerances.values()
+                for assumed in _assumptions(tolerance)
+            ),
         )
 
     def cautions(self) -> tuple[str, ...]:
-        by_tolerance = (departures(tolerance.offers, name) for name, tolerance in self.made.items())
+        by_tolerance = (
+            departures(tolerance.offers, name)
+            for name, tolerance in self.machined_tolerances.items()
+        )
         return (*super().cautions(), *(text for messages in by_tolerance for text in messages))
 
     def samples(self) -> tuple[tuple[str, str, PartSample], ...]:
@@ -173,27 +186,27 @@ class Machined(ToleranceProblem, Checks, Drawing, Differentiable):
             *super().samples(),
             *(
                 (f"{tolerance.name}, machine {machine}", split_unit(tolerance.name)[1], sample)
-                for tolerance in self.made.values()
+                for tolerance in self.machined_tolerances.values()
                 for machine, sample in samples_of(tolerance.offers)
             ),
         )
 
     # ---------------------------------------------------------------- designs
 
-    def chosen(self, designs: Array, tolerance: Made) -> NDArray[np.int64]:
+    def chosen(self, designs: Array, tolerance: MachinedTolerance) -> NDArray[np.int64]:
         """Number of the way (n,) that a tolerance is made in."""
         return np.rint(self.column(designs, tolerance.choice)).astype(np.int64)
 
     def complete(self, x: Array) -> Array:
         designs = super().complete(x)
-        for tolerance in self.made.values():
+        for tolerance in self.machined_tolerances.values():
             at = self.names.index(tolerance.name)
             designs[:, at] = tolerance.clipped(designs[:, at], self.chosen(designs, tolerance))
         return designs
 
     def misplaced(self, designs: Array) -> dict[str, dict[int, str]]:
         messages: dict[str, dict[int, str]] = {}
-        for tolerance in self.made.values():
+        for tolerance in self.machined_tolerances.values():
             t, chosen = self.column(designs, tolerance.name), self.chosen(designs, tolerance)
             for row in np.flatnonzero(np.abs(tolerance.clipped(t, chosen) - t) > 1e-9 * t).tolist():
                 way = tolerance.ways[chosen[row]]
@@ -204,7 +217,7 @@ class Machined(ToleranceProblem, Checks, Drawing, Differentiable):
 
     def effective(self, designs: Array) -> Array:
         """Full designs with the spreads of good parts in place of the limits."""
-        if not self.made:
+        if not self.machined_tolerances:
             return designs
         with_spreads = np.array(designs, dtype=float)
         for name, (spread, _) in self.as_made(designs).items():
@@ -217,11 +230,11 @@ class Machined(ToleranceProblem, Checks, Drawing, Differentiable):
             tolerance.name: tolerance.spread_and_mean(
                 self.column(designs, tolerance.name), self.chosen(designs, tolerance)
             )
-            for tolerance in self.made.values()
+            for tolerance in self.machined_tolerances.values()
         }
 
     def interval(self, output: str) -> Interval:
-        for tolerance in self.made.values():
+        for tolerance in self.machined_tolerances.values():
             if output == tolerance.choice:
                 return 0.0, float(len(tolerance.ways) - 1)
         return super().interval(output)
@@ -233,7 +246,7 @@ class Machined(ToleranceProblem, Checks, Drawing, Differentiable):
 
         `by_mean` are those by the means (n,), by output and tolerance.
         """
-        for tolerance in self.made.values():
+        for tolerance in self.machined_tolerances.values():
             at = self.names.index(tolerance.name)
             rise, moved = tolerance.slopes(
                 self.column(designs, tolerance.name), self.chosen(designs, tolerance)
@@ -244,14 +257,16 @@ class Machined(ToleranceProblem, Checks, Drawing, Differentiable):
 
     def room(self, name: str, design: Array) -> Interval:
         low, high = super().room(name, design)
-        if name in self.made:
-            way = self.made[name].ways[int(self.chosen(design[None], self.made[name])[0])]
+        if name in self.machined_tolerances:
+            way = self.machined_tolerances[name].ways[
+                int(self.chosen(design[None], self.machined_tolerances[name])[0])
+            ]
             low, high = max(low, way.low), min(high, way.high)
         return low, high
 
     def _corner(self, tight: bool) -> Array:
         corner = super()._corner(tight)
-        for tolerance in self.made.values():
+        for tolerance in self.machined_tolerances.values():
             ends = [way.low if tight else -way.high for way in tolerance.ways]
             corner[self.names.index(tolerance.name)] = abs(min(ends))
             corner[self.names.index(tolerance.choice)] = float(np.argmin(ends))
@@ -265,15 +280,15 @@ class Machined(ToleranceProblem, Checks, Drawing, Differentiable):
             tolerance.name: tolerance.cost(
                 self.column(designs, tolerance.name), self.chosen(designs, tolerance)
             )[0]
-            for tolerance in self.made.values()
+            for tolerance in self.machined_tolerances.values()
         }
 
     def curves_of(self, name: str) -> tuple[tuple[CostCurve, float], ...]:
-        return () if name in self.made else super().curves_of(name)
+        return () if name in self.machined_tolerances else super().curves_of(name)
 
     def cost_slopes(self, designs: Array) -> Array:
         slopes = super().cost_slopes(designs)
-        for tolerance in self.made.values():
+        for tolerance in self.machined_tolerances.values():
             t, chosen = self.column(designs, tolerance.name), self.chosen(designs, tolerance)
             slopes[:, self.names.index(tolerance.name)] = tolerance.cost(t, chosen)[1]
         return slopes
@@ -284,7 +299,7 @@ class Machined(ToleranceProblem, Checks, Drawing, Differentiable):
         ends = np.stack([super()._corner(tight=False), super()._corner(tight=True)])
         plain = ToleranceProblem.costs_of(self, ends)
         low, high = (float(sum(cost[at] for cost in plain.values())) for at in (0, 1))
-        for tolerance in self.made.values():
+        for tolerance in self.machined_tolerances.values():
             costs = [way.curve.cost(np.linspace(way.low, way.high, 257)) for way in tolerance.ways]
             low += min(float(cost.min()) for cost in costs)
             high += max(float(cost.max()) for cost in costs)
@@ -301,7 +316,7 @@ def _owner(table: Section, variable: Variable, parameters: Section) -> Owner:
     return Owner(variable.unit, (ends[0], ends[1]), mid=variable.mid or 0.0 if mid is None else mid)
 
 
-def _assumptions(tolerance: Made) -> list[Assumption]:
+def _assumptions(tolerance: MachinedTolerance) -> list[Assumption]:
     """Assumptions about the machines of a tolerance."""
     place = f"variables.{tolerance.name}.machine"
     unit = split_unit(tolerance.name)[1]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from matplotlib.figure import Figure
 
 from ..records import Bars
-from .drawing import new_figure, plain
+from .drawing import new_figure, style_axes
 
 HEIGHT = 0.22
 """Height [inch] of a bar with its distance from the next."""
@@ -20,5 +20,5 @@ def bars_figure(bars: Bars) -> Figure:
     axes.set_yticks(places, [label.replace("_", " ") for label in bars.labels], fontsize="small")
     axes.invert_yaxis()
     axes.set_xlabel(f"{bars.title} [{bars.unit}]" if bars.unit else bars.title)
-    plain(axes)
+    style_axes(axes)
     return figure

@@ -5,7 +5,7 @@ from __future__ import annotations
 from matplotlib.figure import Figure
 
 from ..records import RunResult
-from .drawing import COLOURS, new_figure, plain
+from .drawing import COLOURS, new_figure, style_axes
 from .tolerances import bar_places, first_choice, words
 
 HEIGHT = 0.24
@@ -33,5 +33,5 @@ def contributions_figure(result: RunResult) -> Figure | None:
         by = "" if row["explained"] == row["output"] else f", by {words(row['explained'])}"
         axes.set_xlabel(f"share in {words(row['output'])}{by} [%]")
         axes.axvline(0.0, color="black", linewidth=0.8)
-        plain(axes)
+        style_axes(axes)
     return figure

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from .drawing import COLOURS, new_figure, plain
+from .drawing import COLOURS, new_figure, style_axes
 
 COLUMNS = 3
 CHARTS = 12
@@ -49,4 +49,4 @@ def _chart(axes: Axes, name: str, unit: str, values: Sequence[float]) -> None:
         axes.axhline(mean + side * reach, color=COLOURS[1], linewidth=0.8, linestyle="--")
     axes.set_title(f"{name} [{unit}]" if unit else name, fontsize="small")
     axes.tick_params(labelsize="x-small")
-    plain(axes)
+    style_axes(axes)

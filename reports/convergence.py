@@ -5,7 +5,7 @@ from __future__ import annotations
 import pandas as pd
 from matplotlib.figure import Figure
 
-from .drawing import new_figure, plain
+from .drawing import new_figure, style_axes
 
 RATIO = "hypervolume_ratio"
 """Hypervolume over that of the exact front."""
@@ -15,7 +15,7 @@ def convergence_figure(table: pd.DataFrame) -> Figure:
     """Hypervolume (its ratio to the exact front where known) and feasible share, by evaluations."""
     figure = new_figure(height=3.6)
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=[2, 1])
-    name = known(table)
+    name = drawn_column(table)
     if not table.empty:
         upper.plot(table["evaluations"], table[name], color="#1f5fa8", linewidth=1.2)
         lower.plot(table["evaluations"], table["feasible_fraction"], color="#c4501b", linewidth=1.2)
@@ -26,10 +26,10 @@ def convergence_figure(table: pd.DataFrame) -> Figure:
     lower.set_ylim(-0.05, 1.05)
     lower.set_xlabel("evaluations")
     for axes in (upper, lower):
-        plain(axes)
+        style_axes(axes)
     return figure
 
 
-def known(table: pd.DataFrame) -> str:
+def drawn_column(table: pd.DataFrame) -> str:
     """Name of the column that is drawn."""
     return RATIO if RATIO in table and bool(table[RATIO].notna().any()) else "hypervolume"

@@ -48,7 +48,7 @@ def axis_label(axis: Axis) -> str:
     return f"{words} [{axis.unit}]" if axis.unit else words
 
 
-def plain(axes: Axes) -> None:
+def style_axes(axes: Axes) -> None:
     """A quiet frame and grid, and every text as it is: a dollar sign is no formula."""
     axes.grid(True, color="#dddddd", linewidth=0.6)
     axes.set_axisbelow(True)

@@ -21,7 +21,7 @@ from .explained import (
     units_of,
     words,
 )
-from .scripts import data, own
+from .scripts import data, package_scripts
 
 MOST = 5000
 """Points on a page at most."""
@@ -69,7 +69,7 @@ def interactive(result: RunResult) -> bool:
 
 def scripts() -> tuple[Any, ...]:
     """The scripts of a page with a front on it."""
-    return (own(*FILES),)
+    return (package_scripts(*FILES),)
 
 
 def explorer(result: RunResult) -> str:

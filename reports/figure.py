@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ..records import RunResult
-from .drawing import as_png, as_svg, axis_label, flags, new_figure, plain
+from .drawing import as_png, as_svg, axis_label, flags, new_figure, style_axes
 
 FRONT_COLOUR = "#1f5fa8"
 COLOURS = ("#c4501b", "#2b7a3d", "#7b3fa0", "#8a6d00", "#b0245f")
@@ -31,7 +31,7 @@ def front_figure(result: RunResult) -> Figure:
         unfinished = result.summary.get("status") == "unfinished"
         words = "no front yet" if unfinished else "no feasible point"
         axes.text(0.5, 0.5, words, ha="center", transform=axes.transAxes)
-    plain(axes)
+    style_axes(axes)
     return figure
 
 

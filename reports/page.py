@@ -12,7 +12,7 @@ import pandas as pd
 from ..records import Bars, RunResult, mechanism_lines, model_lines
 from .bars import bars_figure
 from .choices import choice_sections
-from .convergence import RATIO, convergence_figure, known
+from .convergence import RATIO, convergence_figure, drawn_column
 from .document import bullets, document, folded, picture, remarked, section
 from .drawing import flags
 from .explorer import explorer, interactive, scripts
@@ -171,7 +171,7 @@ def _convergence(convergence: pd.DataFrame) -> str:
     if convergence.empty:
         return "<p>None.</p>"
     caption = "Hypervolume in the fixed box of the problem, and fraction of feasible designs."
-    if known(convergence) == RATIO:
+    if drawn_column(convergence) == RATIO:
         caption += " Dashed: the exact front."
     return picture("convergence", convergence_figure(convergence), caption)
 

@@ -39,7 +39,7 @@ CHARTED = (
 def promise_sections(result: RunResult) -> tuple[str, ...]:
     """The section on the promise, on measured parts alone where nothing is promised, or none."""
     if result.promise is None or result.promise.empty:
-        known = _known(result)
+        known = _process_knowledge(result)
         return (section("Measured parts", "\n".join(known)),) if known else ()
     statements = result.promise
     unit = unit_of_cost(result.summary)
@@ -57,11 +57,11 @@ def promise_sections(result: RunResult) -> tuple[str, ...]:
     ]
     if result.next_parts is not None:
         parts.append(f"<p>{escape(NEXT)}</p>\n{table(result.next_parts)}")
-    parts += _known(result)
+    parts += _process_knowledge(result)
     return (section("Promise", "\n".join(parts)),)
 
 
-def _known(result: RunResult) -> list[str]:
+def _process_knowledge(result: RunResult) -> list[str]:
     """What is known of the processes of measured parts, and their control charts."""
     parts = []
     if result.capability is not None:

@@ -35,7 +35,7 @@ class Script:
         return f"<script>{self.text}</script>"
 
 
-def own(*names: str) -> Script:
+def package_scripts(*names: str) -> Script:
     """Scripts of this package by the names of their files, joined to one."""
     folder = files("tolevo.reports") / "assets"
     return Script("\n".join((folder / name).read_text(encoding="utf-8") for name in names))

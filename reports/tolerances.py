@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from ..records import RunResult
 from ..units import split_unit
-from .drawing import COLOURS, new_figure, plain
+from .drawing import COLOURS, new_figure, style_axes
 
 HEIGHT = 0.3
 """Height [inch] of a variable."""
@@ -76,7 +76,7 @@ def tolerances_figure(result: RunResult) -> Figure | None:
                 for value, axis in zip(values, kept, strict=True)
             ],
         )
-    plain(axes)
+    style_axes(axes)
     return figure
 
 

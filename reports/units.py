@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from ..records import RunResult
 from .document import bullets, picture, section
-from .drawing import COLOURS, flags, new_figure, plain
+from .drawing import COLOURS, flags, new_figure, style_axes
 from .tables import chosen, shown, table
 
 COST = (
@@ -105,7 +105,7 @@ def turn_figure(result: RunResult) -> Figure:
     axes.set_xlabel("turn of the output [deg]")
     axes.set_ylabel("backlash [arcmin]")
     figure.legend(frameon=False, fontsize="small", ncols=3, loc="outside lower center")
-    plain(axes)
+    style_axes(axes)
     return figure
 
 
@@ -153,7 +153,7 @@ def population_figure(result: RunResult) -> Figure:
     figure.legend(
         handles, labels, frameon=False, fontsize="small", ncols=2, loc="outside lower center"
     )
-    plain(axes)
+    style_axes(axes)
     both.spines[["top"]].set_visible(False)
     return figure
 

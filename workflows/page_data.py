@@ -27,13 +27,13 @@ def dumped(result: Any) -> str:
     hints = _hints(type(result))
     plain = {
         field.name: TypeAdapter(hints[field.name]).dump_python(
-            getattr(result, field.name), mode="json", fallback=_plain, warnings="none"
+            getattr(result, field.name), mode="json", fallback=_python_scalar, warnings="none"
         )
         for field in fields(result)
         if not _is_frame(hints[field.name])
     }
     head = {"kind": type(result).__name__, "format": FORMAT, "version": version("tolevo")}
-    return json.dumps(head | {"fields": plain, "tables": tables}, default=_plain) + "\n"
+    return json.dumps(head | {"fields": plain, "tables": tables}, default=_python_scalar) + "\n"
 
 
 def loaded(kind: type[Result], content: Mapping[str, Any]) -> tuple[Result, list[str]]:
@@ -64,7 +64,7 @@ def _is_frame(hint: Any) -> bool:
     return hint is pd.DataFrame or pd.DataFrame in get_args(hint)
 
 
-def _plain(value: Any) -> Any:
+def _python_scalar(value: Any) -> Any:
     """A scalar of numpy as Python's own."""
     return value.item() if isinstance(value, np.generic) else str(value)
 

@@ -43,7 +43,9 @@ def streamed(
         raise refuse(path.name, f"cannot be read in parts: {obstacle}; give one file")
     if obstacle:
         return None
-    known = {name: name for name in pq.read_schema(files[0]).names if name in _known(simulation)}
+    known = {
+        name: name for name in pq.read_schema(files[0]).names if name in _known_columns(simulation)
+    }
     taken = {name: name for name in known if name not in _outputs(simulation)}
     count, digest = _checked(simulation, files, taken, path.name)
     unused = [name for name in pq.read_schema(files[0]).names if name not in known]
@@ -92,14 +94,14 @@ def _hindered(
     if missing:
         return f"it has no column {', '.join(missing)}"
     labels = {c.name for c in simulation.model.columns if c.text} | {"session"}
-    for name in set(schemas[0].names) & _known(simulation) - labels - _outputs(simulation):
+    for name in set(schemas[0].names) & _known_columns(simulation) - labels - _outputs(simulation):
         kind = schemas[0].field(name).type
         if not (pa.types.is_floating(kind) or pa.types.is_integer(kind)):
             return f"column {name} holds no numbers ({kind})"
     return ""
 
 
-def _known(simulation: Simulation) -> set[str]:
+def _known_columns(simulation: Simulation) -> set[str]:
     return set(units_of(simulation.model)) | {"repeat", "session"}
 
 

@@ -36,10 +36,10 @@ def tested_afresh(run: Run, points: Sequence[tuple[Branch, int]]) -> None:
     """
     for done, (branch, at) in enumerate(points):
         run.phase("fresh units", 0.9 + 0.1 * done / len(points))
-        run.choose(kept(run, branch, branch.y[at], branch.f[at], search=True))
+        run.choose(feasible_afresh(run, branch, branch.y[at], branch.f[at], search=True))
 
 
-def kept(run: Run, branch: Branch, y: Array, f: Array, search: bool) -> Array:
+def feasible_afresh(run: Run, branch: Branch, y: Array, f: Array, search: bool) -> Array:
     """The search vector (1, variables) of a point, after its limits hold on fresh units.
 
     With `search` it is solved again with every limit moved by the difference between fresh units

@@ -27,13 +27,13 @@ units, whose rounding is magnified by an edge far out in the tail."""
 class Proof:
     """What is proven of n points: lower bounds (n,) of their cost, NaN where there is none.
 
-    `statement` says in words what the bound holds for, or why there is none; `left_out` names the
-    limits that it does not keep.
+    `statement` says in words what the bound holds for, or why there is none; `omitted_limits`
+    names the limits that it does not keep.
     """
 
     bound: Array
     statement: str
-    left_out: tuple[str, ...] = ()
+    omitted_limits: tuple[str, ...] = ()
 
     def gap_percent(self, cost: Array) -> Array:
         """Distance (n,) of costs from their bounds, in percent; NaN where the bound is 0."""
@@ -56,7 +56,7 @@ def proof(problem: ToleranceProblem, values: Mapping[str, Array], points: int) -
         return Proof(np.empty(0), form.statement, form.relaxed)
     limits = np.stack(
         [
-            np.minimum(_own(problem, form, values, name, points), upper)
+            np.minimum(_values_if_required(problem, form, values, name, points), upper)
             for name, upper in zip(form.outputs, row_limits(problem, form), strict=True)
         ],
         axis=1,
@@ -148,7 +148,7 @@ def row_limits(problem: ToleranceProblem, form: Form) -> Array:
     return np.minimum([upper_limit(problem, name) for name in form.outputs], form.own_limits)
 
 
-def _own(
+def _values_if_required(
     problem: ToleranceProblem, form: Form, values: Mapping[str, Array], name: str, points: int
 ) -> Array:
     """The points' own values of a requirement that is an objective, or that stands for an output

@@ -306,13 +306,14 @@ class _Search:
 class _Least:
     """Least contributions of every way to r requirements: linear (ways, r) and squared (ways, r).
 
-    `rest` holds, from each feature on, the sums of the least contributions of those that follow.
+    `following` holds, from each feature on, the sums of the least contributions of those that
+    follow.
     """
 
     form: Form
     linear: tuple[Array, ...]
     square: tuple[Array, ...]
-    rest: tuple[tuple[Array, Array], ...]
+    following: tuple[tuple[Array, Array], ...]
 
     @classmethod
     def of(cls, form: Form) -> _Least:
@@ -331,7 +332,7 @@ class _Least:
 
     def keeps(self, ways: tuple[int, ...], limits: Array) -> NDArray[np.bool_]:
         """Which limits (n, r) may be kept with the first features made in `ways`."""
-        rest, further = self.rest[len(ways)]
+        rest, further = self.following[len(ways)]
         linear = rest + sum((self.linear[at][way] for at, way in enumerate(ways)), np.zeros(1))
         square = further + sum((self.square[at][way] for at, way in enumerate(ways)), np.zeros(1))
         least = self.form.offset + linear + np.sqrt(self.form.constant + square)

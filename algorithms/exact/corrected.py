@@ -187,7 +187,7 @@ class Corrected:
     ) -> Array | None:
         """Tolerances (features,) of least cost, from a `start`, or of the least value of a row."""
         if least >= 0:
-            lowest = least_value(_made(self.form, ways), least, limit)
+            lowest = least_value(_with_chosen_ways(self.form, ways), least, limit)
             return None if lowest is None else lowest.t
         return Programme(Combination(self.form, ways)).allocation(limit, start)
 
@@ -232,7 +232,11 @@ def _ends(form: Form, limits: Array, row: int) -> tuple[tuple[float, float], tup
     cheapest = least_cost(form, limits[None, :])
     chosen = tuple(cheapest.chosen[0].tolist())
     most = float(Combination(form, chosen).values(cheapest.t)[0, row])
-    same = least_value(_held(_made(form, chosen), cheapest.t[0]), row, free * (1.0 + 1e-9))
+    same = least_value(
+        _with_fixed_tolerances(_with_chosen_ways(form, chosen), cheapest.t[0]),
+        row,
+        free * (1.0 + 1e-9),
+    )
     least = least_value(form, row, free)
     if least is None:
         return (most, most), chosen
@@ -267,7 +271,7 @@ def _at(form: Form, limits: Array, row: int, levels: Array) -> tuple[Optimum, Ar
     return optima.at(np.flatnonzero(real)), asked[real]
 
 
-def _held(form: Form, t: Array) -> Form:
+def _with_fixed_tolerances(form: Form, t: Array) -> Form:
     """A form of one way per feature with every tolerance that has a cost held at t (features,)."""
     features = tuple(
         feature
@@ -279,7 +283,7 @@ def _held(form: Form, t: Array) -> Form:
     return replace(form, features=features)
 
 
-def _made(form: Form, chosen: tuple[int, ...]) -> Form:
+def _with_chosen_ways(form: Form, chosen: tuple[int, ...]) -> Form:
     """The form with one way of each feature."""
     features = tuple(
         replace(feature, ways=(feature.ways[at],))

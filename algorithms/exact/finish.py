@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from ..indicators import nondominated
 from ..run import BudgetSpent, Run
 from ..settings import Budget
-from .afresh import kept
+from .afresh import feasible_afresh
 from .branch import Branch
 from .epsilon import scale_of
 
@@ -33,7 +33,7 @@ def finished(run: Run, polish: bool) -> None:
             vector = _polished(aside, vector, unit)
         branch = Branch(free, vector, unit)
         y = branch.smooth.scaled(vector[None, :])[0]
-        run.choose(kept(free, branch, y, branch.smooth.values(y)[0], search=polish))
+        run.choose(feasible_afresh(free, branch, y, branch.smooth.values(y)[0], search=polish))
     if polish:
         run.evaluations += aside.evaluations
 

@@ -59,7 +59,7 @@ class Master:
     best: Solution | None = None
     proven: float = -np.inf
     _columns: list[tuple[int, int, float, float]] = field(default_factory=list)
-    _known: set[tuple[int, int, float]] = field(default_factory=set)
+    _column_keys: set[tuple[int, int, float]] = field(default_factory=set)
     _cuts: list[tuple[int, Array, float]] = field(default_factory=list)
     _solved: set[tuple[int, ...]] = field(default_factory=set)
 
@@ -245,9 +245,9 @@ class Master:
 
     def _add_column(self, at: int, way: int, t: float) -> bool:
         key = at, way, float(f"{t:.7g}")
-        if key in self._known:
+        if key in self._column_keys:
             return False
-        self._known.add(key)
+        self._column_keys.add(key)
         feature = self.form.features[at]
         cost = feature.count * float(feature.ways[way].curve.cost(np.array([t]))[0])
         self._columns.append((at, way, t, cost))

@@ -245,7 +245,7 @@ class Programme:
         multiplier = np.zeros(len(limit))
         multiplier[asked] = solution.multiplier * unit / scale
         t = whole(solution.x)[0]
-        return (t if inner is None else self._kept(t, limit, inner)), multiplier
+        return (t if inner is None else self._moved_within_limits(t, limit, inner)), multiplier
 
     def _steps(self, start: Array, movable: NDArray[np.bool_]) -> tuple[Array, float]:
         """Units of ln t (movable,) and of the cost in which the Lagrangian bends by one all round.
@@ -257,7 +257,7 @@ class Programme:
         largest = float(fall.max()) or 1.0
         return np.sqrt(largest / np.maximum(fall, FLAT * largest)), BENDS * largest
 
-    def _kept(self, t: Array, limit: Array, inner: Array) -> Array:
+    def _moved_within_limits(self, t: Array, limit: Array, inner: Array) -> Array:
         """A point on the way from t to tolerances that keep the limits, as near as chords allow.
 
         Values are convex, so that they lie below the chord: where it meets a limit they keep it.

@@ -179,12 +179,12 @@ class _Choice:
             cost = self.cost(self.high)
             return Leaf(self.chosen, self.high, cost, cost, nothing)
         mu = self._newton(room, asked, first)
-        t = self._kept(self.best(mu @ self.square)[0], room)
+        t = self._moved_within_room(self.best(mu @ self.square)[0], room)
         cost, bound = self.cost(t), self.dual(mu, room)
         if cost - bound > 1e-9 * abs(cost):
             ascended = self._ascended(room, asked)
             for better in (ascended, self._newton(room, asked & (ascended > 0.0), ascended)):
-                candidate = self._kept(self.best(better @ self.square)[0], room)
+                candidate = self._moved_within_room(self.best(better @ self.square)[0], room)
                 candidate_cost, candidate_bound = self.cost(candidate), self.dual(better, room)
                 if candidate_bound > bound:
                     mu, bound = better, candidate_bound
@@ -247,7 +247,7 @@ class _Choice:
         )
         return np.where(asked, result.x * scale, 0.0)
 
-    def _kept(self, t: Array, room: Array) -> Array:
+    def _moved_within_room(self, t: Array, room: Array) -> Array:
         """Tolerances just within the room: those that matter are moved towards the tightest."""
         broken = self.square @ t**2 > room
         if not np.any(broken):

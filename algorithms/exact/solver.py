@@ -75,7 +75,7 @@ def closed_form(problem: ToleranceProblem) -> Form | None:
     if form is None or form.relaxed or reason(problem, form):
         return None
     asked = {*problem.objectives, *(limit.name for limit in problem.limits)}
-    used = np.array([not asked.isdisjoint(form.asked(name)) for name in form.outputs])
+    used = np.array([not asked.isdisjoint(form.requesting_outputs(name)) for name in form.outputs])
     if not np.any(used):
         return None
     return convex_pieces(restricted(form, used))
@@ -93,7 +93,10 @@ def exact_vectors(problem: ToleranceProblem, form: Form, points: int) -> Array:
     if problem.n_obj == 1:
         return _cheapest(problem, form, upper)
     swept = np.array(
-        [not set(form.asked(name)).isdisjoint(problem.objectives) for name in form.outputs]
+        [
+            not set(form.requesting_outputs(name)).isdisjoint(problem.objectives)
+            for name in form.outputs
+        ]
     )
     most = upper_limit(problem, "cost")
     limit, x = upper.copy(), np.empty((0, problem.n_var))

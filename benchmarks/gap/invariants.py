@@ -74,7 +74,7 @@ def _may_be_nothing(end: Ending) -> Iterator[str]:
     covariance.
     """
     model = end.model
-    for member in (end.fit.members[at] for at in end.named):
+    for member in (end.fit.members[at] for at in end.identified):
         linear = {one.name for one in member.candidate.linear}
         at = [k for k, one in enumerate(model.numbers)
               if one.owner == member.name and one.name in linear]  # fmt: skip
@@ -99,7 +99,7 @@ def _may_be_nothing(end: Ending) -> Iterator[str]:
 
 def _silent_bounds(end: Ending, said: str) -> Iterator[str]:
     """Numbers of effects at an end of what their library allows; a single number at 0 is none."""
-    for member in (end.fit.members[at] for at in end.named):
+    for member in (end.fit.members[at] for at in end.identified):
         values, several = end.model.effect(member.name), len(end.model.effect(member.name)) > 1
         for one in (*member.candidate.linear, *member.candidate.shape):
             value = values.get(one.name)

@@ -33,7 +33,7 @@ def read_choice(
 
 def _weights(section: Section, objectives: Sequence[str]) -> dict[str, float]:
     numbers = {name: section.number(name, within=Range(low=0.0)) for name in objectives}
-    for name in section.given():
+    for name in section.all_keys():
         if name not in numbers:
             section.take(name)
             section.fault(name, unknown(name, list(objectives), "an objective of this run"))

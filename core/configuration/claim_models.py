@@ -7,7 +7,7 @@ from ..counts import SAMPLES
 from ..problems.interfaces import Documented
 from ..section import Range, Section
 from ..workflows.reproduce.recipes import STATISTICS, ByModel, ByProblem, Recipe, Statistic
-from .claim_parts import configured, names_of, tried
+from .claim_parts import configured, names_of, report_build_faults
 from .plugins import ModelClass
 from .simulated import arguments_of
 
@@ -28,7 +28,7 @@ PROBLEM_KEYS = (
 def by_model(section: Section, count: int) -> Recipe | None:
     """A statistic of a model's outputs; None where the model cannot be set up."""
     configuration = configured(section, MODEL_KEYS)
-    section.known(["at", "output", "statistic", "level", "threshold", "units", "derivative"])
+    section.accept(["at", "output", "statistic", "level", "threshold", "units", "derivative"])
     if configuration is None:
         return None
     kind = registry.load("models", configuration.model_name)
@@ -50,7 +50,7 @@ def by_model(section: Section, count: int) -> Recipe | None:
         statistic=statistic,
         drawn=drawn,
     )
-    tried(section, recipe.model)
+    report_build_faults(section, recipe.model)
     return recipe
 
 
@@ -96,7 +96,7 @@ def _statistic(section: Section, drawn: int, rows: int) -> Statistic:
 def by_problem(section: Section, count: int) -> Recipe | None:
     """Outputs of a problem at a design; None where problem or design are faulty."""
     configuration = configured(section, PROBLEM_KEYS)
-    section.known(["reference", "design", "output", "derivative"])
+    section.accept(["reference", "design", "output", "derivative"])
     if configuration is None or configuration.problem is None:
         return None
     problem = configuration.problem

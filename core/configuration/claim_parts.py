@@ -48,7 +48,7 @@ def configured(section: Section, keys: tuple[str, ...]) -> Configuration | None:
         return None
 
 
-def tried(section: Section, build: Callable[[], object]) -> None:
+def report_build_faults(section: Section, build: Callable[[], object]) -> None:
     """Report faults that only show when an object is built."""
     try:
         build()

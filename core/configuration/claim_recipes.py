@@ -9,7 +9,7 @@ from ..models.expressions import Formula, FormulaError
 from ..section import POSITIVE, Section
 from ..workflows.reproduce.recipes import ByCalculation, ByFormula, Constant, Derivative, Recipe
 from .claim_models import by_model, by_problem
-from .claim_parts import convertible, names_of, tried
+from .claim_parts import convertible, names_of, report_build_faults
 from .parameters import read_parameters
 from .plugins import load_named
 
@@ -33,7 +33,7 @@ def _recipe(section: Section, count: int, study: str, unit: str = "") -> Recipe 
     if len(kinds) != 1:
         text = f"names {' and '.join(kinds)}; one is enough" if kinds else "names nothing"
         section.fault("", f"{text}: recompute by one of {', '.join(KINDS)}")
-        section.known(section.given())
+        section.accept(section.all_keys())
         return None
     match kinds[0]:
         case "calculation":
@@ -49,7 +49,7 @@ def _recipe(section: Section, count: int, study: str, unit: str = "") -> Recipe 
 def _by_calculation(section: Section, count: int, study: str) -> Recipe | None:
     kind = load_named(section, "calculation", "calculations")
     if kind is None:
-        section.known(["quantity", "parameters", "derivative"])
+        section.accept(["quantity", "parameters", "derivative"])
         return None
     known = {output.name: output.unit for output in kind.outputs}
     names = names_of(section, "quantity", count, known)
@@ -75,9 +75,9 @@ def _by_formula(section: Section, count: int, unit: str, study: str) -> Recipe |
     terms = _terms(section, study)
     used = {name for formula in formulas for name in formula.names}
     table = section.section("terms")
-    for name in sorted(used - set(table.given())):
-        section.fault("formula", f'"{name}" is no term{nearest(name, table.given())}')
-    for name in sorted(set(table.given()) - used):
+    for name in sorted(used - set(table.all_keys())):
+        section.fault("formula", f'"{name}" is no term{nearest(name, table.all_keys())}')
+    for name in sorted(set(table.all_keys()) - used):
         table.fault(name, "is used by no formula")
     complete = len(formulas) == len(texts) and used <= set(terms)
     return ByFormula(tuple(formulas), terms, unit) if complete and texts else None
@@ -87,7 +87,7 @@ def _terms(section: Section, study: str) -> dict[str, tuple[Recipe, str]]:
     """The terms: a printed number with its unit, or a recipe and the unit in which it enters."""
     table = section.section("terms")
     terms = {}
-    for name in table.given():
+    for name in table.all_keys():
         if not isinstance(table.take(name), dict):
             table.fault(name, 'must be a table: { value = 1.0, unit = "mm" }, or a recipe')
             continue
@@ -133,5 +133,5 @@ def _derived(section: Section, recipe: Recipe | None) -> Recipe | None:
         return None
     derived = Derivative(recipe, name, step)
     for sign in (-1.0, 1.0):
-        tried(derivative, partial(recipe.shifted, name, sign * step))
+        report_build_faults(derivative, partial(recipe.shifted, name, sign * step))
     return derived

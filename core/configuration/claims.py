@@ -109,8 +109,8 @@ def _claim(section: Section, name: str, study: str) -> Claim | None:
     tolerance, reason = _tolerance(section, relation, step)
     lost = section.text("lost") or ""
     written = {key: section.text(key) or "" for key in ("printed_as", "ambiguous", "why")}
-    section.known(["reading"])
-    readings = _readings(section, unit, relation, len(printed), study)
+    section.accept(["reading"])
+    readings = _read_interpretations(section, unit, relation, len(printed), study)
     if lost and "reading" in section:
         section.fault("reading", "computes what `lost` says cannot be; give one of them")
     elif not lost and "reading" not in section:
@@ -196,7 +196,7 @@ def _tolerance(section: Section, relation: str, step: float) -> tuple[float, str
     return (step, HALF_UNIT) if relation == "equal" and step else (0.0, "")
 
 
-def _readings(
+def _read_interpretations(
     section: Section, unit: str, relation: str, count: int, study: str
 ) -> tuple[Interpretation, ...]:
     """How the claim is recomputed; every interpretation but the first states what it assumes."""

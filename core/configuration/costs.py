@@ -23,7 +23,7 @@ def read_costs(section: Section, defaults: Mapping[str, CostCurve]) -> dict[str,
         for name, default in defaults.items()
         if name in section
     }
-    section.known((*defaults, "scale_assumed", "assumed"))
+    section.accept((*defaults, "scale_assumed", "assumed"))
     section.finish()
     return {name: curve for name, curve in curves.items() if curve is not None}
 
@@ -36,7 +36,7 @@ def _read(section: Section, default: CostCurve) -> CostCurve | None:
         section.fault(
             added[0], "is added to a stated cost: give its model and coefficients as well"
         )
-        section.known(section.given())
+        section.accept(section.all_keys())
         return None
     curve = read_curve(section, default)
     return None if curve is None else dearer(curve, more)

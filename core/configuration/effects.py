@@ -61,7 +61,7 @@ def _values(section: Section, effect: Effect, target: Target) -> dict[str, float
     declared = effect.parameters(target)
     values: dict[str, float] = {}
     faulty = False
-    for key in section.given():
+    for key in section.all_keys():
         number = effect.parameter(key, target)
         value = None if number is None else _value(section, key, number)
         if number is None:

@@ -65,9 +65,9 @@ def gap_plan(source: Source, overrides: Sequence[str] = ()) -> tuple[GapPlan | N
     except InputError as error:
         return None, list(error.faults)
     top = Section(table, "", faults)
-    top.known((*OF_THE_MODEL, *OWN, GEAR))
+    top.accept((*OF_THE_MODEL, *OWN, GEAR))
     name = top.text("model")
-    top.known(_tables(name or ""))
+    top.accept(_tables(name or ""))
     if name is None and "model" not in top:
         top.fault("model", 'is missing: name a model (see `tolevo list`), or model = "table"')
     configuration = _configuration(top, name or "", table, faults)
@@ -125,7 +125,7 @@ def _of_model(
         model=None if of_table else model,
         seed=configuration.seed,
         parameters=_parameters(configuration),
-        given=dict(table.get("parameters", {})) if whole and not of_table else {},
+        stated_parameters=dict(table.get("parameters", {})) if whole and not of_table else {},
         columns=configuration.settings.definition if of_table else {},
         rebuild=None if of_table else Rebuilt(configuration),
         active=active,
@@ -267,7 +267,7 @@ def _noise(section: Section, configuration: Configuration | None) -> dict[str, f
     """`[noise]`: a known standard deviation per output that is measured."""
     outputs = build_model(configuration).outputs if configuration else ()
     units = {output.name: output.unit for output in outputs}
-    deviations = {n: section.number(n, units.get(n, ""), POSITIVE) for n in section.given()}
+    deviations = {n: section.number(n, units.get(n, ""), POSITIVE) for n in section.all_keys()}
     for name in deviations if units else ():
         if name not in units:
             section.fault(name, f"is not a measured output{nearest(name, units)}")

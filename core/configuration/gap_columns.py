@@ -16,7 +16,7 @@ UNSIGNED = ("unit", "lot", "repeat", "ignore", "std", "time", "temperature", "pa
 def read_columns(top: Section) -> dict[str, ColumnRole]:
     """Role and unit by column."""
     section = top.section("columns")
-    names = section.given()
+    names = section.all_keys()
     columns = {name: _column(section.section(name)) for name in names}
     valid = {name: column for name, column in columns.items() if column is not None}
     without_role = [
@@ -76,10 +76,12 @@ def _check(section: Section, columns: dict[str, ColumnRole]) -> None:
                     "of", f"is missing: name the measured column that {name} belongs to"
                 )
             elif output is not None and columns[output].unit and columns[name].unit:
-                _same(section, name, output, columns)
+                _check_prediction_unit(section, name, output, columns)
 
 
-def _same(section: Section, name: str, output: str, columns: dict[str, ColumnRole]) -> None:
+def _check_prediction_unit(
+    section: Section, name: str, output: str, columns: dict[str, ColumnRole]
+) -> None:
     """A prediction is in a unit of the same dimension as its measurement."""
     unit, output_unit = columns[name].unit, columns[output].unit
     try:

@@ -47,7 +47,7 @@ def check_pair(top: Section, run: Run, built: Built) -> None:
             return
         for name, value in built_run.settings.parameters.items():
             wanted = configuration.settings.parameters.get(name, value)
-            if not _same(value, wanted):
+            if not _values_equal(value, wanted):
                 top.fault(
                     "built_to",
                     f"was made for {name} = {shown(value)}, and {run.name} has "
@@ -56,7 +56,7 @@ def check_pair(top: Section, run: Run, built: Built) -> None:
     problem = configuration.problem
     for name, value in built.values.items():
         fixed = None if problem is None else problem.fixed.get(name)
-        if fixed is not None and not _same(value, float(fixed)):
+        if fixed is not None and not _values_equal(value, float(fixed)):
             top.fault("built_to", f"has {name} = {value:g}, and {run.name} fixes it at {fixed:g}")
     if problem is not None and built.values:
         missing = [
@@ -76,7 +76,7 @@ def check_own(
     section = top.section("parameters")
     for name, value in stated.parameters.items():
         wanted = theirs.parameters.get(name, value)
-        if name not in of_the_bench and not _same(value, wanted):
+        if name not in of_the_bench and not _values_equal(value, wanted):
             section.fault(
                 name,
                 f"is {shown(value)} here and {shown(wanted)} in {run.name}: the "
@@ -107,14 +107,18 @@ def check_values(
         wanted, place = built.values.get(name), built.source
         if wanted is None:
             wanted, place = run_setting.value, run
-        if setting.value is not None and wanted is not None and not _same(setting.value, wanted):
+        if (
+            setting.value is not None
+            and wanted is not None
+            and not _values_equal(setting.value, wanted)
+        ):
             section.fault(
                 "value", f"is {setting.value:g} here and {wanted:g} in {place}: leave it out here"
             )
         if (
             setting.mid is not None
             and run_setting.mid is not None
-            and not _same(setting.mid, run_setting.mid)
+            and not _values_equal(setting.mid, run_setting.mid)
         ):
             section.fault(
                 "mid",
@@ -125,10 +129,10 @@ def check_values(
             section.fault("distribution", f"is another one in {run}: leave it out here")
 
 
-def _same(first: Value, second: Value) -> bool:
+def _values_equal(first: Value, second: Value) -> bool:
     """Whether two values are equal, numbers up to rounding."""
     if isinstance(first, int | float) and isinstance(second, int | float):
         return math.isclose(first, second, rel_tol=CLOSE, abs_tol=1e-12)
     if isinstance(first, tuple | list) and isinstance(second, tuple | list):
-        return len(first) == len(second) and all(map(_same, first, second))
+        return len(first) == len(second) and all(map(_values_equal, first, second))
     return first == second

@@ -34,15 +34,15 @@ def read_next(top: Section, model: MeasurableModel | None) -> NextPlan | None:
     if KEY not in top:
         return None
     readings = section.integer("readings", READINGS)
-    effects = _known(section, "effects", section.names("effects"))
+    effects = _valid_effect_names(section, "effects", section.names("effects"))
     amounts = section.section("amount")
-    sizes = {name: amounts.number(name, "", POSITIVE) for name in amounts.given()}
-    _known(amounts, "", sizes)
+    sizes = {name: amounts.number(name, "", POSITIVE) for name in amounts.all_keys()}
+    _valid_effect_names(amounts, "", sizes)
     for name in sizes if effects else ():
         if name not in effects:
             amounts.fault(name, f"is not among the effects asked for: {', '.join(effects)}")
     ranges = section.section("range")
-    spans = {name: _span(ranges, name, model) for name in ranges.given()}
+    spans = {name: _span(ranges, name, model) for name in ranges.all_keys()}
     section.finish()
     valid = {name: span for name, span in spans.items() if span is not None}
     if model is not None and valid and len(valid) == len(spans):
@@ -55,7 +55,7 @@ def read_next(top: Section, model: MeasurableModel | None) -> NextPlan | None:
     )
 
 
-def _known(section: Section, key: str, stated: Iterable[str] | None) -> list[str]:
+def _valid_effect_names(section: Section, key: str, stated: Iterable[str] | None) -> list[str]:
     """The names that are effects; a fault for each that is not."""
     names, asked = registry.names("effects"), list(stated or ())
     for name in asked:

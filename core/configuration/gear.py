@@ -29,7 +29,7 @@ def read_gear(top: Section) -> Gear | None:
                 f"is missing: one of {', '.join(TEETH)} with its tooth numbers, "
                 'or orders = { "pin passing" = 45 }',
             )
-        section.known({name for names in TEETH.values() for name in names})
+        section.accept({name for names in TEETH.values() for name in names})
         section.finish()
         return None
     return _of_teeth(section, kind)
@@ -38,10 +38,10 @@ def read_gear(top: Section) -> Gear | None:
 def _of_orders(section: Section, kind: str | None) -> Gear | None:
     """A gear by its orders, named after their causes."""
     inner = section.section("orders")
-    numbers = {name: inner.number(name, "", POSITIVE) for name in inner.given()}
+    numbers = {name: inner.number(name, "", POSITIVE) for name in inner.all_keys()}
     teeth = [name for names in TEETH.values() for name in names if name in section]
     if kind is not None or teeth:
-        section.known((*teeth, "kind"))
+        section.accept((*teeth, "kind"))
         section.fault("orders", "stands for itself: give kind and tooth numbers, or orders")
         return None
     if not numbers:

@@ -83,7 +83,7 @@ def _read(
         return None
 
 
-def _stated(value: Any) -> str:
+def _nine_digit_text(value: Any) -> str:
     """A number by nine digits: limits and deviations of one drawing differ by rounding."""
     return f"{value:.9g}" if isinstance(value, float) else str(value)
 
@@ -98,7 +98,7 @@ def together(
         return characteristics[0] if characteristics else {}
     for key, what in REVISED.items():
         stated = {
-            _stated(characteristic[key]): name
+            _nine_digit_text(characteristic[key]): name
             for characteristic, name in zip(characteristics, names, strict=True)
             if key in characteristic
         }
@@ -134,7 +134,7 @@ class MeasuredFile:
     names: Mapping[str, str]
     values: Callable[[str], Raw]
 
-    def named(self, wanted: Any) -> Raw:
+    def characteristic(self, wanted: Any) -> Raw:
         """The characteristic that is wanted, or the only one; raises InputError without it."""
         return self.values(_chosen(self.place, wanted, dict(self.names), list(self.labels)))
 
@@ -144,7 +144,7 @@ def measured_in(path: Path, wanted: Any, options: tables.ReadOptions) -> Raw:
 
     Raises InputError where the file or the characteristic is not there.
     """
-    return opened_parts(path, options).named(wanted)
+    return opened_parts(path, options).characteristic(wanted)
 
 
 def opened_parts(path: Path, options: tables.ReadOptions) -> MeasuredFile:

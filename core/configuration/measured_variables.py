@@ -21,7 +21,7 @@ def read_measured(
     the distribution of a half-width, or the value of a standard deviation.
     """
     if "measured" not in section or "machine" in section:  # next to machines it is a fault already
-        section.known(("measured",))
+        section.accept(("measured",))
         return None
     deviates = variable.kind is Kind.STANDARD_DEVIATION
     if not deviates and not (variable.random and variable.kind is Kind.HALF_WIDTH):

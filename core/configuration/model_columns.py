@@ -27,7 +27,7 @@ def read_model_columns(top: Section, kind: ModelClass) -> dict[str, ColumnUse]:
     A column is given by the name that the model has for it (`"Spiel" = "backlash_arcmin"`), or by a
     table of its role and unit, and `of` where the model has several columns of that role.
     """
-    return _read(top, _known(kind))
+    return _read(top, _allowed_columns(kind))
 
 
 def read_design_columns(top: Section, variables: Iterable[Variable]) -> dict[str, ColumnUse]:
@@ -40,7 +40,7 @@ def read_design_columns(top: Section, variables: Iterable[Variable]) -> dict[str
 def _read(top: Section, known: Mapping[str, tuple[str, str]]) -> dict[str, ColumnUse]:
     section = top.section("columns")
     uses: dict[str, ColumnUse] = {}
-    for key in section.given():
+    for key in section.all_keys():
         stated = section.take(key)
         if isinstance(stated, str):
             use = _by_name(section, key, stated, known)
@@ -69,7 +69,7 @@ def _written(use: ColumnUse) -> dict[str, Any]:
     return {"of": use.target, **({"unit": use.unit} if use.unit else {}), **sense}
 
 
-def _known(kind: ModelClass) -> dict[str, tuple[str, str]]:
+def _allowed_columns(kind: ModelClass) -> dict[str, tuple[str, str]]:
     """Role and unit of every column that the model can take, by name."""
     columns = {name: (role.value, unit) for role, (name, unit) in ALWAYS.items()}
     columns |= {f"{output.name}_std": ("std", output.unit) for output in kind.outputs}

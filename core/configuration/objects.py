@@ -29,7 +29,7 @@ def with_names(tables: Mapping[str, Any]) -> dict[str, Any]:
     """
     described, problem = dict(tables), tables.get("problem")
     if isinstance(problem, PlainProblem):
-        described["problem"] = Named.of(problem.own)
+        described["problem"] = Named.of(problem.pymoo_problem)
     elif isinstance(problem, ToleranceProblem):
         stated = {key: value for key, value in described.items() if key != "problem"}
         merge(described := _described(problem), stated, whole=True)

@@ -27,7 +27,7 @@ def load_named(section: Section, key: str, group: str, default: str = "") -> Any
             return None
         name = default
     try:
-        return name.given if isinstance(name, Named) else registry.load(group, name)
+        return name.original if isinstance(name, Named) else registry.load(group, name)
     except InputError as error:
         for fault in error.faults:
             section.fault(key, fault.message)

@@ -125,7 +125,7 @@ def _read_problem(
         top.fault("model", stranger(top.take("problem"), model_name, model))
     if configured is None:  # its sections cannot be checked
         tables = problem_class.declaration.tables if problem_class else ()
-        top.known(("parameters", "variables", "columns", *tables, *PROBLEM_ONLY))
+        top.accept(("parameters", "variables", "columns", *tables, *PROBLEM_ONLY))
         top.finish()
         raise InputError(faults)
     columns = read_design_columns(top, declared.variables)
@@ -218,7 +218,7 @@ def _variables(
     settings = {}
     for v in declared.variables:
         table = section.section(v.name)
-        table.known(("machine",) if v.name in declared.machined else ())
+        table.accept(("machine",) if v.name in declared.machined else ())
         if (setting := read_variable(table, v, parameters)) is not None:
             settings[v.name] = setting
     section.finish()
@@ -243,7 +243,7 @@ def _read_model(top: Section, faults: list[Fault]) -> Configuration:
     zero = read_zero(top, kind.outputs if kind else ())
     sense = read_sense(top, kind.outputs if kind else ())
     if kind is None:
-        top.known(("parameters", "variables", "columns"))
+        top.accept(("parameters", "variables", "columns"))
         top.finish()
         raise InputError(faults)
     parameters = kind.written(top)

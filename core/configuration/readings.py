@@ -18,13 +18,13 @@ def read_hypotheses(
 ) -> tuple[Hypothesis, ...]:
     """The interpretations, each of two levels that the study compares."""
     parsed = [
-        _reading(top.item("reading", at), factors, responses)
+        _read_hypothesis(top.item("reading", at), factors, responses)
         for at in range(len(top.tables("reading")))
     ]
     return tuple(reading for reading in parsed if reading is not None)
 
 
-def _reading(
+def _read_hypothesis(
     section: Section, factors: tuple[Factor, ...], responses: tuple[str, ...]
 ) -> Hypothesis | None:
     figure, says = section.text("figure"), section.text("says")

@@ -38,15 +38,15 @@ class Reopened:
 
     `now` takes the means of the parts as they were measured, `reset` as the run's configuration
     does; `reset` is None where no allocation keeps the promise then. `since` uses earlier parts,
-    where there are any. `made` are the parts with new values, `earlier` those with values among the
-    earlier ones. `attributed` is the result of a gap analysis of the units themselves.
+    where there are any. `measured_parts` are the parts with new values, `earlier` those with values
+    among the earlier ones. `attributed` is the result of a gap analysis of the units themselves.
     """
 
     before: ToleranceProblem
     design: dict[str, float]
     now: ToleranceProblem
     reset: ToleranceProblem | None
-    made: tuple[str, ...]
+    measured_parts: tuple[str, ...]
     since: ToleranceProblem | None = None
     attributed: str = ""
     earlier: tuple[str, ...] = ()
@@ -257,7 +257,7 @@ def _measured(owner: Owner, files: Sequence[MeasuredFile], faults: list[Fault]) 
     for file in files:
         name = next((label for label in file.names if label in owner.names), None)
         if name is not None:
-            samples.append(file.named(name))
+            samples.append(file.characteristic(name))
             names.append(file.place)
     if not samples:
         return None

@@ -18,10 +18,10 @@ def reviewed(run: Path, parts: Sequence[Path], since: Sequence[Path], options: R
         reopened_run.design,
         reopened_run.now,
         reopened_run.reset,
-        reopened_run.made,
+        reopened_run.measured_parts,
         reopened_run.since,
         reopened_run.attributed,
-        [name for name in reopened_run.made if name in reopened_run.earlier],
+        [name for name in reopened_run.measured_parts if name in reopened_run.earlier],
     )
     shown = result.parts.dropna(axis="columns", how="all")
     table = shown.to_string(index=False, float_format="%.4g", na_rep="-")

@@ -25,15 +25,15 @@ def read_algorithm(
     section: Section, objectives: int, default: str = ""
 ) -> tuple[str, AlgorithmSettings | None]:
     """Name and instance of the algorithm; by default see `by_default`."""
-    name = by_default(section.given(), objectives, default)
+    name = by_default(section.all_keys(), objectives, default)
     kind = None if _refused(section) else load_named(section, "name", "algorithms", name)
     name = section.take("name") or name
-    section.known(["engine"])
+    section.accept(["engine"])
     if kind is None or "points" not in {field.name for field in fields(kind)}:
         section.integer(
             "points", Range(low=2), POINTS
         )  # of the exact front, whichever algorithm runs
-    section.known(field.name for field in fields(Budget))
+    section.accept(field.name for field in fields(Budget))
     if kind is None:  # the settings of an unknown algorithm cannot be checked
         return name, None
     if not kind.many_objectives and objectives != 1:

@@ -15,7 +15,7 @@ EITHER = (-1, 1)
 def read_sense(top: Section, outputs: Iterable[Output]) -> dict[str, int]:
     """The sense that is given of each output; names of no output are faults."""
     section, known = top.section(SENSE), [output.name for output in outputs]
-    senses = {name: sign_of(section, name) for name in section.given()}
+    senses = {name: sign_of(section, name) for name in section.all_keys()}
     for name in senses:
         if name not in known:
             why = "is no output of the model" if known else "has no model that it belongs to"

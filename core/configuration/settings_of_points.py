@@ -35,7 +35,7 @@ def built_points(
     faults: dict[str, Fault] = {}
     points = []
     for row in design[[factor.key for factor in factors]].to_dict("records"):
-        values = {str(key): _plain(value) for key, value in row.items()}
+        values = {str(key): _toml_scalar(value) for key, value in row.items()}
         try:
             points.append(builder.point(values))
         except InputError as error:
@@ -108,7 +108,7 @@ def _placed(fault: Fault, values: Mapping[str, Level]) -> Fault:
     return Fault(f"run.{fault.place}", f"{fault.message} (where {where})")
 
 
-def _plain(value: Any) -> Level:
+def _toml_scalar(value: Any) -> Level:
     """A value of a table as TOML would give it."""
     plain = value.item() if hasattr(value, "item") else value
     assert isinstance(plain, float | int | str)

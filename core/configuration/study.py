@@ -70,7 +70,7 @@ def read_study(source: Source, overrides: Sequence[str] = (), most: int | None =
     vary, varied = top.section("vary"), top.take("vary")
     if base is not None and isinstance(varied, dict | None):
         factors = read_factors(vary, varied or {}, base_values(run or {}, base.resolved))
-    readings = read_hypotheses(top, factors, responses)
+    hypotheses = read_hypotheses(top, factors, responses)
     hopeless = _hopeless(top.section("stop"), design)
     top.finish()
     seed, seeds = 0 if seed is None else seed, SEEDS if seeds is None else seeds
@@ -91,9 +91,9 @@ def read_study(source: Source, overrides: Sequence[str] = (), most: int | None =
         seed=seed,
         base={factor.key: values[factor.key] for factor in factors},
         objectives=base.settings.objectives,
-        readings=readings,
+        hypotheses=hypotheses,
         configuration=_resolved(
-            base, factors, design, responses, seeds, seed, limit, readings, labels, hopeless
+            base, factors, design, responses, seeds, seed, limit, hypotheses, labels, hopeless
         ),
         labels=known,
         hopeless=hopeless,
@@ -146,7 +146,7 @@ def _run_table(
     """The tables of the run, from the file that is named or inline, with what overrides them."""
     run = top.take(RUN)
     dotted = {key: table[key] for key in table if key.startswith(f"{RUN}.")}
-    top.known(dotted)
+    top.accept(dotted)
     if isinstance(run, str):
         path = Path(abspath(folder / run))
         folder, run = path.parent, load(path, faults)
@@ -229,7 +229,7 @@ def _design(section: Section, folder: Path) -> Design | None:
             section.fault("kind", f"is missing: one of {', '.join(DESIGNS)}")
         return None
     names = {field.name for field in fields(DESIGNS[kind])}  # type: ignore[arg-type]
-    section.known(["kind"])
+    section.accept(["kind"])
     design = settings_of(section, DESIGNS[kind])
     if "file" in names and design.file:
         design = type(design)(**(asdict(design) | {"file": abspath(folder / design.file)}))
@@ -266,7 +266,7 @@ def _resolved(
     seeds: int,
     seed: int,
     limit: float | None,
-    readings: tuple[Hypothesis, ...],
+    hypotheses: tuple[Hypothesis, ...],
     labels: Labels,
     hopeless: bool,
 ) -> str:
@@ -281,7 +281,7 @@ def _resolved(
     table |= {} if limit is None else {"time_limit_s": limit}
     table |= {"stop": {"hopeless": True}} if hopeless else {}
     kind = {"kind": design.kind} | asdict(design)  # type: ignore[call-overload]
-    table |= {"reading": written(readings)} if readings else {}
+    table |= {"reading": written(hypotheses)} if hypotheses else {}
     return tomli_w.dumps(table | {"design": kind, "vary": vary, RUN: dict(base.resolved)})
 
 

@@ -29,7 +29,7 @@ LABELS = ("unit", "lot")
 
 def read_table_model(top: Section, seed: int, faults: list[Fault]) -> Configuration:
     """The configuration of a table, as `simulate` takes it. Raises InputError with every fault."""
-    top.known(("model", "effect", UNRESOLVED, ZERO, GEAR, SENSE))
+    top.accept(("model", "effect", UNRESOLVED, ZERO, GEAR, SENSE))
     for key in ("parameters", "variables"):
         if top.take(key) is not None:
             top.fault(key, 'belongs to a model; model = "table" has none')
@@ -37,7 +37,7 @@ def read_table_model(top: Section, seed: int, faults: list[Fault]) -> Configurat
     columns = read_columns(top)
     gear = read_gear(top)
     unknown = [
-        Output(name, "", "") for name in top.section("columns").given() if name not in columns
+        Output(name, "", "") for name in top.section("columns").all_keys() if name not in columns
     ]
     columns = _turned(columns, read_sense(top, (*outputs_of(columns), *unknown)), top)
     if len(faults) > before:  # its effects cannot be checked without its columns

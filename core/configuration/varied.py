@@ -24,7 +24,7 @@ def read_factors(section: Section, table: Table, base: Mapping[str, Any]) -> tup
     """
     factors = []
     for key, value in _entries(table).items():
-        section.known([key.split(".")[0], key])
+        section.accept([key.split(".")[0], key])
         if key == SEED or key.startswith("run."):
             hint = "the seeds are the replicates: set seeds" if key == SEED else "leave out `run.`"
             section.fault(key, f"cannot be varied: {hint}")
@@ -141,11 +141,11 @@ def _nested(key: str, value: Any) -> Table:
 
 def base_values(run: Table, resolved: Mapping[str, Any]) -> dict[str, Any]:
     """Numbers and names of a run by dotted key, as its file and as its resolved form have them."""
-    written = {k: float(v) if isinstance(v, int) else v for k, v in _plain(run).items()}
-    return written | _plain(resolved)
+    written = {k: float(v) if isinstance(v, int) else v for k, v in _scalar_entries(run).items()}
+    return written | _scalar_entries(resolved)
 
 
-def _plain(table: Mapping[str, Any]) -> dict[str, Any]:
+def _scalar_entries(table: Mapping[str, Any]) -> dict[str, Any]:
     """Values that can be varied: no truth values, no lists."""
     return {
         key: value

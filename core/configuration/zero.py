@@ -15,7 +15,7 @@ def read_zero(top: Section, outputs: Iterable[Output]) -> dict[str, float]:
     """The zeros that are given, in the unit of their output; names of no output are faults."""
     section, known = top.section(ZERO), {output.name: output.unit for output in outputs}
     zeros = {name: section.number(name, unit) for name, unit in known.items() if name in section}
-    for name in section.given():
+    for name in section.all_keys():
         if name not in known:
             why = "is no output of the model" if known else "has no model that it belongs to"
             section.fault(name, f"{why}{nearest(name, known)}")

@@ -148,7 +148,7 @@ def fits(name: str, patterns: Iterable[str]) -> bool:
     return any(fnmatchcase(name, pattern) for pattern in patterns)
 
 
-def known(name: str) -> bool:
+def is_output_file(name: str) -> bool:
     """Whether some command writes a file of that name."""
     return any(
         fnmatchcase(name, Path(pattern).name)

@@ -12,7 +12,7 @@ from ..errors import Fault, InputError, RunError, TolevoError, raise_all, refuse
 from ..files import cause
 from .lock import PATIENCE, Held, Lock, acquire, commands, holders
 from .manifest import MANIFEST, write_manifest
-from .names import KINDS, folders, kinds_in, known, present
+from .names import KINDS, folders, is_output_file, kinds_in, present
 from .parts import sweep
 from .standing import Standing, occupied, standing
 from .unfinished import UNFINISHED, read_unfinished, write_unfinished
@@ -83,7 +83,7 @@ class Ownership:
 
         From here on the directory is that of an unfinished result.
         """
-        sweep(folders(self.folder), known)
+        sweep(folders(self.folder), is_output_file)
         old = [name for name in self._old() if name not in keep]
         self._token = secrets.token_hex(8)
         write_unfinished(self.folder, self.command, self._token, old)

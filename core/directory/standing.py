@@ -10,7 +10,7 @@ from ..errors import Fault
 from ..files import is_folder
 from .lock import LOCK, holders
 from .manifest import ANEW, AS_IT_IS, MANIFEST, Manifest, read_manifest, strangers
-from .names import KINDS, kind_of, known, present
+from .names import KINDS, is_output_file, kind_of, present
 from .parts import is_part
 from .unfinished import UNFINISHED, Unfinished, read_unfinished
 
@@ -101,4 +101,4 @@ def occupied(folder: Path) -> bool:
 
 def is_trace(name: str) -> bool:
     """Whether a file is nothing but the lock or the leftover of a process."""
-    return name == LOCK or name.startswith(OWNERS) or is_part(name, known)
+    return name == LOCK or name.startswith(OWNERS) or is_part(name, is_output_file)

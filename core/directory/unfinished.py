@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ..sealed import read_record, write_record
-from .names import known
+from .names import is_output_file
 
 UNFINISHED = "unfinished.json"
 
@@ -47,4 +47,4 @@ def read_unfinished(folder: Path) -> Unfinished | None:
 def _inside(name: str) -> bool:
     """Whether it is the name of a result in the directory itself; other files are not removed."""
     path = Path(name)
-    return not path.is_absolute() and ".." not in path.parts and known(path.name)
+    return not path.is_absolute() and ".." not in path.parts and is_output_file(path.name)

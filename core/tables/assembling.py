@@ -49,7 +49,7 @@ def assembled(
     proofs, numbers = _proofs(cells_of)
     delimiter = dialect.delimiter if dialect.kind == "csv" else ""
     signs, doubts = decide(proofs, options.decimal, delimiter, place)
-    plain = {n: _plain(cells, proofs[n], signs.get(n)) for n, cells in cells_of.items()}
+    plain = {n: _canonical_cells(cells, proofs[n], signs.get(n)) for n, cells in cells_of.items()}
     return _table(layout, dialect, header, plain, proofs, signs, lines, numbers), faults + doubts
 
 
@@ -71,7 +71,7 @@ def _proofs(cells_of: dict[str, Any]) -> tuple[dict[str, Evidence], dict[str, ND
     return proofs, numbers
 
 
-def _plain(cells: Any, proof: Evidence, sign: str | None) -> Any:
+def _canonical_cells(cells: Any, proof: Evidence, sign: str | None) -> Any:
     """The cells of a column with numbers in plain notation."""
     if not isinstance(cells, list):
         return cells

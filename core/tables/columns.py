@@ -34,7 +34,7 @@ class Columns:
         """Cells with numbers in plain notation; `values` are the numbers of columns that have
         decimals, so that labels stay as they are written.
         """
-        columns = {name: self._plain(name, values.get(name)) for name in self.cells}
+        columns = {name: self._canonical_cells(name, values.get(name)) for name in self.cells}
         return pd.DataFrame(columns, index=self._index())
 
     def typed(self, numeric: Sequence[str], values: Mapping[str, NDArray[Any]]) -> pd.DataFrame:
@@ -47,7 +47,7 @@ class Columns:
         }
         return pd.DataFrame(columns, index=self._index())
 
-    def _plain(self, name: str, values: NDArray[Any] | None) -> Any:
+    def _canonical_cells(self, name: str, values: NDArray[Any] | None) -> Any:
         cells = self.cells[name]
         if isinstance(cells, np.ndarray) and cells.dtype != object:
             return cells

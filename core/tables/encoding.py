@@ -40,7 +40,7 @@ def decoded(
 
     Control characters are no text, but those `allowed`.
     """
-    encoding = stated or _marked(content) or _plain(content) or _legacy(content, place)
+    encoding = stated or _marked(content) or _utf_without_mark(content) or _legacy(content, place)
     try:
         text = content.decode(_quick(content, encoding))
     except (UnicodeDecodeError, UnicodeError) as error:
@@ -61,7 +61,7 @@ def _marked(content: bytes) -> str | None:
     return next((name for mark, name in BOMS if content.startswith(mark)), None)
 
 
-def _plain(content: bytes) -> str | None:
+def _utf_without_mark(content: bytes) -> str | None:
     """UTF-8, or UTF-16 without a mark: its digits and delimiters have a zero byte on one side."""
     if b"\0" in content:
         even, odd = content[::2].count(0), content[1::2].count(0)

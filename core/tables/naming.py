@@ -154,7 +154,7 @@ def _used(
 ) -> tuple[pd.Series[Any], list[str]]:
     """The cells of a column that is mapped, in the unit of its target."""
     unit = known.get(use.target, "")
-    if use.unit and stated and not _same(use.unit, stated):
+    if use.unit and stated and not _is_same_unit(use.unit, stated):
         return cells, [f'the file says "{stated}", the configuration "{use.unit}"']
     source_unit = use.unit or stated
     if source_unit and unit and not fits(source_unit, unit):
@@ -164,12 +164,12 @@ def _used(
 
 def _contradiction(stated: str, name: str, unit: str) -> str:
     """What is wrong where the file states another unit than the name of the column."""
-    if not stated or not unit or _same(stated, unit):
+    if not stated or not unit or _is_same_unit(stated, unit):
         return ""
     return f'is stated in "{stated}", but {name} is in "{unit}"; rename it or map it in [columns]'
 
 
-def _same(unit: str, stated: str) -> bool:
+def _is_same_unit(unit: str, stated: str) -> bool:
     if unit == stated:
         return True
     if not fits(unit, stated):
@@ -191,7 +191,7 @@ def _alike(table: Table, wanted: str, unit: str, names: Mapping[str, str]) -> st
 def _in_unit(cells: pd.Series[Any], source_unit: str, unit: str, sense: int) -> pd.Series[Any]:
     """Cells of numbers in another unit and sense; what is no number stays as it is."""
     if sense == 1 and (
-        source_unit == unit or not source_unit or not unit or _same(source_unit, unit)
+        source_unit == unit or not source_unit or not unit or _is_same_unit(source_unit, unit)
     ):
         return cells
     numbers = pd.to_numeric(cells.astype(object), errors="coerce").to_numpy(dtype=float)

@@ -46,7 +46,7 @@ def notation(cell: str) -> Notation | None:
     if spaced or match["exponent"]:
         return _sure(mantissa, points, commas, spaced[0] if spaced else "")
     if points and commas:
-        return _both(mantissa)
+        return _notation_of_both_signs(mantissa)
     sign = "." if points else ","
     return _single_sign(mantissa, sign, points + commas)
 
@@ -58,7 +58,7 @@ def _sure(mantissa: str, points: int, commas: int, group: str) -> Notation | Non
     return Notation(DECIMAL, None, group) if points else Notation(None, DECIMAL, group)
 
 
-def _both(mantissa: str) -> Notation | None:
+def _notation_of_both_signs(mantissa: str) -> Notation | None:
     """The sign that comes last is decimal, the other groups thousands."""
     last = max(".", ",", key=mantissa.rfind)
     whole, _, fraction = mantissa.rpartition(last)
@@ -78,7 +78,7 @@ def _single_sign(mantissa: str, sign: str, count: int) -> Notation | None:
     return Notation(what, None) if sign == "." else Notation(None, what)
 
 
-def plain(cell: str, decimal: str) -> str | None:
+def canonical_number(cell: str, decimal: str) -> str | None:
     """The number in plain notation where `decimal` is its decimal sign; None where it is none."""
     match = _NUMBER.fullmatch(cell)
     signs = notation(cell) if match else None

@@ -105,7 +105,7 @@ def _labels(column: pd.Series[Any]) -> tuple[NDArray[Any], dict[Any, str]]:
 def _numeric(column: pd.Series[Any]) -> tuple[NDArray[np.float64], dict[Any, str]]:
     """The cells as numbers, NaN where a message says why not, by row."""
     cells = column.to_numpy()
-    values = _whole(cells)
+    values = _numeric_column(cells)
     bad = {}
     doubted = np.arange(len(cells)) if values is None else np.flatnonzero(~np.isfinite(values))
     for at in doubted.tolist():
@@ -117,7 +117,7 @@ def _numeric(column: pd.Series[Any]) -> tuple[NDArray[np.float64], dict[Any, str
     return np.where(np.isfinite(values), values, math.nan), bad
 
 
-def _whole(cells: NDArray[Any]) -> NDArray[np.float64] | None:
+def _numeric_column(cells: NDArray[Any]) -> NDArray[np.float64] | None:
     """A column of numbers at once; None where its cells must be looked at singly."""
     if cells.dtype.kind in "fiu":
         return cells.astype(float)

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..errors import Fault
 from .marks import is_missing
-from .notation import DECIMAL, EITHER, OTHER, THOUSANDS, Notation, notation, plain
+from .notation import DECIMAL, EITHER, OTHER, THOUSANDS, Notation, canonical_number, notation
 
 PROBES = 64
 """Cells of a column, evenly spread, that say whether it holds numbers at all."""
@@ -101,7 +101,7 @@ def decide(
     """The decimal sign by column ("" where none is used), and what must be stated instead."""
     numeric = {name: proof for name, proof in columns.items() if proof.numeric}
     if stated is not None:
-        return _stated(numeric, stated, place)
+        return _signs_as_stated(numeric, stated, place)
     of_file = {vote for proof in numeric.values() for vote in proof.votes()}
     if not of_file and delimiter == "," and not any(EITHER in o.comma for o in numeric.values()):
         of_file = {"."}  # a comma between the columns leaves the point for decimals
@@ -127,7 +127,7 @@ _MIXED = (
 )
 
 
-def _stated(
+def _signs_as_stated(
     numeric: Mapping[str, Evidence], stated: str, place: str
 ) -> tuple[dict[str, str], list[Fault]]:
     """Every column by the sign that was stated; one whose numbers all contradict it is a fault."""
@@ -150,4 +150,7 @@ def _doubt(name: str, cell: str, place: str) -> Fault:
 
 def canonical(cells: Sequence[str], decimal: str) -> list[str]:
     """The cells with their numbers in plain notation."""
-    return [cell if isinstance(cell, Exact) else plain(cell, decimal) or cell for cell in cells]
+    return [
+        cell if isinstance(cell, Exact) else canonical_number(cell, decimal) or cell
+        for cell in cells
+    ]

@@ -111,11 +111,11 @@ class Assembly(MeasurableModel):
             self.insertion,
             departures,
             self.estimator,
-            self._readings(len(errors), rng),
+            self._measurement_noise(len(errors), rng),
         )
         return {f"delta_{at}_mrad": deviations.state[:, at - 1] / MRAD for at in range(1, 5)}
 
-    def _readings(self, count: int, rng: np.random.Generator) -> Array | None:
+    def _measurement_noise(self, count: int, rng: np.random.Generator) -> Array | None:
         """Noise (n, N, q) [rad] of the measurements during assembly, None where there is none."""
         if self.estimator is None or self.noise == 0.0:
             return None

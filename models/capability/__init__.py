@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .bootstrap import cumulants_drawn, kept
+from .bootstrap import cumulants_drawn, fraction_within_limits
 from .choosing import Aim, Level, Processes, Ways, calibrated
 from .indices import Index, capability
 from .knowledge import Gauge, Knowledge, Prior, knowledge_of
@@ -28,7 +28,7 @@ __all__ = [
     "cumulants_drawn",
     "distribution_type",
     "findings",
-    "kept",
+    "fraction_within_limits",
     "knowledge_of",
     "norm_of",
     "read_sample",

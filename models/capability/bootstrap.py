@@ -36,7 +36,9 @@ def cumulants_drawn(values: Array, draws: int, rng: np.random.Generator) -> Arra
     )
 
 
-def kept(cumulants: Sequence[Array], ends: tuple[float, float], fraction: float) -> float:
+def fraction_within_limits(
+    cumulants: Sequence[Array], ends: tuple[float, float], fraction: float
+) -> float:
     """Fraction of the draws in which the sum of parts keeps its limits.
 
     `cumulants` (draws, 4) are those of each part, `ends` the limits of the sum from its estimated

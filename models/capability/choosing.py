@@ -84,7 +84,7 @@ class Level:
     """
 
     confidence: float
-    kept: float
+    kept_fraction: float
     without: float
     sure: bool
 

@@ -48,7 +48,7 @@ class Difference:
     gauge_df: float
 
     @property
-    def own(self) -> float:
+    def part_variance(self) -> float:
         """The variance of the parts alone."""
         return self.measured - self.gauge
 
@@ -95,7 +95,9 @@ class Knowledge:
                 difference.gauge_df,
                 confidence,
             )
-            more += max(limit / difference.own - _factor(difference.measured_df, confidence), 0.0)
+            more += max(
+                limit / difference.part_variance - _factor(difference.measured_df, confidence), 0.0
+            )
         return max(more, 0.0)
 
     def drawn(self, count: int, rng: np.random.Generator) -> tuple[Array, Array]:

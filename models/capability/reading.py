@@ -98,7 +98,7 @@ def read_sample(
     gauge = _gauge(section, own_unit, unit)
     made_to = _made_to(section, own_unit, unit, t, follows)
     of_file = section.number("nominal", own_unit or unit)
-    section.known(("characteristic",))
+    section.accept(("characteristic",))
     prior = _prior(section, made_to or 0.0, unit)
     if "values" not in section:
         section.fault(

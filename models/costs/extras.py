@@ -35,7 +35,7 @@ class Setup:
 def read_setup(section: Section) -> Setup | None:
     """`setup = { price = 120, lot = 50 }`, None where there is none or it is at fault."""
     if "setup" not in section:
-        section.known(("setup",))
+        section.accept(("setup",))
         return None
     table = section.section("setup")
     price, lot = table.number("price", within=NOT_NEGATIVE), table.integer("lot", Range(low=1))
@@ -60,7 +60,7 @@ def read_extras(section: Section) -> float:
                 table.fault(key, "needs a scatter that does not follow t: state sigma in a machine")
         table.finish()
         more = price or 0.0
-    section.known(("inspection",))
+    section.accept(("inspection",))
     return more + (setup.per_part if setup else 0.0)
 
 
@@ -75,7 +75,7 @@ def read_extras_by(section: Section, keys: Sequence[str]) -> dict[str, float]:
     table, setup = section.section("setup").section("price"), section.of("setup", stated)
     price_of = {key: table.number(key, within=NOT_NEGATIVE) for key in keys}
     lot = setup.integer("lot", Range(low=1))
-    setup.known(("price",))
+    setup.accept(("price",))
     if "lot" not in setup:
         setup.fault("lot", "is missing: how many parts it is for")
     for key in (key for key in keys if key not in table):

@@ -297,6 +297,6 @@ class Effect(ABC):
         """Its action on the rows where no quantity inside has its name."""
 
 
-def known(values: Mapping[str, float], name: str) -> float:
+def value_or_zero(values: Mapping[str, float], name: str) -> float:
     """A linear parameter, 0 where it is not given."""
     return float(values.get(name, 0.0))

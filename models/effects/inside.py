@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from .effect import Action, Effect, EffectParameter, Readings, Target, known
+from .effect import Action, Effect, EffectParameter, Readings, Target, value_or_zero
 
 
 class Inside(Effect):
@@ -37,7 +37,7 @@ class InsideSeveral(Inside):
 
     def own_action(self, readings: Readings, values: Mapping[str, float], target: Target) -> Action:
         factor = self.factor(readings, values)
-        sizes = {name: known(values, number.name) for number, name in self.numbers(target)}
+        sizes = {name: value_or_zero(values, number.name) for number, name in self.numbers(target)}
         return Action(changes={name: size * factor for name, size in sizes.items()})
 
     def numbers(self, target: Target) -> tuple[tuple[EffectParameter, str], ...]:

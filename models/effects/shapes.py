@@ -13,7 +13,7 @@ import numpy as np
 from ...declarations import Output
 from ..inputs.distribution import Array
 from ..measurable import Role
-from .effect import Action, Effect, EffectParameter, Readings, Target, known, quantity
+from .effect import Action, Effect, EffectParameter, Readings, Target, quantity, value_or_zero
 
 REFERENCE_TEMPERATURE = 20.0
 """[degC], ISO 1: the reference temperature of lengths."""
@@ -54,7 +54,7 @@ class Shape(Effect):
         for output in self.reached(target):
             total = np.zeros(len(readings))
             for weight in weights:
-                size = known(values, weight.of(output, target).name)
+                size = value_or_zero(values, weight.of(output, target).name)
                 if size != 0.0:
                     total = total + size * columns[weight.stem]()
             actions[output.name] = total
@@ -173,7 +173,7 @@ def polar(
     values: Mapping[str, float], c: EffectParameter, s: EffectParameter, at: str
 ) -> dict[str, tuple[float, str]]:
     """Amplitude and phase [deg] of two components; `at` is the template of their names."""
-    x, y = known(values, c.name), known(values, s.name)
+    x, y = value_or_zero(values, c.name), value_or_zero(values, s.name)
     phase = degrees(atan2(y, x))
     return {at % "amplitude": (hypot(x, y), c.unit), at % "phase": (phase, "deg")}
 

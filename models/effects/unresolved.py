@@ -81,12 +81,12 @@ class Term:
         """Its columns (n, count)."""
         column = self._shape(readings)
         if self.times and self.shape != "product":
-            column = column * (self._other(readings) ** self.times_exponent)[:, None]
+            column = column * (self._second_factor(readings) ** self.times_exponent)[:, None]
         if self.turns:
             column = column * np.asarray(readings[Role.DIRECTION], dtype=float)[:, None]
         return np.asarray(column, dtype=float)
 
-    def _other(self, readings: Readings) -> Array:
+    def _second_factor(self, readings: Readings) -> Array:
         values = np.asarray(readings.table[self.times], dtype=float)
         scaled = (values - self.times_zero) / self.times_scale
         return np.asarray(np.abs(scaled) if self.times_magnitude else scaled)
@@ -112,7 +112,7 @@ class Term:
         if self.shape == "swing":
             return np.column_stack([np.cos(self.order * z), np.sin(self.order * z)])
         if self.shape == "product":
-            w = self._other(readings)
+            w = self._second_factor(readings)
             return np.column_stack([z * w, z * z * w, z * w * w, z * z * w * w])
         size = np.abs(z) ** self.exponent
         return (np.sign(z) * size if self.signed else size)[:, None]

@@ -156,13 +156,13 @@ class _Parser:
             raise FormulaError(token.at, f"{problem}: a number, a name or ( is expected here")
         self._next += 1
         if token.kind == "name":
-            return self._named(token)
+            return self._name_or_call(token)
         number = float(token.text)
         if not math.isfinite(number):
             raise FormulaError(token.at, f"{token.text} is too large")
         return Number(token.at, number)
 
-    def _named(self, token: _Token) -> Expression:
+    def _name_or_call(self, token: _Token) -> Expression:
         opening = self.now
         if self._accepted("("):
             if token.text not in FUNCTIONS:

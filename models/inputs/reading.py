@@ -38,7 +38,7 @@ def read_distribution(section: Section, default: Distribution | None = None) -> 
         kind, default = (DISTRIBUTIONS[name] if name else None), None
     known = keys()
     stated = {key: _value(section, key, kind) for key in known[1:] if key in section}
-    section.known(known)
+    section.accept(known)
     if kind is not None:
         return _built(section, kind, default, stated)
     for key in stated if "distribution" not in section else ():

@@ -66,7 +66,7 @@ def linear_mm(kind: str, size: float, radius: bool = False) -> float:
 
     Reference: ISO 2768-1:1989, tables 1 and 2.
     """
-    _known(kind, CLASSES)
+    _check_class(kind, CLASSES)
     ends, table = (_RADIUS_ENDS, _RADIUS) if radius else (_LINEAR_ENDS, _LINEAR)
     return _value(ends, table, kind, size)
 
@@ -76,7 +76,7 @@ def angle_rad(kind: str, leg: float) -> float:
 
     Reference: ISO 2768-1:1989, table 3.
     """
-    _known(kind, CLASSES)
+    _check_class(kind, CLASSES)
     if not leg > 0.0:
         raise ValueError(f"the shorter leg of an angle must be above 0 mm, got {leg:g} mm")
     return radians(_value(_ANGLE_ENDS, _MINUTES, kind, leg, 0.0) / 60.0)
@@ -89,7 +89,7 @@ def geometrical_mm(characteristic: str, kind: str, size: float) -> float:
 
     Reference: ISO 2768-2:1989, tables 1 to 4.
     """
-    _known(kind, GEOMETRICAL)
+    _check_class(kind, GEOMETRICAL)
     if characteristic not in _ZONES:
         raise ValueError(
             f"ISO 2768-2 has general tolerances of {', '.join(_ZONES)} only, got {characteristic}"
@@ -98,7 +98,7 @@ def geometrical_mm(characteristic: str, kind: str, size: float) -> float:
     return _value(ends, table, kind, size, 0.0)
 
 
-def _known(kind: str, classes: tuple[str, ...]) -> None:
+def _check_class(kind: str, classes: tuple[str, ...]) -> None:
     if kind not in classes:
         raise ValueError(f'must be one of {", ".join(classes)}, got "{kind}"')
 

@@ -53,7 +53,7 @@ class GoodPartsBySpread(CostCurve):
         return t, self.scale * self.machine.good_parts(t).std
 
     @property
-    def tried(self) -> Array:
+    def tabulated(self) -> Array:
         """Tabulated x."""
         return self._slopes[0]
 

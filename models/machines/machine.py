@@ -88,7 +88,7 @@ class Machine:
         return 3.0 * self.sigma + abs(self.mean)
 
     @property
-    def reading(self) -> float:
+    def measured_std(self) -> float:
         """Standard deviation of the readings of an inspection."""
         u = self.inspection.u if self.inspection else 0.0
         return float(np.hypot(self.sigma, u))
@@ -101,7 +101,7 @@ class Machine:
     def passed(self, t: Array) -> Array:
         """Fraction of the parts that an inspection at limits +-t passes."""
         w = t - self.guard_band
-        return _between((-w - self.mean) / self.reading, (w - self.mean) / self.reading)
+        return _between((-w - self.mean) / self.measured_std, (w - self.mean) / self.measured_std)
 
     def good_parts(self, t: Array) -> GoodParts:
         """The good parts at limits +-t, t above the guard band."""
@@ -110,7 +110,7 @@ class Machine:
             return GoodParts(
                 ones, ones * self.mean, ones * self.sigma, ones * self.price, zeros, zeros, zeros
             )
-        w, scale, o = t - self.guard_band, self.reading, self.mean
+        w, scale, o = t - self.guard_band, self.measured_std, self.mean
         a, b = (-w - o) / scale, (w - o) / scale
         at_a, at_b = (_density(end) / scale for end in (a, b))
         passed = _between(a, b)

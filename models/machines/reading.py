@@ -79,7 +79,7 @@ def _scatter(table: Section, owner: Owner) -> tuple[tuple[float, float] | None, 
     """Standard deviation and mean of a machine's parts, stated or from measured parts."""
     sigma, mean = table.number("sigma", owner.unit, POSITIVE), table.number("mean", owner.unit)
     if "measured" not in table:
-        table.known(("measured",))
+        table.accept(("measured",))
         if "sigma" not in table:
             table.fault(
                 "sigma",
@@ -109,9 +109,9 @@ def _searched(
     machine, unit, ends = offer.machine, owner.unit, owner.ends
     usual = (
         machine.guard_band
-        + TIGHTEST * machine.reading
-        + max(0.0, abs(machine.mean) - machine.reading),
-        machine.guard_band + LOOSEST * machine.reading + abs(machine.mean),
+        + TIGHTEST * machine.measured_std
+        + max(0.0, abs(machine.mean) - machine.measured_std),
+        machine.guard_band + LOOSEST * machine.measured_std + abs(machine.mean),
     )
     stated = [ends[at] if limits[at] is None else limits[at] for at in (0, 1)]
     low, high = (usual[at] if (end := stated[at]) is None else end for at in (0, 1))
@@ -156,7 +156,7 @@ def _inspection(machine_table: Section, unit: str) -> tuple[Inspection, bool] | 
     if "price" not in table and isinstance(machine_table.take("inspection"), dict):
         table.fault("price", "is missing: what the inspection of a part costs")
     rework = _rework(table) if "rework" in table else None
-    table.known(("rework",))
+    table.accept(("rework",))
     table.finish()
     values = {
         "price": price,

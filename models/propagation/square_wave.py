@@ -50,12 +50,15 @@ class Series:
             )
             bound[:, columns], fall[:, columns] = law.envelope(last[:, columns])
             slope_bound[:, columns], slope_fall[:, columns] = law.slope_envelope(last[:, columns])
-        before, after = _others(factors)
+        before, after = _products_before_and_after(factors)
         phi = before[:, -1] * factors[:, -1]
         slopes = slope * before * after
         # sum over odd k > K of (K/k)^D/k is at most 1/(2 D)
         whole, order = np.prod(bound, axis=1), np.sum(fall, axis=1)
-        other_bounds, others_order = _others(bound[:, :, None]), order[:, None] - fall + slope_fall
+        other_bounds, others_order = (
+            _products_before_and_after(bound[:, :, None]),
+            order[:, None] - fall + slope_fall,
+        )
         partial = (other_bounds[0] * other_bounds[1])[:, :, 0] * slope_bound
         with np.errstate(divide="ignore"):
             missing = np.where(order > 0.0, whole / (np.pi * order), 1.0)
@@ -137,7 +140,7 @@ class Series:
         return y
 
 
-def _others(factors: Array) -> tuple[Array, Array]:
+def _products_before_and_after(factors: Array) -> tuple[Array, Array]:
     """Products of the factors before and after each factor, along axis 1."""
     ones = np.ones_like(factors[:, :1])
     before = np.cumprod(np.concatenate([ones, factors[:, :-1]], axis=1), axis=1)

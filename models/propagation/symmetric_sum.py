@@ -83,7 +83,7 @@ class SymmetricSum:
         start = self._expected(s, p)
         tangent = Tangent(np.zeros(len(s)), np.zeros_like(s), np.zeros(len(s)), np.zeros_like(s))
         self._blocks(tangent, np.arange(len(s)), s, p, start, self._begin)
-        self._alone(s, p, tangent)
+        self._replace_single_terms(s, p, tangent)
         if sure:
             self._surer(tangent, s, p)
         self._last, self._sure = (scales, p, tangent), sure
@@ -237,7 +237,7 @@ class SymmetricSum:
             self._blocks(
                 at_shifted, np.arange(len(shifted)), shifted, probabilities, np.repeat(value, m), 0
             )
-            self._alone(shifted, probabilities, at_shifted)
+            self._replace_single_terms(shifted, probabilities, at_shifted)
             rise = at_shifted.value - np.repeat(value, m)
             ends.append(
                 (rise.reshape(-1, m), at_shifted.value_error.reshape(-1, m) + error[:, None])
@@ -276,7 +276,7 @@ class SymmetricSum:
             return np.asarray(np.sum(np.abs(last[2].gradient) * s, axis=1))
         return np.asarray(ndtri(p) * np.sqrt(np.sum((s * self._std) ** 2, axis=1)))
 
-    def _alone(self, s: Array, p: Array, tangent: Tangent) -> None:
+    def _replace_single_terms(self, s: Array, p: Array, tangent: Tangent) -> None:
         """Sums of at most one term, whose quantile is that of its law, in place of the series."""
         active = np.count_nonzero(s > 0.0, axis=1)
         for row in np.flatnonzero(active <= 1).tolist():

@@ -37,7 +37,7 @@ class GearedJoint:
         """h [rad], the lost motion of friction: 2 tau_f / K."""
         return np.asarray(2.0 * np.asarray(self.friction) / self.stiffness)
 
-    def held(self, torque: Array) -> NDArray[np.bool_]:
+    def is_held(self, torque: Array) -> NDArray[np.bool_]:
         """Whether a torque of gravity holds a flank against friction."""
         return np.abs(torque) > self.friction
 
@@ -53,7 +53,7 @@ class GearedJoint:
         The default phase is a zero of the wave.
         """
         torque = np.asarray(torque, dtype=float)
-        flank = np.where(self.held(torque), np.sign(torque), side)
+        flank = np.where(self.is_held(torque), np.sign(torque), side)
         backlash, wave = np.asarray(self.backlash), np.asarray(self.wave)
         turned = 0.5 * (flank * backlash + side * self.hysteresis)
         return np.asarray(turned + wave * np.cos(phase) + self.wind_up(torque))

@@ -94,10 +94,10 @@ class ContactSources:
             values = self._values(half_width=dict(design.half_width) | {error: wide})
         else:
             values = self._values(mid=dict(design.mid) | {error: design.middle(error) + STEP})
-        return float(values.mean() - self._plain) / STEP
+        return float(values.mean() - self._sample_mean) / STEP
 
     @cached_property
-    def _plain(self) -> float:
+    def _sample_mean(self) -> float:
         return float(self._values().mean())
 
     def _flank(self) -> Source:

@@ -42,7 +42,7 @@ def _printed(name: str, default: float, unit: str, meaning: str, high: float) ->
     return Parameter(name, default, unit, meaning, _B, low=0.0, high=high, open_low=True)
 
 
-def _whole(name: str, default: int, meaning: str, low: float, high: float) -> Parameter:
+def _integer_parameter(name: str, default: int, meaning: str, low: float, high: float) -> Parameter:
     return Parameter(name, default, "", meaning, _B, low=low, high=high)
 
 
@@ -74,8 +74,8 @@ PARAMETERS: tuple[Parameter, ...] = (
     _printed("pin_circle_radius_mm", 64.0, "mm", "radius r_p of the pin circle", 1e4),
     _printed("pin_radius_mm", 3.0, "mm", "radius r_rp of the pins", 1e3),
     _printed("eccentricity_mm", 1.3, "mm", "eccentricity e of the crankshafts", 1e3),
-    _whole("cycloid_teeth", 39, "teeth z_c of a cycloid disc", 3, 1000),
-    _whole("pins", 40, "pins z_p of the housing", 4, 1001),
+    _integer_parameter("cycloid_teeth", 39, "teeth z_c of a cycloid disc", 3, 1000),
+    _integer_parameter("pins", 40, "pins z_p of the housing", 4, 1001),
     _printed("reduction_ratio", 121.0, "", "reduction ratio i, sun in, carrier out", 1e5),
     _size("sun_pitch_radius_mm", 9.0, "mm", "pitch radius r_1 of the sun gear", 1e4),
     _size("centre_distance_mm", 36.0, "mm", "centre distance a_0 (radius of crank circle)", 1e4),

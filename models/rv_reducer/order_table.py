@@ -53,9 +53,11 @@ class OrderTable:
         stretch = np.array([1.0, -1.0])[:, None, None] * SOFT * np.cosh(nodes)[:, None]
         lines = spectrum(twist)
         slopes = spectrum(stretch / stiffness).amplitude
-        return cls(lines.order, nodes, lines.amplitude, slopes, stiffness.mean(-1)).kept(left_out)
+        return cls(lines.order, nodes, lines.amplitude, slopes, stiffness.mean(-1)).largest_orders(
+            left_out
+        )
 
-    def kept(self, left_out: float) -> OrderTable:
+    def largest_orders(self, left_out: float) -> OrderTable:
         """The mean and the largest orders; the rms of the others is `left_out` at most."""
         power = 0.5 * np.abs(self.values) ** 2
         power[..., 0] = np.inf
@@ -74,7 +76,9 @@ class OrderTable:
     def difference(self, other: OrderTable, step: float, left_out: float) -> OrderTable:
         """(self - other)/step, of tables that hold all orders; `left_out` as in `kept`."""
         values, slopes = self.values - other.values, self.slopes - other.slopes
-        table = OrderTable(self.order, self.nodes, values, slopes, self.stiffness).kept(left_out)
+        table = OrderTable(self.order, self.nodes, values, slopes, self.stiffness).largest_orders(
+            left_out
+        )
         return OrderTable(
             table.order, table.nodes, table.values / step, table.slopes / step, table.stiffness
         )

@@ -48,35 +48,35 @@ class TighterPlanet(Distribution):
         return -1.0, 1.0
 
     def raw_moments(self, order: int) -> Array:
-        if self.alone:
+        if self.is_single:
             return UNIFORM.raw_moments(order)
         return np.array(raw_moments(self, UNIFORM, order))
 
     def partial_moments(self, z: Array) -> tuple[Array, Array, Array]:
-        if self.alone:
+        if self.is_single:
             return UNIFORM.partial_moments(z)
         return partial_moments(self, UNIFORM, z)
 
     def cdf(self, z: Array) -> Array:
         """P(Z <= z), shape of `z`."""
-        if self.alone:
+        if self.is_single:
             return UNIFORM.partial_moments(z)[0]
         return _cubic(_moments(self, UNIFORM)[0], *_place(z))
 
     def density(self, z: Array) -> Array:
         """f(z), shape of `z`; 0 outside of the zone."""
         inside = np.abs(z) <= 1.0
-        if self.alone:
+        if self.is_single:
             return np.where(inside, 0.5, 0.0)
         return np.where(inside, _cubic(_densities(self), *_place(z)), 0.0)
 
     def quantile(self, probability: Array) -> Array:
-        if self.alone:
+        if self.is_single:
             return UNIFORM.quantile(probability)
         return _inverse(_moments(self, UNIFORM)[0], np.asarray(probability, dtype=float))
 
     @property
-    def alone(self) -> bool:
+    def is_single(self) -> bool:
         """Whether the least clearance is that of any one planet."""
         return self.planets == 1 or self.share == 1.0
 

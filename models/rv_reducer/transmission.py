@@ -37,29 +37,33 @@ def _inertia(name: str, default: float, meaning: str) -> Parameter:
     )
 
 
-def _reading(name: str, unit: str, meaning: str, high: float) -> Parameter:
+def _unit_error(name: str, unit: str, meaning: str, high: float) -> Parameter:
     return Parameter(name, 0.0, unit, meaning, "a perfect unit", low=-high, high=high)
 
 
 OWN: tuple[Parameter, ...] = (
     next(parameter for parameter in declared.PARAMETERS if parameter.name == "sun_pitch_radius_mm"),
-    _reading(
+    _unit_error(
         "sun_runout_um",
         "um",
         "runout of the sun (twice its eccentricity), as one planet meets it",
         200.0,
     ),
-    _reading("sun_runout_phase_deg", "deg", "where in a turn of the sun it advances most", 360.0),
-    _reading(
+    _unit_error(
+        "sun_runout_phase_deg", "deg", "where in a turn of the sun it advances most", 360.0
+    ),
+    _unit_error(
         "input_error_arcmin", "arcmin", "error of the input angle, once per turn of the input", 60.0
     ),
-    _reading(
+    _unit_error(
         "output_eccentricity_arcsec",
         "arcsec",
         "error of the reading at the output, once per turn",
         3600.0,
     ),
-    _reading("output_eccentricity_phase_deg", "deg", "output angle at which it is largest", 360.0),
+    _unit_error(
+        "output_eccentricity_phase_deg", "deg", "output angle at which it is largest", 360.0
+    ),
     _inertia("input_inertia_kgm2", 8e-4, "inertia at the input shaft [kg m^2]: motor and sun"),
     _inertia("load_inertia_kgm2", 4.216, "inertia at the output [kg m^2]"),
     Parameter(

@@ -45,7 +45,7 @@ def _joint(section: Section, joint: int) -> dict[str, Value]:
         elif name not in section and column not in section and column != "offset":
             section.fault(name, f"is missing: the {meaning} {joint}; write 0 where there is none")
     values.setdefault(nominal("offset", joint), 0.0)
-    section.known(OF_ALLOCATIONS)
+    section.accept(OF_ALLOCATIONS)
     section.finish()
     return values
 

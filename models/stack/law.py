@@ -126,7 +126,7 @@ def law_of(mechanism: Mechanism, covariance: Array) -> Law | str:
     """The law, or why there is none in closed form; `covariance` (p, p) is that of y at t = 1."""
     if mechanism.formula is not None and not mechanism.formula.linear:
         return "the formula is not linear"
-    mechanism = _alone(mechanism)
+    mechanism = _relevant_pieces(mechanism)
     used = dict.fromkeys(mechanism.owner)
     even_laws = {at: even_law(mechanism.inputs[at]) for at in used}
     odd = [at for at, law in even_laws.items() if law is None]
@@ -151,7 +151,7 @@ def law_of(mechanism: Mechanism, covariance: Array) -> Law | str:
     )
 
 
-def _alone(mechanism: Mechanism) -> Mechanism:
+def _relevant_pieces(mechanism: Mechanism) -> Mechanism:
     """The mechanism with only the pieces that the requirement depends on."""
     kept = np.flatnonzero(mechanism.sensitivities)
     if len(kept) == len(mechanism.owner):

@@ -19,16 +19,16 @@ from .problem import PlainProblem
 class PlainKind:
     """A pymoo problem in the place of a class of problems."""
 
-    own: Problem
+    pymoo_problem: Problem
 
     @property
     def declaration(self) -> Declaration:
         """Variables, outputs and objectives as the problem declares them."""
-        return declaration_of(self.own)
+        return declaration_of(self.pymoo_problem)
 
     def configured(self, top: Section) -> ConfiguredProblem:
         """The problem: it reads no table of its own."""
-        return ConfiguredProblem(self.declaration, partial(PlainProblem, self.own))
+        return ConfiguredProblem(self.declaration, partial(PlainProblem, self.pymoo_problem))
 
 
 def plain_kind(given: Any) -> PlainKind:

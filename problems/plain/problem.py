@@ -36,21 +36,21 @@ class PlainProblem(ToleranceProblem, WithEffects):
     """
 
     def __init__(self, own: Problem, settings: Settings | None = None) -> None:
-        self.own = own
+        self.pymoo_problem = own
         self.declaration = declaration_of(own)
         super().__init__(settings)
 
     def _completed(self, given: Settings) -> Settings:
         missed = number(given.parameters.get(MISSED.name, MISSED.default))
-        limits = dict(limits_of(self.own, missed)) | dict(given.limits)
+        limits = dict(limits_of(self.pymoo_problem, missed)) | dict(given.limits)
         return super()._completed(replace(given, limits=limits))
 
     def _outputs(self, designs: Array, searching: bool) -> dict[str, Array]:
-        evaluated = self.own.evaluate(designs, return_as_dictionary=True)
+        evaluated = self.pymoo_problem.evaluate(designs, return_as_dictionary=True)
         names = {
-            "F": objectives_of(self.own),
-            "G": inequalities_of(self.own),
-            "H": equalities_of(self.own),
+            "F": objectives_of(self.pymoo_problem),
+            "G": inequalities_of(self.pymoo_problem),
+            "H": equalities_of(self.pymoo_problem),
         }
         return {
             name: column
@@ -69,8 +69,10 @@ class PlainProblem(ToleranceProblem, WithEffects):
 
     def relaxed(self, limits: Mapping[str, Bound]) -> PlainProblem:
         """The same problem with some limits replaced."""
-        return PlainProblem(self.own, replace(self.given, limits={**self.given.limits, **limits}))
+        return PlainProblem(
+            self.pymoo_problem, replace(self.given, limits={**self.given.limits, **limits})
+        )
 
     def without_effects(self) -> PlainProblem:
         """The same problem: effects have no place in it."""
-        return PlainProblem(self.own, replace(self.given, effects=()))
+        return PlainProblem(self.pymoo_problem, replace(self.given, effects=()))

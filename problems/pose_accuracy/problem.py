@@ -177,12 +177,12 @@ class PoseAccuracy(PromisingPoses, Provable, Documented, Page):
         )
 
     @property
-    def _other(self) -> float:
+    def _other_std(self) -> float:
         return number(self.settings.parameters[OTHER.name])
 
     def _with_others(self, name: str, field: Field) -> Field:
         """A field with the three components of the other sources, where there are any."""
-        if self._other == 0.0:
+        if self._other_std == 0.0:
             return field
         poses, size, _ = field.effects.shape
         more = np.eye(3) if name == "position" else np.zeros((size, 3))
@@ -191,9 +191,9 @@ class PoseAccuracy(PromisingPoses, Provable, Documented, Page):
 
     def _sources(self, sigma: Array) -> Array:
         """Standard deviations (n, sources) with those of the other sources, where there are any."""
-        if self._other == 0.0:
+        if self._other_std == 0.0:
             return sigma
-        more = np.full((len(sigma), 3), self._other / np.sqrt(3.0))
+        more = np.full((len(sigma), 3), self._other_std / np.sqrt(3.0))
         return np.hstack([sigma, more])
 
     def over_machines(self, designs: Array, names: Iterable[str]) -> dict[str, Array]:
@@ -205,7 +205,7 @@ class PoseAccuracy(PromisingPoses, Provable, Documented, Page):
         outputs = {"cost": self.cost_of(designs)}
         for name, squares in self.squares.items():
             worst = np.max(designs**2 @ squares.T, axis=1)
-            other_sources = self._other**2 if name == "position_mm" else 0.0
+            other_sources = self._other_std**2 if name == "position_mm" else 0.0
             outputs[name] = np.sqrt(worst + other_sources)
         asked = (*self.objectives, *(limit.name for limit in self.limits))
         nothing = np.full(len(designs), np.nan)
@@ -283,7 +283,9 @@ class PoseAccuracy(PromisingPoses, Provable, Documented, Page):
             )
             for at, name in enumerate(self.names)
         )
-        constants = np.array([self._other**2 if name == "position_mm" else 0.0 for name in outputs])
+        constants = np.array(
+            [self._other_std**2 if name == "position_mm" else 0.0 for name in outputs]
+        )
         relaxed = tuple(
             limit.name
             for limit in self.limits

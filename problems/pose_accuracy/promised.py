@@ -62,10 +62,10 @@ class PromisingPoses(ProcessProblem, Differentiable):
         z = ndtri(share)
         bell = np.exp(-0.5 * z**2) / np.sqrt(2.0 * np.pi)
         error = float(np.median(0.01 * outputs[f"{BOTH}_error"] / np.maximum(bell, 1e-6)))
-        return Shortfall(self._wanted - z, error)
+        return Shortfall(self._promised_quantile - z, error)
 
     @property
-    def _wanted(self) -> float:
+    def _promised_quantile(self) -> float:
         """Standard normal quantile of the promised fraction."""
         assert self.settings.promise is not None
         return float(ndtri(self.settings.promise.share))
@@ -150,7 +150,10 @@ class PromisingPoses(ProcessProblem, Differentiable):
         if not searching:
             short = [self.verdict(design).shortfalls for design in designs]
             return np.array(
-                [100.0 * float(np.mean(ndtr(self._wanted - shortfalls))) for shortfalls in short]
+                [
+                    100.0 * float(np.mean(ndtr(self._promised_quantile - shortfalls)))
+                    for shortfalls in short
+                ]
             )
         radius = self._expecting if self.known else 0.0
         return np.array(

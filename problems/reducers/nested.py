@@ -46,7 +46,7 @@ class Nested:
     hysteresis: float = 0.0
     """Lost motion of friction [arcmin] that adds to the backlash."""
     price: float = 1.0
-    known: ReducerFront | None = field(default=None, repr=False)
+    given_front: ReducerFront | None = field(default=None, repr=False)
     of: Nested | None = field(default=None, repr=False)
     """The same reducer at another price, whose front this one has."""
 
@@ -57,7 +57,7 @@ class Nested:
         variants = self._variants
         if (hysteresis, price) not in variants:
             of = self if hysteresis == self.hysteresis else None
-            variant = replace(self, hysteresis=hysteresis, price=price, known=None, of=of)
+            variant = replace(self, hysteresis=hysteresis, price=price, given_front=None, of=of)
             variants[hysteresis, price] = variant
         return variants[hysteresis, price]
 
@@ -85,8 +85,8 @@ class Nested:
         """The proven front; computed once."""
         if self.of is not None:
             return self.of.front
-        if self.known is not None or self.block is None:
-            return self.known
+        if self.given_front is not None or self.block is None:
+            return self.given_front
         return ReducerFront.of(self.block)
 
     @cached_property
@@ -106,7 +106,7 @@ class Nested:
         """The front if it has been computed."""
         if self.of is not None:
             return self.of.front_known
-        return self.known or self.__dict__.get("front")
+        return self.given_front or self.__dict__.get("front")
 
     @cached_property
     def range(self) -> tuple[float, float]:
@@ -124,7 +124,7 @@ class Nested:
         text = json.dumps([self.tables, self.hysteresis], sort_keys=True, default=str)
         return hashlib.sha256(text.encode()).hexdigest()
 
-    def kept(self) -> dict[str, Array]:
+    def stored_arrays(self) -> dict[str, Array]:
         """The proven front as arrays by name; empty of a front of points."""
         if self.front is None:
             return {}
@@ -145,7 +145,7 @@ class Nested:
         parts = [[arrays[f"{self.key}.{at}.{name}"] for name in names] for at in range(count)]
         curves = tuple(PricedCurve(t, c, k, float(m)) for t, c, k, m in parts)
         whole = self if self.of is None else self.of
-        object.__setattr__(whole, "known", ReducerFront(self.block, curves))
+        object.__setattr__(whole, "given_front", ReducerFront(self.block, curves))
         return True
 
     def _costs(self, rms: Array) -> Array:

@@ -40,7 +40,7 @@ def gear_variables(gears: Mapping[str, Nested], nested: bool) -> tuple[Variable,
     """Variables of reducers by key: two each where they are nested, else all their tolerances."""
     variables: list[Variable] = []
     for key, reducer in gears.items():
-        variables += _nested(key, reducer) if nested else _whole(key, reducer)
+        variables += _nested(key, reducer) if nested else _reducer_variables(key, reducer)
     return tuple(variables)
 
 
@@ -70,7 +70,7 @@ def _nested(at: str, reducer: Nested) -> list[Variable]:
     ]
 
 
-def _whole(at: str, reducer: Nested) -> list[Variable]:
+def _reducer_variables(at: str, reducer: Nested) -> list[Variable]:
     problem = reducer.problem
     assert problem is not None
     set_to = problem.settings.variables

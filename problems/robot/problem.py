@@ -85,7 +85,7 @@ class RobotProblem(ToleranceProblem, Provable, Documented, Comparison, Stored, P
             outputs |= self._accuracy(rms, np.where(rms > 0.0, share, 0.0))
         else:
             outputs |= self._by_monte_carlo(designs, rms)
-        return outputs | self._asked(designs)
+        return outputs | self._slow_outputs(designs)
 
     def first_order(self, designs: Array) -> dict[str, Array]:
         """Outputs (n,) of full designs (n, all variables) that need no sample: costs, root mean
@@ -150,7 +150,7 @@ class RobotProblem(ToleranceProblem, Provable, Documented, Comparison, Stored, P
         c = SAFE * np.interp(share, SHARES, self._ratios)
         return {"pose_accuracy_mm": c * rms, "accuracy_ratio": c}
 
-    def _asked(self, designs: Array) -> dict[str, Array]:
+    def _slow_outputs(self, designs: Array) -> dict[str, Array]:
         """The outputs that take longer, where they are minimised or limited."""
         asked = {*self.objectives, *(limit.name for limit in self.limits)}
         outputs: dict[str, Array] = {}
@@ -302,7 +302,9 @@ class RobotProblem(ToleranceProblem, Provable, Documented, Comparison, Stored, P
 
     def kept(self) -> dict[str, Array]:
         return {
-            name: array for reducer in self.gears.nested for name, array in reducer.kept().items()
+            name: array
+            for reducer in self.gears.nested
+            for name, array in reducer.stored_arrays().items()
         }
 
     def adopt(self, arrays: Mapping[str, Array]) -> bool:

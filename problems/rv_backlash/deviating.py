@@ -20,7 +20,7 @@ from ..deviations import Deviations
 from ..forms import Feature, Form
 from ..promise import ASSURED, PROMISED
 from .form import OUTPUTS, form_of
-from .made import TERMS
+from .machined_tolerances import TERMS
 
 if TYPE_CHECKING:
     from .problem import RvBacklash

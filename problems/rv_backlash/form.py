@@ -21,8 +21,8 @@ from ...units import ARCMIN, MM
 from ..forms import Feature, Form, Way
 from ..limits import Limit
 from ..promise import ASSURED, PROMISED
-from .made import CELLS as CELLS_OF_MEANS
-from .made import Piece, pieces_of
+from .machined_tolerances import CELLS as CELLS_OF_MEANS
+from .machined_tolerances import Piece, pieces_of
 from .refused import allows_any
 from .shift import extreme_pair, play_slopes
 from .terms import ends, unit_terms
@@ -90,7 +90,7 @@ def _rows(mean: float, std: float, k: float) -> tuple[tuple[float, ...], tuple[f
 
 def tolerance_feature(problem: RvBacklash, name: str, term: Term, k: float) -> Feature:
     """A tolerance of the cycloid stage."""
-    if name in problem.made:
+    if name in problem.machined_tolerances:
         return _machines(problem, name, term, k)
     curve, (low, high) = problem.settings.costs[name], ends(problem, name)
     m1, m2 = term.distribution.raw_moments(2)[1:]
@@ -105,13 +105,18 @@ def tolerance_feature(problem: RvBacklash, name: str, term: Term, k: float) -> F
 
 def _machines(problem: RvBacklash, name: str, term: Term, k: float) -> Feature:
     """A tolerance that machines make, by the spread of its good parts."""
-    tolerance, moves = problem.made[name], problem.model.moves(name.removesuffix("_um"))
+    tolerance, moves = (
+        problem.machined_tolerances[name],
+        problem.model.moves(name.removesuffix("_um")),
+    )
     cells = (CELLS_OF_MEANS if moves else 1, 1) if term.quadratic is None else (CELLS, CELLS)
     pieces = pieces_of(tolerance, ends(problem, name), *cells)
-    return Feature(name, tuple(_made(term, piece, moves, k) for piece in pieces), tolerance.choice)
+    return Feature(
+        name, tuple(_way_of_piece(term, piece, moves, k) for piece in pieces), tolerance.choice
+    )
 
 
-def _made(term: Term, piece: Piece, moves: bool, k: float) -> Way:
+def _way_of_piece(term: Term, piece: Piece, moves: bool, k: float) -> Way:
     """Lower bounds of mean and standard deviation of b y + q y^2, y = mean + x z, z normal."""
     _, _, m2, _, m4 = term.distribution.raw_moments(4)
     b = float(term.linear[0]) / ARCMIN

@@ -31,7 +31,7 @@ def gradients(problem: RvBacklash, designs: Array) -> dict[str, Array]:
     phi_1, phi_3 = total.free
     spread = problem.effective(designs)
     slopes = {name: _by_tolerance(t, problem.column(spread, name)) for name, t in terms.items()}
-    for tolerance in problem.made.values():
+    for tolerance in problem.machined_tolerances.values():
         t, chosen = problem.column(designs, tolerance.name), problem.chosen(designs, tolerance)
         rise, shift = tolerance.slopes(t, chosen)
         (by_mean, by_variance), x = slopes[tolerance.name], problem.column(spread, tolerance.name)

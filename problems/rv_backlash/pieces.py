@@ -14,8 +14,8 @@ from ...models.propagation.even import UNIFORM, Even, even_law
 from ...models.propagation.sums import Term
 from ...units import ARCMIN
 from .bent import LEVELS, SAFE, Cell, quantiles_of, uniform_below
-from .made import CELLS as CELLS_OF_MEANS
-from .made import pieces_of
+from .machined_tolerances import CELLS as CELLS_OF_MEANS
+from .machined_tolerances import pieces_of
 from .shift import Shift
 from .terms import ends, unit_terms
 
@@ -83,7 +83,7 @@ class Sum:
     parts: tuple[Part, ...]
     shift: Shift
     cycloid: float
-    more: float
+    effective_change: float
 
 
 def sum_of(problem: RvBacklash, cut: float) -> Sum | str:
@@ -95,7 +95,7 @@ def sum_of(problem: RvBacklash, cut: float) -> Sum | str:
         return "an effect inflates the spread"
     parts: list[Part] = []
     cycloid = 0.0
-    if "eccentricity_um" in problem.made:
+    if "eccentricity_um" in problem.machined_tolerances:
         return "the eccentricity is made by machines, whose law is not bounded"
     for name, term in unit_terms(problem).items():
         cycloid += float(term.constant[0]) / ARCMIN
@@ -122,7 +122,7 @@ def _straight(problem: RvBacklash, name: str, term: Term, clipped: bool) -> Part
     if known is None:
         return f"the deviations of {name} are skewed or have poles"
     linear = float(term.linear[0]) / ARCMIN
-    if name in problem.made:
+    if name in problem.machined_tolerances:
         return _machines(problem, name, linear, known[1])
     slope = linear * known[0] + (0.0 if clipped else float(term.constant[0]) / ARCMIN)
     member = Member(
@@ -138,7 +138,10 @@ def _straight(problem: RvBacklash, name: str, term: Term, clipped: bool) -> Part
 
 def _machines(problem: RvBacklash, name: str, linear: float, law: Even) -> Part:
     """A tolerance that machines make, by the spread of its good parts."""
-    tolerance, moves = problem.made[name], problem.model.moves(name.removesuffix("_um"))
+    tolerance, moves = (
+        problem.machined_tolerances[name],
+        problem.model.moves(name.removesuffix("_um")),
+    )
     members = []
     for piece in pieces_of(tolerance, ends(problem, name), CELLS_OF_MEANS if moves else 1):
         values = linear * moves * piece.means

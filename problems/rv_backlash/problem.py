@@ -38,7 +38,7 @@ from .counterparts import changes_of, sentence
 from .deviating import deviations_of, promised_form
 from .form import deviations
 from .gradient import gradients
-from .made import MACHINABLE, moved
+from .machined_tolerances import MACHINABLE, moved
 from .outputs import DEFAULT_LIMITS, DEFAULT_OBJECTIVES, OUTPUTS
 from .quantile_form import quantile_form, shortfalls
 from .refused import refused
@@ -204,7 +204,7 @@ class RvBacklash(
     def form_columns(self, columns: Mapping[str, Array]) -> dict[str, Array]:
         """Modification and stagger at the shift of a form's optimum, and limits of inspection."""
         values, shift = dict(columns), self.shift
-        for tolerance in self.made.values():
+        for tolerance in self.machined_tolerances.values():
             if tolerance.name in values:
                 chosen = np.rint(values.get(tolerance.choice, 0.0 * values[tolerance.name])).astype(
                     np.int64
@@ -232,7 +232,7 @@ class RvBacklash(
 
         None where machines make a part: the bands would not be theirs.
         """
-        if self.made:
+        if self.machined_tolerances:
             return {}
         bands = np.array([float(v.document or 0.0) for v in self.variables])
         staggered = bands.copy()
@@ -263,7 +263,7 @@ class RvBacklash(
         return f"GA, least cost at {limit.high:g} arcmin", RvBacklash(given)
 
     def finer_verdicts(self, designs: Array) -> tuple[str, ...]:
-        return () if self.made else verdicts(self, designs)
+        return () if self.machined_tolerances else verdicts(self, designs)
 
     def interval(self, output: str) -> Interval:
         """Proven bounds: by monotonicity in the tolerances, or by leaving the cycloid stage out.

@@ -41,7 +41,7 @@ class PromisedRow:
         """
         promise = problem.promise
         asked = {*problem.objectives, *(limit.name for limit in problem.limits)}
-        if promise is None or promise.statement != ASSURED or problem.made:
+        if promise is None or promise.statement != ASSURED or problem.machined_tolerances:
             return None
         return None if asked.intersection(OUTPUTS) else cls(problem)
 

@@ -182,7 +182,7 @@ def _offset(row: Row, total: Sum) -> float:
         return 0.0
     if row.kind == "edge":
         return total.cycloid
-    return -total.cycloid if row.clipped else total.cycloid + total.more
+    return -total.cycloid if row.clipped else total.cycloid + total.effective_change
 
 
 def _quantile(row: Row, total: Sum) -> Quantile | None:

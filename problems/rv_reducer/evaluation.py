@@ -72,7 +72,7 @@ def part_of(name: str) -> tuple[str, str]:
     return name, "quantile"
 
 
-def known(name: str) -> bool:
+def is_unit_statistic(name: str) -> bool:
     """Whether an output is a statistic over units."""
     return name in MEASURES or part_of(name)[0] in LOADED
 

@@ -69,17 +69,19 @@ def still_default(given: Settings, parameters: Mapping[str, Value]) -> tuple[str
 def _groups(given: Settings, stage: bool) -> Iterator[str]:
     values = given.parameters
     mids = [name for name in DEFAULTS if name.endswith("_mid_um")]
-    yield from _named("", (n for n in (*GEOMETRY[:-1], "pressure_angle_deg")), values, stage)
-    yield from _named("gear deviations", GEARS, values, stage)
-    yield from _named("mid-limits", mids, values, stage)
-    yield from _named("", (*STIFFNESS, *TORQUES), values, stage)
+    yield from _inherited_names(
+        "", (n for n in (*GEOMETRY[:-1], "pressure_angle_deg")), values, stage
+    )
+    yield from _inherited_names("gear deviations", GEARS, values, stage)
+    yield from _inherited_names("mid-limits", mids, values, stage)
+    yield from _inherited_names("", (*STIFFNESS, *TORQUES), values, stage)
     ranges = [v.name for v in VARIABLES if v.name not in DISC_TO_DISC]
-    yield from _named("search ranges", ranges, _set(given), stage)
-    yield from _named("errors between discs", DISC_TO_DISC, _set(given), stage)
-    yield from _named("costs", DEFAULT_COSTS, given.costs, stage)
+    yield from _inherited_names("search ranges", ranges, _set(given), stage)
+    yield from _inherited_names("errors between discs", DISC_TO_DISC, _set(given), stage)
+    yield from _inherited_names("costs", DEFAULT_COSTS, given.costs, stage)
 
 
-def _named(
+def _inherited_names(
     group: str, names: Iterable[str], given: Mapping[str, object], stage: bool
 ) -> Iterator[str]:
     """The names that are not given, all of a group by its name alone."""

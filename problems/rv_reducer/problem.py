@@ -22,12 +22,12 @@ from ..declaration import Declaration, Interval
 from ..interfaces import Accuracy, Comparison, Documented, Page, Variant, WithEffects
 from ..machined import Machined
 from ..rv_backlash.costs import DEFAULT_COSTS
-from ..rv_backlash.made import MACHINABLE
+from ..rv_backlash.machined_tolerances import MACHINABLE
 from ..settings import Bound, Settings, VariableSetting
 from . import geometry
 from .counterparts import changes_of, sentence
 from .declared import DISC_TO_DISC, PARAMETERS, VARIABLES
-from .evaluation import Evaluation, Populations, known
+from .evaluation import Evaluation, Populations, is_unit_statistic
 from .inherited import changed, still_default
 from .outputs import (
     DEFAULT_LIMITS,
@@ -190,11 +190,11 @@ class RvReducer(PromisingUnits, Machined, Accuracy, Documented, Comparison, With
     def _outputs(self, designs: Array, searching: bool) -> dict[str, Array]:
         columns = {output.name: np.full(len(designs), np.nan) for output in self.outputs}
         if searching:
-            return columns | self._statistics(designs, searching, self._asked)
+            return columns | self._statistics(designs, searching, self._sampled_outputs)
         return columns | self._statistics(designs, searching, SAMPLED_OUTPUTS, errors=True)
 
     def needed(self, designs: Array) -> dict[str, Array]:
-        outputs = self._statistics(designs, searching=False, names=self._asked)
+        outputs = self._statistics(designs, searching=False, names=self._sampled_outputs)
         return outputs | self.promised_needs(designs)
 
     def _statistics(
@@ -213,10 +213,10 @@ class RvReducer(PromisingUnits, Machined, Accuracy, Documented, Comparison, With
         return columns | {"cost": self.cost_of(designs)} | self.profile(designs)
 
     @cached_property
-    def _asked(self) -> frozenset[str]:
+    def _sampled_outputs(self) -> frozenset[str]:
         """Sampled outputs that a search needs."""
         names = {*self.objectives, *(limit.name for limit in self.limits)}
-        return frozenset(name for name in names if known(name))
+        return frozenset(name for name in names if is_unit_statistic(name))
 
     def profile(self, designs: Array) -> dict[str, Array]:
         """Outputs of the tooth modification (n,) of full designs."""
@@ -229,10 +229,11 @@ class RvReducer(PromisingUnits, Machined, Accuracy, Documented, Comparison, With
         }
 
     def gradient(self, designs: Array) -> dict[str, Array]:
-        names = self._asked
+        names = self._sampled_outputs
         gradients = {name: np.zeros_like(designs) for name in names}
         by_mean = {
-            name: {tolerance: np.zeros(len(designs)) for tolerance in self.made} for name in names
+            name: {tolerance: np.zeros(len(designs)) for tolerance in self.machined_tolerances}
+            for name in names
         }
         for at, design in enumerate(designs):
             evaluation = self.evaluation(design, searching=True)
@@ -264,7 +265,7 @@ class RvReducer(PromisingUnits, Machined, Accuracy, Documented, Comparison, With
 
     def references(self) -> dict[str, Array]:
         """The documents' allocations, which are those of the RV-40E-121 alone, without machines."""
-        if self.made or changed(self.settings.parameters):
+        if self.machined_tolerances or changed(self.settings.parameters):
             return {}
         nominal = nominal_of(self)
         return {

@@ -102,12 +102,17 @@ def add_gradient(
     promise = problem.settings.promise
     if promise is None or promise.statement == PLUG_IN:
         return
-    rows, means = [], {tolerance: np.zeros(len(designs)) for tolerance in problem.made}
+    rows, means = (
+        [],
+        {tolerance: np.zeros(len(designs)) for tolerance in problem.machined_tolerances},
+    )
     for at, design in enumerate(designs):
         state, evaluation = problem.promised_units(design)
         slopes = evaluation.gradient(YIELD)
         by_means = (
-            evaluation.slopes_of_means(YIELD) if np.any(problem.shifting) or problem.made else {}
+            evaluation.slopes_of_means(YIELD)
+            if np.any(problem.shifting) or problem.machined_tolerances
+            else {}
         )
         row, _ = problem.as_built(design)
         moved = state[1] * deviations(problem, row) * problem.shifting
@@ -115,7 +120,7 @@ def add_gradient(
             slopes[name] = float(wider) * slopes[name]
             slopes[name] += by_means.get(name, 0.0) * more / row[name] if more else 0.0
         rows.append([slopes.get(v.name, 0.0) for v in problem.variables])
-        for tolerance in problem.made:
+        for tolerance in problem.machined_tolerances:
             means[tolerance][at] = by_means[tolerance]
     gradients[PROMISED], by_mean[PROMISED] = np.array(rows).reshape(designs.shape), means
 

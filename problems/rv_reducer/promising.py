@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from ..made import Made
+from ..machined_tolerance import MachinedTolerance
 from ..process_problem import ProcessProblem, Shortfall
 from ..promise import ASSURED, PLUG_IN, PROMISED, YIELD
 from . import promised
@@ -26,7 +26,7 @@ class PromisingUnits(ProcessProblem):
     """Units that are built by processes in any state."""
 
     model: UnitModel
-    made: dict[str, Made]
+    machined_tolerances: dict[str, MachinedTolerance]
 
     @abstractmethod
     def as_built(self, design: Array) -> tuple[dict[str, float], dict[str, float]]:

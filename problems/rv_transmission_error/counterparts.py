@@ -50,11 +50,12 @@ ACTING = {
 class Waves:
     """Waves that are added to every unit's transmission error over the turn of the output.
 
-    Its order 40 is Re[`wave` exp(40 j theta)], `rest` half the peak to peak of all else [rad].
+    Its order 40 is Re[`wave` exp(40 j theta)], `half_range_of_others` half the peak to
+    peak of all else [rad].
     """
 
     wave: complex
-    rest: float
+    half_range_of_others: float
 
 
 def departures_with(departures: Departures, effects: Iterable[Active]) -> Departures:
@@ -117,7 +118,7 @@ def sentence(active: Active, torque: float, speed: float) -> str:
         if size != 0.0
     ]
     waves = waves_of([active], torque, speed)
-    size, rest = abs(waves.wave) / ARCSEC, waves.rest / ARCSEC
+    size, rest = abs(waves.wave) / ARCSEC, waves.half_range_of_others / ARCSEC
     if size > 0.0:
         sentences.append(
             f"every unit has {size:.4g} arcsec of order 40, which adds to that of the "

@@ -91,7 +91,9 @@ class RvTransmissionError(ToleranceProblem, Provable, Documented, WithEffects, P
         """The full model, with the waves that effects add to every unit."""
         transmission = declared.transmission(self.settings.parameters)
         waves = waves_of(self.settings.effects, *self._operating)
-        mapping = replace(transmission.mapping, floor=transmission.mapping.floor + waves.rest)
+        mapping = replace(
+            transmission.mapping, floor=transmission.mapping.floor + waves.half_range_of_others
+        )
         return replace(transmission, mapping=mapping, wave=waves.wave)
 
     @property

@@ -40,7 +40,7 @@ def by_limit(stack: Stack, designs: Array, slopes: dict[str, Array]) -> dict[str
 
 def _linear_outputs(stack: Stack, designs: Array) -> dict[str, Array]:
     """The outputs (n,) that have derivatives, yields and half-widths by their laws."""
-    t, coverage = stack.made(designs), stack.settings.propagation.coverage
+    t, coverage = stack.parts_as_made(designs), stack.settings.propagation.coverage
     outputs: dict[str, Array] = {}
     for measured in stack.measured:
         outputs |= measured.variations(t) | measured.margin(t)
@@ -51,5 +51,5 @@ def _linear_outputs(stack: Stack, designs: Array) -> dict[str, Array]:
         else:
             outputs[measured.name("yield_percent")] = measured.linear_yield(t)
     if stack.promises is not None:
-        outputs |= stack.promises.outputs(t, True, stack.wanted)
+        outputs |= stack.promises.outputs(t, True, stack.required_outputs)
     return outputs | joint_variations(stack.measured, outputs)

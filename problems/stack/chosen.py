@@ -11,8 +11,8 @@ from scipy.special import ndtri
 from ...models.capability import Aim, Level, Processes, Ways, calibrated
 from ..promise import ASSURED, Promise
 from .definition import Part
-from .made import spread_and_mean
 from .measured import Measured
+from .parts_as_made import spread_and_mean
 
 Array = NDArray[np.float64]
 POINTS = 6
@@ -39,7 +39,7 @@ def level_of(requirements: Sequence[Measured], promise: Promise, seed: int) -> L
     for at, part in enumerate(parts):
         for number in range(len(part.processes)):
             if _owner(part, at, number) not in owners:
-                known = part.known(number)
+                known = part.knowledge_of(number)
                 owners.append(_owner(part, at, number))
                 df.append(np.inf if known is None else known.df)
                 n.append(np.inf if known is None else known.n)
@@ -50,7 +50,7 @@ def level_of(requirements: Sequence[Measured], promise: Promise, seed: int) -> L
         _aim(bounded, promise),
         np.random.default_rng([seed, len(parts)]),
     )
-    return level if level.sure else Level(NEVER, level.kept, level.without, sure=False)
+    return level if level.sure else Level(NEVER, level.kept_fraction, level.without, sure=False)
 
 
 def chosen_by_sample(parts: Sequence[Part]) -> bool:

@@ -13,7 +13,7 @@ from ..forms import Feature, Form, Way
 from ..limits import Limit
 from .definition import Part
 from .machine_ways import limits_alone, machine_ways
-from .made import limits_of
+from .parts_as_made import limits_of
 from .rows import YIELD, Row, quantile_of, rows_of, surplus_of
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ def form_of(stack: Stack, gaussian: bool = False) -> Form | None:
     settled, correlation = _settled(stack), _correlation(stack)
     kept = [at for at in range(len(parts)) if not settled[at]]
     within = correlation[np.ix_(kept, kept)]
-    left_out = _left_out(stack, {row.output for row in rows})
+    left_out = _omitted_limits(stack, {row.output for row in rows})
     independent = np.array_equal(within, np.eye(len(kept)))
     quantiles = tuple(quantile_of(row, kept, settled, t) for row in rows)
     rooted = [
@@ -194,7 +194,7 @@ def _statement(stack: Stack, rows: list[Row], left_out: tuple[str, ...]) -> str:
     return f"least cost of the linearised stack ({methods}){more}"
 
 
-def _left_out(stack: Stack, rows: set[str]) -> tuple[str, ...]:
+def _omitted_limits(stack: Stack, rows: set[str]) -> tuple[str, ...]:
     """Limits that the form cannot keep: on other quantities, or from below."""
     tolerances = {f"{part.name}_t" for part in stack.definition.parts if not part.fixed}
     tested = _domains(stack)

@@ -20,7 +20,7 @@ class PartCosts:
 
     parts: tuple[Part, ...]
 
-    def each(self, t: Array, chosen: NDArray[np.int64], slope: bool = False) -> Array:
+    def by_part(self, t: Array, chosen: NDArray[np.int64], slope: bool = False) -> Array:
         """Cost, or its slope, of every part (n, parts) by the processes chosen (n, parts)."""
         if self._joint is not None and not slope:
             with np.errstate(divide="ignore"):

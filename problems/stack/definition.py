@@ -101,7 +101,7 @@ class Part:
         """Deviation of the mean from the nominal where the distribution has no shift."""
         return self.mid + (0.0 if self.sample is None else self.sample.offset)
 
-    def known(self, number: int) -> Knowledge | None:
+    def knowledge_of(self, number: int) -> Knowledge | None:
         """Knowledge of one of its processes from a sample, None where it counts as known."""
         machine = self.processes[number].machine
         samples = (
@@ -114,7 +114,7 @@ class Part:
     @property
     def sampled(self) -> bool:
         """Whether some of its processes are known from samples."""
-        return any(self.known(number) is not None for number in range(len(self.processes)))
+        return any(self.knowledge_of(number) is not None for number in range(len(self.processes)))
 
     @property
     def by_machine(self) -> bool:

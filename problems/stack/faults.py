@@ -66,14 +66,17 @@ def yield_faults(stack: Stack) -> list[Fault]:
     """Yields that are asked for of requirements without limits."""
     faults = []
     for measured in stack.measured:
-        if measured.name("yield_percent") in stack.wanted and not measured.mechanism.bounded:
+        if (
+            measured.name("yield_percent") in stack.required_outputs
+            and not measured.mechanism.bounded
+        ):
             place = measured.requirement.place
             text = f"needs {place}.lower, {place}.upper or both: without them there is none"
             faults.append(Fault(f"limits.{measured.name('yield_percent')}", text))
     several = bool(stack.definition.requirement.key)
     if (
         several
-        and "yield_percent" in stack.wanted
+        and "yield_percent" in stack.required_outputs
         and not any(measured.mechanism.bounded for measured in stack.measured)
     ):
         text = "needs lower or upper of a [[requirement]]: without them there is none"
@@ -110,7 +113,7 @@ def domain_faults(stack: Stack) -> list[Fault]:
     for measured in stack.measured:
         if measured.requirement.method != "monte_carlo":
             continue
-        ends = stack.made(stack.corner(tight=True)[None, :])
+        ends = stack.parts_as_made(stack.corner(tight=True)[None, :])
         coverage = stack.settings.propagation.coverage
         width = half_width(measured.mechanism, ends, stack.yields.searching, coverage)
         if not np.isfinite(width[0]):
@@ -154,4 +157,4 @@ def named_outputs(top: Section) -> tuple[list[str], list[str]]:
     """Names of objectives and limits, as far as they can be read."""
     names, limits = top.section("objectives").take("minimise"), top.section("limits")
     named = [name for name in names if isinstance(name, str)] if isinstance(names, list) else []
-    return (named if "objectives" in top else list(OBJECTIVES)), list(limits.given())
+    return (named if "objectives" in top else list(OBJECTIVES)), list(limits.all_keys())

@@ -18,7 +18,7 @@ from ...models.costs import Reciprocal
 from ...models.machines import GoodPartsBySpread, convex_cost
 from ..forms import Way
 from .definition import Part, Process
-from .made import by_spread, spread_and_mean
+from .parts_as_made import by_spread, spread_and_mean
 from .rows import Row
 
 Array = NDArray[np.float64]
@@ -46,7 +46,7 @@ def machine_ways(
         slopes = tuple(float(row.linear[at]) for row in rows)
         return [Way(used, low, high, slopes, (0.0,) * len(rows), choice=float(number))], exact
     curve = by_spread(part, process)
-    used, exact = convex_cost(curve, curve.tried)
+    used, exact = convex_cost(curve, curve.tabulated)
     cells = CELLS if _moves(process, rows, at) else 1
     ends = spread_and_mean(part, process, np.linspace(low, high, cells + 1))[0]
     if not any(row.linear[at] for row in rows):

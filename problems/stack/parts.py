@@ -76,7 +76,7 @@ def _read(
     distribution = read_distribution(section, Normal())
     labels = _labels(section)
     if unit is None:
-        section.known(("nominal", "t_max", "cost", *KEYS))
+        section.accept(("nominal", "t_max", "cost", *KEYS))
         return None
     nominal = section.number("nominal", unit)
     zone = read_tolerance(section, unit, nominal, fit)

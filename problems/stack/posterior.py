@@ -47,7 +47,7 @@ class Posterior:
         draws = {}
         for at, part in enumerate(self.parts):
             for number in range(len(part.processes)):
-                key, known = (at, self._source(at, number)), part.known(number)
+                key, known = (at, self._source(at, number)), part.knowledge_of(number)
                 if known is not None and key not in draws:
                     machine = [] if part.sample is not None else [number + 1]
                     drawn = Draws.of([known], [(self.seed, at, *machine)], self.draws)

@@ -42,9 +42,9 @@ from .drawn import drawn, labels_of
 from .faults import faults_of, named_outputs, unit_faults, with_nominal
 from .intervals import intervals_of
 from .joint import joint_slopes, joint_variations
-from .made import as_made, ends_as_made
 from .measured import Measured, measured
 from .outputs import OBJECTIVES, outputs_of, variables_of
+from .parts_as_made import as_made, ends_as_made
 from .processes import corner_of, out_of_process, samples_of
 from .promises import Promises
 from .reading import read_definition
@@ -122,7 +122,7 @@ class Stack(
             return np.zeros(len(designs), dtype=np.int64)
         return np.rint(self.column(designs, f"{part.name}_process")).astype(np.int64)
 
-    def made(self, designs: Array) -> Tolerances:
+    def parts_as_made(self, designs: Array) -> Tolerances:
         """Parts of full designs as they come out: with the scatter of their machines."""
         return as_made(self._parts, self.tolerances(designs), self._chosen_of_all(designs))
 
@@ -160,13 +160,13 @@ class Stack(
         return self._evaluated(designs, searching, needed=searching)
 
     def _evaluated(self, designs: Array, searching: bool, needed: bool) -> dict[str, Array]:
-        t = self.made(designs)
+        t = self.parts_as_made(designs)
         outputs = {"cost": self.cost_of(designs)} | self.yields.outputs(t, searching, needed)
         for requirement in self.measured:
             outputs |= requirement.variations(t) | requirement.margin(t)
             outputs |= self._shares(requirement, t, searching)
         if self.promises is not None:
-            outputs |= self.promises.outputs(t, searching, self.wanted)
+            outputs |= self.promises.outputs(t, searching, self.required_outputs)
         return outputs | joint_variations(self.measured, outputs)
 
     @property
@@ -182,19 +182,19 @@ class Stack(
     def _shares(self, requirement: Measured, t: Tolerances, searching: bool) -> dict[str, Array]:
         """Contributions of the parts; NaN where a search does not need them."""
         names = [requirement.contribution(at) for at in requirement.shown]
-        if searching and not self.wanted & set(names):
+        if searching and not self.required_outputs & set(names):
             return dict.fromkeys(names, np.full(len(t), np.nan))
         return requirement.shares(t)
 
     @cached_property
-    def wanted(self) -> frozenset[str]:
+    def required_outputs(self) -> frozenset[str]:
         """Outputs that are objectives or limited."""
         return frozenset((*self.objectives, *(limit.name for limit in self.limits)))
 
     @cached_property
     def yields(self) -> Yields:
         """Yields and half-widths by sample."""
-        return Yields(self.measured, self.settings, self.limits, self.wanted)
+        return Yields(self.measured, self.settings, self.limits, self.required_outputs)
 
     @property
     def linear(self) -> Linear:
@@ -249,20 +249,22 @@ class Stack(
     def _by_part(self, designs: Array, slope: bool = False) -> Array:
         """Cost, or its slope, of each part (n, parts)."""
         chosen = self._chosen_of_all(designs)
-        return self._costs.each(self.tolerances(designs), chosen, slope)
+        return self._costs.by_part(self.tolerances(designs), chosen, slope)
 
     def gradient(self, designs: Array) -> dict[str, Array]:
         """Derivatives of cost and of the linear variations; 0 for a process.
 
         The derivative of a sampled yield, a step function, is the normal linear model's.
         """
-        t, coverage = self.made(designs), self.settings.propagation.coverage
+        t, coverage = self.parts_as_made(designs), self.settings.propagation.coverage
         derivatives: dict[str, Array] = {}
         values: dict[str, Array] = {}
         for requirement in self.measured:
-            derivatives |= requirement.slopes(t, self.wanted, coverage)
+            derivatives |= requirement.slopes(t, self.required_outputs, coverage)
             values |= requirement.variations(t)
-        derivatives |= self.promises.slopes(t, self.wanted) if self.promises is not None else {}
+        derivatives |= (
+            self.promises.slopes(t, self.required_outputs) if self.promises is not None else {}
+        )
         if all(requirement.name("variation") in values for requirement in self.measured):
             derivatives |= joint_slopes(self.measured, values, derivatives)
         derivatives = by_limit(self, designs, derivatives) | {

@@ -41,7 +41,10 @@ class Promised:
         alone = np.divide(variances, squares, out=np.zeros_like(variances), where=squares > 0.0)
         return tuple(
             norm_of(
-                [part.known(min(number, len(part.processes) - 1)) for part in measured.parts],
+                [
+                    part.knowledge_of(min(number, len(part.processes) - 1))
+                    for part in measured.parts
+                ],
                 variances,
                 measured.linear.slope**2 * alone,
                 self.promise.confidence,

@@ -90,7 +90,7 @@ class Promises:
         return Posterior(self.measured[0].parts, self.seed)
 
     @cached_property
-    def each(self) -> tuple[Promised, ...]:
+    def requirement_promises(self) -> tuple[Promised, ...]:
         """The promise of each requirement with limits."""
         bounded = [measured for measured in self.measured if measured.mechanism.bounded]
         level = self.level.confidence if self.level is not None else None
@@ -106,13 +106,16 @@ class Promises:
     def outputs(self, t: Tolerances, searching: bool, wanted: Collection[str]) -> dict[str, Array]:
         """Promised yields and assurances (n,); NaN where a search does not need them."""
         by_output = {}
-        for promised in self.each if self.promise.statement != PLUG_IN else ():
+        for promised in self.requirement_promises if self.promise.statement != PLUG_IN else ():
             name = promised.measured.name(PROMISED)
             asked = not searching or name in wanted
             by_output[name] = promised.promised(t) if asked else np.full(len(t), np.nan)
-        groups = {promised.measured.name(ASSURANCE): [promised.measured] for promised in self.each}
+        groups = {
+            promised.measured.name(ASSURANCE): [promised.measured]
+            for promised in self.requirement_promises
+        }
         if self.measured[0].requirement.key:
-            groups[ASSURANCE] = [promised.measured for promised in self.each]
+            groups[ASSURANCE] = [promised.measured for promised in self.requirement_promises]
         for name, group in groups.items():
             names = name, f"{name}_error"
             if searching and name not in wanted:
@@ -126,24 +129,30 @@ class Promises:
         """Derivatives (n, parts) of promised yields that are wanted."""
         return {
             name: promised.slopes(t)
-            for promised in self.each
+            for promised in self.requirement_promises
             if (name := promised.measured.name(PROMISED)) in wanted
         }
 
     def intervals(self, tightest: Tolerances) -> dict[str, Interval]:
         """Proven ends: an assured yield is largest at the tightest tolerances (1, parts)."""
         by_output: dict[str, Interval] = {}
-        for promised in self.each if self.promise.statement != PLUG_IN else ():
+        for promised in self.requirement_promises if self.promise.statement != PLUG_IN else ():
             still = not np.any(promised.measured.linear.mean)
             proven = self.promise.statement == ASSURED and still and len(promised.norms) == 1
             most = max(0.0, float(promised.promised(tightest)[0])) if proven else 100.0
             by_output[promised.measured.name(PROMISED)] = 0.0, most
         return by_output | {
-            promised.measured.name(ASSURANCE): (0.0, 100.0) for promised in self.each
+            promised.measured.name(ASSURANCE): (0.0, 100.0)
+            for promised in self.requirement_promises
         }
 
     def row(self, output: str) -> Promised | None:
         """The promise that an output is of."""
         return next(
-            (promised for promised in self.each if promised.measured.name(PROMISED) == output), None
+            (
+                promised
+                for promised in self.requirement_promises
+                if promised.measured.name(PROMISED) == output
+            ),
+            None,
         )

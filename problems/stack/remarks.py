@@ -60,7 +60,11 @@ def warnings_of(stack: Stack) -> tuple[str, ...]:
             unit = f" {measured.requirement.unit}".rstrip()
             sample = stack.yields.drawn(WARNING_SAMPLES)
             warnings = linearity_warnings(
-                measured.mechanism, measured.linear, *_tried(stack, measured), unit, sample
+                measured.mechanism,
+                measured.linear,
+                *_loosest_feasible(stack, measured),
+                unit,
+                sample,
             )
             sentences += [
                 f"{measured.requirement.key}: {text}" if measured.requirement.key else text
@@ -117,7 +121,7 @@ def domain_remarks(requirements: Sequence[Measured], front: pd.DataFrame) -> tup
     return tuple(sentences)
 
 
-def _tried(stack: Stack, measured: Measured) -> tuple[Tolerances, str]:
+def _loosest_feasible(stack: Stack, measured: Measured) -> tuple[Tolerances, str]:
     """The loosest design (1, p) that keeps the limits on the linear variations, and its name."""
     low, high = stack.ends_as_made
     line = between(low, high, np.linspace(0.0, 1.0, 257)[:, None])

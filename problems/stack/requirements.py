@@ -44,7 +44,7 @@ def read_requirements(top: Section, faults: list[Fault]) -> tuple[Requirement, .
 
 def _read(section: Section, place: str, several: bool) -> Requirement:
     unit = section.text("unit") or ""
-    if section.given() and "unit" not in section:
+    if section.all_keys() and "unit" not in section:
         section.fault("unit", 'is missing: write "mm", "rad", "deg", ... ("" for a plain number)')
     try:
         family(unit)

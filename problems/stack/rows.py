@@ -82,9 +82,9 @@ def rows_of(stack: Stack, gaussian: bool) -> list[Row]:
     for measured in stack.measured:
         for kind in VARIATIONS:
             output = measured.name(kind)
-            if output in stack.wanted or (kind == "variation" and not several):
+            if output in stack.required_outputs or (kind == "variation" and not several):
                 rows += _row(stack, output, measured, kind, 1.0, gaussian)
-            if several and kind in stack.wanted:
+            if several and kind in stack.required_outputs:
                 rows += _row(stack, kind, measured, kind, measured.requirement.weight, gaussian)
     if not several and not any(row.output == "variation" for row in rows):
         return []
@@ -187,7 +187,7 @@ def _promise_rows(stack: Stack, gaussian: bool) -> list[Row]:
     if promises is None or promises.promise.statement == PLUG_IN:
         return rows
     assured = promises.promise.statement == ASSURED
-    for promised in promises.each if assured or gaussian else ():
+    for promised in promises.requirement_promises if assured or gaussian else ():
         norms, linear = promised.norms, promised.measured.linear
         spread = promised.quantile * np.sqrt(norms[0].even)
         doubts = [norm.surplus() for norm in norms] if assured else []
@@ -314,7 +314,7 @@ def shortfall(stack: Stack, row: str, designs: Array, outputs: Mapping[str, Arra
 
     One step of Newton's method for the yield `row`, alike for all requirements that it is over.
     """
-    least, t = least_yield(stack, row), stack.made(designs)
+    least, t = least_yield(stack, row), stack.parts_as_made(designs)
     if stack.promises is not None and (promised := stack.promises.row(row)) is not None:
         return promised.lacking(t)
     laws = [

@@ -16,11 +16,11 @@ def read_sensitivities(
 ) -> dict[str, float]:
     """d requirement / d part by the key of the requirement; `unit` is that of the part."""
     if "sensitivity" not in section:
-        section.known(("sensitivity",))
+        section.accept(("sensitivity",))
         return {}
     several = any(requirement.key for requirement in requirements)
     if not several:
-        return _alone(section, requirements[0].key)
+        return _single_sensitivity(section, requirements[0].key)
     if not isinstance(section.take("sensitivity"), Mapping):
         keys = ", ".join(f"{requirement.key} = ..." for requirement in requirements[:3])
         text = f"must state the requirement: write sensitivity = {{ {keys} }}"
@@ -28,7 +28,7 @@ def read_sensitivities(
         return {}
     table, sensitivities = section.section("sensitivity"), dict[str, float]()
     known = {requirement.key: requirement for requirement in requirements}
-    for key in table.given():
+    for key in table.all_keys():
         if key not in known:
             close = nearest(key, known)
             table.take(key)
@@ -38,7 +38,7 @@ def read_sensitivities(
     return sensitivities
 
 
-def _alone(section: Section, key: str) -> dict[str, float]:
+def _single_sensitivity(section: Section, key: str) -> dict[str, float]:
     """The one number of a stack with one requirement."""
     value = section.number("sensitivity")
     if value == 0.0:

@@ -151,7 +151,7 @@ def _prices(section: Section, grades: tuple[str, ...]) -> dict[str, float] | Non
     table = section.section("price")
     by_grade = {grade: table.number(grade, within=Range(low=0.0)) for grade in grades}
     if not grades:  # their own fault is reported already
-        table.known(table.given())
+        table.accept(table.all_keys())
     for grade, price in by_grade.items():
         if price is None and grade not in table:
             table.fault(grade, "is missing: each grade of the range needs its price")

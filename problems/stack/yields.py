@@ -28,7 +28,7 @@ class Yields:
     measured: tuple[Measured, ...]
     settings: Settings
     limits: tuple[Limit, ...]
-    wanted: frozenset[str]
+    required_outputs: frozenset[str]
 
     def outputs(self, t: Tolerances, searching: bool, needed: bool) -> dict[str, Array]:
         """Half-widths and yields; NaN without limits.
@@ -52,7 +52,7 @@ class Yields:
         self, measured: Measured, t: Tolerances, searching: bool, needed: bool
     ) -> dict[str, Array]:
         name = measured.name("variation")
-        if needed and not self.wanted & {name, "variation"}:
+        if needed and not self.required_outputs & {name, "variation"}:
             return {name: np.full(len(t), np.nan)}
         coverage = self.settings.propagation.coverage
         if isinstance(measured.law, Law):
@@ -72,7 +72,7 @@ class Yields:
     ) -> dict[str, Array]:
         """A yield and its error over requirements with limits."""
         names = (name, f"{name}_error")
-        if not bounded or (needed and name not in self.wanted):
+        if not bounded or (needed and name not in self.required_outputs):
             return {name: np.full(len(t), np.nan) for name in names}
         law = bounded[0].law
         if len(bounded) == 1 and isinstance(law, Law):

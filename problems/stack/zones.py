@@ -16,7 +16,7 @@ from ...models.machines.offers import Offer
 from ...models.machines.reading import Owner, read_offers
 from ...section import POSITIVE, Range, Section
 from .definition import Process
-from .made import processes_of
+from .parts_as_made import processes_of
 from .standards import COSTS, MORE, assumed_of, searched_grades, standard
 
 KEYS = ("t_min", "tolerance", "limits", "grade", "fit", "general", "process", "machine")
@@ -51,7 +51,7 @@ def read_tolerance(
     `fit` is its tolerance class by a `[[fit]]` of two parts, empty where it is in none.
     """
     given = [key for key in KEYS if key in section or (key == "t_min" and "t_max" in section)]
-    section.known((*KEYS, *MORE, "t_max", "cost"))
+    section.accept((*KEYS, *MORE, "t_max", "cost"))
     if fit and not given:
         section, given = section.having("fit", fit), ["fit"]
     elif fit:

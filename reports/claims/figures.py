@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from ...claim_records import Chart, ClaimsResult, ComputedTable
 from ...records import Axis
-from ..drawing import axis_label, new_figure, plain
+from ..drawing import axis_label, new_figure, style_axes
 
 COLOURS = ("#1f5fa8", "#c4501b", "#2b7a3d", "#7b3fa0", "#8a6d00", "#b0245f")
 
@@ -63,7 +63,7 @@ def table_figure(table: ComputedTable, chart: Chart) -> Figure:
     axes.set_ylabel(_label(columns[chart.y[0]][0]) if len(chart.y) == 1 else "")
     if len(chart.y) > 1:
         axes.legend(frameon=False, fontsize="small")
-    plain(axes)
+    style_axes(axes)
     return figure
 
 

@@ -9,7 +9,7 @@ import pandas as pd
 
 from ...claim_records import ClaimsResult, ComputedTable, Document
 from ..document import document, picture, section
-from ..scripts import own
+from ..scripts import package_scripts
 from ..tables import shown, table
 from .figures import figures
 
@@ -39,7 +39,7 @@ def claims_page(result: ClaimsResult) -> str:
         section(name.replace("_", " "), _calculation(computed, drawn.get(name, "")))
         for name, computed in result.tables.items()
     ]
-    scripts = (own("common.js", "filter.js"),)
+    scripts = (package_scripts("common.js", "filter.js"),)
     return document("Claims recomputed", "\n".join(parts), scripts)
 
 

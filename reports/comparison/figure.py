@@ -5,7 +5,7 @@ from __future__ import annotations
 from matplotlib.figure import Figure
 
 from ...records import Comparison
-from ..drawing import COLOURS, axis_label, new_figure, plain
+from ..drawing import COLOURS, axis_label, new_figure, style_axes
 
 MARKERS = "osD^vPX<>"
 DASHES = ("-", "--", ":", "-.")
@@ -40,5 +40,5 @@ def comparison_figure(result: Comparison) -> Figure:
     else:
         axes.set_yticks([])
     axes.legend(frameon=False, fontsize="small")
-    plain(axes)
+    style_axes(axes)
     return figure

@@ -10,7 +10,7 @@ from ...records import Axis, Comparison
 from ...units import split_unit
 from ..document import bullets, document, picture, remarked, section
 from ..explorer import MOST, thinned
-from ..scripts import data, own
+from ..scripts import data, package_scripts
 from ..tables import table
 from .figure import comparison_figure
 
@@ -32,7 +32,7 @@ def comparison_page(result: Comparison, remarks: Sequence[str] = ()) -> str:
         section("Cost at equal value", f"<p>{escape(EQUAL)}</p>\n{table(result.equal)}"),
         section("Notes", bullets(result.notes)),
     )
-    scripts = (own("common.js", "chart.js", "comparison.js"),)
+    scripts = (package_scripts("common.js", "chart.js", "comparison.js"),)
     return document(result.title, "\n".join(sections), scripts)
 
 

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from ...gap_records import GapResult
 from ...records import Axis
-from ..drawing import new_figure, plain
+from ..drawing import new_figure, style_axes
 from .marks import AFTER, BEFORE, words
 
 LINES = (
@@ -38,7 +38,7 @@ def distribution_figure(result: GapResult, output: Axis) -> Figure | None:
     axes.set_xlabel(words(output.name, output.unit))
     axes.set_ylabel("share of units below")
     axes.legend(frameon=False, fontsize="small")
-    plain(axes)
+    style_axes(axes)
     _distances(distance_axes, result, output)
     return figure
 
@@ -52,4 +52,4 @@ def _distances(axes: Axes, result: GapResult, output: Axis) -> None:
     )
     axes.set_ylabel(words("distance from the population", output.unit))
     axes.legend(frameon=False, fontsize="small")
-    plain(axes)
+    style_axes(axes)

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from ...gap_next_records import NextMeasurement
 from ...gap_records import GapResult
 from ..document import bullets
-from ..drawing import new_figure, plain
+from ..drawing import new_figure, style_axes
 from ..tables import table
 from .marks import words
 from .residuals import thinned
@@ -41,7 +41,7 @@ def next_figure(result: GapResult) -> Figure | None:
         axes.set_yticks([0, 1], ["record", "next"])
         axes.set_ylim(-0.5, 1.5)
     figure.legend(loc="outside lower center", frameon=False, fontsize="small", ncols=2)
-    plain(axes)
+    style_axes(axes)
     return figure
 
 

@@ -93,7 +93,7 @@ def gap_page(result: GapResult, drawn: Sequence[Drawn] | None = None) -> str:
         + population_table(result),
         "What was simulated": drawing_section(result.drawing),
         "Verdict": _verdict(result),
-        "Where": _where(result),
+        "Where": _regions_section(result),
         "Orders": _those(pictures, "spectrum"),
         "Steps": _those(pictures, "path") + _steps(result),
         "Effects": _effects(result),
@@ -201,7 +201,7 @@ def _gaps(result: GapResult) -> str:
     return table(pd.DataFrame(rows), caption=f"{result.summary.get('gap_is', RMSE)}.")
 
 
-def _where(result: GapResult) -> str:
+def _regions_section(result: GapResult) -> str:
     rows = [
         {
             "output": region.output,

@@ -10,7 +10,7 @@ from textwrap import shorten
 from matplotlib.figure import Figure
 
 from ...gap_records import GapResult, Step
-from ..drawing import new_figure, plain
+from ..drawing import new_figure, style_axes
 from .marks import AFTER
 
 LONGEST = 52
@@ -73,7 +73,7 @@ def path_figure(result: GapResult) -> Figure | None:
         axes.set_xlim(left=min(0.9, 0.95 * min(at_step)))
         axes.set_xlabel("held-out RMSE over noise")
     axes.legend(frameon=False, fontsize="small")
-    plain(axes)
+    style_axes(axes)
     return figure
 
 

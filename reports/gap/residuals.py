@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ...gap_records import GapResult, Region
 from ...records import Axis
-from ..drawing import flags, new_figure, plain
+from ..drawing import flags, new_figure, style_axes
 from .marks import AFTER, BEFORE, TAKEN, Mark, legend, shade, words
 
 DRAWN = 600
@@ -56,7 +56,7 @@ def residuals_figure(result: GapResult, output: Axis) -> Figure | None:
     _titles(panels[0], result, output)
     legend(figure, panels.ravel())
     for axes in panels.ravel():
-        plain(axes)
+        style_axes(axes)
     return figure
 
 

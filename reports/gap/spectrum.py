@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from ...gap_records import GapResult
 from ...records import Axis
-from ..drawing import new_figure, plain
+from ..drawing import new_figure, style_axes
 from .marks import AFTER, BEFORE, legend, shade
 
 HIGHEST = 5
@@ -52,7 +52,7 @@ def spectrum_figure(result: GapResult, output: Axis) -> Figure | None:
     panels[1].set_xlabel("order [waves per turn]")
     legend(figure, panels)
     for axes in panels:
-        plain(axes)
+        style_axes(axes)
     return figure
 
 

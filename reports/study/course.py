@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ...records import StudyResult
-from ..drawing import new_figure, plain
+from ..drawing import new_figure, style_axes
 from .words import level, short, wide
 
 COLOURS = ("#1f5fa8", "#c4501b", "#2b7a3d", "#7b3fa0", "#8a6d00", "#b0245f")
@@ -42,7 +42,7 @@ def course_figure(result: StudyResult, key: str) -> Figure:
     axes.set_xlabel("generation")
     axes.set_ylabel(result.course_of.replace("_", " "))
     axes.legend(frameon=False, fontsize="small")
-    plain(axes)
+    style_axes(axes)
     return figure
 
 

@@ -10,7 +10,7 @@ import pandas as pd
 
 from ...records import StudyResult, mechanism_lines
 from ..document import bullets, document, folded, picture, section
-from ..scripts import data, own
+from ..scripts import data, package_scripts
 from ..tables import chosen, table
 from .figures import Named, figures
 from .words import short
@@ -53,7 +53,7 @@ def study_page(result: StudyResult) -> str:
         ),
     ]
     body = "\n".join(part for part in parts if part)
-    scripts = (own("common.js", "study.js"),) if len(result.medians) else ()
+    scripts = (package_scripts("common.js", "study.js"),) if len(result.medians) else ()
     return document(result.title, body, scripts, _head(result))
 
 

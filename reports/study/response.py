@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ...records import Response, StudyResult, Varied
-from ..drawing import new_figure, plain
+from ..drawing import new_figure, style_axes
 from .words import level, short, wide
 
 MOST = 40
@@ -32,7 +32,7 @@ def response_figure(result: StudyResult, response: Response) -> Figure:
             continue
         _draw(axes, result, response, result.varied[at], medians)
         axes.set_yscale(scale)
-        plain(axes)
+        style_axes(axes)
     for axes in panels[:, 0]:
         axes.set_ylabel(response.name.replace("_", " "))
     return figure

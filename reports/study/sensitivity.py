@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ...records import StudyResult
-from ..drawing import new_figure, plain
+from ..drawing import new_figure, style_axes
 from .words import short
 
 TITLES = MappingProxyType(
@@ -67,7 +67,7 @@ def sensitivity_figure(result: StudyResult) -> Figure:
         axes.invert_yaxis()
         axes.set_title(name.replace("_", " "), fontsize="medium", loc="left")
         axes.legend(frameon=False, fontsize="small")
-        plain(axes)
+        style_axes(axes)
     return figure
 
 

@@ -56,8 +56,8 @@ def test_an_effect_that_may_be_nothing_is_seen(answer: tuple[Ending, str]) -> No
     wide = replace(end.model, covariance=1e8 * end.model.covariance, errors=1e4 * end.model.errors)
     found = violated(replace(end, model=wide), said)
     assert {one.partition(":")[0] for one in found} == {NOTHING}
-    assert any(wide.nothing(end.fit.members[at]) for at in end.named)
-    assert not any(end.model.nothing(end.fit.members[at]) for at in end.named)
+    assert any(wide.nothing(end.fit.members[at]) for at in end.identified)
+    assert not any(end.model.nothing(end.fit.members[at]) for at in end.identified)
 
 
 def test_whether_an_effect_is_nothing_does_not_depend_on_units(answer: tuple[Ending, str]) -> None:
@@ -69,7 +69,7 @@ def test_whether_an_effect_is_nothing_does_not_depend_on_units(answer: tuple[End
     for wider in (1.0, 30.0, 100.0, 300.0, 1e4):
         one, same = (replace(each, covariance=wider**2 * each.covariance,
                              errors=wider * each.errors) for each in (model, other))  # fmt: skip
-        for at in answer[0].named:
+        for at in answer[0].identified:
             assert one.nothing(members[at]) == same.nothing(members[at])
 
 

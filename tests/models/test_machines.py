@@ -132,7 +132,7 @@ def test_cost_by_scatter_is_the_same_cost_and_its_optimum_is_the_least() -> None
 def test_what_is_not_convex_is_replaced_by_something_convex_below() -> None:
     one = machine(1.0, rework=Rework(0.5, 0.9))
     curve = GoodPartsBySpread(one, 0.5, 4.0, 3.0)
-    used, exact = convex_cost(curve, curve.tried)
+    used, exact = convex_cost(curve, curve.tabulated)
     found = one.good_parts(np.linspace(0.5, 4.0, 9973))
     below = found.cost - used.cost(3.0 * found.std)
     assert not exact and used.bends == ()

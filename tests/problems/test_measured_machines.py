@@ -64,13 +64,15 @@ def test_a_tolerance_has_them_about_its_mid_limit(mean: str, tmp_path: Path) -> 
     """The nominal is that of the file; deviations are from the mid-limit of the pins, -1 um."""
     measured = written(tmp_path, "r.dfq", 3.0) | {"mean": mean}
     problem = problem_of(tmp_path, reducer(GRINDER | {"measured": measured}))
-    machine = problem.made["pin_radius_um"].ways[1].machine
+    machine = problem.machined_tolerances["pin_radius_um"].ways[1].machine
     assert machine.sigma == pytest.approx(VALUES.std(ddof=1), rel=1e-6)
     expected = VALUES.mean() + 1.0 if mean == "as_found" else 0.0
     assert machine.mean == pytest.approx(expected, rel=1e-6)
     moved = problem_of(tmp_path, reducer(GRINDER | {"measured": measured}, mid=0.5))
     by = 0.0 if mean == "corrected" else -1.5
-    assert moved.made["pin_radius_um"].ways[0].machine.mean - machine.mean == pytest.approx(by)
+    assert moved.machined_tolerances["pin_radius_um"].ways[
+        0
+    ].machine.mean - machine.mean == pytest.approx(by)
 
 
 def test_what_is_known_is_said_and_written(tmp_path: Path) -> None:

@@ -55,7 +55,9 @@ def test_good_parts_enter_as_normal_ones_with_their_own_mean_and_scatter() -> No
     mid = problem.settings.variables["pin_radius_um"].mid or 0.0
     for row, way in enumerate((0, 1, 3)):
         good = (
-            problem.made["pin_radius_um"].ways[way].machine.good_parts(designs[row : row + 1, at])
+            problem.machined_tolerances["pin_radius_um"]
+            .ways[way]
+            .machine.good_parts(designs[row : row + 1, at])
         )
         own = {"value": float(3.0 * good.std[0]), "mid": mid + float(good.mean[0]),
                "distribution": "normal"}  # fmt: skip
@@ -77,9 +79,12 @@ def test_means_enter_as_mid_limits_do(name: str) -> None:
     machines: dict[str, Any] = {name: {"machine": OFF_CENTRE}}
     problem = reducer(table(**machines))
     design = designs_of(problem, 1)
-    at, way = problem.names.index(name), problem.names.index(problem.made[name].choice)
+    at, way = (
+        problem.names.index(name),
+        problem.names.index(problem.machined_tolerances[name].choice),
+    )
     design[:, [at, way]] = 1.1, 1.0
-    good = problem.made[name].ways[1].machine.good_parts(np.array([1.1]))
+    good = problem.machined_tolerances[name].ways[1].machine.good_parts(np.array([1.1]))
     assert good.mean[0] > 0.1
     mid = (problem.settings.variables[name].mid or 0.0) + float(good.mean[0])
     own = {"value": float(3.0 * good.std[0]), "mid": mid, "distribution": "normal"}
@@ -96,7 +101,7 @@ def test_derivatives_are_those_of_differences() -> None:
     problem = reducer(table(eccentricity_um={"machine": OFF_CENTRE}, pitch_um={"machine": PINS}))
     designs = designs_of(problem, 6)
     slopes = problem.gradient(designs)
-    for name in problem.made:
+    for name in problem.machined_tolerances:
         at, step = problem.names.index(name), 1e-5
         up, down = designs.copy(), designs.copy()
         up[:, at] += step

@@ -15,7 +15,7 @@ from tolevo.models.effects.shapes import OneColumn, Weight
 from tolevo.models.inputs.distribution import Array
 from tolevo.models.measurable import Column, Role
 from tolevo.workflows.gap.data import GapData
-from tolevo.workflows.gap.library import candidates, left_out
+from tolevo.workflows.gap.library import candidates, not_considered
 
 TABLE = {"torque": np.linspace(-3.0, 4.0, 30)}
 COLUMNS = (Column("torque", "N m", "", role=Role.TORQUE),)
@@ -59,13 +59,13 @@ def _installed(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize("population", [False, True])
 def test_a_plugin_that_lacks_a_column_is_named(population: bool) -> None:
     names = ["cable_drag", "torsional_compliance", "lot_mixture", "viscous_friction"]
-    found = left_out(names, data(population))
+    found = not_considered(names, data(population))
     assert "not considered, no column of the role angle: cable_drag" in found
     assert not any("lot_mixture" in one for one in found)
 
 
 def test_effects_of_our_own_are_named_where_a_column_would_bring_them_in() -> None:
-    found = left_out(["viscous_friction", "torsional_compliance", "joint_clearance"], data())
+    found = not_considered(["viscous_friction", "torsional_compliance", "joint_clearance"], data())
     assert found == ["not considered, no column of the role speed or direction: viscous_friction"]
     assert [one.name for one in candidates(["torsional_compliance"], data())] == [
         "torsional_compliance"

@@ -58,7 +58,7 @@ def test_a_name_that_a_better_one_makes_needless_is_exchanged() -> None:
         ("start", ""), ("add", "c"), ("add", "a"), ("swap", "c for b")
     ]  # fmt: skip
     assert found.steps[-1].names == ("a", "b") and found.steps[-1].accepted
-    assert found.named == ("a", "b") and found.fit.rss == pytest.approx(0.0, abs=1e-9)
+    assert found.identified == ("a", "b") and found.fit.rss == pytest.approx(0.0, abs=1e-9)
 
 
 def test_the_same_name_at_a_better_place_is_no_step() -> None:
@@ -82,7 +82,7 @@ def test_what_is_below_the_practical_limit_is_not_named(size: float, named: bool
     """A column of length 1 times `size` has an rms of size / 10 over 100 rows; the limit is 0.5."""
     (a,) = directions(1).T
     found = select(toy([member("a")], {"a": a}, size * a, practical_limit=0.5))
-    assert found.named == (("a",) if named else ())
+    assert found.identified == (("a",) if named else ())
     assert named or [one.reason for one in found.steps[1:]] == [SMALL]
 
 
@@ -129,8 +129,8 @@ def test_a_pair_shows_from_1_6_thresholds_on() -> None:
     barred = {frozenset({"one", "other"})}
     search = pair(20.0, 10.0)
     assert masked(search, search.fitter.fit(()), barred) is None
-    assert {*select(search).named} == {"one", "other"}
-    assert select(search, quick=True).named == ()
+    assert {*select(search).identified} == {"one", "other"}
+    assert select(search, quick=True).identified == ()
 
 
 def test_a_pair_below_the_price_of_its_numbers_is_none() -> None:

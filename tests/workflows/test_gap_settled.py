@@ -82,14 +82,16 @@ def test_a_strike_after_which_rows_are_predicted_worse_is_taken_back(tmp_path: P
 
 
 def test_no_joint_interval_of_an_effect_holds_nothing(end: Ending) -> None:
-    assert not any(end.model.nothing(end.fit.members[at]) for at in end.named)
+    assert not any(end.model.nothing(end.fit.members[at]) for at in end.identified)
 
 
 def test_what_remains_is_said(end: Ending) -> None:
     """A part outside of the library is a remainder, and there is none where all is named."""
-    terms = len(end.fit.members) - len(end.named)
+    terms = len(end.fit.members) - len(end.identified)
     assert (end.verdict == "partial") == (terms > 0 or bool(end.analysis.identified.significant))
-    assert all(one.name not in end.setup.plan.library for one in end.fit.members[len(end.named) :])
+    assert all(
+        one.name not in end.setup.plan.library for one in end.fit.members[len(end.identified) :]
+    )
 
 
 def test_terms_are_the_forms_that_they_stand_for(end: Ending) -> None:
@@ -215,5 +217,5 @@ def test_names_beneath_what_has_no_name_are_withheld(tmp_path: Path) -> None:
         end = ended(analysed(prepared(plan, read_data(plan, table))))
     assert [one.name for one in truth.hidden] == ["one_soft_rod"]
     assert end.verdict == "unnamed"
-    assert not end.named
+    assert not end.identified
     assert end.fit.members

@@ -168,7 +168,7 @@ def test_the_first_answer_that_holds_is_taken() -> None:
     a, b = directions(2).T
     one = settling([member("a"), member("b")], {"a": a, "b": b}, 30.0 * a, DATA, [power(1.0)])
     best = of_names(one, "a")
-    one = replace(one, tried=[*one.tried, (best, one.search.tested(best))])
+    one = replace(one, accepted=[*one.accepted, (best, one.search.tested(best))])
     found = one._first_that_holds([of_names(one, "b"), best], frozenset())
     assert found.names == ("a",)
     assert not one.holds(of_names(one, "b")) and one.holds(best)
@@ -184,7 +184,7 @@ def test_the_form_that_is_added_is_the_one_that_predicts_best() -> None:
     forms = [power(1.0), power(1.5), power(2.0), power(3.0), SPLINE]
     one = settling([member("a")], {"a": SPEED**2}, y, DATA, forms)
     best = of_names(one, "a")
-    one = replace(one, tried=[*one.tried, (best, one.search.tested(best))])
+    one = replace(one, accepted=[*one.accepted, (best, one.search.tested(best))])
     found = one._first_that_holds([of_names(one, "")], frozenset({"a"}))
     assert found.names and exponents(found) == [2.0]
 

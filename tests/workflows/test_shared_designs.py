@@ -55,7 +55,7 @@ def same(one: list[Values], other: list[Values]) -> bool:
 def started(designs: Designs, parts: list[Array]) -> None:
     """Ask until two other processes take part."""
     until = time.monotonic() + 60.0
-    while designs.others < 2:
+    while designs.helpers < 2:
         assert time.monotonic() < until
         designs.values(parts)
         time.sleep(0.05)  # what this process computes meanwhile is of no use

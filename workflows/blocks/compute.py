@@ -104,7 +104,7 @@ def computed(
     """
     if target is None and isinstance(executor, InProcess) and shared is None:
         return _here(table)
-    with closing(_kept(table.about(block_rows), target, shared)) as store:
+    with closing(_store_of_blocks(table.about(block_rows), target, shared)) as store:
         _finish(table, store, executor, progress)
         total = store.about.total
         wanted = range(total if frame else 1)
@@ -119,7 +119,9 @@ def computed(
     return whole if frame else whole.iloc[:0]
 
 
-def _kept(about: About, target: Target | None, shared: tuple[str, str] | None) -> BlockStore:
+def _store_of_blocks(
+    about: About, target: Target | None, shared: tuple[str, str] | None
+) -> BlockStore:
     """Where the blocks are kept."""
     if shared is not None:
         from .table import block_table  # with it comes SQLAlchemy, slow to load
@@ -134,7 +136,7 @@ def _kept(about: About, target: Target | None, shared: tuple[str, str] | None) -
 def _copied(store: BlockStore, target: Target) -> None:
     """Write the blocks of a store as the files of a directory."""
     with closing(BlockFolder(target.blocks, store.about, target.resume, target.overwrite)) as there:
-        for number in sorted(store.known - there.known):
+        for number in sorted(store.completed - there.completed):
             block = store.block(number)
             there.keep(number, block.read_bytes() if isinstance(block, Path) else block.getvalue())
 
@@ -157,11 +159,11 @@ def _finish(
     progress: Callable[[BlockProgress], None] | None,
 ) -> None:
     """Compute the blocks that are missing."""
-    total, begin, had = store.about.total, time.monotonic(), len(store.known)
+    total, begin, had = store.about.total, time.monotonic(), len(store.completed)
 
     def tell() -> None:
         if progress is not None:
-            done, seconds = len(store.known), time.monotonic() - begin
+            done, seconds = len(store.completed), time.monotonic() - begin
             remaining = seconds * (total - done) / (done - had) if done > had else None
             progress(BlockProgress(done, total, seconds, remaining))
 
@@ -169,15 +171,15 @@ def _finish(
     tell()
     try:
         with executor:
-            while len(store.known) < total:
-                before, tasks = len(store.known), _tasks(table, store, total, apart)
+            while len(store.completed) < total:
+                before, tasks = len(store.completed), _tasks(table, store, total, apart)
                 for task, outcome in executor.completed(perform, lambda: next(tasks, None)):  # noqa: B023
                     if isinstance(outcome, Lost):
                         raise RunError(f"block {task.number}: {outcome.reason}")
                     store.keep(task.number, outcome)
                     tell()
                 store.refresh()
-                if len(store.known) == before:
+                if len(store.completed) == before:
                     time.sleep(POLL_S)  # others are at work on the remaining blocks
                 tell()
     except RunError as error:
@@ -190,7 +192,7 @@ def _tasks(table: Computed, store: BlockStore, total: int, apart: bool) -> Itera
     content = pickle.dumps(table.compute) if apart else table.compute
     name = hashlib.sha256(repr(store.about).encode()).hexdigest()[:24]
     for number in range(total):
-        if number in store.known or not store.claim(number):
+        if number in store.completed or not store.claim(number):
             continue
         start, stop = number * block_rows, min((number + 1) * block_rows, table.rows.count)
         rows = [

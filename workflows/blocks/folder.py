@@ -56,7 +56,7 @@ class BlockFolder(BlockStore):
         self._lock = _locked(path)
         if not (path / ABOUT).exists():
             write_record(path / ABOUT, asdict(self.about))
-        self.known = self._whole()
+        self.completed = self._intact_blocks()
         self._log = (path / LOG).open("a", encoding="utf-8")
 
     def keep(self, number: int, content: bytes) -> None:
@@ -65,14 +65,14 @@ class BlockFolder(BlockStore):
         self._log.write(f"{number} {hashlib.sha256(content).hexdigest()}\n")
         self._log.flush()
         os.fsync(self._log.fileno())
-        self.known.add(number)
+        self.completed.add(number)
 
     def block(self, number: int) -> Path:
         """The file of a block."""
         return self.path / PART.format(number)
 
     def saved(self) -> str:
-        count = f"{len(self.known)} of {self.about.total} blocks are saved in {self.path}"
+        count = f"{len(self.completed)} of {self.about.total} blocks are saved in {self.path}"
         return f"{count}; run the same command with --resume to go on"
 
     def close(self) -> None:
@@ -88,7 +88,7 @@ class BlockFolder(BlockStore):
         self._log.close()
         os.close(self._lock)
 
-    def _whole(self) -> set[int]:
+    def _intact_blocks(self) -> set[int]:
         """Numbers of the blocks that are as they were written; a torn last line is cut off."""
         path, whole = self.path / LOG, set[int]()
         with suppress(FileNotFoundError):

@@ -100,12 +100,12 @@ def batches(paths: Sequence[Path], names: Mapping[str, str]) -> Iterator[Columns
         with pq.ParquetFile(path) as file:
             for batch in file.iter_batches(BATCH, columns=list(names)):
                 yield {
-                    names[name]: _plain(batch.column(at).to_numpy(zero_copy_only=False))
+                    names[name]: _as_floats(batch.column(at).to_numpy(zero_copy_only=False))
                     for at, name in enumerate(batch.schema.names)
                 }
 
 
-def _plain(values: NDArray[Any]) -> NDArray[Any]:
+def _as_floats(values: NDArray[Any]) -> NDArray[Any]:
     return values.astype(float) if values.dtype.kind in "iufb" else values
 
 

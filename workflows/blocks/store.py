@@ -29,10 +29,10 @@ class About:
 
 
 class BlockStore(ABC):
-    """The blocks of one table: `known` are the numbers of those that have ended."""
+    """The blocks of one table: `completed` are the numbers of those that have ended."""
 
     about: About
-    known: set[int]
+    completed: set[int]
 
     @abstractmethod
     def keep(self, number: int, content: bytes) -> None:
@@ -65,12 +65,12 @@ class InMemory(BlockStore):
 
     def __init__(self, about: About) -> None:
         self.about = about
-        self.known = set()
+        self.completed = set()
         self._held: dict[int, bytes] = {}
 
     def keep(self, number: int, content: bytes) -> None:
         self._held[number] = content
-        self.known.add(number)
+        self.completed.add(number)
 
     def block(self, number: int) -> io.BytesIO:
         return io.BytesIO(self._held[number])

@@ -30,22 +30,22 @@ class BlockTable(BlockStore):
 
     def __init__(self, backend: Backend, about: About, place: str = "--store") -> None:
         self._store = Store(backend)
-        self.known = set()
+        self.completed = set()
         try:
             self._store.migrate()
             self.about = self._agreed(about, place)
             self.refresh()
-            if damaged := [number for number in self.known if not self._whole(number)]:
+            if damaged := [number for number in self.completed if not self._is_intact(number)]:
                 dropped = delete(BLOCKS).where(BLOCKS.c.number.in_(damaged))
                 self._store.write(lambda connection: connection.execute(dropped))
-                self.known.difference_update(damaged)
+                self.completed.difference_update(damaged)
         except BaseException:
             self._store.close()
             raise
 
     @property
-    def _where(self) -> str:
-        return self._store.backend.where
+    def _database_name(self) -> str:
+        return self._store.backend.display_name
 
     def claim(self, number: int) -> bool:
         return self._store.claim([number], BLOCKS) == [number]
@@ -60,11 +60,11 @@ class BlockTable(BlockStore):
 
         self._store.write(work)
         self._store.let_go([number])
-        self.known.add(number)
+        self.completed.add(number)
 
     def refresh(self) -> None:
         text = select(BLOCKS.c.number).where(BLOCKS.c.number < self.about.total)
-        self.known = {
+        self.completed = {
             number for (number,) in self._read(lambda connection: connection.execute(text).all())
         }
 
@@ -75,7 +75,9 @@ class BlockTable(BlockStore):
         )
 
     def saved(self) -> str:
-        count = f"{len(self.known)} of {self.about.total} blocks are saved in {self._where}"
+        count = (
+            f"{len(self.completed)} of {self.about.total} blocks are saved in {self._database_name}"
+        )
         return f"{count}; run the same command again to go on"
 
     def close(self) -> None:
@@ -85,9 +87,9 @@ class BlockTable(BlockStore):
         try:
             return self._store.read(work)
         except DAMAGE as error:
-            raise RunError(f"{self._where} cannot be read: {reason(error)}") from error
+            raise RunError(f"{self._database_name} cannot be read: {reason(error)}") from error
 
-    def _whole(self, number: int) -> bool:
+    def _is_intact(self, number: int) -> bool:
         text = select(BLOCKS.c.digest).where(BLOCKS.c.number == number)
         digest = self._read(lambda connection: connection.execute(text).scalar_one())
         return bool(hashlib.sha256(self.block(number).getvalue()).hexdigest() == digest)
@@ -98,15 +100,20 @@ class BlockTable(BlockStore):
         text = json.dumps(sealed_record(wanted))
         while not self._store.meta(TABLE):
             if self._store.meta(STUDY):
-                raise refuse(place, f"{self._where} holds a study; {self._store.backend.other}")
+                raise refuse(
+                    place, f"{self._database_name} holds a study; {self._store.backend.alternative}"
+                )
             self._store.set_meta({TABLE: text}, TABLE, "")
         try:
             there = unsealed_record(loads(self._store.meta(TABLE)))
         except ValueError as error:
-            raise refuse(place, f"{self._where} cannot be read: {error}") from error
+            raise refuse(place, f"{self._database_name} cannot be read: {error}") from error
         raise_all(
             [
-                Fault(place, f"{self._where} belongs to {text}; {self._store.backend.other}")
+                Fault(
+                    place,
+                    f"{self._database_name} belongs to {text}; {self._store.backend.alternative}",
+                )
                 for name, text in CALLED.items()
                 if there.get(name) != wanted[name]
             ]
@@ -123,4 +130,4 @@ def block_table(address: str, about: About, place: str) -> BlockTable:
         raise
     except DAMAGE as error:
         cause, remedy = backend.hindrance(error) or (reason(error), "mend that")
-        raise refuse(place, f"{backend.where}: {cause}; {remedy}") from error
+        raise refuse(place, f"{backend.display_name}: {cause}; {remedy}") from error

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ...declarations import Kind, Variable
 from ...problems.interfaces import Comparison, Drawing
 from ...problems.tolerance_problem import ToleranceProblem
-from .notation import inspection, notation, plain, process_of
+from .notation import drawing_number, inspection, notation, process_of
 from .roughness import SHARE, roughness
 
 Array = NDArray[np.float64]
@@ -117,8 +117,8 @@ def _row(
         "rounded": _shown(variable, new),
         "lower_limit": lower,
         "upper_limit": upper,
-        "lower_deviation": _plain(mid - new) if half else None,
-        "upper_deviation": _plain(mid + new) if half else None,
+        "lower_deviation": _rounded(mid - new) if half else None,
+        "upper_deviation": _rounded(mid + new) if half else None,
         "grade": drawn.get("class", grade),
         "symbol": drawn.get("symbol", ""),
         "drawing": drawn.get("drawing", ""),
@@ -144,7 +144,7 @@ def _written(
     rough = roughness(process, 2.0 * new, variable.unit, roughness_share) if half else None
     written = notation(variable, nominal, mid, new, drawn.get("class", grade))
     return {
-        "notation": written if rough is None else f"{written}; Ra {plain(rough)}",
+        "notation": written if rough is None else f"{written}; Ra {drawing_number(rough)}",
         "process": process,
         "roughness_Ra_um": rough,
         "cpk_wanted": cpk,
@@ -163,11 +163,11 @@ def _limits(
 ) -> tuple[float | None, float | None]:
     if variable.kind is Kind.HALF_WIDTH:
         centre = (nominal or 0.0) + mid
-        return _plain(centre - t), _plain(centre + t)
+        return _rounded(centre - t), _rounded(centre + t)
     return (0.0, t) if variable.kind is Kind.FULL_CLEARANCE else (None, None)
 
 
-def _plain(value: float) -> float:
+def _rounded(value: float) -> float:
     """Without the last digits of a sum: 55.280500000000004 is 55.2805."""
     return float(f"{value:.12g}")
 

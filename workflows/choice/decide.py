@@ -104,12 +104,12 @@ def points_of(problem: ToleranceProblem, front: pd.DataFrame, settings: ChoiceSe
         names,
         cost,
         weights / weights.sum(),
-        _kept(front, settings.limits) if settings.limits else None,
+        _within_limits(front, settings.limits) if settings.limits else None,
         settings.budget,
     )
 
 
-def _kept(front: pd.DataFrame, limits: Mapping[str, Bound]) -> NDArray[np.bool_]:
+def _within_limits(front: pd.DataFrame, limits: Mapping[str, Bound]) -> NDArray[np.bool_]:
     conditions = [front[name].between(bound.low, bound.high) for name, bound in limits.items()]
     return np.asarray(np.all(conditions, axis=0))
 

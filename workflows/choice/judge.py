@@ -73,7 +73,7 @@ class Judge:
         for limit in self.limits:
             value = self.problem.values(designs, outputs, limit.name)
             columns += [column[:, None] for column in limit.violations(value)]
-        for name in self._others:
+        for name in self._objectives_except_cost:
             reference = self.reference[name][0]
             columns.append(((outputs[name] - reference) / (abs(reference) or 1.0))[:, None])
         cost = outputs.get(COST, np.zeros(len(designs)))
@@ -85,13 +85,13 @@ class Judge:
 
     def ranked(self, use: Array, cost: Array) -> Array:
         """The keys (n, 3) of values that `use` returns, or of predicted ones."""
-        limits = use.shape[1] - len(self._others)
+        limits = use.shape[1] - len(self._objectives_except_cost)
         violation = np.maximum(use[:, :limits], 0.0).sum(axis=1)
         worse = np.max(use[:, limits:], axis=1, initial=0.0)
         return np.stack([violation, np.where(worse > SLACK, worse, 0.0), cost], axis=1)
 
     @property
-    def _others(self) -> list[str]:
+    def _objectives_except_cost(self) -> list[str]:
         return [name for name in self.problem.objectives if name != COST]
 
 

@@ -9,7 +9,7 @@ DIGITS = 10
 """Digits of a number on a drawing at most: the last ones of a sum are left out."""
 
 
-def plain(value: float) -> str:
+def drawing_number(value: float) -> str:
     """A number as a drawing has it: 36.05, not 36.050000000000004."""
     return f"{float(f'{value:.{DIGITS}g}'):.{DIGITS}g}"
 
@@ -27,20 +27,20 @@ def notation(
     if variable.labels:
         return variable.labels[int(t)]
     if variable.kind is Kind.GRADE:
-        return f"grade {plain(t)}"
+        return f"grade {drawing_number(t)}"
     if variable.kind is Kind.FULL_CLEARANCE:
-        return f"0 to {plain(t)}{unit}"
+        return f"0 to {drawing_number(t)}{unit}"
     if variable.kind is Kind.STANDARD_DEVIATION:
-        return f"standard deviation at most {plain(t)}{unit}"
+        return f"standard deviation at most {drawing_number(t)}{unit}"
     if variable.kind is not Kind.HALF_WIDTH:
-        return f"{plain(t)}{unit}"
-    size = "" if nominal is None else f"{plain(nominal)} "
-    zone = f"±{plain(t)}" if mid == 0.0 else f"{_signed(mid + t)}/{_signed(mid - t)}"
+        return f"{drawing_number(t)}{unit}"
+    size = "" if nominal is None else f"{drawing_number(nominal)} "
+    zone = f"±{drawing_number(t)}" if mid == 0.0 else f"{_signed(mid + t)}/{_signed(mid - t)}"
     return f"{size}{zone}{unit}{more}"
 
 
 def _signed(value: float) -> str:
-    text = plain(value)
+    text = drawing_number(value)
     return f"+{text}" if float(text) > 0.0 else text
 
 

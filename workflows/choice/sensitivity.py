@@ -40,7 +40,7 @@ def sensitivity(points: Points, costs: Mapping[str, Array]) -> pd.DataFrame:
                     "cost": cost[at],
                     "cost_kept": cost[usual[rule]] if rule in usual else np.nan,
                 }
-                | _others(points, at)
+                | _objectives_except_cost(points, at)
                 for rule, at in choices.items()
             ]
     table = pd.DataFrame(rows)
@@ -53,6 +53,6 @@ def _with_cost(points: Points, cost: Array) -> Points:
     return replace(points, objectives=values, cost=cost)
 
 
-def _others(points: Points, at: int) -> dict[str, float]:
+def _objectives_except_cost(points: Points, at: int) -> dict[str, float]:
     pairs = zip(points.names, points.objectives[at].tolist(), strict=True)
     return {name: value for name, value in pairs if name != COST}

@@ -77,21 +77,21 @@ def values_of(problem: ToleranceProblem, variable: Variable, step: Step) -> dict
         assert size is not None
         widths = {grade: grade_um(grade, size) for grade in GRADES}
         return {
-            _plain(float(converted(0.5 * width, "um", variable.unit))): grade
+            _rounded(float(converted(0.5 * width, "um", variable.unit))): grade
             for grade, width in widths.items()
         }
     if step == PREFERRED:
         first, last = (int(np.floor(np.log10(end))) for end in (max(low, high * 1e-6), high))
         powers = range(first, last + 1)
-        return {_plain(number * 10.0**power): "" for power in powers for number in R20}
+        return {_rounded(number * 10.0**power): "" for power in powers for number in R20}
     if isinstance(step, tuple):
         return dict.fromkeys(step, "")
     assert isinstance(step, float)
     whole = np.arange(np.floor(low / step), np.ceil(high / step) + 1.0)
-    return dict.fromkeys([_plain(n * step) for n in whole.tolist()], "")
+    return dict.fromkeys([_rounded(n * step) for n in whole.tolist()], "")
 
 
-def _plain(value: float) -> float:
+def _rounded(value: float) -> float:
     """Without the last digits of a product: 0.30000000000000004 is 0.3."""
     return float(f"{value:.12g}")
 

@@ -31,8 +31,8 @@ SMALL = 0.01
 class Identified:
     """Members that stay identified, members that do not, and the generic forms that remain."""
 
-    kept: tuple[int, ...]
-    lost: tuple[int, ...]
+    confirmed: tuple[int, ...]
+    withdrawn: tuple[int, ...]
     residual_forms: GenericResidual
     significant: tuple[int, ...]
     reason: str = ""
@@ -82,7 +82,7 @@ def structured(search: Search, fit: Fit, generic: Remaining, empty: Fit) -> bool
     variable or on the preceding unit. An offset common to all units does not count.
     """
     space = search.fitter.space
-    if any(abs(noise.rho) * np.sqrt(space.readings) > FOLLOWS for noise in space.noises):
+    if any(abs(noise.rho) * np.sqrt(space.rows_per_output) > FOLLOWS for noise in space.noises):
         return True
     residual_forms = generic_residual(fit, search.fitter, generic)
     large_forms = _large(search, fit, residual_forms, empty)
@@ -153,7 +153,7 @@ def _touched(search: Search, fit: Fit, generic: Remaining, at: int) -> set[int]:
     form = generic.forms[at]
     if form.kind == "order":
         return {k for k in range(len(fit.members)) if _overlap(search, fit, generic, at, k) > 0.1}
-    variables = {generic.roles.get(name) for name in (form.variable, *form.more)}
+    variables = {generic.roles.get(name) for name in (form.variable, *form.further_variables)}
     touched = set()
     for k, member in enumerate(fit.members):
         roles = acts_in(member.candidate.effect.needs)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,9 +17,10 @@ from .fit import Fit
 from .generic import stacked
 from .linear import Groups
 from .noise import Noise
-from .population import Batch, Misfit, Scatter, carrying, misfit, scatter
+from .null_model import NullModel
+from .population import Misfit, Scatter, misfit, scatter
 from .reading import as_read, read_again
-from .scan import Dictionary, GenericResidual, Remaining, dictionary, generic_residual
+from .scan import Dictionary, Remaining, dictionary
 from .searching import alike, contributions, noise_of, searching, spread_of
 from .select import Search, Selection, concluding, select, with_identified_by_likelihood
 from .settle import Settled, Settling, names_of
@@ -42,40 +42,6 @@ standard deviations."""
 
 
 @dataclass(frozen=True)
-class NullModel:
-    """The null model with all that is searched, in the space of its noise; `empty` is the null fit,
-    `left` the test of the generic forms against its residual.
-    """
-
-    setup: Setup
-    noises: tuple[Noise, ...]
-    search: Search
-    generic: Remaining
-
-    @cached_property
-    def empty(self) -> Fit:
-        """The null fit: the model without any effect."""
-        return self.search.fitter.fit(())
-
-    @cached_property
-    def residual_forms(self) -> GenericResidual:
-        """The generic forms tested against the residual of the null fit."""
-        return generic_residual(self.empty, self.search.fitter, self.generic)
-
-    @cached_property
-    def batch(self) -> Batch:
-        """The units as a batch of a population."""
-        return Batch(self.setup, self.search)
-
-    def with_scatter(self, effect: Scatter) -> NullModel:
-        """The same for a model that contains an effect on the scatter."""
-        setup, fitter = carrying(self.setup, effect), self.search.fitter
-        moved = fitter.space.whiten(self.setup.residual - setup.residual)
-        search = replace(self.search, fitter=fitter.of_record(fitter.y - moved))
-        return replace(self, setup=setup, search=search)
-
-
-@dataclass(frozen=True)
 class Analysis:
     """The result of the loop, before it is put into records.
 
@@ -87,7 +53,7 @@ class Analysis:
     null_model: NullModel
     selection: Selection
     identified: Identified
-    others: tuple[Other, ...]
+    rivals: tuple[Other, ...]
     significant: bool
     scatter: tuple[Scatter, ...] = ()
     misfit: Misfit | None = None
@@ -123,7 +89,7 @@ class Analysis:
         """Of a batch: minus twice the log likelihood of its units, plus the effects' price."""
         batch = self.initial_null_model.batch
         if not self.scatter:
-            return batch.plain(self.fit)
+            return batch.score_without_effect(self.fit)
         return self.scatter[0].score + batch.price(self.fit)
 
 
@@ -233,7 +199,7 @@ def without(analysis: Analysis, name: str, believed: str = "") -> Analysis:
     )
     barred = frozenset({name, *analysis.barred})
     settled = settling.again(fit, barred, () if curve is None else (curve,))
-    settled = replace(settled, struck=(*analysis.struck, *({name} & {*selection.named})))
+    settled = replace(settled, struck=(*analysis.struck, *({name} & {*selection.identified})))
     answer = _answer(null_model, settling, selection, settled, barred)
     return replace(answer, barred=barred, believed=sure)
 
@@ -259,7 +225,7 @@ def _answer(
         others = rivals(search, fit, named)
     labels = {member.name: label(member) for member in fit.members if is_term(member)}
     steps = concluding(search, selection, fit, labels)
-    struck = tuple(name for name in selection.named if name in settled.struck)
+    struck = tuple(name for name in selection.identified if name in settled.struck)
     verdict = Identified(named, (), settled.residual_forms, settled.significant)
     detected = bool(null_model.residual_forms.evidence.max(initial=0.0) > search.thresholds.generic)
     return Analysis(
@@ -268,7 +234,7 @@ def _answer(
         replace(selection, fit=fit, steps=steps),
         verdict,
         tuple(others),
-        bool(fit.members or selection.named) or detected,
+        bool(fit.members or selection.identified) or detected,
         struck=struck,
     )
 
@@ -309,7 +275,7 @@ def _not_noise(
 def _minus_log(fit: Fit, search: Search) -> float:
     """Minus twice the log likelihood, plus the price of the effects."""
     total = fit.score - fit.rss
-    n = search.fitter.space.readings
+    n = search.fitter.space.rows_per_output
     for at, noise in enumerate(search.fitter.space.noises):
         r = fit.residual[at * n : (at + 1) * n]
         total += n * np.log(float(r @ r) / n) + 2.0 * float(np.sum(np.log(noise.sigma)))
@@ -327,12 +293,12 @@ def concluded(
     null_model, selection, scatter_effects = _given_scatter(initial, selection)
     search = null_model.search
     verdict = identified(search, selection.fit, generic, null_model.empty)
-    others = rivals(search, selection.fit, verdict.kept)
+    others = rivals(search, selection.fit, verdict.confirmed)
     preferred = first_of_confounded(selection.fit, others, setup.data.target.population)
     if preferred is not None:
         selection = replace(selection, fit=preferred)
         verdict = identified(search, preferred, generic, null_model.empty)
-        others = rivals(search, preferred, verdict.kept)
+        others = rivals(search, preferred, verdict.confirmed)
     detected = bool(initial.residual_forms.evidence.max(initial=0.0) > search.thresholds.generic)
     batch_misfit = misfit(initial.batch, selection.fit, next(iter(scatter_effects), None))
     if batch_misfit is not None and batch_misfit.bent:
@@ -340,7 +306,7 @@ def concluded(
         selection = replace(selection, fit=initial.batch.unmoved(selection.fit))
         search = initial.search
         verdict = identified(search, selection.fit, generic, initial.empty)
-        others = rivals(search, selection.fit, verdict.kept)
+        others = rivals(search, selection.fit, verdict.confirmed)
     return Analysis(
         initial,
         null_model,
@@ -397,7 +363,8 @@ def _likeliest_scatter(
     reduced_sets = [fit.without(at) for at in range(len(fit.members))]
     candidate_fits = [fit, *(null_model.search.fitter.fit(reduced) for reduced in reduced_sets)]
     candidate_fits += [null_model.empty] if len(reduced_sets) > 1 else []
-    best: tuple[float, Fit, tuple[Scatter, ...]] = (initial.batch.plain(fit), fit, ())
+    score = initial.batch.score_without_effect(fit)
+    best: tuple[float, Fit, tuple[Scatter, ...]] = (score, fit, ())
     for candidate_fit in candidate_fits:
         effects = scatter(initial.batch, candidate_fit)
         score = effects[0].score + initial.batch.price(candidate_fit) if effects else np.inf

@@ -89,9 +89,11 @@ def _admissible(
     """Coefficients (k,) within the bounds of the effects, fitted to all rows but `out`; free are
     those of effects whose size is a nonlinear parameter.
     """
-    bounds = [member.candidate.bounds for member in members if not member.candidate.alone]
-    sizes = [1 if member.candidate.alone else len(member.candidate.linear) for member in members]
-    is_bounded = np.repeat([not member.candidate.alone for member in members], sizes)
+    bounds = [member.candidate.bounds for member in members if not member.candidate.is_nonlinear]
+    sizes = [
+        1 if member.candidate.is_nonlinear else len(member.candidate.linear) for member in members
+    ]
+    is_bounded = np.repeat([not member.candidate.is_nonlinear for member in members], sizes)
     low, high = np.full(len(coefficients), -np.inf), np.full(len(coefficients), np.inf)
     at = len(coefficients) - len(is_bounded) + np.flatnonzero(is_bounded)
     if not len(at):

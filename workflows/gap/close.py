@@ -60,14 +60,14 @@ class Corrected:
     errors: Array
     freedom: int
     covariance: Array = field(default_factory=lambda: np.zeros((0, 0)), repr=False)
-    more: Mapping[tuple[str, str], float] = field(default_factory=dict)
+    added_variance: Mapping[tuple[str, str], float] = field(default_factory=dict)
 
     def widened(self, by: Mapping[tuple[str, str], float]) -> Corrected:
         """The same model with added variance of some numbers, by owner and name."""
         more = np.array([by.get((number.owner, number.name), 0.0) for number in self.numbers])
         covariance = self.covariance + np.diag(more)
         errors = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-        return replace(self, covariance=covariance, errors=errors, more=by)
+        return replace(self, covariance=covariance, errors=errors, added_variance=by)
 
     def nothing(self, member: Member) -> bool:
         """Whether the joint interval of an effect's linear parameters contains 0: Wald's F test.
@@ -78,7 +78,8 @@ class Corrected:
         """
         linear = {parameter.name for parameter in member.candidate.linear}
         indices = [k for k, number in enumerate(self.numbers) if number.owner == member.name]
-        rounded = any(member.candidate.alone for member in self.members)  # has no derivatives
+        # the size of such an effect has no derivatives
+        rounded = any(member.candidate.is_nonlinear for member in self.members)
         sizes = [k for k in indices if self.numbers[k].name in linear]
         if rounded or not sizes or not np.isfinite(self.errors[sizes]).all():
             return False
@@ -153,11 +154,11 @@ def corrected(setup: Setup, space: Space, fit: Fit, plain: bool = False) -> Corr
     numbers, start = _numbers(setup, fit)
     model = Corrected(setup.plan, fit.members, numbers, start, np.full(len(start), np.nan), 1)
     scale = np.array([number.scale for number in numbers])
-    used = space.plain() if setup.free or plain else space
+    used = space.unweighted() if setup.free or plain else space
     low = np.array([number.low for number in numbers]) / scale
     high = np.array([number.high for number in numbers]) / scale
     x = np.clip(start / scale, low + 1e-9 * (high > low), high - 1e-9 * (high > low))
-    jacobian = np.zeros((space.readings * len(space.noises) + space.prior, 0))
+    jacobian = np.zeros((space.rows_per_output * len(space.noises) + space.prior, 0))
     if len(x):
         fitted = least_squares(
             _residual(setup, used, model, scale),
@@ -221,7 +222,7 @@ def _residual(
     setup: Setup, space: Space, model: Corrected, scale: Array
 ) -> Callable[[Array], Array]:
     """Function of scaled numbers (k,): whitened residual (N,) with distances from tolerances."""
-    measured = setup.data.whole(setup.data.measured)
+    measured = setup.data.stacked(setup.data.measured)
     free = np.array([number.kind == "free" for number in model.numbers], dtype=bool)
     middle = np.array(
         [
@@ -232,7 +233,7 @@ def _residual(
 
     def residual(x: Array) -> Array:
         predicted = model.predicted(setup.data, x * scale)
-        white = space.whiten(measured - setup.data.whole(predicted))
+        white = space.whiten(measured - setup.data.stacked(predicted))
         white[len(white) - space.prior :] = ((middle - x * scale) / scale)[free]
         return white
 
@@ -244,7 +245,7 @@ def _covariance(jacobian: Array, space: Space, used: Space) -> Array:
     inverse = np.linalg.pinv(jacobian.T @ jacobian, rcond=1e-12)
     if used is space:
         return np.asarray(inverse, dtype=np.float64)
-    n = space.readings
+    n = space.rows_per_output
     middle = jacobian[len(jacobian) - space.prior :].T @ jacobian[len(jacobian) - space.prior :]
     for at, (real, plain) in enumerate(zip(space.noises, used.noises, strict=True)):
         part = real.coloured(jacobian[at * n : (at + 1) * n] / plain.sigma[:, None])
@@ -254,7 +255,7 @@ def _covariance(jacobian: Array, space: Space, used: Space) -> Array:
 
 def added_variance(model: Corrected) -> Mapping[tuple[str, str], float]:
     """The variance that was added to a corrected model."""
-    return model.more
+    return model.added_variance
 
 
 def refitted(setup: Setup, space: Space, fit: Fit, model: Corrected) -> Corrected:
@@ -295,7 +296,7 @@ def _by_stretches(jacobian: Array, residuals: Array, space: Space) -> Array:
 
     Reference: Liang and Zeger, Biometrika 73, 1986. Misfit that persists over rows widens it.
     """
-    n = space.readings
+    n = space.rows_per_output
     count = _stretches(space)
     which = np.minimum(np.arange(n) * count // n, count - 1)
     edges = np.searchsorted(which, np.arange(count + 1))
@@ -310,7 +311,7 @@ def _by_stretches(jacobian: Array, residuals: Array, space: Space) -> Array:
 
 def _stretches(space: Space) -> int:
     """Number of stretches of a record."""
-    return int(np.clip(space.readings // LEAST_ROWS, 2, STRETCHES))
+    return int(np.clip(space.rows_per_output // LEAST_ROWS, 2, STRETCHES))
 
 
 def _larger(model: Array, empirical: Array) -> Array:

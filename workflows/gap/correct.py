@@ -30,7 +30,7 @@ def corrected_toml(plan: GapPlan, model: Corrected, scatter: tuple[Scatter, ...]
         }
     configuration["model"] = plan.model_name
     configuration.setdefault("seed", plan.seed)
-    parameters = dict(configuration.get("parameters", {})) | dict(plan.given)
+    parameters = dict(configuration.get("parameters", {})) | dict(plan.stated_parameters)
     for name, value in model.free().items():
         table, dot, key = name.partition(".")
         if dot:
@@ -66,7 +66,7 @@ def corrected_toml(plan: GapPlan, model: Corrected, scatter: tuple[Scatter, ...]
             "columns": {name: _column(column) for name, column in plan.columns.items()}
         }
     scalars = {k: v for k, v in configuration.items() if not isinstance(v, dict | list)}
-    return tomli_w.dumps(_plain({**scalars, **configuration}))
+    return tomli_w.dumps(_toml_value({**scalars, **configuration}))
 
 
 def _at_mids(variables: Mapping[str, Any], free: Mapping[str, float]) -> dict[str, Any]:
@@ -132,10 +132,10 @@ def _column(column: Any) -> dict[str, Any]:
     return {key: value for key, value in parts.items() if value} | turned
 
 
-def _plain(value: Any) -> Any:
+def _toml_value(value: Any) -> Any:
     """Values in the types of TOML."""
     if isinstance(value, Mapping):
-        return {str(key): _plain(entry) for key, entry in value.items() if entry is not None}
+        return {str(key): _toml_value(entry) for key, entry in value.items() if entry is not None}
     if isinstance(value, list | tuple):
-        return [_plain(entry) for entry in value]
+        return [_toml_value(entry) for entry in value]
     return value.item() if hasattr(value, "item") else value

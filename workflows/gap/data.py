@@ -61,7 +61,7 @@ class GapData:
             c for c in self.target.columns if not c.text and np.ptp(np.asarray(table[c.name])) > 0
         )
 
-    def whole(self, by_output: Mapping[str, Array]) -> Array:
+    def stacked(self, by_output: Mapping[str, Array]) -> Array:
         """Values (n,) by output, one output below the other (N,)."""
         return np.concatenate([by_output[o.name] for o in self.outputs])
 

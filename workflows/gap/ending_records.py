@@ -106,7 +106,7 @@ def detectable(end: Ending) -> tuple[tuple[Detectable, ...], tuple[str, ...]]:
     smallest: dict[str, Detectable] = {}
     names: dict[str, None] = {}
     for start, member in zip(search.white.starts, search.book.members, strict=True):
-        if member.candidate.alone:
+        if member.candidate.is_nonlinear:
             continue
         names.setdefault(member.name)
         member_sizes = size[start : start + len(member.candidate.linear)]
@@ -143,7 +143,7 @@ def scores(end: Ending) -> tuple[Score, ...]:
 
 def effects(end: Ending, spread: Spread | None) -> tuple[FoundEffect, ...]:
     """The identified effects, with intervals and evidence."""
-    moving = [_effect(end, at, spread) for at in end.named]
+    moving = [_effect(end, at, spread) for at in end.identified]
     return (*moving, *(_of_scatter(scatter_effect) for scatter_effect in end.analysis.scatter[:1]))
 
 
@@ -254,7 +254,7 @@ def rival_records(
     """
     levels = end.analysis.search.fitter.space.level()
     rivals: list[Rival] = []
-    for at, rival in enumerate(end.analysis.others):
+    for at, rival in enumerate(end.analysis.rivals):
         measurement = planned.get((rival.names, rival.instead_of))
         if measurement is None:
             measurement = (

@@ -32,13 +32,13 @@ class Remainder:
     """
 
     residual: Array
-    kept: Array
+    certain_columns: Array
     forms: tuple[Form, ...]
     generic: Groups
     inputs: Mapping[str, Array]
     slow: tuple[bool, ...]
     repeats: NDArray[np.int64] | None = None
-    known: Array | None = None
+    known_sigma: Array | None = None
     source: str = "estimated"
     law: float = 0.0
     resolution: float = 0.0
@@ -56,8 +56,8 @@ class Remainder:
 def estimated(remainder: Remainder) -> Noise:
     """The noise of one output."""
     n = len(remainder.residual)
-    kept = np.column_stack([remainder.kept, _slow(n)])
-    sigma = np.ones(n) if remainder.known is None else remainder.known
+    kept = np.column_stack([remainder.certain_columns, _slow(n)])
+    sigma = np.ones(n) if remainder.known_sigma is None else remainder.known_sigma
     noise = Noise(sigma * _first_scale(remainder, kept, sigma), remainder.source)
     chosen = kept
     for _ in range(PASSES):
@@ -99,7 +99,7 @@ def _noise_given(remainder: Remainder, chosen: Array, noise: Noise) -> Noise:
     residual = remainder.residual - _fitted(remainder, chosen, white)
     good = remainder.good(residual, noise.sigma)
     estimate = replace(white, good=None if good.all() else good)
-    if remainder.known is None:
+    if remainder.known_sigma is None:
         follows = size_follows(residual, remainder.inputs, good)
         if follows is not None:
             estimate = replace(estimate, varies_with=follows[0], sigma=follows[1])
@@ -128,7 +128,7 @@ class Start:
     with both. In uniform noise the forms are not scaled: no gain depends on their lengths.
     """
 
-    kept: Array
+    certain_columns: Array
     q: Array
     residual: Array
     white: Groups
@@ -152,10 +152,10 @@ def _with_forms(
     another; also whether a trend is among them.
     """
     if not allowed.any():
-        return start.kept, False
-    chosen, q, residual, white = start.kept, start.q, start.residual, start.white
+        return start.certain_columns, False
+    chosen, q, residual, white = start.certain_columns, start.q, start.residual, start.white
     projected, product, trend = start.projected, start.product, False
-    while chosen.shape[1] < max(len(residual) // 5, start.kept.shape[1] + 2):
+    while chosen.shape[1] < max(len(residual) // 5, start.certain_columns.shape[1] + 2):
         scale = residual @ residual / (len(residual) - q.shape[1])
         level = evidence(white, white.conditional_gains(projected, product) / scale)
         best = int(np.argmax(np.where(allowed, level, -np.inf)))
@@ -181,8 +181,8 @@ def _likelihood(residual: Array, chosen: Array, noise: Noise) -> float:
 
 def _scaled(remainder: Remainder, chosen: Array, noise: Noise) -> Noise:
     """The noise at its final size, from repeats where there are any."""
-    if remainder.known is not None:
-        return replace(noise, sigma=remainder.known)
+    if remainder.known_sigma is not None:
+        return replace(noise, sigma=remainder.known_sigma)
     pure = _pure(remainder)
     if pure is not None:
         level = np.sqrt(np.mean(noise.sigma**2))

@@ -259,7 +259,7 @@ def _gain(candidate: Candidate, gram: Array, product: Array) -> float:
     """Decrease of a squared residual by columns with products `gram` (m, m), and `product` (m,)
     with the residual, their bounds kept.
     """
-    if candidate.alone:
+    if candidate.is_nonlinear:
         return float(2.0 * product[0] - gram[0, 0])
     ridge = 1e-9 * np.trace(gram) + 1e-300
     coefficients = np.linalg.solve(gram + ridge * np.eye(len(gram)), product)

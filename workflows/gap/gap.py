@@ -31,6 +31,7 @@ from .populations.results import attribution_of, inputs_instead, summary_message
 from .progress import GapProgress, Tell, silent
 from .quantiles import spread_of_units
 from .recalibration import moved_far
+from .regions import of_inside
 from .remainder import remainder_of, struck_of, terms_of
 from .replicates import Replicates, identity_of, is_whole, opened
 from .result import Ending, ended
@@ -39,7 +40,6 @@ from .setup import prepared
 from .shapes import shape_records
 from .spectrum import spectrum
 from .uncertainty import Spread, bootstrap
-from .where import of_inside
 from .write import summary_of, write
 
 RMSE = "{}: rmse {:.4g} -> {:.4g} {} on rows the fit never saw; noise {:.4g}"

@@ -42,8 +42,8 @@ def gaps(end: Ending) -> Gaps:
         for o, output_noise in zip(setup.data.outputs, initial.noises, strict=True)
     }
     return Gaps(
-        _whole(end, _by_output(end, before)),
-        _whole(end, _by_output(end, after)),
+        _with_total(end, _by_output(end, before)),
+        _with_total(end, _by_output(end, after)),
         noise | {"total": 1.0},
         OF_ROWS,
     )
@@ -53,7 +53,7 @@ def never_worse(end: Ending) -> Ending:
     """The same result, or one without effects if these bring a batch no nearer to the population.
     The selection on rows ensures this already.
     """
-    if end.rows or not (end.named or end.analysis.scatter):
+    if end.rows or not (end.identified or end.analysis.scatter):
         return end
     sizes = gaps(end)
     if all(sizes.after[name] <= sizes.before[name] for name in sizes.before):
@@ -67,7 +67,7 @@ def _by_output(end: Ending, raw: Array) -> dict[str, float]:
     return {output.name: rmse(part, noise.good) for output, part, noise in every}
 
 
-def _whole(end: Ending, by_output: dict[str, float]) -> dict[str, float]:
+def _with_total(end: Ending, by_output: dict[str, float]) -> dict[str, float]:
     """Gaps by output with the total: their root mean square, each in units of its noise."""
     levels = [noise.level for noise in end.analysis.initial_null_model.noises]
     scaled = np.array(list(by_output.values())) / np.array(levels)
@@ -84,7 +84,7 @@ def _of_units(end: Ending, before: Array, after: Array) -> Gaps:
     initial, outputs = end.analysis.initial_null_model, end.setup.data.outputs
     parts = (np.split(x, len(outputs)) for x in (before, after))
     for at, (output, x, y) in enumerate(zip(outputs, *parts, strict=True)):
-        kept = initial.noises[at].kept
+        kept = initial.noises[at].counted
         law = whole = initial.setup.laws[output.name]
         wider = end.analysis.scatter[:1] if at == 0 else ()
         for effect in wider:
@@ -97,4 +97,4 @@ def _of_units(end: Ending, before: Array, after: Array) -> Gaps:
         first[output.name] = distance(law, x)
         last[output.name] = distance(whole, y)
         least[output.name] = floor(whole, len(y), rng)
-    return Gaps(_whole(end, first), _whole(end, last), _whole(end, least), OF_UNITS)
+    return Gaps(_with_total(end, first), _with_total(end, last), _with_total(end, least), OF_UNITS)

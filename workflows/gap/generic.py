@@ -56,7 +56,8 @@ SMOOTH = (
 
 @dataclass(frozen=True, slots=True)
 class Form:
-    """Meaning of a group of generic columns: `kind` as in a `Region`, over `variable` and `more`.
+    """Meaning of a group of generic columns: `kind` as in a `Region`, over `variable` and
+    `further_variables`.
 
     `shape` is one of those above; a step comes `after` so many `of` all. `powers` are those of the
     two inputs of a single product. A wave may grow `by` a column or role to the power `by_power`.
@@ -66,7 +67,7 @@ class Form:
     variable: str
     order: float = np.nan
     direction: str = ""
-    more: tuple[str, ...] = ()
+    further_variables: tuple[str, ...] = ()
     shape: str = ""
     after: int = 0
     of: str = ""
@@ -182,10 +183,10 @@ def _products(
     for first, second in combinations(inputs, 2):
         a, b = _scaled(values[first.name]), _scaled(values[second.name])
         columns = np.column_stack([a * b, a * a * b, a * b * b, a * a * b * b])
-        form = Form("product", first.name, more=(second.name,))
+        form = Form("product", first.name, further_variables=(second.name,))
         forms.append((form, columns))
         if sign is not None:
-            form = Form("product", first.name, more=(second.name,), direction="odd")
+            form = Form("product", first.name, further_variables=(second.name,), direction="odd")
             forms.append((form, columns * sign[:, None]))
     return forms
 
@@ -199,7 +200,7 @@ def _raw_products(
         a, b = (from_origin(c, values[c.name]) for c in (first, second))
         for p, q in ((1, 1), (2, 1), (1, 2)):
             columns = (a**p * b**q)[:, None]
-            form = Form("product", first.name, more=(second.name,), powers=(p, q))
+            form = Form("product", first.name, further_variables=(second.name,), powers=(p, q))
             forms.append((form, columns))
             if sign is not None:
                 forms.append((replace(form, direction="odd"), columns * sign[:, None]))
@@ -329,7 +330,7 @@ def _modulated(data: GapData, column: Column, angle: Array) -> list[tuple[Form, 
                     "order",
                     column.name,
                     order=order,
-                    more=(second_input.name,),
+                    further_variables=(second_input.name,),
                     by=second_input.name,
                     by_power=power,
                 )

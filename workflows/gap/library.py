@@ -94,17 +94,17 @@ class Candidate:
     @property
     def one_sided(self) -> bool:
         """Whether it is one column whose coefficient cannot be negative."""
-        return self.alone or (len(self.linear) == 1 and self.linear[0].low >= 0.0)
+        return self.is_nonlinear or (len(self.linear) == 1 and self.linear[0].low >= 0.0)
 
     @property
-    def alone(self) -> bool:
+    def is_nonlinear(self) -> bool:
         """Whether it has no linear parameter: its only, nonlinear parameter is its size."""
         return not self.linear
 
     @cached_property
     def bounds(self) -> tuple[Array, Array]:
         """Lower and upper bounds of the coefficients of its columns."""
-        if self.alone:
+        if self.is_nonlinear:
             return np.array([1.0]), np.array([1.0 + 1e-9])
         low = np.array([parameter.low for parameter in self.linear])
         return low, np.array([parameter.high for parameter in self.linear])
@@ -139,7 +139,7 @@ class Columns:
 
     def of(self, candidate: Candidate, shape: Mapping[str, float]) -> Array:
         """Columns (N, m) of a candidate, m its linear parameters (1 where it has none)."""
-        if candidate.alone:
+        if candidate.is_nonlinear:
             return self._added(candidate, shape)[:, None]
         if isinstance(candidate.effect, Unresolved):
             return self._of_term(candidate.effect)
@@ -183,7 +183,7 @@ class Columns:
         """Outputs (N,) per unit of an internal quantity, by central differences."""
         if name not in self._slopes:
             ends = [np.full(len(self.data), end) for end in (SMALL, -SMALL)]
-            up, down = (self.data.whole(self.predict({name: change})) for change in ends)
+            up, down = (self.data.stacked(self.predict({name: change})) for change in ends)
             self._slopes[name] = (up - down) / (2.0 * SMALL)
         return self._slopes[name]
 
@@ -195,7 +195,7 @@ class Columns:
         data = self.data
         action = candidate.effect.act(data.readings, values, data.target)
         if action.changes:
-            return data.whole(self.predict(action.changes)) - data.whole(self._base)
+            return data.stacked(self.predict(action.changes)) - data.stacked(self._base)
         zero = np.zeros(len(data))
         if action.population is not None:
             return self._of_units(action.population)
@@ -259,7 +259,7 @@ def _within(number: EffectParameter) -> float:
     return low + 1.0 if np.isfinite(low) else 0.5 * min(high, 2.0)
 
 
-def left_out(names: Iterable[str], data: GapData) -> list[str]:
+def not_considered(names: Iterable[str], data: GapData) -> list[str]:
     """Sentences about effects that are not considered, and why.
 
     Of the effects of this package these are only those that a further column, gear or output would

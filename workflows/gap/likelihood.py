@@ -120,7 +120,7 @@ class BatchLikelihood:
         )
         return np.asarray(optimum.x)
 
-    def tried(self, at: Array) -> list[Array]:
+    def log_densities_on_grid(self, at: Array) -> list[Array]:
         """Log densities (k,) about their mean, at the coarse grid of the parameters."""
         return [self.changed(p)(at + self.mean(p)) for p in self._grid(True)]
 
@@ -144,7 +144,9 @@ def threshold(
     x -= x.mean(axis=1, keepdims=True)
     at = np.asarray(x.min() + law.step * (np.arange(1 + int(np.ptp(x) / law.step)) + 0.5))
     tried = [
-        log for candidate in candidates for log in BatchLikelihood(candidate, law, target).tried(at)
+        log
+        for candidate in candidates
+        for log in BatchLikelihood(candidate, law, target).log_densities_on_grid(at)
     ]
     best = likelier(x, float(at[0]), law.step, np.array(tried) - law(at))
     return float(np.quantile(best, 1.0 - plan.settings.false_rate))

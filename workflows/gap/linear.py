@@ -49,7 +49,7 @@ def whitening(gram: Array) -> Array:
 class Block:
     """Groups of one size m: which ones (g,), their columns (g, m), and the products (g, m, m)."""
 
-    which: NDArray[np.int64]
+    groups: NDArray[np.int64]
     at: NDArray[np.int64]
     gram: Array
 
@@ -145,8 +145,8 @@ class Groups:
         for block, gram in zip(self._blocks, block_grams, strict=True):
             p = projected[..., block.at]
             remaining = gram - np.einsum("...rgm,...rgk->...gmk", p, p)
-            gains[..., block.which] = _gains_of(
-                gram, remaining, products[..., block.at], self.one_sided[block.which]
+            gains[..., block.groups] = _gains_of(
+                gram, remaining, products[..., block.at], self.one_sided[block.groups]
             )
         return gains
 

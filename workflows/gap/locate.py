@@ -11,9 +11,9 @@ from ...models.measurable import Role
 from .fit import Fit, Fitter
 from .generic import PREDICTED, Form
 from .linear import basis, products, projected_out
+from .regions import along, curve_of, densest
 from .scan import Remaining, evidence
 from .setup import Setup
-from .where import along, curve_of, densest
 
 MOST = 6
 BESIDE = 0.6
@@ -63,9 +63,9 @@ def _flexible(generic: Remaining, at: int) -> NDArray[np.int64]:
     form = generic.forms[at]
 
     def same(other: Form) -> bool:
-        if (other.variable, other.more, other.direction) != (
+        if (other.variable, other.further_variables, other.direction) != (
             form.variable,
-            form.more,
+            form.further_variables,
             form.direction,
         ):
             return False
@@ -143,7 +143,7 @@ def _region(
     unit = "" if column is None else column.unit
     return Region(
         output=output.name,
-        variable=" x ".join((form.variable, *form.more)),
+        variable=" x ".join((form.variable, *form.further_variables)),
         kind="interval" if form.kind == "power" else form.kind,
         unit=output.unit if form.variable.startswith(PREDICTED) else unit,
         low=low,

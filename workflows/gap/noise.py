@@ -58,7 +58,7 @@ class Noise:
         """Whether all measurements that count have the same weight."""
         return self.rho == 0.0 and float(np.ptp(self.sigma)) == 0.0
 
-    def plain(self) -> Noise:
+    def independent(self) -> Noise:
         """Independent noise of the same level for every measurement."""
         return replace(self, sigma=np.full(len(self.sigma), self.level), rho=0.0)
 
@@ -78,7 +78,7 @@ class Noise:
         return float(np.sqrt(np.mean(self.sigma**2)))
 
     @property
-    def kept(self) -> NDArray[np.bool_]:
+    def counted(self) -> NDArray[np.bool_]:
         """Which measurements (n,) count."""
         return np.ones(len(self.sigma), dtype=bool) if self.good is None else self.good
 

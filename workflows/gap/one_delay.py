@@ -87,7 +87,7 @@ def _kinds(slope: Array, data: GapData) -> Array:
     """Rows (N, 4) of the shifted outputs that rise or fall, high or low; where a measurement rises,
     it falls with its delay.
     """
-    measured = data.whole(data.measured)
+    measured = data.stacked(data.measured)
     kinds = np.zeros((len(slope), 4), dtype=bool)
     for at in range(len(data.outputs)):
         rows = slice(at * len(data), (at + 1) * len(data))

@@ -115,8 +115,9 @@ class GapPlan:
     """A resolved gap analysis; `configuration` is the TOML text that repeats it.
 
     `model` is None for `model = "table"`, whose columns `columns` describes; `rebuild` makes it
-    again from other `parameters`, of which the configuration itself set `given`. `free` maps the
-    parameters that may be recalibrated to their half-widths, `library` are the effects considered.
+    again from other `parameters`, of which the configuration itself set
+    `stated_parameters`. `free` maps the parameters that may be recalibrated to their half-widths,
+    `library` are the effects considered.
     `noise` holds a known standard deviation by output, `blocks` is "auto" or a column. `run` are
     the raw tables of the configuration whose allocation the corrected model is to repeat (empty for
     none), `tables` the resolved ones of the model, `active` the effects that are in it already,
@@ -131,7 +132,7 @@ class GapPlan:
     model: MeasurableModel | None
     seed: int = 0
     parameters: Mapping[str, Any] = field(default_factory=dict)
-    given: Mapping[str, Any] = field(default_factory=dict)
+    stated_parameters: Mapping[str, Any] = field(default_factory=dict)
     free: Mapping[str, float] = field(default_factory=dict)
     library: tuple[str, ...] = ()
     noise: Mapping[str, float] = field(default_factory=dict)

@@ -137,7 +137,7 @@ class Batch:
         effects = [
             member.candidate.effect
             for at, member in enumerate(book.members)
-            if not member.candidate.unread and _same(book.raw.of(at))
+            if not member.candidate.unread and _shifts_all_alike(book.raw.of(at))
         ]
         return tuple(
             effect.name for effect in sorted(effects, key=lambda e: e.family == INSTRUMENT)
@@ -153,7 +153,7 @@ class Batch:
             member.candidate.price(self.search.fitter.penalty) for member in self.moving(fit)
         )
 
-    def plain(self, fit: Fit) -> float:
+    def score_without_effect(self, fit: Fit) -> float:
         """The score of a fit without an effect on the scatter."""
         units = self.units(fit)
         moved = any(name in self.levels for name in fit.names)
@@ -180,7 +180,7 @@ class Batch:
 
     def units(self, fit: Fit, but: Sequence[str] = ()) -> Units:
         """The units that count, given the effects on single units except those in `but`."""
-        kept = self.search.fitter.space.noises[0].kept
+        kept = self.search.fitter.space.noises[0].counted
         residual = residual_of(self.setup, fit, (*self.levels, *but))
         return Units(self.law, residual[kept], self.search.labels[kept])
 
@@ -231,7 +231,7 @@ def scatter(batch: Batch, fit: Fit) -> tuple[Scatter, ...]:
         return ()
     units = batch.units(fit)
     level = next((name for name in (*fit.names, *batch.levels) if name in batch.levels), "")
-    tried = [_tried(batch, units, candidate, level) for candidate in setup.on_scatter]
+    tried = [_fitted_scatter(batch, units, candidate, level) for candidate in setup.on_scatter]
     least = chdtri(1, setup.plan.settings.false_rate)  # of one parameter, not of the best
     tried = [effect for effect in tried if effect.gain > 0.5 * least]
     if max((effect.gain for effect in tried), default=0.0) < least:
@@ -257,13 +257,13 @@ def carrying(setup: Setup, scatter_effect: Scatter) -> Setup:
     return replace(setup, plan=plan, predicted=moved, residual=setup.residual - by)
 
 
-def _same(columns: Array) -> bool:
+def _shifts_all_alike(columns: Array) -> bool:
     """Whether a column (N, 1) moves every unit by the same amount."""
     size = float(np.abs(columns).max(initial=0.0))
     return columns.shape[1] == 1 and size > 0.0 and bool(np.ptp(columns) <= LEVEL * size)
 
 
-def _tried(batch: Batch, units: Units, candidate: Candidate, level: str) -> Scatter:
+def _fitted_scatter(batch: Batch, units: Units, candidate: Candidate, level: str) -> Scatter:
     """One effect, fitted with the mean that the effect implies, or with a free mean where that is
     far likelier.
     """

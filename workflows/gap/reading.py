@@ -88,6 +88,6 @@ def _reads(setup: Setup, candidate: Candidate) -> bool:
     """Whether a candidate acts on the measurement itself."""
     values = {number.name: max(number.choices, default=1.0) for number in candidate.shape}
     data = setup.data
-    return candidate.alone and bool(
+    return candidate.is_nonlinear and bool(
         candidate.effect.act(data.readings, values, data.target).reading
     )

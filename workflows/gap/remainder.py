@@ -22,7 +22,7 @@ MOST = 3
 
 def struck_of(analysis: Analysis) -> tuple[str, ...]:
     """Effects that were accepted and are not in the answer: their form is not that of the data."""
-    lost = tuple(analysis.fit.names[at] for at in analysis.identified.lost)
+    lost = tuple(analysis.fit.names[at] for at in analysis.identified.withdrawn)
     return (*lost, *analysis.struck)
 
 
@@ -127,7 +127,9 @@ def _of_forms(end: Ending) -> tuple[Remainder, ...]:
             continue
         declared_output = end.setup.data.outputs[output]
         ratio = float(
-            np.sqrt(max(remaining.gains[at], 0.0) / end.analysis.search.fitter.space.readings)
+            np.sqrt(
+                max(remaining.gains[at], 0.0) / end.analysis.search.fitter.space.rows_per_output
+            )
         )
         name = f"order {form.order:g}" if form.kind == "order" else form.kind
         text = f"an {name}" if name[0] in "aeiou" else f"a {name}"
@@ -136,7 +138,7 @@ def _of_forms(end: Ending) -> tuple[Remainder, ...]:
         text += ", opposite in the two directions" if form.direction else ""
         remainders[key] = Remainder(
             declared_output.name,
-            (form.variable, *form.more),
+            (form.variable, *form.further_variables),
             text,
             ratio * _level(end, output),
             declared_output.unit,

@@ -45,15 +45,15 @@ class Ending:
         """The verdict."""
         if not self.analysis.significant:
             return "no_gap"
-        if not self.named and not self.analysis.scatter:
+        if not self.identified and not self.analysis.scatter:
             return "unnamed"
         if self.remains:
             return "partial"
-        rivals = self.analysis.others or len(self.analysis.scatter) > 1 or self.twin
+        rivals = self.analysis.rivals or len(self.analysis.scatter) > 1 or self.twin
         return "ambiguous" if rivals else "named"
 
     @property
-    def named(self) -> tuple[int, ...]:
+    def identified(self) -> tuple[int, ...]:
         """The indices of the members that are identified effects."""
         return names_of(self.fit.members)
 
@@ -67,7 +67,7 @@ class Ending:
         """Whether the residual given the identified effects is still significant, or units scatter
         in an unidentified way.
         """
-        terms = len(self.named) < len(self.fit.members)
+        terms = len(self.identified) < len(self.fit.members)
         forms_remain = self.rows and bool(self.analysis.identified.significant)
         return terms or forms_remain or self.analysis.misfit is not None
 
@@ -103,7 +103,7 @@ def _weak(end: Ending, needed: Collection[str]) -> tuple[str, str] | None:
     where its parameters may be 0); None where all stay. An effect in `needed` belongs to no other
     form.
     """
-    for at in end.named:
+    for at in end.identified:
         name = end.fit.names[at]
         larger = "" if name in needed else _form_of(end, at)
         if larger or end.model.nothing(end.fit.members[at]):
@@ -125,7 +125,7 @@ def _form_of(end: Ending, at: int) -> str:
     variables = acts_in(members[at].candidate.effect.needs)
     candidates = [
         k
-        for k in end.named
+        for k in end.identified
         if variables and k != at and variables <= acts_in(members[k].candidate.effect.needs)
     ]
     return next((members[k].name for k in candidates if _is_form(end, at, k)), "")
@@ -146,7 +146,7 @@ def _is_form(end: Ending, small: int, large: int) -> bool:
 
 def _ended(analysis: Analysis) -> Ending:
     search = analysis.search
-    lost = analysis.identified.lost
+    lost = analysis.identified.withdrawn
     kept = [member for at, member in enumerate(analysis.fit.members) if at not in lost]
     fit = search.fitter.refined(kept) if kept else analysis.null_model.empty
     if not lost and not analysis.scatter and not analysis.setup.data.target.population:
@@ -157,7 +157,7 @@ def _ended(analysis: Analysis) -> Ending:
         analysis, fit, model, null_model.search.tested(null_model.empty), search.tested(fit)
     )
     extra_widths = misfit_of(analysis, fit)
-    if end.named and end.rows and not analysis.setup.free and not search.fitter.space.is_plain:
+    if end.identified and end.rows and not analysis.setup.free and not search.fitter.space.is_plain:
         weighed = of_weights(model, corrected(analysis.setup, search.fitter.space, fit, plain=True))
         extra_widths = {
             key: extra_widths.get(key, 0.0) + weighed.get(key, 0.0)

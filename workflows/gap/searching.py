@@ -68,14 +68,14 @@ def noise_of(setup: Setup, contributions: Sequence[Array]) -> tuple[Noise, ...]:
         values_of(setup.data),
         [c.name for c in setup.data.inputs if c.role is Role.TIME],
         setup.data.repeats,
-        [_known(setup, output.name) for output in outputs],
+        [_stated_noise(setup, output.name) for output in outputs],
         [setup.laws[o.name].std if setup.laws else 0.0 for o in outputs],
         [0.0 if setup.laws else resolution(setup, o.name) for o in outputs],
     )
     return tuple(estimated(remainder) for remainder in remaining)
 
 
-def _known(setup: Setup, name: str) -> tuple[Array, str] | None:
+def _stated_noise(setup: Setup, name: str) -> tuple[Array, str] | None:
     """The noise (n,) that the table or the configuration states, and which of the two."""
     if name in setup.data.std:
         return setup.data.std[name], "column"

@@ -110,7 +110,7 @@ class Search:
 @dataclass(frozen=True)
 class Selection:
     """The final fit of a selection and its path. `accepted` are the fits of the accepted steps with
-    their held-out residuals, the null fit first; `named` are the effects in the final fit.
+    their held-out residuals, the null fit first; `identified` are the effects in the final fit.
     """
 
     fit: Fit
@@ -118,7 +118,7 @@ class Selection:
     rejected: tuple[str, ...] = ()
     improvements: dict[str, Improvement] = field(default_factory=dict)
     accepted: tuple[tuple[Fit, HeldOut], ...] = ()
-    named: tuple[str, ...] = ()
+    identified: tuple[str, ...] = ()
 
     def ending_with(self, fit: Fit, tested: HeldOut) -> Selection:
         """The same path, with another fit accepted at its end."""
@@ -363,8 +363,8 @@ def concluding(
     steps = [replace(step, held_out=next(errors)) if step.accepted else step for step in path]
     named = tuple(name for name in fit.names if name not in labels)
     tested = search.tested(fit)
-    dropped = [name for name in selection.named if name not in named]
-    added = [name for name in named if name not in selection.named]
+    dropped = [name for name in selection.identified if name not in named]
+    added = [name for name in named if name not in selection.identified]
     terms = [labels[name] for name in fit.names if name in labels]
     for action, names, why in (
         ("drop", dropped, NO_FORM),

@@ -103,7 +103,7 @@ def _blocks(
         inside = candidate.effect.place(data.target) is not None or isinstance(
             candidate.effect, InsideSeveral
         )
-        if candidate.alone or inside:
+        if candidate.is_nonlinear or inside:
             continue
         shapes = grid(candidate, 1.0)
         every = max(1, len(shapes) // SHAPES)

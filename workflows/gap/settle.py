@@ -56,7 +56,7 @@ class Settled:
 
 @dataclass(frozen=True)
 class Settling:
-    """The search for a final answer. `tried` are accepted fits with their held-out rows, `believed`
+    """The search for a final answer. `accepted` are fits with their held-out rows, `believed`
     effects whose formula may be off by the generic terms in the fit; `empty` is the null fit.
     """
 
@@ -64,7 +64,7 @@ class Settling:
     generic: Remaining
     data: GapData
     empty: Fit
-    tried: Sequence[tuple[Fit, HeldOut]]
+    accepted: Sequence[tuple[Fit, HeldOut]]
     believed: frozenset[str] = frozenset()
 
     def settled(self, fit: Fit) -> Settled:
@@ -115,11 +115,11 @@ class Settling:
         """Whether held-out rows are predicted as well as by every accepted step, up to its standard
         error, and no worse than by the null fit.
         """
-        return self._held(self.search.tested(fit))
+        return self._predicts_as_well(self.search.tested(fit))
 
-    def _held(self, tested: HeldOut) -> bool:
+    def _predicts_as_well(self, tested: HeldOut) -> bool:
         return predicts_as_well(
-            tested, [held_out for _, held_out in self.tried], self.search.labels
+            tested, [held_out for _, held_out in self.accepted], self.search.labels
         )
 
     def _first_that_holds(self, answers: Sequence[Fit], barred: frozenset[str]) -> Fit:
@@ -127,12 +127,12 @@ class Settling:
         significant; else the one that predicts best, among the accepted steps without barred
         effects too.
         """
-        attempts = [attempt for attempt in self.tried if not barred & {*attempt[0].names}]
+        attempts = [attempt for attempt in self.accepted if not barred & {*attempt[0].names}]
         for answer in answers:
             fit = self.search.fitter.refined(sorted(answer.members, key=is_term))
             for _ in range(FORMS_MORE + 1):
                 tested = self.search.tested(fit)
-                if self._held(tested):
+                if self._predicts_as_well(tested):
                     return fit
                 attempts.append((fit, tested))
                 fit = self._with_best_form(fit, tested, barred) or fit

@@ -17,7 +17,7 @@ from .data import GapData
 from .fit import Fit
 from .generic import Form, generic, groups_of
 from .law import law_of
-from .library import Candidate, Columns, candidates, left_out, with_lots
+from .library import Candidate, Columns, candidates, not_considered, with_lots
 from .linear import Groups, basis, projected_out
 from .plan import GapPlan
 from .predictor import predictor
@@ -94,7 +94,7 @@ def prepared(plan: GapPlan, full: GapData) -> Setup:
         forms=tuple(forms),
         generic=groups_of(columns),
         laws=laws,
-        notes=(*notes, *more_notes, *left_out(plan.library, data)),
+        notes=(*notes, *more_notes, *not_considered(plan.library, data)),
         first=tuple(turned(data, parts["predicted"], parts["base"], library, parts["columns"])),
         **parts,
     )
@@ -147,7 +147,7 @@ def _parts(
     return {
         "predicted": predicted,
         "at": at,
-        "residual": data.whole(data.measured) - data.whole(predicted),
+        "residual": data.stacked(data.measured) - data.stacked(predicted),
         "base": np.column_stack([gradient, zeros_of(data)]),
         "free": free,
         "columns": Columns(data, predict),
@@ -181,7 +181,7 @@ def recalibrated(plan: GapPlan, data: GapData, predicted: Mapping[str, Array]) -
     names = list(plan.free)
     middle = np.array([nominal(plan, name) for name in names])
     half = np.array([plan.free[name] for name in names])
-    measured = data.whole(data.measured)
+    measured = data.stacked(data.measured)
     zeros = zeros_of(data)
     scale = np.repeat(
         [
@@ -252,7 +252,7 @@ def _moved(
     assert plan.rebuild is not None
     predict = predictor(plan, data, plan.rebuild(parameters))
     predicted = predict(changes)
-    return data.whole(predicted)
+    return data.stacked(predicted)
 
 
 def zeros_of(data: GapData) -> Array:

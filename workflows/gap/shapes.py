@@ -10,11 +10,11 @@ from ...gap_records import Shape
 from ...models.measurable import Role
 from .fit import Fit
 from .population import Misfit
+from .regions import along, shapes
 from .remainder import struck_of
 from .result import Ending
 from .scan import generic_residual
 from .setup import residual_of
-from .where import along, shapes
 
 
 def shape_records(end: Ending) -> tuple[Shape, ...]:
@@ -23,11 +23,13 @@ def shape_records(end: Ending) -> tuple[Shape, ...]:
     generic = analysis.null_model.generic
     misfit_shapes = () if analysis.misfit is None else (_of_misfit(end, analysis.misfit),)
     settled = (
-        not analysis.identified.lost and not end.remains and not analysis.identified.significant
+        not analysis.identified.withdrawn
+        and not end.remains
+        and not analysis.identified.significant
     )
-    if not analysis.significant or (end.named and settled):
+    if not analysis.significant or (end.identified and settled):
         return misfit_shapes
-    fit = search.fitter.fit([end.fit.members[at] for at in end.named])
+    fit = search.fitter.fit([end.fit.members[at] for at in end.identified])
     remaining = generic_residual(fit, search.fitter, generic)
     lost = struck_of(analysis)
     records = shapes(
@@ -65,7 +67,7 @@ def _formula(end: Ending, shape: Shape, fit: Fit) -> str:
         name, period = f"({shape.order:g} {name})", 2.0 * np.pi
     at = [o.name for o in setup.data.outputs].index(shape.output)
     rows, noise = slice(at * n, (at + 1) * n), end.analysis.null_model.noises[at]
-    good = noise.kept
+    good = noise.counted
     y = residual_of(setup, fit)[rows]
     if shape.direction == "odd":
         sign = np.asarray(setup.data.readings[Role.DIRECTION], dtype=float)

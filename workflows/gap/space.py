@@ -22,23 +22,25 @@ class Space:
     prior: int = 0
 
     @property
-    def readings(self) -> int:
+    def rows_per_output(self) -> int:
         """Rows of one output."""
         return len(self.noises[0].sigma)
 
     @property
     def count(self) -> int:
         """The number of measurements that count."""
-        return self.readings * len(self.noises) - sum(noise.outliers for noise in self.noises)
+        return self.rows_per_output * len(self.noises) - sum(
+            noise.outliers for noise in self.noises
+        )
 
     @property
     def is_plain(self) -> bool:
         """Whether every measurement of an output counts the same."""
         return all(noise.is_plain for noise in self.noises)
 
-    def plain(self) -> Space:
+    def unweighted(self) -> Space:
         """A space in which every measurement of an output counts the same."""
-        return Space(tuple(noise.plain() for noise in self.noises), self.prior)
+        return Space(tuple(noise.independent() for noise in self.noises), self.prior)
 
     def whiten(self, columns: Array) -> Array:
         """Columns (N,) or (N, m) whitened, with zeros in the rows of the prior."""

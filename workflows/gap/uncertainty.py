@@ -128,7 +128,7 @@ def _drawn(search: Search, fit: Fit, rng: np.random.Generator) -> Array:
     y = search.fitter.y
     fitted = y - fit.residual
     outputs = len(search.fitter.space.noises)
-    n = search.fitter.space.readings
+    n = search.fitter.space.rows_per_output
     length = max(1, round(n ** (1.0 / 3.0)))
     stretches = int(np.ceil(n / length))
     starts = rng.integers(0, n, stretches)

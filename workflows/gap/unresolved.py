@@ -85,7 +85,7 @@ def _power(base: Term, form: Form, x: Array) -> Term:
 
 
 def _product(base: Term, form: Form, data: GapData, columns: dict[str, Column]) -> Term:
-    second = form.more[0]
+    second = form.further_variables[0]
     x, y = (np.asarray(data.readings.table[n], dtype=float) for n in (form.variable, second))
     if form.powers is None:
         term = replace(base, shape="product", zero=float(x.mean()), scale=float(x.std()))
@@ -111,7 +111,7 @@ def _wave(base: Term, form: Form, data: GapData) -> Term:
     term = replace(base, shape="wave", order=float(form.order))
     if not form.by:
         return term
-    by = (*form.more, *(c.name for c in data.inputs if str(c.role) == form.by))[0]
+    by = (*form.further_variables, *(c.name for c in data.inputs if str(c.role) == form.by))[0]
     size = float(np.abs(np.asarray(data.readings.table[by], dtype=float)).max())
     return replace(term, times=by, times_exponent=float(form.by_power), times_scale=size)
 

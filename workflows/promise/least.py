@@ -8,7 +8,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from ...algorithms.exact.afresh import kept
+from ...algorithms.exact.afresh import feasible_afresh
 from ...algorithms.exact.bounds import row_limits
 from ...algorithms.exact.branch import Branch
 from ...algorithms.exact.choices import Optimum, least_cost
@@ -81,7 +81,7 @@ def _near(problem: ToleranceProblem, near: Array) -> Least:
     start = branch.smooth.scaled(near[None, free])[0]
     if branch.minimise(0, start, np.full(1, np.inf)) is None:
         return Least.none(problem)
-    x = kept(run, branch, branch.y[0], branch.f[0], search=True)
+    x = feasible_afresh(run, branch, branch.y[0], branch.f[0], search=True)
     if np.any(problem.tested(x)[1] > 0.0):
         return Least.none(problem)
     design = problem.complete(x)

@@ -12,5 +12,8 @@ def promised_limits(problem: ToleranceProblem) -> set[str]:
         return set()
     if isinstance(problem, Stack) and problem.promises is not None:
         output = problem.promise.output
-        return {requirement.measured.name(output) for requirement in problem.promises.each}
+        return {
+            requirement.measured.name(output)
+            for requirement in problem.promises.requirement_promises
+        }
     return {problem.promise.output}

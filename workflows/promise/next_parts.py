@@ -171,7 +171,7 @@ def with_more(known: Knowledge, ratio: float) -> Knowledge:
     if gauge is not None:
         gauge = replace(
             gauge,
-            measured=gauge.gauge + variance_ratio * gauge.own,
+            measured=gauge.gauge + variance_ratio * gauge.part_variance,
             measured_df=gauge.measured_df + MORE,
         )
     return replace(

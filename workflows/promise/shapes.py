@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from ...models.capability import PartSample, cumulants_drawn, kept
+from ...models.capability import PartSample, cumulants_drawn, fraction_within_limits
 from ...problems.interfaces import Checks
 from ...problems.stack import Stack
 from ...problems.tolerance_problem import ToleranceProblem
@@ -54,7 +54,7 @@ def bootstrapped(stack: Stack, design: Array) -> float:
             requirement.mechanism.lower - requirement.mechanism.centre,
             requirement.mechanism.upper - requirement.mechanism.centre,
         )
-        assurances.append(kept(cumulants, ends, fraction))
+        assurances.append(fraction_within_limits(cumulants, ends, fraction))
     return 100.0 * min(assurances, default=float("nan"))
 
 

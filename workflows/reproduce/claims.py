@@ -23,9 +23,9 @@ class Interpretation:
 class Claim:
     """A printed figure or statement.
 
-    `printed` holds one number, as many as the readings compute, or the two ends of a range. Where
-    data are lost, `lost` names them and there are no readings. `why` adds what the record knows of
-    the cause. All values are in `unit`.
+    `printed` holds one number, as many as the interpretations compute, or the two ends of a range.
+    Where data are lost, `lost` names them and there are no interpretations. `why` adds what the
+    record knows of the cause. All values are in `unit`.
     """
 
     id: str
@@ -41,7 +41,7 @@ class Claim:
     ambiguous: str = ""
     lost: str = ""
     why: str = ""
-    readings: tuple[Interpretation, ...] = ()
+    interpretations: tuple[Interpretation, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

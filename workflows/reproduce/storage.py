@@ -33,7 +33,7 @@ def keep(folder: Path, task: ClaimTask, checked: Checked) -> None:
     write_record(_path(folder, task), record)
 
 
-def kept(folder: Path, task: ClaimTask) -> Checked | None:
+def read_checked(folder: Path, task: ClaimTask) -> Checked | None:
     """A claim that was checked before, None where it is not there or the claim has changed.
 
     Raises InputError where the file is not as it was written.
@@ -54,7 +54,7 @@ def all_kept(folder: Path, tasks: Iterable[ClaimTask]) -> dict[str, Checked]:
     checked_claims, faults = dict[str, Checked](), list[Fault]()
     for task in tasks:
         try:
-            checked = kept(folder, task)
+            checked = read_checked(folder, task)
         except InputError as error:
             faults += error.faults
         else:

@@ -45,7 +45,7 @@ def check(task: ClaimTask) -> Checked:
     Raises ModelError, with the claim named, where a reading has no finite value.
     """
     with pinned():
-        read = [_read(task, reading) for reading in task.claim.readings]
+        read = [_read(task, reading) for reading in task.claim.interpretations]
     decided = verdict(task.claim, [computed for computed, _ in read])
     tables: dict[str, ComputedTable] = {}
     for _, more in read:
@@ -78,12 +78,12 @@ def _read(task: ClaimTask, reading: Interpretation) -> tuple[Outcome, dict[str, 
 
 def _in_unit(quantity: Quantity, unit: str) -> Quantity:
     """A quantity in the unit of its claim. Raises ValueError where it cannot be, or not finite."""
-    source_unit = _bare(quantity.unit)
-    value = float(converted(quantity.value, source_unit, _bare(unit)))
+    source_unit = _unit_text(quantity.unit)
+    value = float(converted(quantity.value, source_unit, _unit_text(unit)))
     error = abs(
         float(
-            converted(quantity.standard_error, source_unit, _bare(unit))
-            - converted(0.0, source_unit, _bare(unit))
+            converted(quantity.standard_error, source_unit, _unit_text(unit))
+            - converted(0.0, source_unit, _unit_text(unit))
         )
     )
     if not isfinite(value):
@@ -91,5 +91,5 @@ def _in_unit(quantity: Quantity, unit: str) -> Quantity:
     return Quantity(value, unit, error)
 
 
-def _bare(unit: str) -> str:
+def _unit_text(unit: str) -> str:
     return "" if unit == "1" else unit

@@ -87,7 +87,7 @@ def verdict(claim: Claim, outcomes: Sequence[Outcome]) -> Verdict:
     if word is Word.UNDER_READING and not outcomes[0].states:
         parts.append(f"read literally it does not hold: {_comparison(claim, outcomes[0])}")
     if word is Word.NOT_REPRODUCED and len(outcomes) > 1:
-        parts.append(_others(len(outcomes) - 1))
+        parts.append(_other_interpretations_text(len(outcomes) - 1))
     if any(_doubtful(claim, outcomes[shown])):
         parts.append("another draw may turn it: it lies within two standard errors of the limit")
     if claim.why:
@@ -95,7 +95,7 @@ def verdict(claim: Claim, outcomes: Sequence[Outcome]) -> Verdict:
     return Verdict(word, "; ".join(parts), tuple(outcomes), shown)
 
 
-def _others(count: int) -> str:
+def _other_interpretations_text(count: int) -> str:
     return f"nor does it hold under {count} other reading{'s' if count > 1 else ''}"
 
 

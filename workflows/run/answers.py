@@ -33,11 +33,11 @@ def answers(result: RunResult, problem: ToleranceProblem, proven: Proof) -> dict
     empty.
     """
     sentences = Words(result, problem)
-    asked = {"asked": sentences.asked()}
+    asked = {"asked": sentences.request()}
     if result.front.empty:
         return asked
     return asked | {
-        "found": sentences.found(),
+        "found": sentences.outcome(),
         "published": sentences.published(),
         "limits": sentences.of_limits(),
         "proof": sentences.proof(proven),
@@ -69,7 +69,7 @@ class Words:
 
     # ------------------------------------------------------------------ sentences
 
-    def asked(self) -> str:
+    def request(self) -> str:
         largest = {o.name for o in self.problem.outputs if o.larger_is_better}
         goals = [f"{'largest' if n in largest else 'least'} {words(n)}" for n in self.names]
         goal = " against ".join(goals).capitalize()
@@ -90,11 +90,11 @@ class Words:
         tolerances = sum(v.tolerance for v in self.problem.free)
         return (
             f"{goal}{kept}; {tolerances} tolerances searched"
-            f"{self._more(len(self.problem.free) - tolerances)}."
+            f"{self._and_others(len(self.problem.free) - tolerances)}."
         )
 
     @staticmethod
-    def _more(count: int) -> str:
+    def _and_others(count: int) -> str:
         return f" and {count} other variables" if count else ""
 
     def limit(self, limit: Limit) -> str:
@@ -103,7 +103,7 @@ class Words:
         ends += [f"at most {limit.high:.4g}{unit}"] if np.isfinite(limit.high) else []
         return f"{words(limit.name)} {' and '.join(ends)}"
 
-    def found(self) -> str:
+    def outcome(self) -> str:
         front = self.result.front
         row = front.iloc[self.point]
         if len(front) == 1:

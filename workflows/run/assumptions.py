@@ -166,14 +166,14 @@ def _least(branch: Branch, x: Array, limit: Array) -> float:
     run = branch.smooth.run
     cost = run.problem.objectives.index("cost")
     scaled = branch.smooth.scaled(x[None, :])[0]
-    least = _kept(branch, cost, scaled, limit)
+    least = _least_value(branch, cost, scaled, limit)
     if not np.isnan(least):
         return least
-    starts = (_kept(branch, cost, start, limit) for start in branch.starts(run))
+    starts = (_least_value(branch, cost, start, limit) for start in branch.starts(run))
     return next((value for value in starts if not np.isnan(value)), np.nan)
 
 
-def _kept(branch: Branch, cost: int, start: Array, limit: Array) -> float:
+def _least_value(branch: Branch, cost: int, start: Array, limit: Array) -> float:
     values = branch.minimise(cost, start, limit)
     if values is None or np.any(values > limit + NEARLY * branch.unit):
         return np.nan

@@ -69,7 +69,7 @@ def _below_half(problem: ToleranceProblem) -> list[Fault]:
 
 def _too_expensive(form: Form, limits: Array, most: float, bound: float) -> list[Fault]:
     """Faults of the limit on the cost, and of the limits on requirements that it contradicts."""
-    forms = [_alone(form, at) for at in range(len(limits))]
+    forms = [_single_output_form(form, at) for at in range(len(limits))]
     least_costs = [
         float(least_cost(alone, limits[None, at : at + 1]).bound[0])
         for at, alone in enumerate(forms)
@@ -97,7 +97,7 @@ def _too_expensive(form: Form, limits: Array, most: float, bound: float) -> list
     return faults
 
 
-def _alone(form: Form, at: int) -> Form:
+def _single_output_form(form: Form, at: int) -> Form:
     return restricted(form, np.arange(len(form.outputs)) == at)
 
 

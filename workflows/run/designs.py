@@ -76,7 +76,7 @@ class Designs(Closing):
             self._executor.close()
 
     @property
-    def others(self) -> int:
+    def helpers(self) -> int:
         """Processes, or workers of a scheduler, that take part in addition to this process."""
         return 0 if self._executor is None else self._executor.workers
 
@@ -120,6 +120,6 @@ class Designs(Closing):
             if self._executor is not None:
                 self._executor.close()
             self._executor, self._starting = begun, None
-        if self._starting is None and (free := self._free()) > self.others:
+        if self._starting is None and (free := self._free()) > self.helpers:
             processes, tasks = Processes(free), deque(self._tasks([part] * free))
             self._starting = processes, Background(processes, computed, partial(next_of, tasks))

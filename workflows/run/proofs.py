@@ -50,7 +50,7 @@ def informative(proven: Proof, gap_percent: NDArray[np.float64]) -> bool:
     """Whether bounds say something of points (n,) that lie so far above them: where limits are
     left out, the points may be held back by those alone.
     """
-    return not proven.left_out or bool(np.nanmedian(gap_percent) <= INFORMATIVE)
+    return not proven.omitted_limits or bool(np.nanmedian(gap_percent) <= INFORMATIVE)
 
 
 def takes_long(problem: ToleranceProblem) -> bool:

@@ -36,7 +36,7 @@ def unreachable(problem: ToleranceProblem) -> list[Fault]:
     starts = (
         Differentiable.of(problem).starts() if problem.declaration.sampled else np.empty((0, 0))
     )
-    if not len(starts) or _kept(problem, starts):
+    if not len(starts) or _any_feasible(problem, starts):
         return []
     return [
         fault
@@ -46,7 +46,7 @@ def unreachable(problem: ToleranceProblem) -> list[Fault]:
     ]
 
 
-def _kept(problem: ToleranceProblem, starts: Array) -> bool:
+def _any_feasible(problem: ToleranceProblem, starts: Array) -> bool:
     outputs = problem.outputs_of(starts, searching=True)
     return bool(np.any(np.all(problem.violations(starts, outputs) <= 0.0, axis=1)))
 

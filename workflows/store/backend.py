@@ -26,14 +26,14 @@ class Foreign(Exception):
 class Backend(ABC):
     """A database: how it is reached, marked and checked, and what its errors mean."""
 
-    where: str
+    display_name: str
     """The database as messages name it; no password is in it."""
     engine: Engine
     clock: ClassVar[ColumnElement[float]]
     """Seconds since 1970 by the clock of the database."""
     anew: ClassVar[str]
     """How to begin anew there."""
-    other: ClassVar[str]
+    alternative: ClassVar[str]
     """What to name instead of a database that is in use for something else."""
 
     @abstractmethod
@@ -49,7 +49,7 @@ class Backend(ABC):
         """An insertion that may say what happens to rows that are there already."""
 
     @abstractmethod
-    def alone(self, connection: Connection) -> None:
+    def lock(self, connection: Connection) -> None:
         """Let no other process make or change tables before this transaction has ended."""
 
     @abstractmethod

@@ -31,20 +31,20 @@ def store_faults(address: str, place: str, look: bool = True) -> list[Fault]:
     try:
         Store(backend, reading=True).close()
     except (Newer, Foreign) as error:
-        return [Fault(place, f"{backend.where} {not_ours(error, backend)}")]
+        return [Fault(place, f"{backend.display_name} {not_ours(error, backend)}")]
     except DAMAGE as error:
         why, remedy = backend.hindrance(error) or (reason(error), "mend that")
-        return [Fault(place, f"{backend.where}: {why}; {remedy}")]
+        return [Fault(place, f"{backend.display_name}: {why}; {remedy}")]
     return []
 
 
 def not_ours(error: Newer | Foreign, backend: Backend) -> str:
     """Why tables cannot be used, and what helps."""
     if not error.args:
-        return f"is no database of a study; {backend.other}"
+        return f"is no database of a study; {backend.alternative}"
     from .tables import FORMAT
 
     return (
         f"was written by a newer version of tolevo (format {error.args[0]}, this one reads up "
-        f"to {FORMAT}): update tolevo, or {backend.other}"
+        f"to {FORMAT}): update tolevo, or {backend.alternative}"
     )

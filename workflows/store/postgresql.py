@@ -34,10 +34,10 @@ class PostgreSQL(Backend):
     clock = literal_column(
         "CAST(EXTRACT(EPOCH FROM clock_timestamp()) AS double precision)", Double()
     )
-    anew = other = "name another schema of that database (?schema=NAME)"
+    anew = alternative = "name another schema of that database (?schema=NAME)"
 
     def __init__(self, address: Address) -> None:
-        self.where = address.shown
+        self.display_name = address.shown
         self._address = address
         self.engine = create_engine("postgresql+psycopg://", creator=self._connect)
 
@@ -77,7 +77,7 @@ class PostgreSQL(Backend):
     def insert(self, table: Table) -> postgresql.Insert:
         return postgresql.insert(table)
 
-    def alone(self, connection: Connection) -> None:
+    def lock(self, connection: Connection) -> None:
         key = zlib.crc32(f"tolevo {self._address.schema}".encode())
         connection.execute(text("SELECT pg_advisory_xact_lock(:key)"), {"key": key})
         connection.execute(text(f'CREATE SCHEMA IF NOT EXISTS "{self._address.schema}"'))

@@ -41,11 +41,11 @@ class SqliteFile(Backend):
 
     clock = literal_column("((julianday('now') - 2440587.5) * 86400.0)", Double())
     anew = "start again with --overwrite"
-    other = "name another directory"
+    alternative = "name another directory"
 
     def __init__(self, path: Path, reading: bool = False) -> None:
         self.path = path
-        self.where = str(path)
+        self.display_name = str(path)
         self._reading = reading
         self.engine = create_engine("sqlite://", creator=self._connect, poolclass=QueuePool)
         event.listen(self.engine, "begin", _begin)
@@ -73,11 +73,11 @@ class SqliteFile(Backend):
         return connection
 
     def version(self, connection: Connection) -> int:
-        application = _asked(connection, "PRAGMA application_id")
-        version = _asked(connection, "PRAGMA user_version")
+        application = _query_integer(connection, "PRAGMA application_id")
+        version = _query_integer(connection, "PRAGMA user_version")
         if application == APPLICATION and version > FORMAT:
             raise Newer(version)
-        tables = _asked(connection, "SELECT COUNT(*) FROM sqlite_schema")
+        tables = _query_integer(connection, "SELECT COUNT(*) FROM sqlite_schema")
         if tables and application != APPLICATION:
             raise Foreign
         return version if tables else 0
@@ -89,7 +89,7 @@ class SqliteFile(Backend):
     def insert(self, table: Table) -> sqlite.Insert:
         return sqlite.insert(table)
 
-    def alone(self, connection: Connection) -> None:
+    def lock(self, connection: Connection) -> None:
         """Nothing: one process at a time writes into a file."""
 
     def check(self, connection: Connection, version: int) -> None:
@@ -109,7 +109,7 @@ def _begin(connection: Connection) -> None:
     connection.exec_driver_sql("BEGIN IMMEDIATE" if writing else "BEGIN")
 
 
-def _asked(connection: Connection, text: str) -> int:
+def _query_integer(connection: Connection, text: str) -> int:
     return int(connection.exec_driver_sql(text).scalar_one())
 
 

@@ -69,7 +69,7 @@ class Store:
 
     def _make(self, connection: Connection) -> None:
         """Make the tables, where no other process has done so meanwhile."""
-        self.backend.alone(connection)
+        self.backend.lock(connection)
         self.format = self.backend.version(connection)
         if not self.format:
             METADATA.create_all(connection)
@@ -80,7 +80,7 @@ class Store:
         """Bring the tables up to this version."""
 
         def step(connection: Connection) -> None:
-            self.backend.alone(connection)
+            self.backend.lock(connection)
             migrate(connection, self.backend.version(connection))
             self.backend.mark(connection, FORMAT)
 
@@ -119,8 +119,8 @@ class Store:
             return self._patiently(lambda: self._once(work))
         except DBAPIError as error:
             why, remedy = self.backend.hindrance(error) or (reason(error), "mend that")
-            text = f"{self.backend.where} cannot be written: {why}; {remedy}, then run the same "
-            raise RunError(f"{text}command with --resume") from error
+            text = f"{self.backend.display_name} cannot be written: {why}; {remedy}, then run "
+            raise RunError(f"{text}the same command with --resume") from error
 
     def _once(self, work: Callable[[Connection], Found], writing: bool = True) -> Found:
         engine = self.backend.engine.execution_options(**{WRITING: writing})
@@ -159,7 +159,7 @@ class Store:
         )
 
         def work(connection: Connection) -> bool:
-            self.backend.alone(connection)
+            self.backend.lock(connection)
             current = connection.execute(select(META.c.value).where(META.c.key == key)).scalar()
             if str(current or "") != before:
                 return False

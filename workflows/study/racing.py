@@ -52,7 +52,9 @@ def behind(costs: Array, look: int) -> NDArray[np.bool_]:
     return np.asarray(mean - mean.min() > least)
 
 
-def left_behind(costs: Sequence[Array], racing: NDArray[np.bool_], look: int) -> NDArray[np.bool_]:
+def trailing_settings(
+    costs: Sequence[Array], racing: NDArray[np.bool_], look: int
+) -> NDArray[np.bool_]:
     """Settings (points,) of those still `racing` that are behind in every response.
 
     A setting that leads in one of them stays in all.
@@ -68,6 +70,6 @@ def leaders(design: pd.DataFrame, costs: Sequence[Array]) -> pd.DataFrame:
     """The settings (rows of `design`) that are behind in none or not every response, by their ranks
     in the first; a run that was not made counts as the worst.
     """
-    kept = ~left_behind(costs, np.ones(len(design), dtype=bool), 1)
+    kept = ~trailing_settings(costs, np.ones(len(design), dtype=bool), 1)
     order = np.argsort(rankdata(costs[0], axis=0).mean(axis=1), kind="stable")
     return design.iloc[[row for row in order if kept[row]]].drop_duplicates()

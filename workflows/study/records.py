@@ -154,7 +154,7 @@ class StudySettings:
     base: Mapping[str, Level] = field(default_factory=dict)
     objectives: tuple[str, ...] = ()
     """Objectives of the run: one, or a front."""
-    readings: tuple[Hypothesis, ...] = ()
+    hypotheses: tuple[Hypothesis, ...] = ()
     configuration: str = field(default="", repr=False)
     """The resolved configuration as TOML."""
     labels: Labels = Labels()

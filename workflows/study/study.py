@@ -92,7 +92,7 @@ def _study(
         except KeyboardInterrupt:
             return StudyOutcome("interrupted", place.folder, (_saved(database, plan, site),))
         except DAMAGE as error:
-            where, saved = database.backend.where, _saved(database, plan, site)
+            where, saved = database.backend.display_name, _saved(database, plan, site)
             raise RunError(f"{where}: {reason(error)}; {saved}") from error
         except RunError as error:
             how = "" if GO_ON in str(error) else f"; {GO_ON}"
@@ -126,8 +126,8 @@ def _count(database: Database, plan: StudyPlan, site: Site) -> str:
     try:
         done, failed = database.count(plan.total)
     except DAMAGE:
-        return f"what had ended is in {database.backend.where}"
-    return f"{done + failed} of {plan.total} runs have ended and are saved in {site.where}"
+        return f"what had ended is in {database.backend.display_name}"
+    return f"{done + failed} of {plan.total} runs have ended and are saved in {site.location}"
 
 
 def gathered(

@@ -137,7 +137,7 @@ def run_one(job: Job, problem: ToleranceProblem, chunk: Chunk) -> RunRecord:
     )
 
 
-def lost(job: Job, reason: str, responses: tuple[str, ...]) -> RunRecord:
+def crash_record(job: Job, reason: str, responses: tuple[str, ...]) -> RunRecord:
     """The record of a run that took its process with it."""
     return ended(job, "failed", reason, responses)
 

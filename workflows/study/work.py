@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 from ...errors import RunError
 from ..execution import Executor, Lost
 from .plan import Point, StudyPlan, StudyProgress
-from .racing import STOPPED, left_behind, looks
+from .racing import STOPPED, looks, trailing_settings
 from .records import LARGER_IS_BETTER
 from .responses import needs_level, unknown
-from .trial import Chunk, Job, RunRecord, Surveying, done, ended, lost, response_of
+from .trial import Chunk, Job, RunRecord, Surveying, crash_record, done, ended, response_of
 from .yardstick import Yardstick, box_alone
 
 if TYPE_CHECKING:
@@ -76,7 +76,7 @@ class Work:
         if self.plan.settings.hopeless:
             self._race()
         self._until(self.plan.total)
-        self._tell()
+        self._report_progress()
         return self._measures
 
     def _unmeasured(self) -> list[int]:
@@ -94,7 +94,7 @@ class Work:
             before = self._own, len(self._measures)
             self._work(lambda: self._survey() or self._next())
             if before == (self._own, len(self._measures)):
-                self._tell("another process has begun what is left: waiting for it")
+                self._report_progress("another process has begun what is left: waiting for it")
                 time.sleep(POLL_S)
 
     def _race(self) -> None:
@@ -109,7 +109,7 @@ class Work:
             self._until(seeds * points)
             runs = list(self.database.runs(seeds * points))
             costs = [self._costs(name, runs, seeds) for name in self._responses]
-            out = left_behind(costs, racing, look)
+            out = trailing_settings(costs, racing, look)
             racing &= ~out
             reason = f"behind beyond chance after {seeds} seeds"
             stopped = [
@@ -150,7 +150,7 @@ class Work:
             number = self._surveys.popleft()
             if self.database.claim_yardstick(number):
                 self._surveying += 1
-                self._tell()
+                self._report_progress()
                 key = self._key("survey", str(number))
                 return Surveying(key, self._version, self._problems[number], number)
         return None
@@ -165,7 +165,7 @@ class Work:
         self.database.keep_yardstick(task.number, reference)
         self._measures[task.number] = reference
         self._surveying -= 1
-        self._tell()
+        self._report_progress()
 
     def _measure(self, problem: int) -> Yardstick:
         """The reference of a problem or, as long as it is not known, the box alone."""
@@ -185,7 +185,7 @@ class Work:
             taken = self.database.claim_runs(self._batch())
             if taken:
                 self._running += len(taken)
-                self._tell()
+                self._report_progress()
                 return self._chunk(taken)
             self._todo = deque(self.database.free(list(self._todo)))  # others were quicker
         return None
@@ -232,17 +232,17 @@ class Work:
             self._alone.extend(self._chunk([number]) for number in numbers)
             return
         if isinstance(result, Lost):
-            result = tuple(lost(job, result.reason, chunk.responses) for job in chunk.jobs)
+            result = tuple(crash_record(job, result.reason, chunk.responses) for job in chunk.jobs)
         self.database.record(result)
         self._own += len(result)
         self._cpu_s += sum(run.cpu_s for run in result if not isnan(run.cpu_s))
-        self._tell()
+        self._report_progress()
 
     def _key(self, *parts: str) -> str:
         """The name of a task: the same for the same part of the same study."""
         return hashlib.sha256("/".join((self._identity, *parts)).encode()).hexdigest()[:32]
 
-    def _tell(self, note: str = "") -> None:
+    def _report_progress(self, note: str = "") -> None:
         if self._report is None:
             return
         done, failed = self.database.count(self.plan.total)

@@ -168,11 +168,11 @@ def _fill(characteristic: Characteristic, raw: Raw, content: Content, place: str
         where = f"{content.place}: row {line}"
         key = "K0021" if characteristic.attributive else "K0001"
         number = _number(value.get(key, ""), f"{where}: {key}", content.faults)
-        attribute = _whole(value.get("K0002", ""), f"{where}: K0002", content.faults) or 0
+        attribute = _read_integer(value.get("K0002", ""), f"{where}: K0002", content.faults) or 0
         characteristic.values.append(None if attribute in INVALID else number)
         characteristic.attributes.append(attribute)
         characteristic.sizes.append(
-            _whole(value.get("K0020", ""), f"{where}: K0020", content.faults)
+            _read_integer(value.get("K0020", ""), f"{where}: K0020", content.faults)
         )
         characteristic.batches.append(value.get("K0006", ""))
         characteristic.times.append(None)
@@ -216,7 +216,7 @@ def _number(text: str, place: str, faults: list[Fault]) -> float | None:
     return float(text.replace(",", "."))
 
 
-def _whole(text: str, place: str, faults: list[Fault]) -> int | None:
+def _read_integer(text: str, place: str, faults: list[Fault]) -> int | None:
     if not text:
         return None
     if not text.isdecimal():

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...inputs.distribution import Array
 from ...measurable import Role
-from ..effect import EffectParameter, Readings, Target, known, quantity
+from ..effect import EffectParameter, Readings, Target, quantity, value_or_zero
 from ..shapes import Shape, Weight, no_waves, polar, turns
 
 HIGHEST = 130
@@ -70,8 +70,10 @@ class GearOrder(Shape):
         for output in self.reached(target):
             c, s = (weight.of(output, target) for weight in weights)
             description |= polar(values, c, s, f"{target.prefix(output)}%s")
-        if target.gear is not None and (name := target.gear.name_of(known(values, "order"))):
-            description[f"order of the {name}"] = (known(values, "order"), "")
+        if target.gear is not None and (
+            name := target.gear.name_of(value_or_zero(values, "order"))
+        ):
+            description[f"order of the {name}"] = (value_or_zero(values, "order"), "")
         return description
 
 

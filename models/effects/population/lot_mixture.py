@@ -10,7 +10,7 @@ import numpy as np
 
 from ...inputs.distribution import Array
 from ...measurable import Role
-from ..effect import EffectParameter, Readings, Target, known, quantity
+from ..effect import EffectParameter, Readings, Target, quantity, value_or_zero
 from ..readings import labels_of, unit_numbers
 from ..shapes import Weight
 from .law import Law
@@ -57,10 +57,10 @@ class LotMixture(OfUnits):
 
     def carried(self, values: Mapping[str, float], target: Target) -> float:
         """The fraction of the second supplier times its offset."""
-        return values["share"] * known(values, number(self.weight, target))
+        return values["share"] * value_or_zero(values, number(self.weight, target))
 
     def law(self, law: Law, values: Mapping[str, float], target: Target) -> Law:
-        return law.mixed(known(values, number(self.weight, target)), values["share"])
+        return law.mixed(value_or_zero(values, number(self.weight, target)), values["share"])
 
     def units(
         self,
@@ -72,7 +72,7 @@ class LotMixture(OfUnits):
         rng: np.random.Generator,
     ) -> Array:
         of_group = unit_numbers(readings)
-        if Role.LOT in readings and not known(values, WITHIN.name):
+        if Role.LOT in readings and not value_or_zero(values, WITHIN.name):
             of_group = labels_of(readings[Role.LOT])[1]
         second = rng.random(int(of_group.max(initial=-1)) + 1) < values["share"]
-        return drawn + known(values, number(self.weight, target)) * second[of_group]
+        return drawn + value_or_zero(values, number(self.weight, target)) * second[of_group]

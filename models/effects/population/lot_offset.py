@@ -10,7 +10,7 @@ import numpy as np
 from ....units import unit_key
 from ...inputs.distribution import Array
 from ...measurable import Role
-from ..effect import EffectParameter, Readings, Target, known
+from ..effect import EffectParameter, Readings, Target, value_or_zero
 from ..readings import labels_of
 from ..shapes import Weight
 from .units import OfUnits, number
@@ -50,7 +50,7 @@ class LotOffset(OfUnits):
         rng: np.random.Generator,
     ) -> Array:
         lots, of_lot = labels_of(readings[Role.LOT])
-        offsets = [known(values, number(_offset(str(lot)), target)) for lot in lots]
+        offsets = [value_or_zero(values, number(_offset(str(lot)), target)) for lot in lots]
         return np.asarray(drawn + np.array(offsets)[of_lot])
 
 

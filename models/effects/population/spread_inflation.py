@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from ...inputs.distribution import Array
-from ..effect import EffectParameter, Readings, Target, known, quantity
+from ..effect import EffectParameter, Readings, Target, quantity, value_or_zero
 from .law import Law
 from .units import OfUnits
 
@@ -26,7 +26,7 @@ class SpreadInflation(OfUnits):
         return (quantity("growth", "", "g, growth of the standard deviation as a share of it"),)
 
     def law(self, law: Law, values: Mapping[str, float], target: Target) -> Law:
-        return law.widened(known(values, "growth"))
+        return law.widened(value_or_zero(values, "growth"))
 
     def units(
         self,
@@ -37,4 +37,4 @@ class SpreadInflation(OfUnits):
         mean: float,
         rng: np.random.Generator,
     ) -> Array:
-        return drawn + known(values, "growth") * (drawn - mean)
+        return drawn + value_or_zero(values, "growth") * (drawn - mean)

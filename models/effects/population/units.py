@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...inputs.distribution import Array
-from ..effect import Action, Effect, EffectParameter, Readings, Target, known
+from ..effect import Action, Effect, EffectParameter, Readings, Target, value_or_zero
 from ..shapes import Weight
 from .law import Law
 
@@ -77,7 +77,7 @@ class MovedUnits(OfUnits):
         mean: float,
         rng: np.random.Generator,
     ) -> Array:
-        size = known(values, number(self.weight, target))
+        size = value_or_zero(values, number(self.weight, target))
         return np.asarray(drawn + size * self.pattern(readings))
 
 

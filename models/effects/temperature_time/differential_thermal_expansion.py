@@ -9,7 +9,7 @@ import numpy as np
 
 from ...inputs.distribution import Array
 from ...measurable import Role
-from ..effect import Action, EffectParameter, Readings, Target, known, quantity
+from ..effect import Action, EffectParameter, Readings, Target, quantity, value_or_zero
 from ..shapes import POSITIONS, OneColumn, Weight, warming
 
 DISC = "disc_temperature_K"
@@ -49,9 +49,9 @@ class DifferentialThermalExpansion(OneColumn):
     def own_action(self, readings: Readings, values: Mapping[str, float], target: Target) -> Action:
         if not target.changes(DISC):
             return super().own_action(readings, values, target)
-        warmer = np.full(len(readings), known(values, "temperature_difference_K"))
+        warmer = np.full(len(readings), value_or_zero(values, "temperature_difference_K"))
         if Role.TEMPERATURE in readings:
-            warmer += known(values, "temperature_share") * warming(readings)
+            warmer += value_or_zero(values, "temperature_share") * warming(readings)
         return Action(changes={DISC: warmer})
 
     def column(self, readings: Readings, values: Mapping[str, float], target: Target) -> Array:

@@ -48,7 +48,7 @@ class Balances:
     (cases, positions, discs, n) [arcmin] what each disc is turned by against its mesh, after play
     and springs, `side` of that shape the flank that takes its torque (0: none does). `preload`
     (positions, n) [N m] is the torque of the forward flanks in the case "none"; `peak` (n,) [N] the
-    largest pin force in the case "rated", at position `where` on contact `which`.
+    largest pin force in the case "rated", at position `peak_position` on contact `peak_contact`.
     """
 
     turn: Single
@@ -56,8 +56,8 @@ class Balances:
     side: NDArray[np.int8]
     preload: Single
     peak: Single
-    where: NDArray[np.int32]
-    which: NDArray[np.int32]
+    peak_position: NDArray[np.int32]
+    peak_contact: NDArray[np.int32]
 
     @classmethod
     def empty(cls, cases: int, positions: int, discs: int, n: int) -> Balances:
@@ -115,7 +115,7 @@ class Elastic:
                 of_turn[rows],
                 of_preload[rows],
                 of_peak[rows],
-                balances.which,
+                balances.peak_contact,
                 self.table.values,
                 springs.lean,
                 springs.stiff,
@@ -160,7 +160,7 @@ class Elastic:
         elif name == "preload_torque_max":
             into[1, balances.preload.argmax(axis=0), unit] += weight * ratio
         elif name == "peak_pin_force":
-            into[2, balances.where, unit] += weight
+            into[2, balances.peak_position, unit] += weight
         else:
             turn = balances.turn[self.cases[case]]
             into[0, turn.argmax(axis=0), unit] += HALF_ARCSEC / ratio * weight
@@ -197,8 +197,8 @@ def elastic(
         balances.turn,
         balances.preload,
         balances.peak,
-        balances.where,
-        balances.which,
+        balances.peak_position,
+        balances.peak_contact,
     )
     values = {name: _value(name, cases, balances, ratio) for name in outputs}
     return Elastic(lattice, table, units, springs, cases, balances, values, engine)

@@ -158,7 +158,7 @@ def test_only_what_is_in_a_broken_limit_is_drawn_in() -> None:
     rows = ((1.0, 0.0), (0.0, 1.0), (0.0, 0.0))
     own = form(*[[way(0.0, 1.0, 0.1, 2.0, (0.0, 0.0), row)] for row in rows])
     choice = separable._Choice(Squares(own), (0, 0, 0))
-    kept = choice._kept(np.array([0.6, 0.7, 1.5]), np.array([0.25, 0.81]))
+    kept = choice._moved_within_room(np.array([0.6, 0.7, 1.5]), np.array([0.25, 0.81]))
     assert kept[0] <= 0.5 and kept[0] == pytest.approx(0.5, rel=1e-12)
     assert kept[1:].tolist() == [0.7, 1.5]
 

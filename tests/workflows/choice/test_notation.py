@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from tolevo.declarations import Kind, Variable
-from tolevo.workflows.choice.notation import inspection, notation, plain
+from tolevo.workflows.choice.notation import drawing_number, inspection, notation
 
 
 @pytest.mark.parametrize(
@@ -29,7 +29,7 @@ def test_notation(
 
 
 def test_sums_lose_their_last_digits() -> None:
-    assert plain(36.050000000000004) == "36.05"
+    assert drawing_number(36.050000000000004) == "36.05"
 
 
 def test_an_inspector_reads_what_the_model_counts_on() -> None:

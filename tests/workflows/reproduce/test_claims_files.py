@@ -236,7 +236,7 @@ def test_seed_and_study_may_be_set(tmp_path: Path) -> None:
     (tmp_path / "study.csv").write_text(STUDY, encoding="utf-8")
     plan = read_claims([file(tmp_path, text)], ["seed=7", f"study={tmp_path}"])
     assert plan.sources[0].file.seed == 7
-    recipe = plan.sources[0].file.claims[0].readings[0].recipe
+    recipe = plan.sources[0].file.claims[0].interpretations[0].recipe
     assert recipe.recomputed(np.random.default_rng(0)).quantities[0].value == 2.0
     with pytest.raises(InputError, match=r"parameters.study: .* does not exist: name the dir"):
         read_claims([file(tmp_path, text)], ["study=nowhere"])
@@ -253,7 +253,7 @@ def test_shipped_files_are_read_and_name_what_is_asked_for() -> None:
         for one in own.claims:
             assert one.unit
             assert one.place
-            assert bool(one.readings) is not bool(one.lost)
+            assert bool(one.interpretations) is not bool(one.lost)
             assert one.tolerance == 0.0 or one.tolerance_reason
     sensitivities = [one for one in names["B"].claims if one.id.startswith("sensitivity-")]
     assert len(sensitivities) == 10

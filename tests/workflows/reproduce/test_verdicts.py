@@ -114,7 +114,7 @@ def test_lost_data_cannot_be_checked() -> None:
 
 
 def test_values_are_brought_to_the_unit_of_the_claim() -> None:
-    claim = replace(PLAIN, readings=(Interpretation(Constant(2000.0, "um")),))
+    claim = replace(PLAIN, interpretations=(Interpretation(Constant(2000.0, "um")),))
     found = check(ClaimTask("k", 0, 0, claim, 0)).verdict
     assert found.word == Word.REPRODUCED
     assert found.outcome is not None
@@ -122,6 +122,6 @@ def test_values_are_brought_to_the_unit_of_the_claim() -> None:
 
 
 def test_a_value_that_is_not_finite_is_an_error_that_names_the_claim() -> None:
-    claim = replace(PLAIN, readings=(Interpretation(Constant(float("nan"), "mm")),))
+    claim = replace(PLAIN, interpretations=(Interpretation(Constant(float("nan"), "mm")),))
     with pytest.raises(ModelError, match="claim a, printed numbers: the value is nan"):
         check(ClaimTask("k", 0, 0, claim, 0))

@@ -17,7 +17,7 @@ from tolevo.errors import InputError, RunError
 from tolevo.workflows.execution import InProcess, Lost
 from tolevo.workflows.execution.executor import Result, TaskT
 from tolevo.workflows.study import StudyPlan, study
-from tolevo.workflows.study.racing import ALPHA, behind, left_behind, looks
+from tolevo.workflows.study.racing import ALPHA, behind, looks, trailing_settings
 from tolevo.workflows.study.storage.database import Database
 from tolevo.workflows.study.storage.site import Site
 from tolevo.workflows.study.trial import Surveying
@@ -68,7 +68,7 @@ def raced(values: Array) -> tuple[NDArray[np.bool_], int]:
     """Settings that stay to the end, and how many runs it took."""
     racing, runs = np.ones(len(values), dtype=bool), np.full(len(values), values.shape[1])
     for look, seeds in enumerate(looks(values.shape[1]), start=1):
-        out = left_behind([values[:, :seeds]], racing, look)
+        out = trailing_settings([values[:, :seeds]], racing, look)
         runs[out], racing = seeds, racing & ~out
     return racing, int(runs.sum())
 
@@ -105,7 +105,7 @@ def test_looks_do_not_depend_on_how_many_seeds_there_are() -> None:
 def test_a_leader_in_one_response_stays() -> None:
     values = np.arange(8.0)[:, None] + np.zeros(12)
     assert behind(values, 1).any()
-    assert not left_behind([values, -values], np.ones(8, dtype=bool), 1)[[0, 7]].any()
+    assert not trailing_settings([values, -values], np.ones(8, dtype=bool), 1)[[0, 7]].any()
 
 
 def test_what_failed_everywhere_is_behind() -> None:

@@ -27,8 +27,8 @@ def test_the_documents_study_is_as_the_document_says() -> None:
     assert sizes == (20, 40, 60, 80)
     assert crossover[0] == 0.05 and crossover[-1] == 0.99
     assert mutation[0] == 0.001 and mutation[-1] == 0.08
-    assert {one.figure for one in settings.readings} == {"Figure 9", "Figure 10", "Figure 11"}
-    slow = next(one for one in settings.readings if one.response == "evaluations_to_99")
+    assert {one.figure for one in settings.hypotheses} == {"Figure 9", "Figure 10", "Figure 11"}
+    slow = next(one for one in settings.hypotheses if one.response == "evaluations_to_99")
     assert (slow.a, slow.b, slow.better) == (80, 20, False)
 
 
@@ -36,7 +36,7 @@ def test_readings_survive_the_resolved_configuration(tmp_path: Path) -> None:
     first = read_study(CASE).settings
     again = tmp_path / "again.toml"
     again.write_text(first.configuration, encoding="utf-8")
-    assert read_study(again).settings.readings == first.readings
+    assert read_study(again).settings.hypotheses == first.hypotheses
 
 
 @pytest.mark.parametrize(

@@ -75,14 +75,14 @@ class Ahead:
 
 @dataclass(frozen=True)
 class Field:
-    """Candidates of `each` measurements, their rows adjacent in `data`, with the columns (N, p) of
-    the free parameters there, and the noise of the record.
+    """Candidates of `per_candidate` measurements, their rows adjacent in `data`, with the columns
+    (N, p) of the free parameters there, and the noise of the record.
     """
 
     setup: Setup
     axes: tuple[Axis, ...]
     data: GapData
-    each: int
+    per_candidate: int
     base: Array
     columns: Columns
     noises: Sequence[Noise]
@@ -97,24 +97,26 @@ class Field:
         """A prediction in noise units; the measurements within a candidate are successive."""
         together = np.column_stack([prediction.values, prediction.columns])
         parts = np.split(together, len(self.noises))
-        shape = (-1, self.each, together.shape[1])
+        shape = (-1, self.per_candidate, together.shape[1])
         blocks = [
-            _chained((part / noise.level).reshape(shape), noise.rho if self.each > 1 else 0.0)
+            _chained(
+                (part / noise.level).reshape(shape), noise.rho if self.per_candidate > 1 else 0.0
+            )
             for part, noise in zip(parts, self.noises, strict=True)
         ]
         whole = np.stack(blocks, axis=1).reshape(-1, together.shape[1])
         return Predictions(whole[:, 0], whole[:, 1:])
 
     @property
-    def readings(self) -> int:
+    def values_per_candidate(self) -> int:
         """The number of measured values per candidate, over all outputs."""
-        return self.each * len(self.noises)
+        return self.per_candidate * len(self.noises)
 
     def table(self, chosen: Chosen) -> tuple[Table, Array]:
         """The points in the order of measuring, and the columns (N, p) of the free parameters
         there.
         """
-        rows = (chosen[:, None] * self.each + np.arange(self.each)).ravel()
+        rows = (chosen[:, None] * self.per_candidate + np.arange(self.per_candidate)).ravel()
         table = {name: values[rows] for name, values in self.data.readings.table.items()}
         count = len(self.data)
         whole = [rows + k * count for k in range(len(self.noises))]
@@ -160,7 +162,7 @@ def ahead(field: Field, chosen: Chosen) -> Ahead:
     if time is None:
         order = np.random.default_rng([setup.plan.seed, 10]).permutation(len(chosen))
     else:
-        at = np.asarray(field.data.readings.table[time])[chosen * field.each]
+        at = np.asarray(field.data.readings.table[time])[chosen * field.per_candidate]
         order = np.argsort(at, kind="stable")
     table, base = field.table(chosen[order])
     return Ahead(setup, field.noises, timed(setup, field.axes, table), base)

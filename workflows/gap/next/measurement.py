@@ -49,7 +49,7 @@ def next_measurement(end: Ending) -> Planned | None:
     wanted = end.setup.plan.next_measurement
     if wanted is None:
         return None
-    if end.verdict == "ambiguous" or (end.verdict == "partial" and end.analysis.others):
+    if end.verdict == "ambiguous" or (end.verdict == "partial" and end.analysis.rivals):
         return _of_rivals(end, wanted)
     if end.verdict in ("no_gap", "unnamed"):
         return _of_effects(end, wanted)
@@ -59,7 +59,7 @@ def next_measurement(end: Ending) -> Planned | None:
 def _of_rivals(end: Ending, wanted: NextPlan) -> Planned:
     """Points that separate the best explanation from each of its rivals."""
     plannable, measurements = [], dict[Key, Measurement]()
-    for rival in end.analysis.others:
+    for rival in end.analysis.rivals:
         if _reads(end, end.fit) or _reads(end, rival.fit):
             measurements[_key(rival)] = Measurement(READING)
         else:
@@ -92,13 +92,13 @@ def _of_points(
     separable = [pair for pair, gain in zip(pairs, gains, strict=True) if gain > HOPELESS * count]
     useful = [pair for pair, gain in zip(pairs, gains, strict=True) if gain > LITTLE] or separable
     chosen, better = design(end, place, useful or pairs[:1], count)
-    pairs = [next((b for b in better if b.other is p.other), p) for p in pairs]
+    pairs = [next((b for b in better if b.rival is p.rival), p) for p in pairs]
     new = ahead(place, chosen)
     alike = like_now(end.setup, noises, len(new))
-    separable_ids = {id(pair.other) for pair in separable}
+    separable_ids = {id(pair.rival) for pair in separable}
     records = [separation(end, pair, new, alike) for pair in pairs]
     records = [
-        record if id(pair.other) in separable_ids else _inseparable(record, pair.other)
+        record if id(pair.rival) in separable_ids else _inseparable(record, pair.rival)
         for record, pair in zip(records, pairs, strict=True)
     ]
     return records, new, telling(place, (useful or pairs)[0].contests[0], chosen)
@@ -205,4 +205,4 @@ def _reads(end: Ending, fit: Fit) -> bool:
 
 def _count(place: Field, wanted: NextPlan) -> int:
     """The number of candidates that give as many measurements."""
-    return max(1, wanted.readings // place.each)
+    return max(1, wanted.readings // place.per_candidate)

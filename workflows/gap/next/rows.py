@@ -58,7 +58,7 @@ def base_at(setup: Setup, data: GapData) -> Array:
     for name in setup.free:
         assert plan.rebuild is not None
         up, down = (
-            data.whole(predictor(plan, data, plan.rebuild({**setup.at, name: value}))({}))
+            data.stacked(predictor(plan, data, plan.rebuild({**setup.at, name: value}))({}))
             for value in (setup.at[name] + sign * STEP * plan.free[name] for sign in (1.0, -1.0))
         )
         columns.append((up - down) / (2.0 * STEP))
@@ -86,7 +86,7 @@ def predictions(columns: Columns, base: Array, fit: Fit) -> Predictions:
     for member, coefficients in zip(fit.members, fit.coefficients, strict=True):
         member_columns = columns.of(member.candidate, member.shape)
         values = values + member_columns @ coefficients
-        if not member.candidate.alone:
+        if not member.candidate.is_nonlinear:
             parts.append(member_columns)
         parts += [column[:, None] for column in _moving(columns, member, coefficients)]
     return Predictions(np.asarray(values), np.hstack(parts))

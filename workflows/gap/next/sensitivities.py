@@ -56,7 +56,7 @@ def wanted_effects(end: Ending, wanted: NextPlan) -> tuple[list[Sought], list[st
     listed = bool(wanted.effects or wanted.amounts)
     for name in names:
         member = members.get(name)
-        if member is None or member.candidate.alone:
+        if member is None or member.candidate.is_nonlinear:
             why = "it has no place in these data" if member is None else "its size bends its form"
             notes.append(f"{name}: no points can be planned, {why}")
             continue
@@ -137,7 +137,7 @@ def _at(sought: Sought, at: Ahead | Field) -> tuple[Predictions, Predictions]:
 
 def contest(field: Field, sought: Sought) -> Contest:
     """The effect against none."""
-    return Contest.of(sought.record, _at(sought, field), field.readings)
+    return Contest.of(sought.record, _at(sought, field), field.values_per_candidate)
 
 
 def sensitivity(end: Ending, sought: Sought, new: Ahead, alike: Ahead) -> Sensitivity:

@@ -44,7 +44,7 @@ class Pair:
     at each value of its nonlinear parameters under consideration, the fitted one first.
     """
 
-    other: Other
+    rival: Other
     mine: Predictions
     fits: tuple[Fit, ...]
     records: tuple[Predictions, ...]
@@ -76,7 +76,7 @@ def _contest(
     end: Ending, field: Field, mine: Predictions, record: Predictions, rival: Fit
 ) -> Contest:
     points = field.says(end.fit), field.says(rival)
-    return Contest.of((mine, record), points, field.readings)
+    return Contest.of((mine, record), points, field.values_per_candidate)
 
 
 def most(pair: Pair, count: int) -> float:
@@ -108,7 +108,7 @@ def _exchanged(pairs: Sequence[Pair], count: int) -> Chosen:
 def _with_worst(end: Ending, field: Field, pair: Pair, chosen: Chosen) -> Pair:
     """The pair with the rival's values that imitate best at this design, where they are new."""
     fitter, best = end.analysis.search.fitter, pair
-    for fit in variants(end.analysis.search, pair.other.fit):
+    for fit in variants(end.analysis.search, pair.rival.fit):
         record = of_record(fitter, fit)
         tried = _contest(end, field, pair.mine, record, fit)
         if tried.level(chosen)[0] < WORSE * best.least(chosen):
@@ -119,7 +119,7 @@ def _with_worst(end: Ending, field: Field, pair: Pair, chosen: Chosen) -> Pair:
 def variants(search: Search, fit: Fit) -> list[Fit]:
     """A rival at values of its last effect's nonlinear parameters that the record allows."""
     last, other_members = fit.members[-1], fit.members[:-1]
-    if not last.shape or last.candidate.alone:
+    if not last.shape or last.candidate.is_nonlinear:
         return []
     at = np.array([k for k, member in enumerate(search.book.members) if member.name == last.name])
     q = search.fitter.spanned(other_members)
@@ -141,13 +141,13 @@ def separation(end: Ending, pair: Pair, new: Ahead, alike: Ahead) -> Separation:
     ]
     planned, like = (
         Duel.of(
-            (pair.mine, pair.records[0]), (at.says(fit), at.says(pair.fits[0])), pair.other.distance
+            (pair.mine, pair.records[0]), (at.says(fit), at.says(pair.fits[0])), pair.rival.distance
         )
         for at in (new, alike)
     )
     now = min(distance(pair.mine, record) for record in pair.records)
     apart = end.analysis.search.settings.set_distance
-    return record_of(pair.other, (now, min(levels)), (planned, like), len(new), apart)
+    return record_of(pair.rival, (now, min(levels)), (planned, like), len(new), apart)
 
 
 def record_of(

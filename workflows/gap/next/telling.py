@@ -20,7 +20,7 @@ def telling(field: Field, contest: Contest, chosen: Chosen) -> tuple[str, ...]:
     """
     _, coefficients, _ = contest.level(chosen)
     residual = (contest.residual - contest.columns @ coefficients).reshape(
-        len(contest.residual), -1, field.each
+        len(contest.residual), -1, field.per_candidate
     )
     signed = residual.sum(axis=1).ravel()
 

@@ -169,4 +169,4 @@ def _units(end: Ending) -> tuple[Array, Array]:
     initial = end.analysis.initial_null_model
     numbers = unit_numbers(initial.setup.data.readings).astype(float)
     units = initial.batch.units(end.fit, trends(end))
-    return units.x + units.law.mean, (numbers / max(numbers.max(), 1.0))[initial.noises[0].kept]
+    return units.x + units.law.mean, (numbers / max(numbers.max(), 1.0))[initial.noises[0].counted]

@@ -53,7 +53,7 @@ def _of_batch(end: Ending, model: str, stream: int) -> tuple[PopulationLine, ...
     """The lines of the deviations of units from the model's prediction."""
     initial = end.analysis.initial_null_model
     setup, fit = (end.setup, end.fit) if model == "after" else (initial.setup, initial.empty)
-    output, kept = setup.data.outputs[0], initial.noises[0].kept
+    output, kept = setup.data.outputs[0], initial.noises[0].counted
     law, middle = initial.setup.laws[output.name], 0.0
     for effect in end.analysis.scatter[:1] if model == "after" else ():
         law, middle = effect.changed(law), effect.moves
@@ -85,7 +85,7 @@ def _of_pairs(
     end: Ending, at: int, model: str, stream: int, simulated: Array
 ) -> tuple[PopulationLine, ...]:
     setup = end.setup
-    output, kept = setup.data.outputs[at], end.analysis.initial_null_model.noises[at].kept
+    output, kept = setup.data.outputs[at], end.analysis.initial_null_model.noises[at].counted
     s, measured = simulated[kept], setup.data.measured[output.name][kept]
     r = measured - s
     order = unit_numbers(setup.data.readings)[kept].astype(float)
@@ -93,7 +93,9 @@ def _of_pairs(
     looks = _looks(output.unit, s, order)
     if float(np.std(r)) <= EXACT * scale and abs(float(r.mean())) <= EXACT * scale:
         shown = _shown(s, order)
-        return tuple(_same(look, model, output.name, shown.get(look.name, 0.0)) for look in looks)
+        return tuple(
+            _unchanged_line(look, model, output.name, shown.get(look.name, 0.0)) for look in looks
+        )
     rng = np.random.default_rng([setup.plan.seed, 15, stream, at])
     settings = setup.plan.settings
     count = batches(len(r))
@@ -135,7 +137,7 @@ def _drawn(look: Look, normal: Array) -> Look:
     return replace(look, of=lambda x: look.of(x if len(x) == 1 else normal))
 
 
-def _same(look: Look, model: str, output: str, value: float) -> PopulationLine:
+def _unchanged_line(look: Look, model: str, output: str, value: float) -> PopulationLine:
     difference = low = high = chance = would_show = 0.0
     return PopulationLine(
         model,

@@ -48,7 +48,7 @@ class Wrong:
     residual_square: float
     moved: Array
     is_input: bool = True
-    why: str = ""
+    objection: str = ""
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class Records:
     end: Ending
 
     @cached_property
-    def plain(self) -> Array:
+    def uncorrected_prediction(self) -> Array:
         """The prediction (N,) of the uncorrected model."""
         return self._predicted({})
 
@@ -66,7 +66,7 @@ class Records:
     def y(self) -> Array:
         """The whitened residual of that prediction; the zeros of the outputs are not subtracted."""
         data = self.end.setup.data
-        return self._white(data.whole(data.measured) - self.plain)
+        return self._white(data.stacked(data.measured) - self.uncorrected_prediction)
 
     @cached_property
     def order(self) -> Array:
@@ -144,7 +144,7 @@ class Records:
             right = recorded / (1.0 + amount)
         else:
             right = recorded - amount * (self.order if kind == "trend" else 1.0)
-        return self._white(self._predicted({column.name: right}) - self.plain)
+        return self._white(self._predicted({column.name: right}) - self.uncorrected_prediction)
 
     def _predicted(self, changed: dict[str, Array]) -> Array:
         setup = self.end.setup
@@ -152,7 +152,7 @@ class Records:
         table = {**data.readings.table, **changed}
         data = replace(data, readings=readings_of(data.target.columns, table))
         outputs = predictor(setup.plan, data)({})
-        return data.whole({o.name: outputs[o.name] for o in data.outputs})
+        return data.stacked({o.name: outputs[o.name] for o in data.outputs})
 
     def _white(self, columns: Array) -> Array:
         return self.end.analysis.search.fitter.space.whiten(columns)
@@ -165,7 +165,7 @@ class Records:
         return bool(remaining.evidence.max(initial=0.0) <= analysis.search.thresholds.generic)
 
     @cached_property
-    def named(self) -> float:
+    def score_of_identified(self) -> float:
         """The squared residual given the identified effects and all zeros, plus the price of
         both.
         """
@@ -204,13 +204,15 @@ def of_recorded(end: Ending) -> tuple[Attribution, ...]:
     if best is None or float(records.y @ records.y) - best.residual_square <= least:
         return ()
     top = min(
-        *(wrong.residual_square + records.price for wrong in every), records.named, records.gauges
+        *(wrong.residual_square + records.price for wrong in every),
+        records.score_of_identified,
+        records.gauges,
     )
     max_distance = end.setup.plan.settings.set_distance
     standing = [
         wrong
         for wrong in every
-        if not wrong.why and wrong.residual_square + records.price - top <= max_distance
+        if not wrong.objection and wrong.residual_square + records.price - top <= max_distance
     ]
     standing = [wrong for wrong in standing if records.explains(wrong)]
     if not any(wrong.is_input for wrong in standing):
@@ -232,7 +234,9 @@ def _records_of(
 ) -> tuple[Attribution, ...]:
     """One record per remaining kind."""
     effect = ", ".join(end.fit.names)
-    alone = len(standing) == 1 and not (effect and records.named - top <= max_distance)
+    alone = len(standing) == 1 and not (
+        effect and records.score_of_identified - top <= max_distance
+    )
     verdict = "attributed" if alone else "cannot tell"
     text = _text(end, records, standing, alone)
     attributions = []
@@ -252,7 +256,7 @@ def _records_of(
 
 def _record(end: Ending, wrong: Wrong, stands: bool, distance: float) -> InputChange:
     half = float(ndtri(0.5 + 0.5 * end.setup.plan.settings.interval)) * wrong.error
-    why = "" if stands else wrong.why or "it leaves the residual unexplained"
+    why = "" if stands else wrong.objection or "it leaves the residual unexplained"
     return InputChange(
         wrong.name,
         wrong.amount,

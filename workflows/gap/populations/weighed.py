@@ -88,12 +88,12 @@ class Weighed:
             change.unit if change.source else unit,
             change.share(amount),
             self.behind(change),
-            "" if standing else self._why(change),
+            "" if standing else self._reason_for_exclusion(change),
             parts_of(change, amount) if standing else 0,
-            self._readings(change) if standing else 0,
+            self._units_to_separate(change) if standing else 0,
         )
 
-    def _why(self, change: Change) -> str:
+    def _reason_for_exclusion(self, change: Change) -> str:
         """Why a change is excluded."""
         amount, log = change.free
         if 2.0 * (self.top - log) > self.distance:
@@ -107,7 +107,7 @@ class Weighed:
             return f"it would need {amount:.3g} of its tolerance, and parts are made to all of it"
         return f"it would need {amount:.3g} times its tolerance"
 
-    def _readings(self, change: Change) -> int:
+    def _units_to_separate(self, change: Change) -> int:
         """The number of units that would separate it from the best, by the divergence of their
         laws.
         """

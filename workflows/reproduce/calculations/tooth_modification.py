@@ -172,7 +172,7 @@ class ToothModificationTargets(Calculation):
 
     def compute(self, values: Mapping[str, Value], rng: np.random.Generator) -> Computed:
         case = _case(self.completed(values))
-        fitted = _fitted(case, case.target(str(case.given["target"])), case.gap)
+        fitted = _fitted(case, case.target(str(case.values["target"])), case.gap)
         numbers = _optimum(case, fitted) | _printed(case)
         tables = (_targets(case), _as_printed(case), _profile(case, fitted))
         return Computed(quantities(numbers), tables)
@@ -182,7 +182,7 @@ class ToothModificationTargets(Calculation):
 class Case:
     """A case: completed values, the geometry, and the problem of the loaded contact."""
 
-    given: Mapping[str, Value]
+    values: Mapping[str, Value]
     problem: ToothModification
 
     @property
@@ -193,12 +193,12 @@ class Case:
     @property
     def phi(self) -> Array:
         """Profile angles [rad]."""
-        return targets.angles(int(number(self.given["intervals"])))
+        return targets.angles(int(number(self.values["intervals"])))
 
     @property
     def gap(self) -> float | None:
         """Radial gap [m], None where it is free."""
-        return None if self.given["radial_gap"] == "free" else self.number("radial_gap_mm") * MM
+        return None if self.values["radial_gap"] == "free" else self.number("radial_gap_mm") * MM
 
     @property
     def printed(self) -> tuple[Array, Array]:
@@ -209,11 +209,11 @@ class Case:
 
     def number(self, name: str) -> float:
         """A parameter."""
-        return number(self.given[name])
+        return number(self.values[name])
 
     def band(self, name: str) -> tuple[float, float]:
         """A band [rad]. Raises InputError where it is empty."""
-        value = self.given[name]
+        value = self.values[name]
         low, high = value if isinstance(value, tuple) else (0.0, number(value))
         if not low < high:
             text = f"the first angle must be below the second, got [{low:g}, {high:g}]"
@@ -228,7 +228,7 @@ class Case:
             turn, gap = self.number("rotation_arcmin") * ARCMIN, self.number("radial_gap_mm") * MM
             working = self.band("working_deg")
             return targets.near_conjugate(self.geometry, self.phi, turn, gap, working)
-        wanted = self.given["table_um"]
+        wanted = self.values["table_um"]
         values = np.array(wanted if isinstance(wanted, tuple) else [], dtype=float) * UM
         return targets.table(self.phi, np.radians(TABLE_STEP_DEG * np.arange(len(values))), values)
 
@@ -253,7 +253,7 @@ def _fitted(case: Case, target: Target, gap: float | None, kind: str = "") -> Fi
     if not np.any(target.weight):
         text = "no angle lies in it: widen it, or raise intervals"
         raise InputError([Fault("parameters.band_deg", text)])
-    return fit(case.geometry, target, gap, kind or str(case.given["clearance"]))
+    return fit(case.geometry, target, gap, kind or str(case.values["clearance"]))
 
 
 def _backlash(case: Case, dr_rp: Array | float, dr_p: Array | float) -> Array:
@@ -314,7 +314,7 @@ def _cases(case: Case) -> Iterator[tuple[str, Target]]:
     yield "no clearance anywhere", targets.film(case.phi, 0.0, (0.0, np.pi))
     yield "near_conjugate", case.target("near_conjugate")
     yield "table", case.target("table")
-    yield "as asked", case.target(str(case.given["target"]))
+    yield "as asked", case.target(str(case.values["target"]))
 
 
 def _targets(case: Case) -> ComputedTable:
@@ -362,9 +362,9 @@ def _as_printed(case: Case) -> ComputedTable:
 
 def _profile(case: Case, fitted: Fit) -> ComputedTable:
     """The clearance of the optimum and its target."""
-    target = case.target(str(case.given["target"]))
+    target = case.target(str(case.values["target"]))
     pair = np.array(fitted.dr_rp), np.array(fitted.dr_p)
-    curve = CLEARANCES[str(case.given["clearance"])](case.geometry, *pair, target.phi)
+    curve = CLEARANCES[str(case.values["clearance"])](case.geometry, *pair, target.phi)
     columns = {
         "phi_deg": np.degrees(target.phi),
         "clearance_um": curve / UM,

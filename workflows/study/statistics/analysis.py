@@ -61,7 +61,7 @@ def analyse(settings: StudySettings, data: StudyData, rng: np.random.Generator) 
             recommendation(runs, design, settings.base, response, rng)
             for runs, response in zip(all_runs, responses, strict=True)
         ),
-        verdicts=verdicts(settings.readings, tested),
+        verdicts=verdicts(settings.hypotheses, tested),
         notes=(*data.notes, *_notes(settings, data.table, all_runs, tested)),
         configuration=settings.configuration,
         mechanism=settings.labels.stated(),

@@ -98,7 +98,7 @@ def _sentence(
     shown: bool,
     recovered: tuple[float, float, float],
 ) -> str:
-    what = ", ".join(f"{key} = {_plain(value)}" for key, value in settings.items())
+    what = ", ".join(f"{key} = {_value_text(value)}" for key, value in settings.items())
     half = f"{test['n']} seeds that did not choose it"
     if not test["n"]:
         return (
@@ -129,5 +129,5 @@ def _sentence(
     )
 
 
-def _plain(value: Any) -> str:
+def _value_text(value: Any) -> str:
     return f"{value:.4g}" if isinstance(value, float) else str(value)

@@ -16,7 +16,7 @@ from ...store.store import Store
 from ...store.tables import RUNS, YARDSTICKS
 from ..trial import RunRecord
 from ..yardstick import Yardstick
-from .rows import COLUMNS, Row, record_of, row_of, whole
+from .rows import COLUMNS, Row, is_intact, record_of, row_of
 
 NAMES = ("number", *COLUMNS, "checksum")
 ALL = select(*(RUNS.c[name] for name in NAMES))
@@ -80,7 +80,7 @@ class Database(Store):
         def look(connection: Connection) -> list[int]:
             self.backend.check(connection, self.format)
             rows = connection.execute(ALL).yield_per(WINDOW)
-            return [row[0] for row in map(tuple, rows) if not whole(row)]
+            return [row[0] for row in map(tuple, rows) if not is_intact(row)]
 
         return self.read(look)
 

@@ -16,7 +16,7 @@ from ...store.tables import STUDY, TABLE
 from ..plan import StudyPlan
 from .database import Database
 from .names import CONFIGURATION
-from .rows import Row, whole
+from .rows import Row, is_intact
 
 IDENTITY, POINTS, SEAL = STUDY, "points", "sha256"
 """What a database stores of its study: the resolved configuration, a hash of the design, and the
@@ -49,13 +49,13 @@ def opened(
     try:
         database, notes = _sound(backend, plan, prefix)
     except (Newer, Foreign) as error:
-        raise refuse(backend.where, not_ours(error, backend)) from None
+        raise refuse(backend.display_name, not_ours(error, backend)) from None
     except DAMAGE as error:
         if why := backend.hindrance(error):
-            raise Unopened(backend.where, *why) from error
+            raise Unopened(backend.display_name, *why) from error
         if not isinstance(backend, SqliteFile):
             text = f"cannot be read: {reason(error)}; {backend.anew}"
-            raise refuse(backend.where, text) from error
+            raise refuse(backend.display_name, text) from error
         database, notes = _recovered(backend, plan, reason(error))
     try:
         while not _taken(database, plan):
@@ -65,7 +65,7 @@ def opened(
     except DAMAGE as error:
         database.close()
         text = f"cannot be read: {reason(error)}; {backend.anew}"
-        raise refuse(backend.where, text) from error
+        raise refuse(backend.display_name, text) from error
     except BaseException:
         database.close()
         raise
@@ -82,10 +82,9 @@ def _sound(backend: Backend, plan: StudyPlan, prefix: str) -> tuple[Database, tu
     except BaseException:
         database.close()
         raise
+    runs = _runs_text(wrong, plan)
     return database, (
-        (f"{_named(wrong, plan)} of {backend.where} had been changed and are done again",)
-        if wrong
-        else ()
+        (f"{runs} of {backend.display_name} had been changed and are done again",) if wrong else ()
     )
 
 
@@ -99,16 +98,16 @@ def identity_faults(database: Database, plan: StudyPlan) -> list[Fault]:
     """
     new, old, backend = plan.settings.configuration, database.meta(IDENTITY), database.backend
     if database.meta(TABLE):
-        raise refuse(backend.where, f"holds a computed table; {backend.other}")
+        raise refuse(backend.display_name, f"holds a computed table; {backend.alternative}")
     if not _seal_fits(database):
         text = f"cannot be read: what it says of its study is damaged; {backend.anew}"
-        raise refuse(backend.where, text)
+        raise refuse(backend.display_name, text)
     if old and old != new:
         try:
             faults = differences(old, new, backend.anew)
         except tomllib.TOMLDecodeError as error:
             text = f"cannot be read: its configuration is damaged ({error})"
-            raise refuse(backend.where, f"{text}; {backend.anew}") from None
+            raise refuse(backend.display_name, f"{text}; {backend.anew}") from None
         if faults:
             return faults
     if database.meta(POINTS) not in ("", _points(plan)):
@@ -178,7 +177,7 @@ def _recovered(
     if identity:
         database.set_meta({IDENTITY: identity, SEAL: _digest(identity, "")})
     database.insert(rows)
-    again = f"; {_named(holes, plan)} could not be read and are done again" if holes else ""
+    again = f"; {_runs_text(holes, plan)} could not be read and are done again" if holes else ""
     return database, (
         f"{path} was damaged ({error}): {len(rows)} runs in it are whole{again}; the "
         f"damaged file is kept as {aside.name}",
@@ -212,7 +211,7 @@ def _salvaged(path: Path, plan: StudyPlan) -> tuple[str, list[Row], list[int]]:
                 continue
             if row is None:
                 continue
-            if whole(row):
+            if is_intact(row):
                 rows.append(row)
             else:
                 holes.append(number)
@@ -239,7 +238,7 @@ def _put_aside(path: Path) -> Path:
     return aside
 
 
-def _named(numbers: list[int], plan: StudyPlan) -> str:
+def _runs_text(numbers: list[int], plan: StudyPlan) -> str:
     """Runs by point and replicate, the first few of them."""
     points = len(plan.points)
     some = [f"point {n % points} replicate {n // points}" for n in numbers[:SHOWN]]

@@ -48,7 +48,7 @@ def row_of(number: int, run: RunRecord, wanted: tuple[str, ...]) -> Row:
     return (*row, checksum(row))
 
 
-def whole(row: Row) -> bool:
+def is_intact(row: Row) -> bool:
     """Whether a row is as it was written."""
     try:
         return len(row) == len(COLUMNS) + 2 and bool(row[-1] == checksum(row[:-1]))

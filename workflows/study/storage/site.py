@@ -27,7 +27,7 @@ class Site:
     address: str = ""
 
     @property
-    def where(self) -> str:
+    def location(self) -> str:
         """Where the runs are, in the words of messages."""
         return _shown(self.address) if self.address else str(self.folder)
 
@@ -37,7 +37,7 @@ class Site:
         Who resumes the study here knows by it which claims are of processes that are gone.
         """
         if self.address:
-            record = {STORE: self.where, TOKEN: secrets.token_hex(8)}
+            record = {STORE: self.location, TOKEN: secrets.token_hex(8)}
             write_record(self.folder / PLACE, record)
 
     def check(self) -> None:
@@ -49,7 +49,7 @@ class Site:
         if there is None and self.address:
             text = f"the runs of {self.folder} are in its {DATABASE}: leave out --store, or"
             raise refuse("--store", f"{text} {ANOTHER}")
-        if there is not None and there[STORE] != (self.where if self.address else ""):
+        if there is not None and there[STORE] != (self.location if self.address else ""):
             text = f"the runs of {self.folder} are in {there[STORE]}: name that, or"
             raise refuse("--store", f"{text} {ANOTHER}")
 
@@ -91,10 +91,10 @@ def other_study(plan: StudyPlan, address: str, place: str) -> list[Fault]:
         with Database(backend, len(plan.points), (), reading=True) as database:
             faults = identity_faults(database, plan) if database.format else []
     except DAMAGE as error:
-        return [Fault(place, f"{backend.where} cannot be read: {reason(error)}")]
+        return [Fault(place, f"{backend.display_name} cannot be read: {reason(error)}")]
     except InputError as error:
         return [Fault(place, str(fault)) for fault in error.faults]
-    head = f"{backend.where} belongs to another configuration"
+    head = f"{backend.display_name} belongs to another configuration"
     return [Fault(place, f"{head}: {fault.place} {fault.message}") for fault in faults]
 
 

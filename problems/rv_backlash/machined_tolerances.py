@@ -14,7 +14,7 @@ from ...models.costs import CostCurve
 from ...models.machines import convex_cost
 from ...models.propagation.sums import ClippedSum
 from ...models.rv_reducer.cycloid import LINEAR_ERRORS
-from ..made import Made, curve_of
+from ..machined_tolerance import MachinedTolerance, curve_of
 
 if TYPE_CHECKING:
     from .problem import RvBacklash
@@ -37,7 +37,7 @@ def moved(problem: RvBacklash, designs: Array, total: ClippedSum) -> ClippedSum:
     A term b x z + q (x z)^2 of the spread x becomes, about a mean m, b m + q m^2 and
     (b + 2 q m) x z + q (x z)^2.
     """
-    if not problem.made:
+    if not problem.machined_tolerances:
         return total
     terms = list(total.clipped)
     for name, (x, m) in problem.as_made(designs).items():
@@ -79,7 +79,7 @@ class Piece:
 
 
 def pieces_of(
-    tolerance: Made, ends: tuple[float, float], moving: int = CELLS, still: int = 1
+    tolerance: MachinedTolerance, ends: tuple[float, float], moving: int = CELLS, still: int = 1
 ) -> Iterator[Piece]:
     """The ways of a tolerance within `ends` of its limit.
 
@@ -96,7 +96,7 @@ def pieces_of(
             yield Piece(way.curve, x, x, float(number), spread[:1], mean[:1])
             continue
         plain = tolerance.by_spread(way)
-        curve, _ = convex_cost(curve_of(tolerance, way, low, high), plain.tried)
+        curve, _ = convex_cost(curve_of(tolerance, way, low, high), plain.tabulated)
         cells = moving if way.machine.mean else still
         for first, last in pairwise(np.linspace(spread[0], spread[1], cells + 1).tolist()):
             x_of = np.linspace(first, last, TRIED)

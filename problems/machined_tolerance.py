@@ -19,7 +19,7 @@ SCALE = 3.0
 
 
 @dataclass(frozen=True, eq=False)
-class Made:
+class MachinedTolerance:
     """A tolerance that is made by machines: the ways to use them, and the variable that chooses."""
 
     name: str
@@ -56,7 +56,7 @@ class Made:
 
     def spread_and_mean(self, t: Array, chosen: NDArray[np.int64]) -> tuple[Array, Array]:
         """Half-width of a normal input with the scatter of good parts, and their mean (n,)."""
-        return self.each(
+        return self.by_way(
             t,
             chosen,
             lambda way, t: (SCALE * way.machine.good_parts(t).std, way.machine.good_parts(t).mean),
@@ -64,7 +64,7 @@ class Made:
 
     def slopes(self, t: Array, chosen: NDArray[np.int64]) -> tuple[Array, Array]:
         """Derivatives of the two by the limit (n,)."""
-        return self.each(
+        return self.by_way(
             t,
             chosen,
             lambda way, t: (
@@ -75,9 +75,9 @@ class Made:
 
     def cost(self, t: Array, chosen: NDArray[np.int64]) -> tuple[Array, Array]:
         """Cost of a good part, and its derivative by the limit (n,)."""
-        return self.each(t, chosen, lambda way, t: (way.curve.cost(t), way.curve.slope(t)))
+        return self.by_way(t, chosen, lambda way, t: (way.curve.cost(t), way.curve.slope(t)))
 
-    def each(self, t: Array, chosen: NDArray[np.int64], values: Any) -> tuple[Array, Array]:
+    def by_way(self, t: Array, chosen: NDArray[np.int64], values: Any) -> tuple[Array, Array]:
         """Two values (n,) of each design by its way."""
         first, second = np.zeros_like(t), np.zeros_like(t)
         for number, way in enumerate(self.ways):
@@ -97,6 +97,6 @@ class Made:
         return t
 
 
-def curve_of(tolerance: Made, way: Way, low: float, high: float) -> CostCurve:
+def curve_of(tolerance: MachinedTolerance, way: Way, low: float, high: float) -> CostCurve:
     """Cost of a way against the spread of its good parts."""
     return way.curve if low == high else tolerance.by_spread(way)

@@ -33,7 +33,7 @@ FAMILIES = {
 
 def of_inside(setup: Setup, fit: Fit, table: pd.DataFrame) -> tuple[Region, ...]:
     """The regions of the prediction in which effects inside the model change it."""
-    if not any(member.candidate.alone for member in fit.members):
+    if not any(member.candidate.is_nonlinear for member in fit.members):
         return ()
     regions = []
     for output in setup.data.outputs:
@@ -139,7 +139,7 @@ def _shape(
     return Shape(
         output=output.name,
         family=FAMILIES.get(role, "unknown") if role is not None else "unknown",
-        variable=" x ".join((form.variable, *form.more)),
+        variable=" x ".join((form.variable, *form.further_variables)),
         amplitude=amplitude,
         unit=output.unit,
         text=text,
@@ -180,7 +180,7 @@ def _text(form: Form, amplitude: float, unit: str, torque: str, near: tuple[str,
         "order": f"a wave of order {form.order:g}",
         "distribution": "an offset of all units",
         "direction": "an offset that changes sign with the direction",
-        "product": f"a product of {form.variable} and {', '.join(form.more)}",
+        "product": f"a product of {form.variable} and {', '.join(form.further_variables)}",
         "trend": f"a change along {form.variable}",
     }.get(form.kind, f"a dependence on {form.variable}")
     parts = [f"{where}, amplitude {amplitude:.3g} {unit}".rstrip()]
