@@ -11,24 +11,27 @@ TERMS: Mapping[str, str] = {
     "not searched.",
     "gap": "By how much the cost of a point lies above its proven bound.",
     "knee": "The point of the front that lies farthest from the line between its ends.",
-    "share": "t dy/dt of a tolerance t in a requirement y, over its sum for all tolerances; of a "
-    "root sum of squares that is the share of the variance.",
+    "share": (
+        "t dy/dt of a tolerance t in a requirement y, over its sum for all tolerances; of a root "
+        "sum of squares that is the fraction of the variance."
+    ),
     "price": "What one unit less of a requirement (of a yield one more) adds to the least cost; of "
     "a tolerance, what changing it costs where all requirements are kept by changing the others.",
     "multiplier": "The price of a requirement at a proven optimum (Karush, Kuhn and Tucker).",
     "relaxed": "Compared with a front whose broken limits are as loose as the reference's own.",
-    "hypervolume": "The share of the problem's box, from ideal to nadir, that the front dominates.",
+    "hypervolume": (
+        "The fraction of the problem's box, from ideal to nadir, that the front dominates."
+    ),
     "rounding loss": "What changes where every value is rounded to what can be ordered.",
     "feasible": "Whether all limits of the run are kept.",
     "margin": "The distance of a value from its nearest limit, negative where it is broken.",
-    "yield": "The share of units that keep the limits of the requirement.",
+    "yield": "The fraction of units that keep the limits of the requirement.",
     "Cpk": "The distance of the mean from the nearer limit, in three standard deviations.",
-    "coverage": "The share of units that a quantile is stated for.",
+    "coverage": "The fraction of units that a quantile is stated for.",
     "reference": "An allocation that a document prints or another method found, by the same model.",
     "half-width": "A tolerance t of the zone from mid - t to mid + t.",
     "held-out": "Of measurements that the fit did not use.",
-    "verdict": "What the comparison of model and measurement comes to, or of a claim and its "
-    "recomputation.",
+    "verdict": "The result of comparing model and measurement, or a claim and its recomputation.",
     "interaction": "How much the effect of one setting depends on another.",
 }
 """By term, in the order in which the list shows them."""

@@ -15,8 +15,8 @@ from .tables import table
 
 STATEMENTS = (
     "The least cost that keeps the promise, by what the promise means. plug_in: the estimates of "
-    "the samples are taken for the truth. predictive: the expected yield, over what the samples "
-    "leave open. assured: the yield is kept with the confidence. assurance_percent is the "
+    "the samples are taken for the truth. predictive: the expected yield, given the uncertainty "
+    "of the samples. assured: the yield is kept with the confidence. assurance_percent is the "
     "probability, over what is not known of the processes, that the promised share of units "
     "conforms (20,000 draws of the posterior). promise.csv has this table."
 )

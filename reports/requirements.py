@@ -11,8 +11,9 @@ from .document import section
 from .tables import table
 
 RELAXED = (
-    "Each requirement at the knee of the front, or at its one point. The multiplier is what the "
-    "least cost falls by per unit of its limit. saves_at_least and saves_at_most hold for a limit "
+    "Each requirement at the knee of the front, or at its one point. The multiplier is by how "
+    "much the least cost falls per unit of its limit. saves_at_least and saves_at_most hold for a "
+    "limit "
     "that is relaxed by the percentage given, all others kept: the first by an allocation that was "
     "found, the second because nothing can cost less than the bound there. drives names the parts "
     "that it consists of most. requirements.csv has all digits."

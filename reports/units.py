@@ -31,7 +31,7 @@ def unit_sections(result: RunResult) -> tuple[str, ...]:
         sections.append(section("What backlash means here", _meaning(result, units)))
     if result.assumptions_cost is not None:
         cost = _cost(result.assumptions_cost, result.summary.get("assumptions_at"))
-        sections.append(section("Assumptions and what they cost", cost))
+        sections.append(section("Assumptions and their costs", cost))
     if result.summary.get("validity"):
         limits = bullets([str(sentence) for sentence in result.summary["validity"]])
         sections.append(section("Limits of validity", limits))

@@ -118,7 +118,7 @@ def _without_columns(
             text = f"the effect {active.effect.name} needs a column of {' and '.join(missing)}"
             if not missing:
                 reason = active.effect.left_out(target)
-                text = f"the effect {active.effect.name} is not for it: {reason}"
+                text = f"the effect {active.effect.name} does not apply: {reason}"
             faults.append(Fault(place, text))
     return faults
 

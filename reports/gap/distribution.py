@@ -36,7 +36,7 @@ def distribution_figure(result: GapResult, output: Axis) -> Figure | None:
             label=label,
         )
     axes.set_xlabel(words(output.name, output.unit))
-    axes.set_ylabel("share of units below")
+    axes.set_ylabel("fraction of units below")
     axes.legend(frameon=False, fontsize="small")
     style_axes(axes)
     _distances(distance_axes, result, output)

@@ -90,9 +90,9 @@ def _pairs(planned: NextMeasurement) -> str:
             "of": " + ".join(pair.instead_of),
             "discrimination now": pair.now,
             "expected": pair.expected,
-            "chance that the right one fits better": pair.chance,
-            "with as many like the present": pair.alike,
-            "chance that one name is left": pair.alone,
+            "probability that the right one fits better": pair.chance,
+            "with as many measurements like the present": pair.alike,
+            "probability that one effect remains": pair.alone,
             "readings for 0.95": pair.needed or None,
         }
         for pair in planned.pairs
@@ -109,7 +109,7 @@ def _effects(planned: NextMeasurement) -> str:
             "looked for": effect.amount,
             "chance now": effect.now,
             "chance then": effect.then,
-            "with as many like the present": effect.alike,
+            "with as many measurements like the present": effect.alike,
             "seen from, now": effect.least_now,
             "seen from, then": effect.least_then,
         }

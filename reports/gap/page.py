@@ -31,7 +31,7 @@ FOLDED = frozenset(
         "Summary",
         "Configuration",
         "Corrected configuration",
-        "What would have been seen",
+        "Detection limits",
         "What was simulated",
     }
 )
@@ -46,15 +46,16 @@ VERDICTS = {
     "terms, so that no other number is biased by leaving it out.",
     "unnamed": "Unnamed: model and measurement disagree, and no effect of the library explains it.",
 }
-RMSE = "RMSE on rows that the fit never saw"
-UNSEEN = "Not detectable at all, because confounded with what is free"
+RMSE = "RMSE on held-out rows"
+UNSEEN = "Not detectable, because confounded with free parameters"
 CAPTIONS = {
     "residuals": "{0}: measured less predicted against every input: before (circles), after "
-    "(crosses) and what the correction took away (pluses), all on one scale. Black line: the mean "
+    "(crosses) and what the correction removed (pluses), all on one scale. Black line: the mean "
     "of neighbouring measurements; dotted: twice the noise. Hatched: where the gap was located. At "
     "most 600 measurements are drawn.",
     "spectrum": "{0}: amplitude of every order of the residual, before above and after below. "
-    "Dotted: what noise alone reaches; peaks above it bear their order. Hatched: orders where the "
+    "Dotted: the largest amplitude of noise alone; peaks above it are labelled with their order. "
+    "Hatched: orders where the "
     "gap was located, waves that grow with the torque included, which hardly show here.",
     "distribution": "{0}. Left: share of units below a value; measured (solid), model before "
     "(dashed) and after (dash-dotted). Right: the distance of the measured units from either "
@@ -103,7 +104,7 @@ def gap_page(result: GapResult, drawn: Sequence[Drawn] | None = None) -> str:
         "The next measurement": _next(result, _those(pictures, "next_measurement")),
         "Without a name": bullets([str(shape) for shape in result.shapes]) if result.shapes else "",
         "Recalibrated parameters": _recalibrated(result),
-        "What would have been seen": _detectable(result),
+        "Detection limits": _detectable(result),
         "Notes": bullets(result.notes) if result.notes else "",
         "Summary": summary_table(result.summary),
         "Configuration": f"<pre>{escape(result.configuration)}</pre>",
@@ -212,7 +213,7 @@ def _regions_section(result: GapResult) -> str:
             "unit": region.unit,
             "order": region.order,
             "direction": region.direction,
-            "share of the gap": region.share,
+            "fraction of the gap": region.share,
             "evidence": region.statistic,
             "noise reaches": region.threshold,
         }
@@ -259,7 +260,7 @@ def _effect(effect: FoundEffect) -> str:
         for p in effect.parameters
     ]
     evidence = [
-        f"explains {shown(effect.gain)} where noise alone reaches {shown(effect.threshold)}",
+        f"explains {shown(effect.gain)} where the threshold of noise is {shown(effect.threshold)}",
         f"held-out squared error falls by {shown(effect.held_out_gain)} "
         f"(standard error {shown(effect.held_out_error)})",
     ]
@@ -283,7 +284,7 @@ def _remainder(result: GapResult) -> str:
             "rms": remainder.rms,
             "unit": remainder.unit,
             "over the noise": remainder.ratio,
-            "share of the gap": remainder.share,
+            "fraction of the gap": remainder.share,
         }
         for remainder in result.remainder
     ]

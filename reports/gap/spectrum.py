@@ -43,7 +43,7 @@ def spectrum_figure(result: GapResult, output: Axis) -> Figure | None:
                 color="black",
                 linestyle=":",
                 linewidth=1.2,
-                label="what noise alone reaches",
+                label="largest amplitude of noise alone",
             )
         _label_peaks(
             axes, rows["order"].tolist(), rows[mark.word].tolist(), rows["threshold"].tolist()

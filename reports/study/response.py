@@ -121,7 +121,7 @@ def _places(column: pd.Series, key: Varied) -> tuple[pd.Series, list[str]]:
 def response_caption(result: StudyResult, response: Response) -> str:
     """What the figure shows."""
     runs = "grey points are single runs, " if len(result.design) <= MOST else ""
-    best = "" if response.best is None else "; the dashed line is the best there can be"
+    best = "" if response.best is None else "; the dashed line is the best possible value"
     confidence = 100 * result.medians["level"].iloc[0]
     keys = ", ".join(varied.key for varied in result.varied)
     return (

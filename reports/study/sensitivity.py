@@ -14,10 +14,10 @@ from .words import short
 TITLES = MappingProxyType(
     {
         "S1": "alone (S1)",
-        "ST": "with all it takes part in (ST)",
+        "ST": "with all its interactions (ST)",
         "mu_star": "mean size of its effect (mu*)",
         "sigma": "spread of its effect (sigma)",
-        "anova_share": "share of the variance of a run",
+        "anova_share": "fraction of the variance of a run",
         "noise_share": "share of noise",
     }
 )

@@ -110,7 +110,7 @@ model = "table"
     ("ranges", "said"),
     [
         ("te_predicted = [0, 1]", "range.te_predicted: is a prediction, not an input"),
-        ("clock = [0, 30]", "range.clock: ends before the record does, at 39"),
+        ("clock = [0, 30]", "range.clock: ends before the record, at 39"),
     ],
 )
 def test_of_a_table(tmp_path: Path, ranges: str, said: str) -> None:

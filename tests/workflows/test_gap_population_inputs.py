@@ -225,7 +225,7 @@ def test_twins_are_a_set_with_the_parts_to_measure() -> None:
     assert by["pitch_um"].amount == pytest.approx(2.0 * by["pin_hole_radius_um"].amount / K1)
     assert by["pin_hole_radius_um"].readings == by["pitch_um"].readings == 0  # the same law
     assert "of its tolerance" in by["runout_um"].excluded_because
-    assert by["flank_clearance_um"].excluded_because == "the shape of the batch is another"
+    assert by["flank_clearance_um"].excluded_because == "the shape of the batch differs"
     # 1.5 um shifted by one tolerance, a uniform scatter of 1/sqrt(3) of it: (3.0/s)^2/3 parts
     wanted = (stats.norm.ppf(0.95) + stats.norm.ppf(0.9)) ** 2 / 3.0
     share = by["pin_hole_radius_um"].share_of_tolerance

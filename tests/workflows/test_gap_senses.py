@@ -240,7 +240,7 @@ def test_a_clock_for_each_session_keeps_the_sessions_in_their_order(tmp_path: Pa
     frame = rows().assign(session=np.repeat(["b", "a"], N // 2), t=np.tile(np.arange(N // 2), 2))
     configuration, table = written(tmp_path, frame, text)
     data = read_data(read_gap(configuration), table)
-    assert any("begins anew in each session" in note for note in data.notes)
+    assert any("starts again in each session" in note for note in data.notes)
     np.testing.assert_array_equal(data.measured["te"], frame["te"])
 
 

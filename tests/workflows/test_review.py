@@ -127,7 +127,7 @@ def test_a_promise_that_nothing_keeps_any_more_is_said(first: Path, tmp_path: Pa
     t = tolerances_of(first)
     parts = made(tmp_path, "now.csv", 4, t, dict.fromkeys(t, 6.0))
     told = reviewed(str(first / "o"), parts)
-    assert "no allocation keeps the promise by what the parts say now" in told
+    assert "no allocation keeps the promise by the present parts" in told
 
 
 def test_the_units_own_measurement_stands_beside(first: Path, tmp_path: Path) -> None:
@@ -260,7 +260,7 @@ def test_a_measured_standard_deviation_is_as_made(tmp_path: Path) -> None:
                           "rod_length_2": rng.normal(0.0, 0.5 * own, 60)}).round(5)  # fmt: skip
     parts.to_csv(tmp_path / "now.csv", index=False)
     told = reviewed(str(run), str(tmp_path / "now.csv"))
-    kept = re.search(r"by the parts now: .* probability of ([0-9.]+) %", told)
+    kept = re.search(r"by the present parts: .* probability of ([0-9.]+) %", told)
     costs = re.search(r"promise now is ([0-9.]+); the drawing's is ([0-9.]+)", told)
     assert kept is not None
     assert costs is not None

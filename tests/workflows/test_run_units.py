@@ -96,7 +96,7 @@ def test_the_unit_shown_is_the_median_one_and_larger_between_its_positions(run: 
 def test_the_page_has_the_numbers_of_the_files(run: Path) -> None:
     page = (run / "report.html").read_text("utf-8")
     summary = json.loads((run / "summary.json").read_text("utf-8"))
-    for heading in ("What backlash means here", "Assumptions and what they cost",
+    for heading in ("What backlash means here", "Assumptions and their costs",
                     "Limits of validity"):  # fmt: skip
         assert f"<h2>{heading}</h2>" in page
     for sentence in (*summary["units"]["words"], *summary["validity"]):
@@ -181,7 +181,7 @@ def test_other_problems_have_none_of_it(tmp_path: Path) -> None:
     page = (tmp_path / "run" / "report.html").read_text("utf-8")
     assert not any((tmp_path / "run" / name).exists() for name in FILES)
     assert "What backlash means here" not in page
-    assert "Assumptions and what they cost" not in page
+    assert "Assumptions and their costs" not in page
     assert "Limits of validity" not in page
 
 

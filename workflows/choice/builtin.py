@@ -43,7 +43,7 @@ class KneeBend(ChoiceRule):
 class KneeTradeoff(ChoiceRule):
     """Every move away loses most for what it gains (Rachmawati & Srinivasan 2009)."""
 
-    meaning = "every move away loses most for what it gains"
+    meaning = "every move away from it loses most relative to what it gains"
 
     def row(self, points: Points) -> int | None:
         return best_trade_off(points.objectives)

@@ -30,7 +30,9 @@ USUAL: Mapping[str, tuple[float, float]] = {
 """Ra [um] that a process usually reaches, by how its name begins (ASME B46.1, appendix B)."""
 SHARE = 1.0 / 20.0
 """Ra as a fraction of the width of the zone at most: peaks, some five times Ra, take a quarter."""
-WHY = "Ra is at most this share of the width of a zone: peaks, some five times Ra, take a quarter"
+WHY = (
+    "Ra is at most this fraction of the width of a zone: peaks, some five times Ra, take a quarter"
+)
 
 
 def share_of(settings: ChoiceSettings) -> float:

@@ -36,11 +36,11 @@ def in_time(frame: pd.DataFrame, columns: Sequence[Column], notes: list[str]) ->
         steps = _steps(frame, time, separate_clocks)
     if separate_clocks:
         notes.append(
-            f"{time} begins anew in each {SESSION}: rows are in the order of the sessions "
+            f"{time} starts again in each {SESSION}: rows are in the order of the sessions "
             "in the file, and effects of time count within a session"
         )
     if same := int((steps == 0).sum()):
-        notes.append(f"{time} stands still at {same} rows: their order is that of the file")
+        notes.append(f"{time} does not advance at {same} rows: their order is that of the file")
     usual = float(np.median(steps)) if len(steps) else 0.0
     if usual > 0 and (gaps := int((steps > 10 * usual).sum())):
         notes.append(f"{time} is broken by {gaps} gaps of more than 10 usual steps")
@@ -61,7 +61,7 @@ def late(frame: pd.DataFrame, columns: Sequence[Column]) -> list[str]:
             if abs(first) > LATE * span:
                 messages.append(
                     f"{column.name} begins at {first:g} {column.unit}: wear and creep "
-                    "count from 0; subtract what had passed before"
+                    "count from 0; subtract the value at the start"
                 )
     return messages
 
@@ -81,7 +81,7 @@ def clock_faults(frame: pd.DataFrame, columns: Sequence[Column], place: str) -> 
                 Fault(
                     f"{place}: column {time}",
                     f"is set back within {SESSION} {label}, "
-                    f"at row {rows}: a session has one clock; give what follows a "
+                    f"at row {rows}: a session has one clock; give the rows that follow a "
                     f"{SESSION} of its own, or one time from end to end",
                 )
             )

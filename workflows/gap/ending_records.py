@@ -39,8 +39,13 @@ undetectable.
 """
 SEPARATED = 4
 """Number of rivals for which a separating measurement is searched."""
-SUPPLIERS = "note the supplier of each lot: a second supplier is off by the same in all of its lots"
-MORE = "measure more units of one lot: a mixture has two peaks, or a shoulder, a wider spread one"
+SUPPLIERS = (
+    "note the supplier of each lot: a second supplier has the same offset in all of its lots"
+)
+MORE = (
+    "measure more units of one lot: a mixture has two peaks or a shoulder, a wider spread has one "
+    "peak"
+)
 
 
 def gate(end: Ending) -> Gate:

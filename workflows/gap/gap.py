@@ -42,8 +42,8 @@ from .spectrum import spectrum
 from .uncertainty import Spread, bootstrap
 from .write import summary_of, write
 
-RMSE = "{}: rmse {:.4g} -> {:.4g} {} on rows the fit never saw; noise {:.4g}"
-FAR = "{}: batch from population {:.4g} -> {:.4g} {} on units the fit never saw; chance {:.4g}"
+RMSE = "{}: rmse {:.4g} -> {:.4g} {} on held-out rows; noise {:.4g}"
+FAR = "{}: batch from population {:.4g} -> {:.4g} {} on held-out units; chance {:.4g}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,7 +96,7 @@ def _saved(kept: Replicates, plan: GapPlan) -> str:
         return "interrupted: nothing was written"
     done = f"{len(kept.found)} of {plan.settings.bootstrap} replicates are kept in {kept.path}; "
     done = done if plan.settings.bootstrap else ""
-    return f"interrupted: {done}run the same command with --resume to go on"
+    return f"interrupted: {done}run the same command with --resume to continue"
 
 
 def analysis_result(
@@ -246,16 +246,16 @@ def _notes(analysis: Analysis, data: GapData, end: Ending) -> tuple[str, ...]:
         if noise.rho > 0.3:
             notes.append(
                 f"{output.name}: the noise is autocorrelated ({noise.rho:.2f} from one "
-                "reading to the next)"
+                "measurement to the next)"
             )
     if end.rows:
         notes += uneven_delays(analysis.search.fitter, end.fit, end.setup.data)
     if lost := struck_of(analysis):
-        notes.append(f"{', '.join(lost)}: something like it is there, but its form is not that")
+        notes.append(f"{', '.join(lost)}: something similar is present, but its form differs")
     if far := moved_far(end):
         notes.append(far)
     if len(end.setup.library) == 0:
-        notes.append("no effect of the library has a place in this model with these columns")
+        notes.append("no effect of the library applies to this model with these columns")
     return tuple(notes)
 
 
@@ -290,7 +290,7 @@ def lines_of(result: GapResult) -> tuple[str, ...]:
         lines += [f"next measurement: {entry}" for entry in (*planned.effects[1:], *planned.notes)]
     if result.verdict == "no_gap":
         detectable = sorted(result.gate.detectable, key=lambda effect: effect.rms)[:5]
-        lines += [f"would have been seen from {effect}" for effect in detectable]
+        lines += [f"would have been detected from {effect}" for effect in detectable]
     if unseen := ", ".join(result.gate.unseen):
         lines.append(f"cannot be detected, because free parameters do the same: {unseen}")
     lines += [f"note: {note}" for note in result.notes]

@@ -12,10 +12,10 @@ from .distance import distance, floor
 from .population import held_out_units
 from .result import Ending, ended, rmse
 
-OF_ROWS = "RMSE on rows that the fit never saw; the floor is the noise"
+OF_ROWS = "RMSE on held-out rows; the floor is the noise"
 OF_UNITS = (
-    "2-Wasserstein distance between the units that the fit never saw, less what moves single ones, "
-    "and the population that the model says; the floor is what all but 5 % of batches of this size "
+    "2-Wasserstein distance between the held-out units, less the effects on single units, and the "
+    "population that the model predicts; the floor is what all but 5 % of batches of this size "
     "stay below, drawn from the corrected model"
 )
 

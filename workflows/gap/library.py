@@ -281,7 +281,7 @@ def _reason(effect: Effect, data: GapData) -> str:
     if _at_one_angle(effect, data):
         return "one angle only"
     hidden = effect.shown(data.measured, data.target) is None
-    return "its traces are not in the readings" if hidden else ""
+    return "the data contain no trace of it" if hidden else ""
 
 
 def _matters(effect: Effect, why: str, data: GapData) -> bool:
@@ -292,7 +292,7 @@ def _matters(effect: Effect, why: str, data: GapData) -> bool:
     if set(effect.needs) <= roles:
         return why not in (
             Effect.own_reason(effect, data.target),
-            "its traces are not in the readings",
+            "the data contain no trace of it",
         )
     return data.target.model == "table"
 
@@ -336,7 +336,7 @@ def with_lots(
             candidate = replace(candidate, linear=_of_lots(candidate, lots, data.target))
         if candidate.linear or candidate.shape:
             kept.append(candidate)
-    text = f"cannot tell by how much lots of fewer than {LEAST_UNITS} units are off"
+    text = f"cannot tell the offset of lots of fewer than {LEAST_UNITS} units"
     return kept, [f"{text}: {', '.join(few[:10])}"] if len(few) else []
 
 

@@ -51,8 +51,8 @@ def _sentence(name: str, delays: Array) -> str:
         for delay, kind in zip(delays.tolist(), kinds, strict=True)
     )
     return (
-        f"{name} is not one delay: {parts}. A channel that is late is so everywhere; this may "
-        "be a part of the loop that has no name"
+        f"{name} is not one delay: {parts}. A late channel is late everywhere; this may be an "
+        "unidentified part of the loop"
     )
 
 

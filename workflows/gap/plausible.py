@@ -19,7 +19,7 @@ MOST = {
     Role.TORQUE: (1e6, "1e6 N m"),
     Role.FORCE: (1e7, "1e7 N"),
     Role.SPEED: (1e5, "1e5 rpm"),
-    Role.TEMPERATURE: (200.0, "200 degC, where greases and oils are gone"),
+    Role.TEMPERATURE: (200.0, "200 degC, above which greases and oils decompose"),
     Role.PAYLOAD: (1e5, "1e5 kg"),
     Role.POSITION: (1e3, "1 km"),
     Role.TIME: (3e8, "ten years"),
@@ -96,8 +96,8 @@ def _stiff(data: GapData) -> Iterator[str]:
             description = unlikely(1.0 / slope, output.unit, "N" if role is Role.FORCE else "Nm")
             if description:
                 yield (
-                    f"{_doubt(data, role)} Or that of {output.name}? It follows the load as of a "
-                    f"stiffness of {description}"
+                    f"{_doubt(data, role)} Or that of {output.name}? It follows the load as with "
+                    f"a stiffness of {description}"
                 )
 
 

@@ -323,7 +323,7 @@ def _range_faults(
         return faults
     table = {c.name: frame[c.name].to_numpy() for c in columns if c.name in frame}
     for name, (wrong, text) in plan.model.outside(table).items():
-        message = f"{text}: the model does not reach there; remove the row"
+        message = f"{text}: the model does not reach this pose; remove the row"
         faults += _cells(frame, name, pd.Series(wrong, index=frame.index), place, message)
     return faults
 
@@ -339,7 +339,7 @@ def _measured_faults(
     frame: pd.DataFrame, name: str, prediction: str | None, place: str
 ) -> list[Fault]:
     """Faults of a measurement that never changes, or that the prediction copies."""
-    text = "is beyond anything that is measured"
+    text = "is beyond all measurable values"
     faults = _cells(frame, name, frame[name].abs() > LARGEST, place, text)
     values = frame[name].dropna().to_numpy()
     if len(values) > 1 and np.ptp(values) <= SAME * np.abs(values).max():

@@ -80,7 +80,7 @@ def _coarse(setup: Setup, output: Output, residual: Array) -> str:
     step, percent = scatter * np.sqrt(12.0), 100.0 * min(scatter / whole, 1.0)
     return (
         f"{output.name} is read in steps of {step:.4g} {output.unit}: their scatter alone is "
-        f"{percent:.0f} % of what the model leaves"
+        f"{percent:.0f} % of the residual"
     )
 
 

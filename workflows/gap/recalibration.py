@@ -39,6 +39,6 @@ def recalibration_message(moves: Iterable[tuple[str, float, float, float]]) -> s
     if not far:
         return ""
     return (
-        f"recalibrated by more than {100 * FAR:.0f} % of its tolerance: {', '.join(far)}; with "
-        "an empty [free] that would be a gap, and named where the library has it"
+        f"recalibrated by more than {100 * FAR:.0f} % of its tolerance: {', '.join(far)}; with an "
+        "empty [free] this would be a gap, and identified if the library has its effect"
     )

@@ -68,7 +68,7 @@ def _of_scatter(end: Ending) -> tuple[Remainder, ...]:
         return ()
     whole = gaps(end).before[output.name]
     text = f"{misfit.ratio:.2f} times the standard deviation of the population"
-    text = f"another shape than the population's, {text}" if misfit.stretched else text
+    text = f"a shape that differs from the population's, {text}" if misfit.stretched else text
     fraction = min(1.0, (misfit.distance / max(whole, 1e-300)) ** 2)
     return (
         Remainder(

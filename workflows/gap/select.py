@@ -21,12 +21,12 @@ REFINED = 8
 WITHIN = 40.0
 """Gain behind the best on the grid, beyond which a candidate is not refined."""
 
-BOTH = "beyond what noise reaches, and held-out rows are predicted better"
-UNITS = "units scatter so beyond what chance reaches, those that the fit never saw as well"
-SMALL = "what it explains is below the practical limit"
-NO_FORM = "its form is not that of the data: fitted together with the rest it is not needed"
+BOTH = "beyond the noise, and held-out rows are predicted better"
+UNITS = "units scatter like this beyond chance, held-out units as well"
+SMALL = "its contribution is below the practical limit"
+NO_FORM = "its form is not that of the data: fitted together with the other terms it is not needed"
 BESIDE = "fits as well as any form given the others"
-TERM = "held-out rows are predicted better, and no name of the library has this form"
+TERM = "held-out rows are predicted better, and no effect of the library has this form"
 MASKED = 12
 """Number of candidates that are tried in pairs where none is significant alone."""
 PAIRS = 2
@@ -161,7 +161,7 @@ def select(search: Search, quick: bool = False) -> Selection:
                 "reject",
                 name,
                 False,
-                "rows the fit never saw are not predicted better",
+                "held-out rows are not predicted better",
                 gain,
                 better,
             )
@@ -289,7 +289,7 @@ def _retested(
         dropped = [name for name in fit.names if name not in better.names]
         added = [name for name in better.names if name not in fit.names]
         text = f"{', '.join(dropped)} for {', '.join(added)}" if added else ", ".join(dropped)
-        why = "fits better given the others" if added else "no longer beyond what noise reaches"
+        why = "fits better given the others" if added else "no longer beyond the noise"
         fit = better
         accepted.append((fit, search.tested(fit)))
         _note(steps, search, fit, accepted[-1][1], action, text, True, why)

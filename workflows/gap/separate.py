@@ -64,7 +64,7 @@ def separating(setup: Setup, levels: Array, fit: Fit, rival: Fit) -> Measurement
     size, design = best
     readings = int(min(np.ceil(CERTAIN / size**2), 10**6))
     many = f"{readings} readings separate" if readings > 1 else "1 reading separates"
-    text = f"{design.text}: {many} them ({size:.2g} of the noise per reading)"
+    text = f"{design.text}: {many} them ({size:.2g} of the noise per measurement)"
     return Measurement(text, design.inputs, size, readings)
 
 
@@ -81,7 +81,7 @@ def _designs(data: GapData, rng: np.random.Generator) -> Iterator[Design]:
     """
     rows = rng.choice(len(data), size=min(ROWS, len(data)), replace=False)
     now = {name: values[np.sort(rows)] for name, values in data.readings.table.items()}
-    yield Design("more readings like these", now, {})
+    yield Design("more measurements like these", now, {})
     moving = [c for c in data.inputs if c.role not in (Role.TIME, Role.REPEAT)]
     for column in moving:
         spread = _apart(now, column, rng, 1.0)

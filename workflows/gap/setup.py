@@ -115,13 +115,14 @@ def nameless(data: GapData, laws: Mapping[str, Law]) -> str:
     """Why no cause can be identified from a batch; empty where one can."""
     if laws and len(data) < LEAST_NAMED:
         return (
-            f"cannot tell with n = {len(data)}: no cause is named from fewer than {LEAST_NAMED} "
+            f"cannot tell with n = {len(data)}: no cause is identified from fewer than "
+            f"{LEAST_NAMED} "
             "units"
         )
     for name, law in laws.items():
         if np.std(data.measured[name]) < SAME_UNIT * law.std:
             return (
-                f"cannot tell: {name} is as good as the same in every row, units of the model "
+                f"cannot tell: {name} is almost constant over the rows, units of the model "
                 f"scatter by {law.std:.3g}; was one unit measured many times?"
             )
     return ""

@@ -92,8 +92,8 @@ def bootstrap(
         for chunk, outcome in executor.completed(task, lambda: next(chunks, None)):
             if isinstance(outcome, Lost):
                 raise RunError(
-                    f"{chunk.called}: {outcome.reason}; what has ended is kept in "
-                    f"{kept.path}, go on with --resume"
+                    f"{chunk.called}: {outcome.reason}; finished replicates are kept in "
+                    f"{kept.path}, continue with --resume"
                 )
             kept.keep(outcome)
             done, remaining = len(kept.found) - already_kept, len(kept.missing(count))

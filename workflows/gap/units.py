@@ -29,7 +29,7 @@ def numbered(
         return cells
     name = unit.name
     if name not in cells:
-        notes.append(f"{place}: no column {name}: each row is taken for a unit of its own")
+        notes.append(f"{place}: no column {name}: each row counts as a unit of its own")
         number = np.arange(1, len(cells) + 1)
         return cells.assign(**{name: number.astype(str) if unit.text else number})
     if unit.text:
@@ -40,7 +40,8 @@ def numbered(
         return cells
     number, names = pd.factorize(filled)
     notes.append(
-        f"{place}: {len(names)} labels of units ({names[0]}, ...) are numbered as they come"
+        f"{place}: {len(names)} labels of units ({names[0]}, ...) are numbered in the order of "
+        "the rows"
     )
     return cells.assign(**{name: pd.Series(number + 1, index=filled.index).reindex(cells.index)})
 
@@ -69,8 +70,8 @@ def one_per_unit(
     repeat = next((c.name for c in columns if c.role is Role.REPEAT and c.name in frame), None)
     if units < rows and repeat is None:
         notes.append(
-            f"{rows - units} rows repeat the label of a unit: each is taken for a unit of "
-            "its own; a column repeat says that a unit was measured again"
+            f"{rows - units} rows repeat the label of a unit: each counts as a unit of its own; a "
+            "column repeat says that a unit was measured again"
         )
     if repeat is None:
         return frame, []

@@ -151,7 +151,7 @@ def sentence(summary: dict[str, Any], words: str, costs: pd.DataFrame) -> str:
             f" (if all parts were normal; it is not called assured, for "
             f"{'; '.join(summary['assured_withheld'])})"
         )
-    text += f"; over what the samples leave open it is kept with a probability of {kept:.1f} %"
+    text += f"; given the uncertainty of the samples it is kept with a probability of {kept:.1f} %"
     if summary.get("kept") is False:
         text += ", less than the confidence that was asked for: it is not assured"
     if summary.get("rounded_kept") is False:
@@ -174,5 +174,5 @@ def sentence(summary: dict[str, Any], words: str, costs: pd.DataFrame) -> str:
     elif not np.isfinite(by.get(ASSURED, np.nan)) and "kept" not in summary:
         text += ". There is no assured choice: even the tightest tolerances do not assure it"
     if summary["hangs_on"]:
-        text += f". It hangs most on {summary['hangs_on']}: measure more of it first"
+        text += f". It depends most on {summary['hangs_on']}: measure more of it first"
     return f"{text}."

@@ -55,9 +55,9 @@ def review(
     full = _full(before, design)
     lines = [f"promised: {promise.words()}"]
     lines.append(f"when it was promised, at the drawing's values: {_compliance(before, full)}")
-    lines.append(f"by the parts now: {_compliance(now, _full(now, design))}")
+    lines.append(f"by the present parts: {_compliance(now, _full(now, design))}")
     lines += [
-        f"by the parts now the drawing breaks a limit: {broken_limit}"
+        f"by the present parts the drawing breaks a limit: {broken_limit}"
         for broken_limit in _broken(now, _full(now, design))
     ]
     least = Least.none(before)
@@ -74,8 +74,7 @@ def review(
         )
     else:
         lines.append(
-            "no allocation keeps the promise by what the parts say now, even at the "
-            "tightest tolerances"
+            "no allocation keeps the promise by the present parts, even at the tightest tolerances"
         )
     then, latest = characteristics(before), characteristics(now)
     shown = [

@@ -85,5 +85,5 @@ def doubt(sample: PartSample) -> str:
     if excess > abs(skew):
         return f"has heavy tails (excess kurtosis {excess:.2g})"
     if len(values) < FEW:
-        return f"is skewed ({skew:.2g}) and has {len(values)} parts only, {FEW} would do"
+        return f"is skewed ({skew:.2g}) and has {len(values)} parts only; {FEW} are enough"
     return ""

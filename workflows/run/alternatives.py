@@ -48,7 +48,9 @@ def sentences(rows: list[dict[str, Any]]) -> tuple[str, ...]:
     messages = []
     for row in rows:
         if abs(row["more_percent"]) < SAME:
-            messages.append(f"{row['label']}: as cheap, at equal R and equal other requirements")
+            messages.append(
+                f"{row['label']}: costs the same at equal R and equal other requirements"
+            )
             continue
         side = "more" if row["more_percent"] >= 0.0 else "less"
         messages.append(

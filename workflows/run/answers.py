@@ -124,7 +124,7 @@ class Words:
     def published(self) -> str:
         rows = self._published_rows()
         if not rows:
-            return "No published allocation of this problem is known: there is none to compare."
+            return "No published allocation of this problem is known, so nothing can be compared."
         return " ".join(self._comparison(row) for row in rows[:1])
 
     def _published_rows(self) -> list[dict[str, Any]]:
@@ -184,12 +184,12 @@ class Words:
     def of_limits(self) -> str:
         limits = [o for o in self.problem.limits if o.count and o.name != COST]
         if not limits:
-            return "No limit is set in addition to the objectives: none costs anything."
+            return "No limits are set in addition to the objectives, so none adds to the cost."
         row = self.result.front.iloc[self.point]
         held = [o for o in limits if self._used(o, row)]
         where = "At the one point" if len(self.result.front) == 1 else "At this point"
         if not held:
-            return f"{where} every limit is kept with room to spare: none costs anything there."
+            return f"{where} every limit is kept with a margin, so none adds to the cost there."
         return " ".join(self._cost_of(limit, where) for limit in held)
 
     def _used(self, limit: Limit, row: pd.Series) -> bool:
@@ -215,8 +215,8 @@ class Words:
             )
         relaxed = self._relaxed(limit.name)
         return relaxed or (
-            f"{where} the limit of {text} binds; what it costs is not known, for "
-            "the model gives no derivative of it."
+            f"{where} the limit of {text} binds; its price is not known, because the model gives "
+            "no derivative of it."
         )
 
     def _price(self, name: str) -> tuple[float, bool] | None:
@@ -260,7 +260,8 @@ class Words:
         if not informative(proven, gap):
             return (
                 "How far the points are from the optimum is not known: the proven bound is not "
-                f"informative, for it leaves out what holds them back ({proven.statement})."
+                "informative, because it leaves out limits that hold them back "
+                f"({proven.statement})."
             )
         middle, most = float(np.nanmedian(gap)), float(np.nanmax(gap))
         if len(gap) == 1 and most < EXACT:

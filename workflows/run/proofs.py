@@ -33,7 +33,10 @@ EXACT = 1e-3
 """Gap [percent] below which a point counts as optimal."""
 INFORMATIVE = 25.0
 """Median gap [percent] beyond which a bound that leaves limits out is not informative."""
-INTERRUPTED = "nothing is proven: the run was interrupted; it is when --resume has ended it"
+INTERRUPTED = (
+    "nothing is proven: the run was interrupted; the bounds are computed when --resume has "
+    "finished it"
+)
 CLOSED = 1e-7
 """Relative gap up to which a front counts as exact."""
 
@@ -217,7 +220,7 @@ def proof_notes(front: pd.DataFrame, proven: Proof) -> list[str]:
     if not informative(proven, gap):
         return [
             f"the bound is not informative: the points lie {np.nanmedian(gap):.3g} % above it "
-            f"in the median, for it leaves out what holds them back ({proven.statement})"
+            f"in the median, because it leaves out limits that hold them back ({proven.statement})"
         ]
     return [
         f"proven: no allocation of equal or better other objectives costs less than the bound "

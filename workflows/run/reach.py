@@ -60,7 +60,7 @@ def _fault(problem: ToleranceProblem, limit: Limit) -> Fault | None:
     unit = f" {limit.unit}".rstrip()
     return Fault(
         f"limits.{limit.name}",
-        f"at most {limit.high:g}{unit} was not found to be possible: the least found is "
+        f"at most {limit.high:g}{unit} was not reached by any design: the least value found is "
         f"{least:.4g}{unit}, at {values}; raise the limit or widen the ranges",
     )
 

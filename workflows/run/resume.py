@@ -48,7 +48,9 @@ def notes_of(checkpoint: Checkpoint, resume: bool) -> tuple[str, ...]:
     """What the user should know of a resumed run."""
     if not (resume and checkpoint.unsavable):
         return ()
-    return ("the state of this algorithm cannot be saved: its search started anew",)
+    return (
+        "the state of this algorithm cannot be saved: its search starts again from the beginning",
+    )
 
 
 def _faults(checkpoint: Checkpoint, plan: RunPlan) -> list[Fault]:

@@ -321,8 +321,9 @@ def _notes(references: pd.DataFrame, dropped: int, joined: int) -> list[str]:
     ]
     if joined:
         notes.append(
-            f"{joined} of the references joined the front: the search had not found anything as "
-            f"good; {dropped} points that they dominate were removed. The gains in the table of "
+            f"{joined} of the references were added to the front, because the search had found "
+            f"nothing as good; {dropped} points that they dominate were removed. The gains in the "
+            "table of "
             "references are those of the search's own front"
         )
     return notes
@@ -357,7 +358,5 @@ def _lines(
             "breaks, widen the ranges or raise the budget"
         )
     if status == "interrupted":
-        lines.append(
-            "what was found until then is saved; run the same command with --resume to go on"
-        )
+        lines.append("the results so far are saved; run the same command with --resume to continue")
     return tuple(lines)

@@ -166,7 +166,7 @@ def test_blocks_of_something_else_are_refused(table: Path, tmp_path: Path) -> No
     changed = {**CONFIGURATION, "seed": 3}
     with pytest.raises(InputError, match="holds blocks of another configuration; name another"):
         tolevo.evaluate(changed, table, out, partitioned=True, resume=True)
-    with pytest.raises(InputError, match="blocks of an earlier command; go on with --resume"):
+    with pytest.raises(InputError, match="blocks of an earlier command; continue with --resume"):
         tolevo.evaluate(CONFIGURATION, table, out, partitioned=True)
     assert {path: path.read_bytes() for path in out.iterdir()} == before
     tolevo.evaluate(changed, table, out, partitioned=True, overwrite=True)

@@ -23,10 +23,10 @@ def range_faults(plan: GapPlan, data: GapData, place: str) -> list[Fault]:
     for name, span in wanted.ranges.items():
         text = ""
         if name not in known:
-            text = f"{place} has no such column, nor has the next table then; leave it out"
+            text = f"{place} has no such column, so the next table has none either; leave it out"
         elif known[name].role is Role.TIME:
             last = float(np.max(data.readings.table[name]))
-            text = f"ends before the record does, at {last:g}" if span.high <= last else ""
+            text = f"ends before the record, at {last:g}" if span.high <= last else ""
         if text:
             faults.append(Fault(f"{RANGE}.{name}", text))
     if not faults and not data.target.population:

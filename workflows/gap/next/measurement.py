@@ -25,11 +25,11 @@ from .telling import telling
 from .units import further_units, of_scatter
 
 FILE = "next_measurement.csv"
-NOTHING = "one name fits these data: there is nothing to separate"
-NO_FORM = "the gap is detected already, and more measurements give it no form of the library"
-READING = "what it does depends on the reading itself: no points can be planned for it"
+NOTHING = "one effect fits these data: nothing has to be separated"
+NO_FORM = "the gap is detected already, and more measurements do not give it a form of the library"
+READING = "it depends on the measured value itself: no points can be planned for it"
 PREDICT = "put the simulator's prediction at these points into the table before it is analysed"
-LIKE = "points of the record's kind: the mounting and its zero are taken to stay as they are"
+LIKE = "points of the record's kind: the mounting and its zero are assumed to stay unchanged"
 Key = tuple[tuple[str, ...], tuple[str, ...]]
 
 
@@ -167,7 +167,7 @@ def _planned(
         return Planned(
             NextMeasurement(text, pairs=pairs, effects=effects, notes=notes), None, measurements
         )
-    text = f"{len(new)} readings at the points in {FILE}"
+    text = f"{len(new)} measurements at the points in {FILE}"
     if effects:
         text += f": {effects[0]}"
     notes = (*notes, LIKE, *((PREDICT,) if end.setup.plan.model is None else ()))

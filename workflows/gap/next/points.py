@@ -18,7 +18,7 @@ from ..plan import Span
 
 Table = Mapping[str, NDArray[Any]]
 RANGE = "next_measurement.range"
-NO_POINT = "holds no point that the model reaches; widen it"
+NO_POINT = "contains no point that the model reaches; widen it"
 INSIDE = 9
 """Number of points of the Sobol sequence inside the box, as a power of two."""
 CORNERS = 6

@@ -57,7 +57,11 @@ def wanted_effects(end: Ending, wanted: NextPlan) -> tuple[list[Sought], list[st
     for name in names:
         member = members.get(name)
         if member is None or member.candidate.is_nonlinear:
-            why = "it has no place in these data" if member is None else "its size bends its form"
+            why = (
+                "it does not apply to these data"
+                if member is None
+                else "its form changes with its size"
+            )
             notes.append(f"{name}: no points can be planned, {why}")
             continue
         effect = _sought(end, member, wanted.amounts.get(name))

@@ -165,7 +165,7 @@ def record_of(
     chance, like = planned.chance(), alike.chance()
     text = (
         f"{count} readings at the planned points: chance {chance:.2f} that the right one fits "
-        f"better ({like:.2f} with as many like the present ones); "
+        f"better ({like:.2f} with as many measurements like the present ones); "
     )
     text += f"{readings} such readings for {CERTAIN}" if readings else f"no number brings {CERTAIN}"
     return Separation(

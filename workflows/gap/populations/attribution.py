@@ -52,7 +52,7 @@ def decided(weighed: Weighed, effect: str, output: str, unit: str) -> tuple[Attr
 
     if not weighed.standing or not weighed.explained:
         if weighed.mixed:
-            text = f"{weighed.rival} explain the batch; no change of one input does"
+            text = f"{weighed.rival} explain the batch; no change of one input alone does"
             return (of("", "none", text),)
         best = max(weighed.tables.changes, key=lambda change: change.best[1])
         text = (
@@ -62,7 +62,7 @@ def decided(weighed: Weighed, effect: str, output: str, unit: str) -> tuple[Attr
         return (of(best.kind, "none", text),)
     text = explanation(weighed, unit)
     if all(change.source is None for change in weighed.standing):
-        text = f"no input alone does it within its limits; {text}"
+        text = f"no input alone explains it within its limits; {text}"
         return (of(weighed.standing[0].kind, "none", text),)
     alone = len(weighed.standing) == 1 and not weighed.mixed
     names = {
@@ -96,7 +96,7 @@ def explanation(weighed: Weighed, unit: str) -> str:
         sentence = (
             f"{names[0]} ({change.shown(change.best[0]):.3g} {what}) alone would explain the batch"
         )
-        return f"{sentence}; so may several inputs together"
+        return f"{sentence}; several inputs together may do so as well"
     listed = ", ".join(names[:6]) + (f" and {len(names) - 6} more" if len(names) > 6 else "")
     text = f"cannot tell with n = {len(weighed.tables.y)} between {listed}"
     parts = {

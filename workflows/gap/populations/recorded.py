@@ -256,7 +256,7 @@ def _records_of(
 
 def _record(end: Ending, wrong: Wrong, stands: bool, distance: float) -> InputChange:
     half = float(ndtri(0.5 + 0.5 * end.setup.plan.settings.interval)) * wrong.error
-    why = "" if stands else wrong.objection or "it leaves the residual unexplained"
+    why = "" if stands else wrong.objection or "it does not explain the residual"
     return InputChange(
         wrong.name,
         wrong.amount,
