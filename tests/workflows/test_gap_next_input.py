@@ -135,7 +135,7 @@ def test_no_reach_at_the_height_of_the_data(tmp_path: Path) -> None:
         }
     )
     text = 'model = "manipulator_pose"\n[free]\n[next_measurement.range]\nr_mm = [3000, 4000]\n'
-    assert "next_measurement.range: holds no point that the model reaches" in refused(
+    assert "next_measurement.range: contains no point that the model reaches" in refused(
         tmp_path, text, frame
     )
 

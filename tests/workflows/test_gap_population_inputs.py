@@ -242,7 +242,7 @@ def test_a_shift_beyond_all_limits_is_of_no_input() -> None:
     """Only the gauge can do it alone, and it is no input."""
     (found,) = decided(weighed(units(200, 9, ("gauge", "", 1.5))), "", "y", "arcmin")
     assert (found.verdict, found.inputs) == ("none", ())
-    assert "no input alone does it within its limits" in found.text
+    assert "no input alone explains it within its limits" in found.text
     (gauge,) = (one for one in found.candidates if one.input == "gauge")
     assert gauge.low < 1.5 < gauge.high
     assert not gauge.excluded_because

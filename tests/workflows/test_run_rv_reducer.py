@@ -144,6 +144,6 @@ def test_a_limit_that_no_design_keeps_is_refused_with_the_least_found(tmp_path: 
     shown = " ".join(told.output.split())
     assert told.exit_code == 2
     assert "limits.backlash_max_arcmin" in shown
-    assert "the least found is" in shown
+    assert "the least value found is" in shown
     assert "dr_rp_mm" in shown  # the design that has it
     assert not (tmp_path / "out").exists()

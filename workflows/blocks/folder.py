@@ -73,7 +73,7 @@ class BlockFolder(BlockStore):
 
     def saved(self) -> str:
         count = f"{len(self.completed)} of {self.about.total} blocks are saved in {self.path}"
-        return f"{count}; run the same command with --resume to go on"
+        return f"{count}; run the same command with --resume to continue"
 
     def close(self) -> None:
         if not self._log.closed:
@@ -161,6 +161,6 @@ def folder_faults(path: Path, resume: bool, overwrite: bool) -> list[Fault]:
     if not (path / ABOUT).exists():
         return [Fault("--out", f"{path} holds something that is no table in blocks; {REMEDY}")]
     if not resume and not overwrite:
-        text = f"{path} holds blocks of an earlier command; go on with --resume, or --overwrite"
+        text = f"{path} holds blocks of an earlier command; continue with --resume, or --overwrite"
         return [Fault("--out", text)]
     return []

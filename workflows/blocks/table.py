@@ -78,7 +78,7 @@ class BlockTable(BlockStore):
         count = (
             f"{len(self.completed)} of {self.about.total} blocks are saved in {self._database_name}"
         )
-        return f"{count}; run the same command again to go on"
+        return f"{count}; run the same command again to continue"
 
     def close(self) -> None:
         self._store.close()

@@ -30,7 +30,7 @@ def remark_of(here: Standing) -> str:
         return f"is missing: this result is unfinished, {here.holders} is at work on it"
     return (
         f"is missing: this result of `tolevo {here.command}` is unfinished; run the same "
-        "command with --resume to go on"
+        "command with --resume to continue"
     )
 
 

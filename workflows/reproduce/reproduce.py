@@ -18,7 +18,7 @@ from .storage import all_kept, files_of, holds_another, keep
 from .task import Checked, ClaimTask, check
 from .write import write
 
-GO_ON = "run the same command with --resume to go on"
+GO_ON = "run the same command with --resume to continue"
 Report = Callable[[ClaimsProgress], None]
 
 
