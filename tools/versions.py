@@ -47,7 +47,8 @@ def tried(version: str, python: str, resolution: str) -> str:
                "--only-binary", ":all:"]  # fmt: skip
     chosen = os.environ.get("TESTS", "").split()
     steps = {
-        "environment": [str(UV), "venv", "--quiet", "--clear", "--python", python, str(folder)],
+        "environment": [str(UV), "venv", "--quiet", "--clear", "--seed", "--python", python,
+                        str(folder)],
         "installation": [*install, "--editable", f"{ROOT}[{EXTRAS}]"],
         "tests": [own, "-m", "pytest", "-q", "--numprocesses", "logical", "-m", "not slow",
                   *chosen],

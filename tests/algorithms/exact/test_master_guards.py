@@ -134,7 +134,7 @@ def test_the_cheapest_of_81_choices(monkeypatch: pytest.MonkeyPatch, seed: int, 
         if best is None:
             assert least == own.proven == INF
         else:
-            assert least <= best.cost <= least / (1.0 - GAP)
+            assert least * (1.0 - 1e-14) <= best.cost <= least / (1.0 - GAP)  # rounding of sums
             assert best.cost * (1.0 - 2.0 * GAP) <= best.bound <= least * (1.0 + 1e-12)
         assert len(set(solved)) == len(solved)
         assert len({(at, way) for at, way, _, _ in own._columns}) == len(own._columns) == 12

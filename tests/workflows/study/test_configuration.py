@@ -170,7 +170,8 @@ def test_run_inline_and_overridden(tmp_path: Path) -> None:
 def test_keys_may_be_quoted_or_tables(tmp_path: Path) -> None:
     quoted = read_study(study_file(tmp_path, LEVELS))
     nested = read_study(study_file(tmp_path, "[vary.algorithm]\npopulation = [10, 20]"))
-    assert nested.settings.factors == quoted.settings.factors
+    # from Python 3.13 on dataclasses with NaN are not equal
+    assert repr(nested.settings.factors) == repr(quoted.settings.factors)
 
 
 def test_operators_are_categories(tmp_path: Path) -> None:
