@@ -111,9 +111,11 @@ def settling(
     """
     search = toy(members, columns, y, data=data, **settings)
     every = zip(*generic(data, None if predicted is None else {"te": predicted}), strict=True)
-    pairs = [(one, own) for one, own in every if forms is None or one in forms]
-    if forms is not None:
-        pairs.sort(key=lambda pair: forms.index(pair[0]))
+    pairs = list(every)
+    if forms is not None:  # by their texts: from Python 3.13 on dataclasses with NaN are not equal
+        texts = [repr(form) for form in forms]
+        pairs = [(one, own) for one, own in pairs if repr(one) in texts]
+        pairs.sort(key=lambda pair: texts.index(repr(pair[0])))
     white = groups_of([own for _, own in pairs])
     which = np.zeros(len(pairs), dtype=np.int64)
     left = Remaining(white, tuple(form for form, _ in pairs), which, {})
