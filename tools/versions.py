@@ -50,11 +50,12 @@ def tried(version: str, python: str, resolution: str) -> str:
         "environment": [str(UV), "venv", "--quiet", "--clear", "--seed", "--python", python,
                         str(folder)],
         "installation": [*install, "--editable", f"{ROOT}[{EXTRAS}]"],
-        "tests": [own, "-m", "pytest", "-q", "--numprocesses", "logical", "-m", "not slow",
-                  *chosen],
+        "tests": [own, "-m", "pytest", "-q", "--numprocesses", "logical", "--dist", "worksteal",
+                  "-m", "not slow", *chosen],
     }  # fmt: skip
+    one_thread = os.environ | {"OPENBLAS_NUM_THREADS": "1"}  # as in `make test`
     for name, command in steps.items():
-        if subprocess.run(command, cwd=ROOT, check=False).returncode:  # noqa: S603
+        if subprocess.run(command, cwd=ROOT, env=one_thread, check=False).returncode:  # noqa: S603
             return f"{name} failed"
     return "passed"
 
