@@ -101,9 +101,7 @@ def joined_by_two(
     return points.compress(kept[-1], axis=1).T, _areas(scaled, counted, joins, value)
 
 
-def _areas(
-    scaled: Array, counted: NDArray[np.bool_], joins: NDArray[np.bool_], value: float
-) -> list[float]:
+def _areas(scaled: Array, counted: NDArray[np.bool_], joins: NDArray[np.bool_], value: float) -> list[float]:
     """`area` of the points (2, n) that are `counted` (batches, n) after each batch (batches,).
 
     Where none joins it is the one before, at first `value`.

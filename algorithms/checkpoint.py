@@ -56,13 +56,9 @@ class Checkpoint:
             for at, name in enumerate(content["tables"].tolist()):
                 checkpoint.tables[name] = _table(content, f"table.{at}.")
         except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
-            raise refuse(
-                str(path), f"cannot be read: {error}; start again with --overwrite"
-            ) from error
+            raise refuse(str(path), f"cannot be read: {error}; start again with --overwrite") from error
         prefix = "state."
-        checkpoint._state = {
-            k[len(prefix) :]: v for k, v in content.items() if k.startswith(prefix)
-        }
+        checkpoint._state = {k[len(prefix) :]: v for k, v in content.items() if k.startswith(prefix)}
         return checkpoint
 
     def due(self) -> bool:

@@ -53,9 +53,7 @@ class Driver(ABC):
         """Go on from a `state()`. Raises Unsavable where it does not fit."""
 
 
-def driver(
-    problem: ToleranceProblem, settings: AlgorithmSettings, seed: int, engine: str
-) -> Driver:
+def driver(problem: ToleranceProblem, settings: AlgorithmSettings, seed: int, engine: str) -> Driver:
     """The search that `settings` describe, by the engine "array" or "pymoo"."""
     if engine == "array":
         return ArrayDriver(problem, settings, seed)
@@ -124,23 +122,15 @@ class PymooDriver(Driver):
             return saved
         saved["iteration"] = np.array(algorithm.n_iter)
         population, optimum = list(algorithm.pop), list(_or_empty(algorithm.opt))
-        everyone = list(
-            {id(individual): individual for individual in (*population, *optimum)}.values()
-        )
+        everyone = list({id(individual): individual for individual in (*population, *optimum)}.values())
         place = {id(individual): at for at, individual in enumerate(everyone)}
-        saved["population"] = np.array(
-            [place[id(individual)] for individual in population], dtype=np.int64
-        )
-        saved["optimum"] = np.array(
-            [place[id(individual)] for individual in optimum], dtype=np.int64
-        )
+        saved["population"] = np.array([place[id(individual)] for individual in population], dtype=np.int64)
+        saved["optimum"] = np.array([place[id(individual)] for individual in optimum], dtype=np.int64)
         for key in VALUES:
             saved[key] = _numeric_array([getattr(individual, key) for individual in everyone])
         for key in sorted({key for individual in everyone for key in individual.data}):
             known = np.array([individual.data.get(key) is not None for individual in everyone])
-            values = [
-                individual.data[key] for individual, has in zip(everyone, known, strict=True) if has
-            ]
+            values = [individual.data[key] for individual, has in zip(everyone, known, strict=True) if has]
             saved[f"has.{key}"], saved[f"data.{key}"] = known, _numeric_array(values)
         for name in self.names:
             value = _attribute(algorithm, name)

@@ -27,6 +27,4 @@ class GA(AlgorithmSettings):
 
         from .operators import operators
 
-        return PymooGA(
-            pop_size=self.population, **operators(problem, self.crossover, self.mutation)
-        )
+        return PymooGA(pop_size=self.population, **operators(problem, self.crossover, self.mutation))

@@ -33,9 +33,7 @@ class NSGA2(AlgorithmSettings):
         from .operators import operators
 
         return PymooNSGA2(
-            pop_size=self.population,
-            survival=RankAndCrowding(),
-            **operators(problem, self.crossover, self.mutation),
+            pop_size=self.population, survival=RankAndCrowding(), **operators(problem, self.crossover, self.mutation)
         )
 
     def engine(self, space: Space, rng: np.random.Generator) -> ArrayEngine:

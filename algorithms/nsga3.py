@@ -77,9 +77,7 @@ class NSGA3(AlgorithmSettings):
         return np.asarray(das_dennis(self.partitions or held, objectives))
 
 
-def less_violation(
-    pop: Any, pairs: NDArray[np.int_], random_state: np.random.Generator, **_: Any
-) -> NDArray[np.int_]:
+def less_violation(pop: Any, pairs: NDArray[np.int_], random_state: np.random.Generator, **_: Any) -> NDArray[np.int_]:
     """Winner (n, 1) of each pair (n, 2): the lesser constraint violation, by chance where equal.
 
     pymoo's own comparison leaves the generator out where violations tie, so that equal seeds give

@@ -38,9 +38,7 @@ def repair(problem: ToleranceProblem) -> Repair:
     return RoundIntegers(np.array([v.integer for v in problem.free]))
 
 
-def operators(
-    problem: ToleranceProblem, crossover: Crossover, mutation: Mutation
-) -> dict[str, Any]:
+def operators(problem: ToleranceProblem, crossover: Crossover, mutation: Mutation) -> dict[str, Any]:
     """Keyword arguments of a pymoo genetic algorithm.
 
     The duplicate check is off: it costs a fifth of a run and buys nothing on continuous tolerances.
@@ -57,11 +55,7 @@ def operators(
 def _crossover(settings: Crossover) -> PymooCrossover:
     if settings.operator == "sbx":
         return SBX(prob=settings.probability, eta=settings.eta)
-    kinds = {
-        "uniform": UniformCrossover,
-        "one_point": SinglePointCrossover,
-        "two_point": TwoPointCrossover,
-    }
+    kinds = {"uniform": UniformCrossover, "one_point": SinglePointCrossover, "two_point": TwoPointCrossover}
     return kinds[settings.operator](prob=settings.probability)
 
 

@@ -23,6 +23,4 @@ class RandomSearch(AlgorithmSettings):
         from pymoo.algorithms.soo.nonconvex.random_search import RandomSearch as PymooRandomSearch
         from pymoo.operators.sampling.rnd import FloatRandomSampling
 
-        return PymooRandomSearch(
-            n_points_per_iteration=self.population, sampling=FloatRandomSampling()
-        )
+        return PymooRandomSearch(n_points_per_iteration=self.population, sampling=FloatRandomSampling())

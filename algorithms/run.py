@@ -197,24 +197,17 @@ class Run:
 
     def state(self) -> State:
         """Counts, history and archive as arrays."""
-        table = [
-            (p.generation, p.evaluations, p.seconds, p.hypervolume, p.feasible_fraction)
-            for p in self.history
-        ]
+        table = [(p.generation, p.evaluations, p.seconds, p.hypervolume, p.feasible_fraction) for p in self.history]
         arrays = {
             "history": np.array(table, dtype=float).reshape(-1, 5),
             "counts": np.array([self.evaluations, self.seconds]),
         }
         parts = {"archive": self.archive.state(), "attained": self.attained.state()}
-        return arrays | {
-            f"{part}.{key}": value for part, state in parts.items() for key, value in state.items()
-        }
+        return arrays | {f"{part}.{key}": value for part, state in parts.items() for key, value in state.items()}
 
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
         """Go on from a `state()`; the clock goes on from its seconds."""
-        self._rows = [
-            (int(n), s, fraction, "", None) for _, n, s, _, fraction in state["history"].tolist()
-        ]
+        self._rows = [(int(n), s, fraction, "", None) for _, n, s, _, fraction in state["history"].tolist()]
         evaluations, seconds = state["counts"].tolist()
         self.evaluations = int(evaluations)
         self._start = time.monotonic() - seconds

@@ -91,9 +91,7 @@ def search(
     return SearchResult(x, f, run.archive.miss, run.evaluations, run.history, interrupted, chosen)
 
 
-def drive(
-    run: Run, settings: AlgorithmSettings, seed: int, engine: str, keeper: Keeper | None = None
-) -> None:
+def drive(run: Run, settings: AlgorithmSettings, seed: int, engine: str, keeper: Keeper | None = None) -> None:
     """Let the algorithm that `settings` describe evaluate by `run` until its budget is used."""
     try:
         if isinstance(settings, Solver):
@@ -116,9 +114,7 @@ def _evolve(run: Run, fresh: Callable[[], Driver], keeper: Keeper | None) -> Non
     population, size = _begun(run, fresh, keeper), 0
     while not run.spent:
         remaining = run.evaluations_left
-        if keeper is not None and (
-            keeper.due() or (remaining is not None and remaining < 2 * size)
-        ):
+        if keeper is not None and (keeper.due() or (remaining is not None and remaining < 2 * size)):
             _save(keeper, run, population)
         x = population.ask()
         size = len(x)

@@ -28,10 +28,7 @@ class SMSEMOA(AlgorithmSettings):
 
     def build(self, problem: ToleranceProblem) -> Any:
         from pymoo.algorithms.moo.sms import SMSEMOA as PymooSMSEMOA
-        from pymoo.algorithms.moo.sms import (
-            LeastHypervolumeContributionSurvival,
-            cv_and_dom_tournament,
-        )
+        from pymoo.algorithms.moo.sms import LeastHypervolumeContributionSurvival, cv_and_dom_tournament
         from pymoo.operators.selection.tournament import TournamentSelection
 
         from .operators import operators

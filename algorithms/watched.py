@@ -22,13 +22,7 @@ class WatchedRun(Run):
     """
 
     def __init__(
-        self,
-        problem: ToleranceProblem,
-        budget: Budget,
-        seed: int,
-        course: Course,
-        solver: bool,
-        limit_s: float | None,
+        self, problem: ToleranceProblem, budget: Budget, seed: int, course: Course, solver: bool, limit_s: float | None
     ) -> None:
         super().__init__(problem, budget, seed, counts_generations=not solver)
         self.course = course

@@ -93,9 +93,7 @@ def measure(module: ModuleType, task: Task, seed: int, effort: Effort) -> Measur
     return Measured(reached, returned, recorder.each, recorder.seen)
 
 
-def once(
-    module: ModuleType, task: Task, seed: int, effort: Effort
-) -> tuple[Recorder, Array | None]:
+def once(module: ModuleType, task: Task, seed: int, effort: Effort) -> tuple[Recorder, Array | None]:
     """What was recorded, and the front that was returned; None where the time was over before."""
     limit = np.inf if getattr(module, "UNCUT", False) else effort.seconds * task.patience
     recorder = Recorder(task, limit)
@@ -110,9 +108,7 @@ def suits(module: ModuleType, task: Task) -> bool:
     return bool(getattr(module, "suits", lambda _: True)(task))
 
 
-def rounds(
-    found: dict[str, ModuleType], tasks: list[Task], effort: Effort
-) -> Iterator[tuple[str, str, Measured]]:
+def rounds(found: dict[str, ModuleType], tasks: list[Task], effort: Effort) -> Iterator[tuple[str, str, Measured]]:
     """Every contender on every task, seed by seed, until the minutes are over."""
     start = time.monotonic()
     for module in found.values():  # compiles what is compiled at first use
@@ -183,10 +179,7 @@ def main() -> None:
     if given.seeds is not None:
         effort = replace(effort, seeds=given.seeds)
     found, missing = contenders()
-    labels = {
-        name: f"{module.DISTRIBUTION} {release(module)} {module.LABEL}"
-        for name, module in found.items()
-    }
+    labels = {name: f"{module.DISTRIBUTION} {release(module)} {module.LABEL}" for name, module in found.items()}
     tasks = [cost_rss(9), cost_rss(12), mixed_process(), rv_backlash(), rv_reducer()]
     if given.tasks:
         tasks = [task for task in tasks if any(word in task.name for word in given.tasks)]

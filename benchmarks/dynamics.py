@@ -116,9 +116,7 @@ def compiled_motion(mesh: TabulatedMesh, inertia: float, c: float, speed: float)
     return cast(Motion, motion)
 
 
-def integrated(
-    motion: Motion, start: Array, settle: float, turn: float, method: Method, rtol: float
-) -> float:
+def integrated(motion: Motion, start: Array, settle: float, turn: float, method: Method, rtol: float) -> float:
     """TE amplitude [rad] of the turn after the transient; the turn begins at t = 0."""
     times = turn * np.arange(SAMPLES) / SAMPLES
     found = solve_ivp(motion, (-settle, turn), start, method, times, rtol=rtol, atol=rtol * 1e-4)
@@ -161,10 +159,7 @@ def compare(mesh: TabulatedMesh, rpm: float, each: float) -> None:
     print(f"{rpm:g} rpm: amplitude {amplitude / math.radians(1 / 3600):.3f} arcsec, "
           f"{100.0 * abs(amplitude / exact - 1.0):.2f} % off; {1e3 * alone:.1f} ms alone, "
           f"{1e3 * each:.1f} ms in a batch of {len(BATCH)}")  # fmt: skip
-    for name, motion, wanted in (
-        ("numpy", numpy_motion(mesh, inertia, c, speed), 100),
-        ("compiled", compiled, 10),
-    ):
+    for name, motion, wanted in (("numpy", numpy_motion(mesh, inertia, c, speed), 100), ("compiled", compiled, 10)):
         text = fastest(motion, start, settle, turn, exact)
         ratio = float(text.split()[0])
         print(f"  solve_ivp, {name} right-hand side: {text}; ratio {ratio / alone:.0f} alone, "

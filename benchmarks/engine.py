@@ -82,9 +82,7 @@ class OnPymoo:
 
 
 def gde3(low: float, high: float, rate: float = 0.9) -> Callable[[int], OnArrays]:
-    return lambda seed: OnArrays(
-        lambda space, rng: GDE3Engine(space, POPULATION, rng, rate, (low, high)), seed
-    )
+    return lambda seed: OnArrays(lambda space, rng: GDE3Engine(space, POPULATION, rng, rate, (low, high)), seed)
 
 
 MUTATION = (1.0 / 9.0, 20.0)
@@ -97,9 +95,7 @@ COMPARED: dict[str, Callable[[int], OnArrays | OnPymoo]] = {
     "array GDE3, F in [0.2, 0.9]": gde3(0.2, 0.9),
     "array GDE3, F = 0.5": gde3(0.5, 0.5),
     "array GDE3, F in [0, 1], CR 0.5": gde3(0.0, 1.0, 0.5),
-    "pymoo GDE3, CR 0.9": lambda seed: OnPymoo(
-        lambda: GDE3(POPULATION, CR=0.9, sampling=FloatRandomSampling()), seed
-    ),
+    "pymoo GDE3, CR 0.9": lambda seed: OnPymoo(lambda: GDE3(POPULATION, CR=0.9, sampling=FloatRandomSampling()), seed),
 }
 
 

@@ -69,18 +69,14 @@ def compare_maps(machine: Manipulator, rng: np.random.Generator) -> None:
         ("a loop over poses, all sources at once", differences_at_once, 40),
     ):
         part = list(zip(r[:count].tolist(), z[:count].tolist(), strict=True))
-        batch, loop = interleaved(
-            partial(first_order, machine, r, z), partial(looped, slow, machine, part)
-        )
+        batch, loop = interleaved(partial(first_order, machine, r, z), partial(looped, slow, machine, part))
         loop *= POSES / count
         print(f"maps of {POSES} poses: {batch * 1e3:.0f} ms; differences, {name}: {loop:.0f} s")
         print(f"ratio: {loop / batch:.0f} (at least 500 wanted; loop extrapolated from {count})")
 
 
 def looped(
-    slow: Callable[[Manipulator, float, float], object],
-    machine: Manipulator,
-    part: list[tuple[float, float]],
+    slow: Callable[[Manipulator, float, float], object], machine: Manipulator, part: list[tuple[float, float]]
 ) -> None:
     for r, z in part:
         slow(machine, r, z)

@@ -67,11 +67,7 @@ class Parts:
 
     def _table(self, part: int) -> dict[str, Any]:
         ways = [
-            {
-                "t_min": self.low,
-                "t_max": self.high,
-                "cost": {"model": "reciprocal", "a": curve.a, "b": curve.b},
-            }
+            {"t_min": self.low, "t_max": self.high, "cost": {"model": "reciprocal", "a": curve.a, "b": curve.b}}
             for curve in self.curves(part)
         ]
         named: dict[str, Any] = {"name": f"part_{part}", "sensitivity": float(self.s[part])}
@@ -118,12 +114,7 @@ def beyond(f: Array, g: Array, edge: Array) -> Array:
 class PartsProblem(ToleranceProblem, Provable, Differentiable):
     """Cost and variation of parts, by the function that all contenders are given."""
 
-    def __init__(
-        self,
-        parts: Parts,
-        evaluate: Callable[[Array], Array],
-        settings: Settings | None = None,
-    ) -> None:
+    def __init__(self, parts: Parts, evaluate: Callable[[Array], Array], settings: Settings | None = None) -> None:
         self.parts, self.evaluated = parts, evaluate
         kind, choice = Kind.HALF_WIDTH, Kind.CHOICE
         variables = (

@@ -117,9 +117,7 @@ def speed() -> None:
     compiled, arrays = found["value and slopes"], found["arrays"]
     print("512 units x 61 positions, quantile of the greatest backlash and interference:")
     print(f"  compiled {found['value']:.1f} ms, with derivatives {compiled:.1f} ms (40 promised)")
-    print(
-        f"  arrays, with derivatives {arrays:.0f} ms: {arrays / compiled:.0f} times (40 promised)"
-    )
+    print(f"  arrays, with derivatives {arrays:.0f} ms: {arrays / compiled:.0f} times (40 promised)")
     for name in ("third order", "nearest point"):
         time_ms = found[name] * 512 / 32
         ratio = time_ms / found["value"]

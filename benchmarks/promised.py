@@ -169,9 +169,7 @@ def gde3(results: Results, tasks: list[Task]) -> Iterator[Figure]:
         peers = [seconds(runs) for name in COMPILED if (runs := results[task.name, name])]
         fastest = min(peers, default=np.inf)
         value = f"{own / fastest:.3f}" if np.isfinite(fastest) else "none reached it"
-        promise = (
-            ("", None) if task.parts is None else ("1", bool(np.isfinite(own) and own <= fastest))
-        )
+        promise = ("", None) if task.parts is None else ("1", bool(np.isfinite(own) and own <= fastest))
         yield Figure(f"array GDE3, {task.name}: CPU to 99 % over that of the fastest compiled peer",
                      value, *promise)  # fmt: skip
 

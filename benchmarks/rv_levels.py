@@ -32,12 +32,7 @@ from .outcome import kept_values, verdict
 
 Array = NDArray[np.float64]
 Parameters = Mapping[str, Value]
-HALVED: Parameters = {
-    "reading": "printed",
-    "eccentricity_factor": 1.0,
-    "position_mids_count": False,
-    "planets": 1,
-}
+HALVED: Parameters = {"reading": "printed", "eccentricity_factor": 1.0, "position_mids_count": False, "planets": 1}
 READINGS: Mapping[str, tuple[Parameters, float, float]] = {
     "as printed": ({"reading": "printed"}, 0.5, 1.0),
     "law of the eccentricity halved, two mids 0, one planet": (HALVED, 0.2, np.inf),

@@ -146,10 +146,7 @@ def population(folder: Path, size: int) -> list[str]:
 
 def variables(folder: Path, count: int) -> list[str]:
     """A stack of so many parts."""
-    parts = [
-        PART.format(at=at, nominal=20.0 + at, sign=(-1.0) ** at, b=0.1 + 0.01 * at)
-        for at in range(count)
-    ]
+    parts = [PART.format(at=at, nominal=20.0 + at, sign=(-1.0) ** at, b=0.1 + 0.01 * at) for at in range(count)]
     head = f'problem = "stack"\nreferences = "none"\n{SEARCH}population = 100\ngenerations = 20\n'
     text = head + '[requirement]\nname = "gap"\nunit = "mm"\n' + "".join(parts)
     (folder / "c.toml").write_text(text, encoding="utf-8")
@@ -175,13 +172,7 @@ def gap(folder: Path, rows: int) -> list[str]:
 
 CASES = (
     Case("simulate", "rows", (10**5, 10**6, 10**7, 10**8), (10**5, 10**6, 10**7), simulate),
-    Case(
-        "simulate a batch",
-        "units",
-        (10**3, 10**5, 10**6, 10**7, 10**8),
-        (10**3, 10**5, 10**6),
-        units,
-    ),
+    Case("simulate a batch", "units", (10**3, 10**5, 10**6, 10**7, 10**8), (10**3, 10**5, 10**6), units),
     Case("evaluate", "designs", (10**3, 10**4, 10**5), (10**3, 10**4), evaluate),
     Case("evaluate 20,000", "workers", (1, 2, 8), (1, 2), by_workers),
     Case("run", "population", (100, 1000, 10_000), (100, 1000), population),

@@ -86,9 +86,7 @@ def _invented(job: Job) -> RunRecord:
     curve = np.zeros((20, len(CURVE)))
     curve[:, 0] = np.arange(20)
     curve[:, CURVE.index("value")] = np.sort(rng.uniform(0.0, value, 20))
-    return RunRecord(
-        job.point, job.replicate, job.seed, "done", "", 100, 0.01, {"hypervolume": value}, curve
-    )
+    return RunRecord(job.point, job.replicate, job.seed, "done", "", 100, 0.01, {"hypervolume": value}, curve)
 
 
 def store(folder: Path) -> None:

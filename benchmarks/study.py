@@ -117,9 +117,7 @@ def handing_out(name: str, folder: Path, make: Callable[[], Executor], cpu: Call
           f"{100.0 * waiting * seconds / own:.1f} %; load {os.getloadavg()[0]:.1f}")  # fmt: skip
 
 
-def measured(
-    out: Path, seeds: int, executor: Executor, cpu: Callable[[], float]
-) -> tuple[float, float, float, float]:
+def measured(out: Path, seeds: int, executor: Executor, cpu: Callable[[], float]) -> tuple[float, float, float, float]:
     """Runs of a study whose references are known, their CPU time, that of everything, and the
     wall time.
     """
@@ -172,9 +170,7 @@ def cluster() -> Iterator[tuple[str, list[int]]]:
     os.environ["DASK_DISTRIBUTED__WORKER__PROFILE__ENABLED"] = "False"  # as docs/study.md has it
     started: list[subprocess.Popen[Any]] = []
     try:
-        scheduler = subprocess.Popen(
-            [*dask, "scheduler", "--port", "0", *bound], stderr=subprocess.PIPE, text=True
-        )
+        scheduler = subprocess.Popen([*dask, "scheduler", "--port", "0", *bound], stderr=subprocess.PIPE, text=True)
         started.append(scheduler)
         assert scheduler.stderr is not None
         lines = (re.search(r"Scheduler at:\s+(tcp://\S+)", line) for line in scheduler.stderr)

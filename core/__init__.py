@@ -18,18 +18,7 @@ if TYPE_CHECKING:
     __version__: Final[str] = ""
 
 _ROOMS = {
-    ".api": (
-        "check",
-        "evaluate",
-        "gap",
-        "read",
-        "report",
-        "reproduce",
-        "run",
-        "search",
-        "simulate",
-        "study",
-    ),
+    ".api": ("check", "evaluate", "gap", "read", "report", "reproduce", "run", "search", "simulate", "study"),
     ".errors": ("ConfigurationError",),
     ".results": ("Gap", "Reproduction", "Run", "Study"),
     ".tables": ("read_aqdef", "read_table"),

@@ -53,11 +53,7 @@ if TYPE_CHECKING:
 
 
 def read(
-    source: Source,
-    settings: Sequence[str] = (),
-    *,
-    algorithm: AlgorithmSettings | None = None,
-    seed: int | None = None,
+    source: Source, settings: Sequence[str] = (), *, algorithm: AlgorithmSettings | None = None, seed: int | None = None
 ) -> Configuration:
     """The configuration of a problem or model, checked and completed.
 
@@ -87,9 +83,7 @@ def check(source: Source, settings: Sequence[str] = ()) -> str:
     executing(source, settings, None, "", faults, store="")
     text = collected(
         lambda: (
-            describe(read(source, settings))
-            if isinstance(source, Configuration)
-            else checked(raw(source), settings)
+            describe(read(source, settings)) if isinstance(source, Configuration) else checked(raw(source), settings)
         ),
         faults,
     )
@@ -122,9 +116,7 @@ def run(
 
     faults = start_faults_of(out, workers, resume, overwrite)
     where = executing(source, settings, workers, dask, faults)
-    configuration = collected(
-        lambda: _with_problem(read(source, settings, algorithm=algorithm, seed=seed)), faults
-    )
+    configuration = collected(lambda: _with_problem(read(source, settings, algorithm=algorithm, seed=seed)), faults)
     plan = configuration.plan()
     collected(lambda: searchable(plan.problem), faults)
     raise_all(faults)
@@ -159,9 +151,7 @@ def search(
         from .workflows.evaluate import designs_in
 
         designs = designs_in(problem, *readable(start, tables.ReadOptions()))
-    return Search(
-        problem, configuration.algorithm, configuration.seed, configuration.engine, designs
-    )
+    return Search(problem, configuration.algorithm, configuration.seed, configuration.engine, designs)
 
 
 def study(
@@ -298,9 +288,7 @@ def report(
     return page
 
 
-def _watched(
-    folders: list[Path], out: Path | None, figures: Path | None, tell: Tell | None
-) -> Report:
+def _watched(folders: list[Path], out: Path | None, figures: Path | None, tell: Tell | None) -> Report:
     """`report` again and again; the path of the page is reported when it first exists."""
     from .workflows.report import watch
 

@@ -98,9 +98,7 @@ def raw(source: Raw) -> Path | Mapping[str, Any]:
     return source if isinstance(source, Mapping) else {"problem": source}
 
 
-def opened(
-    source: Frame, options: tables.ReadOptions
-) -> tuple[tables.Table | None, list[Fault], str]:
+def opened(source: Frame, options: tables.ReadOptions) -> tuple[tables.Table | None, list[Fault], str]:
     """A table, the faults of its form, and how they name it."""
     if isinstance(source, pd.DataFrame):
         return *tables.table_of(source, "frame"), "frame"

@@ -14,9 +14,7 @@ TABLES = (".csv", ".txt", ".parquet", ".pq", "")
 """Endings of tables that can be written."""
 
 
-def start_faults(
-    out: Path, workers: int | None, resume: bool, overwrite: bool, shared: bool = False
-) -> list[Fault]:
+def start_faults(out: Path, workers: int | None, resume: bool, overwrite: bool, shared: bool = False) -> list[Fault]:
     """Faults in the arguments of a command that writes a directory.
 
     Where the result may be `shared`, a command that resumes it joins those at work.
@@ -37,9 +35,7 @@ def directory_faults(out: Path, replace: bool, busy: bool = True) -> list[Fault]
     return faults
 
 
-def choice_faults(
-    workers: int | None, resume: bool, overwrite: bool, place: str = "--workers"
-) -> list[Fault]:
+def choice_faults(workers: int | None, resume: bool, overwrite: bool, place: str = "--workers") -> list[Fault]:
     """Options that make no sense; `place` is where the number of workers stands."""
     faults = []
     if workers is not None and workers < 1:
@@ -82,9 +78,7 @@ def template_faults(out: Path) -> list[Fault]:
     return unwritable(out.parent, "--out")
 
 
-def page_faults(
-    folders: Sequence[Path], out: Path | None, figures: Path | None = None
-) -> list[Fault]:
+def page_faults(folders: Sequence[Path], out: Path | None, figures: Path | None = None) -> list[Fault]:
     """Directories that are not there, or a page or figures that cannot be written."""
     drawn = [] if figures is None else busy_faults(figures, "--figures")
     if figures is not None and not drawn:

@@ -19,9 +19,7 @@ if TYPE_CHECKING:
 
 def _stored(values: NDArray[np.generic]) -> dict[str, Any]:
     """An array with its type; numbers that are not finite are text, since JSON cannot hold them."""
-    plain = [
-        str(value) if value != value or value in (inf, -inf) else value for value in values.tolist()
-    ]
+    plain = [str(value) if value != value or value in (inf, -inf) else value for value in values.tolist()]
     return {"type": values.dtype.str, "values": plain}
 
 

@@ -85,9 +85,7 @@ def _ended(finished: Finished) -> int:
 
 
 @app.callback(invoke_without_command=True)
-def _root(
-    version: Annotated[bool, typer.Option("--version", help="Print the version.")] = False,
-) -> None:
+def _root(version: Annotated[bool, typer.Option("--version", help="Print the version.")] = False) -> None:
     if version:
         from . import __version__
 
@@ -127,8 +125,7 @@ def reproduce(
     *,
     into: Into,
     claims: Annotated[
-        list[Path] | None,
-        typer.Argument(help="Files of claims (TOML).", show_default="those of the documents"),
+        list[Path] | None, typer.Argument(help="Files of claims (TOML).", show_default="those of the documents")
     ] = None,
     asked: Asked,
 ) -> Finished:
@@ -173,17 +170,11 @@ def simulate(
 
 @command("report")
 def report(
-    folders: Annotated[
-        list[Path], typer.Argument(metavar="DIR...", help="Results of run, study, gap.")
-    ],
+    folders: Annotated[list[Path], typer.Argument(metavar="DIR...", help="Results of run, study, gap.")],
     *,
-    out: Annotated[
-        Path | None, typer.Option("--out", help="The page.", show_default="DIR/report.html")
-    ] = None,
+    out: Annotated[Path | None, typer.Option("--out", help="The page.", show_default="DIR/report.html")] = None,
     figures: Annotated[Path | None, typer.Option(help="A folder for figures, PNG and SVG.")] = None,
-    watch: Annotated[
-        bool, typer.Option("--watch", help="Renew the page until the result is complete.")
-    ] = False,
+    watch: Annotated[bool, typer.Option("--watch", help="Renew the page until the result is complete.")] = False,
     messages: MessageOptions,
 ) -> None:
     """Build the page of a result again, or compare several runs."""
@@ -205,9 +196,7 @@ def check(config: Config, *, asked: Asked) -> None:
 @command("template")
 def template(
     kind: Annotated[str, typer.Argument(help="designs, units, stack, gap or costs.")],
-    out: Annotated[
-        Path | None, typer.Option("--out", help="The file.", show_default="the terminal")
-    ] = None,
+    out: Annotated[Path | None, typer.Option("--out", help="The file.", show_default="the terminal")] = None,
     config: Annotated[Path | None, typer.Option(help="Whose designs, costs or units.")] = None,
 ) -> None:
     """Write the table or configuration that a command wants, filled in."""
@@ -225,13 +214,9 @@ def template(
 @command("review")
 def review(
     folder: Annotated[Path, typer.Argument(metavar="RUN", help="Result of a run of a stack.")],
-    parts: Annotated[
-        list[Path], typer.Argument(help="Measured parts (table or Q-DAS), a result of gap.")
-    ],
+    parts: Annotated[list[Path], typer.Argument(help="Measured parts (table or Q-DAS), a result of gap.")],
     *,
-    since: Annotated[
-        list[Path] | None, typer.Option("--since", help="Earlier parts; may be repeated.")
-    ] = None,
+    since: Annotated[list[Path] | None, typer.Option("--since", help="Earlier parts; may be repeated.")] = None,
     dialect: Dialect,
 ) -> None:
     """Say what the promise of a run is worth by parts that were made to its drawing."""

@@ -64,9 +64,7 @@ _SIZES: Mapping[Powers, Mapping[str, Fraction | int | str]] = {
 }
 
 COMMON: Mapping[str, tuple[Fraction, Powers]] = {
-    name: (Fraction(size), powers)
-    for powers, sizes in _SIZES.items()
-    for name, size in sizes.items()
+    name: (Fraction(size), powers) for powers, sizes in _SIZES.items() for name, size in sizes.items()
 }
 """SI units in a unit, and the powers of what it is made of, by name."""
 ZEROS: Mapping[str, Fraction] = {"degC": Fraction("273.15")}

@@ -126,9 +126,7 @@ def too_many_workers(count: int) -> str:
     cores = os.cpu_count() or 1
     if count <= PER_CORE * cores or is_forced():
         return ""
-    text = (
-        f"{count} processes would need about {size(count * PROCESS)} of memory, and the cores are"
-    )
+    text = f"{count} processes would need about {size(count * PROCESS)} of memory, and the cores are"
     return f"{text} {cores}: give at most {PER_CORE * cores}, or add --force"
 
 

@@ -22,9 +22,7 @@ _ACTIVE = re.compile(r"'*[=+\-@\t\r]")
 """How a formula begins, or a text that has apostrophes in front of such a beginning already."""
 _MARKED = re.compile(r"'+[=+\-@\t\r]")
 EXACT: Mapping[str, Any] = (
-    {}
-    if tuple(map(int, pd.__version__.split(".")[:2])) >= (3, 1)
-    else {"float_precision": "round_trip"}
+    {} if tuple(map(int, pd.__version__.split(".")[:2])) >= (3, 1) else {"float_precision": "round_trip"}
 )
 """Options with which pandas reads every number as it was written; before 3.1 the last digit of some
 was lost."""
@@ -35,9 +33,7 @@ def csv_text(frame: pd.DataFrame, header: bool = True) -> str:
 
     Without its `header` it continues a file that has one.
     """
-    columns = [
-        _changed_cells(frame.iloc[:, at].to_numpy(), neutral) for at in range(frame.shape[1])
-    ]
+    columns = [_changed_cells(frame.iloc[:, at].to_numpy(), neutral) for at in range(frame.shape[1])]
     if all(cells is None for cells in columns):
         table = frame
     else:

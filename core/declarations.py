@@ -73,9 +73,7 @@ def completed(parameters: Iterable[Parameter], stated: Mapping[str, Value]) -> d
     declared = {parameter.name: parameter for parameter in parameters}
     default_reading = declared[READING].default if READING in declared else None
     reading = stated.get(READING, default_reading)
-    return {name: parameter.default_in(reading) for name, parameter in declared.items()} | dict(
-        stated
-    )
+    return {name: parameter.default_in(reading) for name, parameter in declared.items()} | dict(stated)
 
 
 @dataclass(frozen=True, slots=True)

@@ -38,8 +38,7 @@ class PopulationLine:
 
     def __str__(self) -> str:
         return (
-            f"{self.statistic} {self.simulated:.4g} simulated, {self.measured:.4g} measured "
-            f"{self.unit}".rstrip()
+            f"{self.statistic} {self.simulated:.4g} simulated, {self.measured:.4g} measured {self.unit}".rstrip()
             + f": {self.verdict}"
         )
 

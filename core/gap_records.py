@@ -224,9 +224,7 @@ class FoundEffect:
     counterpart: str = ""
 
     def __str__(self) -> str:
-        return f"{self.name} ({self.family}): " + ", ".join(
-            str(parameter) for parameter in self.parameters
-        )
+        return f"{self.name} ({self.family}): " + ", ".join(str(parameter) for parameter in self.parameters)
 
 
 @dataclass(frozen=True, slots=True)

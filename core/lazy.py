@@ -17,9 +17,7 @@ class Renamed(NamedTuple):
 
 
 def lazily(
-    package: str,
-    places: Mapping[str, str],
-    renamed: Mapping[str, Renamed] = MappingProxyType({}),
+    package: str, places: Mapping[str, str], renamed: Mapping[str, Renamed] = MappingProxyType({})
 ) -> Callable[[str], Any]:
     """`__getattr__` of a package: each name is found in the module that `places` give, relative to
     the package; one whose place is empty is a module itself. A name in `renamed` warns

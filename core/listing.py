@@ -25,7 +25,4 @@ def listed(as_json: bool = False) -> str:
 
 def _elementary_errors() -> list[dict[str, str]]:
     """The names that `[parameters.elementary_errors]` takes, in the form of `registry.listing`."""
-    return [
-        {"name": error.name, "description": error.meaning, "origin": "manipulator"}
-        for error in SOURCES
-    ]
+    return [{"name": error.name, "description": error.meaning, "origin": "manipulator"} for error in SOURCES]

@@ -31,9 +31,7 @@ class MessageOptions:
 class Asked(MessageOptions):
     """Options of every command that reads a configuration."""
 
-    set_: Annotated[list[str], typer.Option("--set", help="key=value; may be repeated.")] = field(
-        default_factory=list
-    )
+    set_: Annotated[list[str], typer.Option("--set", help="key=value; may be repeated.")] = field(default_factory=list)
     force: Annotated[bool, typer.Option("--force", help="Refuse no count for its size.")] = False
 
     def arguments(self) -> dict[str, Any]:
@@ -59,8 +57,7 @@ class Into:
     resume: Annotated[bool, typer.Option("--resume", help="Do what is missing in OUT.")] = False
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace what OUT holds.")] = False
     workers: Annotated[
-        int | None,
-        typer.Option(help="Processes; no result depends on it.", show_default=str(WORKERS)),
+        int | None, typer.Option(help="Processes; no result depends on it.", show_default=str(WORKERS))
     ] = None
 
     dask: Annotated[str, typer.Option(help="A Dask scheduler (tcp://host:port) instead.")] = ""
@@ -76,22 +73,16 @@ class Into:
 class Blocks:
     """Options of commands that compute a table, which may be a long one."""
 
-    workers: Annotated[
-        int | None,
-        typer.Option(help="Processes; no result depends on it.", show_default="1"),
-    ] = None
+    workers: Annotated[int | None, typer.Option(help="Processes; no result depends on it.", show_default="1")] = None
     dask: Annotated[str, typer.Option(help="A Dask scheduler (tcp://host:port) instead.")] = ""
-    block_rows: Annotated[
-        int | None,
-        typer.Option(help="Rows of a block.", show_default="of 250 blocks, or fewer"),
-    ] = None
+    block_rows: Annotated[int | None, typer.Option(help="Rows of a block.", show_default="of 250 blocks, or fewer")] = (
+        None
+    )
     partitioned: Annotated[
         bool, typer.Option("--partitioned", help="OUT is a directory, a Parquet file per block.")
     ] = False
     resume: Annotated[bool, typer.Option("--resume", help="Compute what is missing.")] = False
-    overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="Replace blocks of an earlier command.")
-    ] = False
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace blocks of an earlier command.")] = False
     store: Kept = ""
 
 
@@ -99,16 +90,12 @@ class Blocks:
 class Dialect:
     """Options of commands that read a table."""
 
-    encoding: Annotated[
-        str | None, typer.Option(help="Of the table.", show_default="detected, or asked for")
-    ] = None
+    encoding: Annotated[str | None, typer.Option(help="Of the table.", show_default="detected, or asked for")] = None
     delimiter: Annotated[
-        str | None,
-        typer.Option(help="comma, semicolon, tab, pipe or space.", show_default="detected"),
+        str | None, typer.Option(help="comma, semicolon, tab, pipe or space.", show_default="detected")
     ] = None
     decimal: Annotated[
-        str | None,
-        typer.Option(help='Decimal sign of the table: "." or ",".', show_default="detected"),
+        str | None, typer.Option(help='Decimal sign of the table: "." or ",".', show_default="detected")
     ] = None
 
 
@@ -141,12 +128,8 @@ def _options(group: Any) -> list[Parameter]:
     hints = get_type_hints(group, include_extras=True)
     parameters = []
     for option in fields(group):
-        default = (
-            option.default_factory() if option.default_factory is not MISSING else option.default
-        )
+        default = option.default_factory() if option.default_factory is not MISSING else option.default
         default = Parameter.empty if default is MISSING else default
         kind = Parameter.KEYWORD_ONLY
-        parameters.append(
-            Parameter(option.name, kind, default=default, annotation=hints[option.name])
-        )
+        parameters.append(Parameter(option.name, kind, default=default, annotation=hints[option.name]))
     return parameters

@@ -37,10 +37,7 @@ def fraction(progress: Progress) -> float | None:
     """Fraction that is done, of the whole or of the budget; None where both are open."""
     if progress.share is not None:
         return progress.share
-    pairs = (
-        (progress.generation, progress.generations),
-        (progress.evaluations, progress.evaluations_total),
-    )
+    pairs = ((progress.generation, progress.generations), (progress.evaluations, progress.evaluations_total))
     fractions = [done / total for done, total in pairs if total]
     if not fractions and progress.remaining is not None:
         fractions = [progress.seconds / max(progress.seconds + progress.remaining, 1e-9)]
@@ -49,11 +46,7 @@ def fraction(progress: Progress) -> float | None:
 
 def describe_study(progress: StudyProgress) -> str:
     """Runs done, running and failed, and the time left in one line."""
-    parts = [
-        f"runs {progress.done}/{progress.total} done",
-        f"{progress.running} running",
-        f"{progress.failed} failed",
-    ]
+    parts = [f"runs {progress.done}/{progress.total} done", f"{progress.running} running", f"{progress.failed} failed"]
     if progress.remaining is not None:
         parts.append(f"{progress.remaining:.0f} s left")
     return ", ".join([*parts, progress.note] if progress.note else parts)
@@ -159,9 +152,7 @@ def _lines(text: Callable[[Any], str], phase: Callable[[Any], str]) -> Callable[
 
 
 @contextmanager
-def _bar(
-    text: Callable[[Any], str], fraction_of: Callable[[Any], float | None]
-) -> Iterator[Callable[[Any], None]]:
+def _bar(text: Callable[[Any], str], fraction_of: Callable[[Any], float | None]) -> Iterator[Callable[[Any], None]]:
     from rich.console import Console
     from rich.progress import BarColumn, TextColumn
     from rich.progress import Progress as Bar

@@ -118,9 +118,7 @@ def _money(known: object) -> list[str]:
     if not isinstance(known, Mapping) or not known.get("currency"):
         return []
     currency, assumed = str(known["currency"]), list(known.get("assumed") or ())
-    text = f"costs in {currency}" + (
-        f"; assumed: {', '.join(map(str, assumed))}" if assumed else ""
-    )
+    text = f"costs in {currency}" + (f"; assumed: {', '.join(map(str, assumed))}" if assumed else "")
     scale = known.get("scale_assumed")
     if assumed and isinstance(scale, int | float):
         text += f" (one assumed unit is worth {scale:g} {currency})"
@@ -132,17 +130,9 @@ def _mechanism(known: object) -> list[str]:
     if not isinstance(known, Mapping):
         return []
     mechanism = _described(known)
-    requirements = [
-        requirement
-        for requirement in known.get("requirements") or ()
-        if isinstance(requirement, Mapping)
-    ]
+    requirements = [requirement for requirement in known.get("requirements") or () if isinstance(requirement, Mapping)]
     alone = len(requirements) == 1 and requirements[0].get("name") == known.get("name")
-    lines = [
-        f"requirement {_described(requirement)}"
-        for requirement in requirements
-        if _described(requirement)
-    ]
+    lines = [f"requirement {_described(requirement)}" for requirement in requirements if _described(requirement)]
     return lines if alone else [*([f"mechanism {mechanism}"] if mechanism else []), *lines]
 
 

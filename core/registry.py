@@ -13,14 +13,7 @@ from collections.abc import Iterator, Mapping
 from functools import lru_cache, reduce
 from importlib import import_module
 from importlib.machinery import ModuleSpec
-from importlib.metadata import (
-    Distribution,
-    EntryPoint,
-    PackageNotFoundError,
-    distribution,
-    entry_points,
-    version,
-)
+from importlib.metadata import Distribution, EntryPoint, PackageNotFoundError, distribution, entry_points, version
 from importlib.util import resolve_name
 from pathlib import Path
 from typing import Any, TypeVar
@@ -212,11 +205,7 @@ def needed(extra: str) -> list[Fault]:
 def _missing(requirements: list[str], extra: str) -> list[str]:
     """The packages of an extra that are not installed."""
     marker = re.compile(rf"""extra *== *["']{re.escape(extra)}["']""")
-    wanted = [
-        re.split(r"[^\w.-]", requirement)[0]
-        for requirement in requirements
-        if marker.search(requirement)
-    ]
+    wanted = [re.split(r"[^\w.-]", requirement)[0] for requirement in requirements if marker.search(requirement)]
     return [name for name in wanted if not _installed(name)]
 
 
@@ -237,8 +226,7 @@ def listing() -> dict[str, list[dict[str, str]]]:
     """Every group with its entries: name, description, origin; of effects the family as well."""
     return {
         group: [
-            {"name": offer.name, "description": _summary(offer), "origin": _origin(offer)}
-            | _family(offer, group)
+            {"name": offer.name, "description": _summary(offer), "origin": _origin(offer)} | _family(offer, group)
             for offer in _offers(group)
         ]
         for group in GROUPS
@@ -265,9 +253,7 @@ def _family(offer: EntryPoint, group: str) -> dict[str, str]:
     return {}
 
 
-def _definition(
-    module: str, attribute: str, depth: int = 5
-) -> ast.ClassDef | ast.FunctionDef | None:
+def _definition(module: str, attribute: str, depth: int = 5) -> ast.ClassDef | ast.FunctionDef | None:
     """The source of a class or function, followed through re-exports."""
     spec = _spec(module)
     if spec is None or depth == 0:

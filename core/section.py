@@ -112,9 +112,7 @@ class Section:
         value = self.take(key)
         return None if value is None else self.as_number(key, value, unit, within)
 
-    def as_number(
-        self, key: str, value: Any, unit: str, within: Range = ANY, scale_only: bool = False
-    ) -> float | None:
+    def as_number(self, key: str, value: Any, unit: str, within: Range = ANY, scale_only: bool = False) -> float | None:
         """`value` as a finite number in `unit`, any fault reported at `key`; `scale_only` as
         `to_unit` takes it.
         """
@@ -215,11 +213,7 @@ class Section:
             self.fault(key, f"must be a list of numbers, got {shown(value)}")
             return None
         checked = [self.as_number(f"{key}[{i}]", entry, "") for i, entry in enumerate(value)]
-        return (
-            tuple(number for number in checked if number is not None)
-            if None not in checked
-            else None
-        )
+        return tuple(number for number in checked if number is not None) if None not in checked else None
 
     def section(self, key: str) -> Section:
         """The table at `key`, empty where there is none."""
@@ -228,9 +222,7 @@ class Section:
             self.fault(key, f"must be a table, got {shown(value)}")
         return Section(value if isinstance(value, dict) else {}, self.place(key), self._faults)
 
-    def named_items(
-        self, key: str, read: Callable[[Section, str], Item | None]
-    ) -> tuple[Item, ...] | None:
+    def named_items(self, key: str, read: Callable[[Section, str], Item | None]) -> tuple[Item, ...] | None:
         """What `read` makes of each table of a list, with its name; None after a fault.
 
         Every table needs a name of its own, and there must be one at least.

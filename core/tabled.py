@@ -10,18 +10,7 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 
 from . import tables
-from .api_arguments import (
-    NOTES,
-    READ,
-    AnyPath,
-    Frame,
-    Source,
-    Tell,
-    collected,
-    readable,
-    report_lines,
-    table_faults_of,
-)
+from .api_arguments import NOTES, READ, AnyPath, Frame, Source, Tell, collected, readable, report_lines, table_faults_of
 from .configuration import Configuration
 from .errors import Fault, raise_all
 from .problems.interfaces import WithEffects
@@ -131,16 +120,12 @@ def simulate(
     understood, notes, index = list[str](), list[str](), None
     rows: Any = None
     if not isinstance(inputs, pd.DataFrame):
-        rows = streamed(
-            simulation, Path(inputs), model_settings.columns, understood.extend, notes.extend
-        )
+        rows = streamed(simulation, Path(inputs), model_settings.columns, understood.extend, notes.extend)
     if rows is not None:
         columns = list(rows.names.values())
     else:
         table, place = readable(inputs, tables.ReadOptions(encoding, delimiter, decimal))
-        read = inputs_in(
-            simulation, table, place, model_settings.columns, understood.extend, notes.extend
-        )
+        read = inputs_in(simulation, table, place, model_settings.columns, understood.extend, notes.extend)
         rows, columns, index = rows_of(read), list(map(str, read)), read.index
     report_lines(tell, READ, understood)
     report_lines(tell, "note", notes)
@@ -178,8 +163,6 @@ def _computed(
         blocks = computing.about(where.block_rows).total
         where = replace(where, workers=min(where.workers or 1, blocks))
     shared = (where.store, where.store_place) if where.store else None
-    done = computed(
-        computing, executor_of(where), target, where.block_rows, progress, frame, shared
-    )
+    done = computed(computing, executor_of(where), target, where.block_rows, progress, frame, shared)
     done.attrs[NOTES] = tuple(notes)
     return done

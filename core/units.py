@@ -193,9 +193,7 @@ def _is_speed(unit: str) -> bool:
 
 def _misfit(unit: str, source: Unit, to: str, target: Unit) -> str:
     """Why a quantity in `unit` cannot be stated in `to`, where that is not plain."""
-    if source.without(ANGLE) == target.without(ANGLE) and source.power(ANGLE) != target.power(
-        ANGLE
-    ):
+    if source.without(ANGLE) == target.without(ANGLE) and source.power(ANGLE) != target.power(ANGLE):
         if target.dimensions == _PER_TIME:
             return f'"{unit}" is an angular speed, and {to} a frequency: write Hz or 1/s'
         if not source.power(ANGLE):

@@ -38,11 +38,7 @@ class Gear:
 
     def name_of(self, order: float) -> str:
         """The source of the waves of an order, empty where the gear has none."""
-        near = [
-            name
-            for name, gear_order in self.orders.items()
-            if abs(gear_order - order) < 1e-6 * gear_order
-        ]
+        near = [name for name, gear_order in self.orders.items() if abs(gear_order - order) < 1e-6 * gear_order]
         return near[0] if near else ""
 
 

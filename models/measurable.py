@@ -110,10 +110,7 @@ class MeasurableModel(ABC):
 
     @abstractmethod
     def predict(
-        self,
-        table: Mapping[str, NDArray[Any]],
-        rng: np.random.Generator,
-        changes: Mapping[str, Array] = NO_CHANGES,
+        self, table: Mapping[str, NDArray[Any]], rng: np.random.Generator, changes: Mapping[str, Array] = NO_CHANGES
     ) -> dict[str, Array]:
         """Every output (n,), in its unit, at the rows of a table of columns (n,).
 

@@ -74,15 +74,11 @@ def bracketed_roots(function: Callable[..., Any], ends: tuple[Any, Any], *args: 
     return Roots(roots.reshape(shape), (ends_a.reshape(shape), ends_b.reshape(shape)))
 
 
-def _step(
-    a: Array, b: Array, c: Array, fa: Array, fb: Array, fc: Array, least_fraction: Array
-) -> Array:
+def _step(a: Array, b: Array, c: Array, fa: Array, fb: Array, fc: Array, least_fraction: Array) -> Array:
     """The next estimate, as a fraction of the way from b to a."""
     with np.errstate(divide="ignore", invalid="ignore"):
         xi, phi = (b - a) / (c - a), (fb - fa) / (fc - fa)
-        quadratic = fb / (fa - fb) * fc / (fa - fc) + (
-            (c - b) / (a - b) * fb / (fc - fb) * fa / (fc - fa)
-        )
+        quadratic = fb / (fa - fb) * fc / (fa - fc) + ((c - b) / (a - b) * fb / (fc - fb) * fa / (fc - fa))
     safe = (phi**2 < xi) & ((1.0 - phi) ** 2 < 1.0 - xi) & np.isfinite(quadratic)
     t = np.where(safe, quadratic, 0.5)
     return np.clip(t, least_fraction, 1.0 - least_fraction)

@@ -40,11 +40,7 @@ def _parameters(problem: ToleranceProblem) -> list[Assumption]:
     settings, given = problem.settings, problem.given
     return [
         Assumption(
-            f"parameters.{p.name}",
-            settings.parameters[p.name],
-            p.unit,
-            p.meaning,
-            _set_by(p.name, given.parameters),
+            f"parameters.{p.name}", settings.parameters[p.name], p.unit, p.meaning, _set_by(p.name, given.parameters)
         )
         for p in problem.declaration.parameters
         if p.assumed and settings.parameters[p.name] != p.readings.get(PRINTED, NOT_PRINTED)
@@ -86,9 +82,7 @@ def _measured(variable: Variable, sample: PartSample, promise: Promise | None) -
 def _costs(problem: ToleranceProblem) -> list[Assumption]:
     reason, money = "relative cost; the documents print no cost data", problem.settings.money
     if money.currency:
-        worth = (
-            f"; one assumed unit is worth {money.scale:g} {money.currency}" if money.scale else ""
-        )
+        worth = f"; one assumed unit is worth {money.scale:g} {money.currency}" if money.scale else ""
         return [
             Assumption(
                 f"costs.{name}",

@@ -67,9 +67,7 @@ class PromisedOutput:
         """The norm of the standard deviations (n, k) of these variables."""
         ones = np.ones(len(self.processes))
         quantile = self.quantile(given) if len(given.sides) == 1 else None
-        return norm_of(
-            list(self.processes.values()), ones, ones, self.promise.confidence, quantile=quantile
-        )
+        return norm_of(list(self.processes.values()), ones, ones, self.promise.confidence, quantile=quantile)
 
     def quantile(self, given: Deviations) -> float:
         """Standard deviations that must fit between the mean and each limit."""
@@ -86,9 +84,7 @@ class PromisedOutput:
     def promised(self, given: Deviations) -> Array:
         """The promised yield [percent] (n,): assured by the norm, or expected over the draws."""
         if self.promise.statement != ASSURED:
-            return 100.0 * np.concatenate(
-                [np.empty(0), *(yields.mean(axis=1) for yields in self._yields(given))]
-            )
+            return 100.0 * np.concatenate([np.empty(0), *(yields.mean(axis=1) for yields in self._yields(given))])
         room = np.min([side * (end - given.mean) for side, end in given.sides], axis=0)
         z = room / self.spread(given)
         return np.asarray(100.0 * (2.0 * ndtr(z) - 1.0 if len(given.sides) == 2 else ndtr(z)))
@@ -108,9 +104,7 @@ class PromisedOutput:
     @cached_property
     def _drawn(self) -> Draws:
         """Draws of the processes, which all designs share."""
-        return Draws.of(
-            list(self.processes.values()), [(self.seed, at) for at in range(len(self.processes))]
-        )
+        return Draws.of(list(self.processes.values()), [(self.seed, at) for at in range(len(self.processes))])
 
     def _yields(self, given: Deviations) -> list[Array]:
         """Yields (k, draws) of the designs, in parts of limited size."""
@@ -118,13 +112,8 @@ class PromisedOutput:
         known, step = given.known(self.names), self._drawn.rows
         parts = [slice(first, first + step) for first in range(0, len(spreads), step)]
         return [
-            Sums(
-                given.mean[rows],
-                spreads[rows],
-                spreads[rows],
-                known[rows],
-                given.lower,
-                given.upper,
-            ).yields(self._drawn)
+            Sums(given.mean[rows], spreads[rows], spreads[rows], known[rows], given.lower, given.upper).yields(
+                self._drawn
+            )
             for rows in parts
         ]

@@ -30,9 +30,7 @@ class Draws:
     error: Array
 
     @classmethod
-    def of(
-        cls, known: Sequence[Knowledge | None], seeds: Sequence[Sequence[int]], count: int = DRAWS
-    ) -> Draws:
+    def of(cls, known: Sequence[Knowledge | None], seeds: Sequence[Sequence[int]], count: int = DRAWS) -> Draws:
         """Draws of processes, each by a seed of its own; None stands for one without doubt."""
         pairs = [
             (np.ones(count), np.zeros(count))

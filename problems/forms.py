@@ -77,9 +77,7 @@ class Quantiles:
     """
 
     def __init__(self, rows: Sequence[Quantile | None]) -> None:
-        self.rows = np.array(
-            [at for at, quantile in enumerate(rows) if quantile is not None], dtype=int
-        )
+        self.rows = np.array([at for at, quantile in enumerate(rows) if quantile is not None], dtype=int)
         known = [quantile for quantile in rows if quantile is not None]
         self.probability = np.array([quantile.probability for quantile in known])
         weight: dict[tuple[int, int, Even], Array] = {}

@@ -59,10 +59,7 @@ def least_values(form: Form, rows: Sequence[int], limits: Array) -> list[Least |
     trading = _trading(form)
     kept = [list(range(len(feature.ways))) for feature in form.features]
     if form.combinations > MOST:
-        kept = [
-            ways if at in trading else _undominated(form.features[at], ways)
-            for at, ways in enumerate(kept)
-        ]
+        kept = [ways if at in trading else _undominated(form.features[at], ways) for at, ways in enumerate(kept)]
     too_many = np.prod([float(len(ways)) for ways in kept]) > MOST
     if form.correlation is not None or too_many or len(trading) > 1:
         return [None] * len(rows)
@@ -173,9 +170,7 @@ def ends_of_front(form: Form, row: int, limits: Array) -> tuple[Array, Array] | 
     if least is None or at_cheapest is None:
         return None
     low = _cost(cheapest, (0,) * len(form.features), at_cheapest.t)
-    return np.array([low, least.value]), np.array(
-        [_cost(form, least.chosen, least.t), at_cheapest.value]
-    )
+    return np.array([low, least.value]), np.array([_cost(form, least.chosen, least.t), at_cheapest.value])
 
 
 def _cheapest(form: Form) -> Form:

@@ -68,9 +68,7 @@ def limits_of(
     """The limits on outputs and variables by name."""
     scales = {o.name: (o.scale, o.unit) for o in outputs}
     scales |= {v.name: (v.high - v.low, v.unit) for v in variables}
-    return tuple(
-        Limit(name, bound.low, bound.high, *scales[name]) for name, bound in bounds.items()
-    )
+    return tuple(Limit(name, bound.low, bound.high, *scales[name]) for name, bound in bounds.items())
 
 
 def impossible(problem: ToleranceProblem) -> list[Fault]:

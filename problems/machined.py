@@ -27,9 +27,7 @@ from .tolerance_problem import ToleranceProblem
 Array = NDArray[np.float64]
 
 
-def with_choices(
-    variables: tuple[Variable, ...], machines: Mapping[str, tuple[Offer, ...]]
-) -> tuple[Variable, ...]:
+def with_choices(variables: tuple[Variable, ...], machines: Mapping[str, tuple[Offer, ...]]) -> tuple[Variable, ...]:
     """The variables, and at the end a choice of machine for each that is made by some."""
     more = []
     for name, offers in machines.items():
@@ -78,9 +76,7 @@ class Machined(ToleranceProblem, Checks, Drawing, Differentiable):
 
     def __init__(self, settings: Settings | None = None) -> None:
         given = settings or Settings()
-        self.machined_tolerances = {
-            name: MachinedTolerance(name, offers) for name, offers in given.machines.items()
-        }
+        self.machined_tolerances = {name: MachinedTolerance(name, offers) for name, offers in given.machines.items()}
         if self.machined_tolerances:
             variables = with_choices(type(self).declaration.variables, given.machines)
             self.declaration = replace(self.declaration, variables=variables)
@@ -100,17 +96,13 @@ class Machined(ToleranceProblem, Checks, Drawing, Differentiable):
             table = section.section(name)
             if name not in cls.machinable:
                 table.fault(
-                    "machine",
-                    f"{name} has no machines here; these may have some: "
-                    f"{', '.join(sorted(cls.machinable))}",
+                    "machine", f"{name} has no machines here; these may have some: {', '.join(sorted(cls.machinable))}"
                 )
                 continue
             offers = read_offers(table, _owner(table, declared[name], top.section("parameters")))
             cls._check(table)
             if name in top.section("costs"):
-                top.section("costs").fault(
-                    name, "is stated in addition to machines, which have prices: leave it out"
-                )
+                top.section("costs").fault(name, "is stated in addition to machines, which have prices: leave it out")
             if offers is not None:
                 machines[name] = offers
         configured = super().configured(top)
@@ -126,10 +118,7 @@ class Machined(ToleranceProblem, Checks, Drawing, Differentiable):
     def _check(cls, table: Section) -> None:
         """Faults of the other keys of a variable that machines make."""
         if "value" in table:
-            table.fault(
-                "value",
-                "is fixed although machines are stated: limits of inspection are low and high",
-            )
+            table.fault("value", "is fixed although machines are stated: limits of inspection are low and high")
         if table.take("measured") is not None:
             table.fault("measured", "is stated next to machines: state it in each [[...machine]]")
         given = read_distribution(table) if "distribution" in table else Normal()
@@ -157,28 +146,17 @@ class Machined(ToleranceProblem, Checks, Drawing, Differentiable):
         settings = super()._completed(replace(given, variables=variables))
         if not self.machined_tolerances:
             return settings
-        costs = {
-            name: curve
-            for name, curve in settings.costs.items()
-            if name not in self.machined_tolerances
-        }
+        costs = {name: curve for name, curve in settings.costs.items() if name not in self.machined_tolerances}
         return replace(settings, costs=costs)
 
     def assumptions(self) -> tuple[Assumption, ...]:
         return (
             *super().assumptions(),
-            *(
-                assumed
-                for tolerance in self.machined_tolerances.values()
-                for assumed in _assumptions(tolerance)
-            ),
+            *(assumed for tolerance in self.machined_tolerances.values() for assumed in _assumptions(tolerance)),
         )
 
     def cautions(self) -> tuple[str, ...]:
-        by_tolerance = (
-            departures(tolerance.offers, name)
-            for name, tolerance in self.machined_tolerances.items()
-        )
+        by_tolerance = (departures(tolerance.offers, name) for name, tolerance in self.machined_tolerances.items())
         return (*super().cautions(), *(text for messages in by_tolerance for text in messages))
 
     def samples(self) -> tuple[tuple[str, str, PartSample], ...]:
@@ -248,9 +226,7 @@ class Machined(ToleranceProblem, Checks, Drawing, Differentiable):
         """
         for tolerance in self.machined_tolerances.values():
             at = self.names.index(tolerance.name)
-            rise, moved = tolerance.slopes(
-                self.column(designs, tolerance.name), self.chosen(designs, tolerance)
-            )
+            rise, moved = tolerance.slopes(self.column(designs, tolerance.name), self.chosen(designs, tolerance))
             for name, slope in slopes.items():
                 slope[:, at] = rise * slope[:, at] + moved * by_mean[name].get(tolerance.name, 0.0)
         return slopes
@@ -258,9 +234,7 @@ class Machined(ToleranceProblem, Checks, Drawing, Differentiable):
     def room(self, name: str, design: Array) -> Interval:
         low, high = super().room(name, design)
         if name in self.machined_tolerances:
-            way = self.machined_tolerances[name].ways[
-                int(self.chosen(design[None], self.machined_tolerances[name])[0])
-            ]
+            way = self.machined_tolerances[name].ways[int(self.chosen(design[None], self.machined_tolerances[name])[0])]
             low, high = max(low, way.low), min(high, way.high)
         return low, high
 
@@ -277,9 +251,7 @@ class Machined(ToleranceProblem, Checks, Drawing, Differentiable):
     def costs_of(self, designs: Array) -> dict[str, Array]:
         costs = super().costs_of(designs)
         return costs | {
-            tolerance.name: tolerance.cost(
-                self.column(designs, tolerance.name), self.chosen(designs, tolerance)
-            )[0]
+            tolerance.name: tolerance.cost(self.column(designs, tolerance.name), self.chosen(designs, tolerance))[0]
             for tolerance in self.machined_tolerances.values()
         }
 

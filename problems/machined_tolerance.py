@@ -57,9 +57,7 @@ class MachinedTolerance:
     def spread_and_mean(self, t: Array, chosen: NDArray[np.int64]) -> tuple[Array, Array]:
         """Half-width of a normal input with the scatter of good parts, and their mean (n,)."""
         return self.by_way(
-            t,
-            chosen,
-            lambda way, t: (SCALE * way.machine.good_parts(t).std, way.machine.good_parts(t).mean),
+            t, chosen, lambda way, t: (SCALE * way.machine.good_parts(t).std, way.machine.good_parts(t).mean)
         )
 
     def slopes(self, t: Array, chosen: NDArray[np.int64]) -> tuple[Array, Array]:
@@ -67,10 +65,7 @@ class MachinedTolerance:
         return self.by_way(
             t,
             chosen,
-            lambda way, t: (
-                SCALE * way.machine.good_parts(t).std_slope,
-                way.machine.good_parts(t).mean_slope,
-            ),
+            lambda way, t: (SCALE * way.machine.good_parts(t).std_slope, way.machine.good_parts(t).mean_slope),
         )
 
     def cost(self, t: Array, chosen: NDArray[np.int64]) -> tuple[Array, Array]:

@@ -61,9 +61,7 @@ class ProcessProblem(WithPromise):
     """
 
     @abstractmethod
-    def shortfall(
-        self, design: Array, scales: Array, shifts: Array, searching: bool = False
-    ) -> Shortfall:
+    def shortfall(self, design: Array, scales: Array, shifts: Array, searching: bool = False) -> Shortfall:
         """The shortfall of a full design (all,) at states (q, k)."""
 
     @abstractmethod
@@ -117,9 +115,7 @@ class ProcessProblem(WithPromise):
     @cached_property
     def _posterior(self) -> Draws:
         """Draws of the processes, which all designs share."""
-        return Draws.of(
-            list(self.known.values()), [(self.settings.seed, at) for at in range(len(self.known))]
-        )
+        return Draws.of(list(self.known.values()), [(self.settings.seed, at) for at in range(len(self.known))])
 
     @cached_property
     def _verdicts(self) -> OrderedDict[bytes, Verdict]:
@@ -143,10 +139,7 @@ class ProcessProblem(WithPromise):
         x = self.coordinates(np.sqrt(drawn.variance), drawn.error)
         fitted = slice(0, evaluations(x.shape[1], self._has_slopes))
         tried = self.shortfall(design, np.sqrt(drawn.variance[fitted]), drawn.error[fitted])
-        response, worst = (
-            Response.of(x[fitted], tried.values, tried.slopes),
-            self.worst(design, False),
-        )
+        response, worst = (Response.of(x[fitted], tried.values, tried.slopes), self.worst(design, False))
 
         def along(radius: float) -> float:
             scale, shift = worst.at(radius)
@@ -162,10 +155,7 @@ class ProcessProblem(WithPromise):
         doubt = np.hypot(response.rms, there.error)
         reach = 50.0 * float(np.mean(values <= doubt) - np.mean(values <= -doubt))
         return Verdict(
-            self.yield_at(design, scale, shift, False),
-            float(kept[0]),
-            float(np.hypot(error[0], reach)),
-            values,
+            self.yield_at(design, scale, shift, False), float(kept[0]), float(np.hypot(error[0], reach)), values
         )
 
     _has_slopes = False

@@ -24,12 +24,7 @@ def outputs_of_promise(promise: Promise, prefix: str = "") -> tuple[Output, ...]
     )
     return (
         Output(
-            f"{prefix}{PROMISED}",
-            "percent",
-            f"conforming units {what}",
-            larger_is_better=True,
-            low=0.0,
-            high=100.0,
+            f"{prefix}{PROMISED}", "percent", f"conforming units {what}", larger_is_better=True, low=0.0, high=100.0
         ),
         *assured,
     )
@@ -41,8 +36,7 @@ def assurances(name: str) -> tuple[Output, Output]:
         Output(
             name,
             "percent",
-            "probability, over what is not known of the processes, that the "
-            "promised share of units conforms",
+            "probability, over what is not known of the processes, that the promised share of units conforms",
             larger_is_better=True,
             low=0.0,
             high=100.0,
@@ -70,9 +64,5 @@ def contradictions(promise: Promise, given: Mapping[str, Bound]) -> list[Fault]:
 
 
 def _percent(bound: Bound) -> str:
-    ends = [
-        f"{end:g} % at {side}"
-        for side, end in (("least", bound.low), ("most", bound.high))
-        if np.isfinite(end)
-    ]
+    ends = [f"{end:g} % at {side}" for side, end in (("least", bound.low), ("most", bound.high)) if np.isfinite(end)]
     return ", ".join(ends)

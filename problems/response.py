@@ -43,9 +43,7 @@ class Response:
             for at in range(x.shape[1]):
                 equations.append(_slopes(x / unit, at))
                 right.append(slopes[:, at] * unit[at])
-        coefficients = np.linalg.lstsq(
-            np.concatenate(equations), np.concatenate(right), rcond=None
-        )[0]
+        coefficients = np.linalg.lstsq(np.concatenate(equations), np.concatenate(right), rcond=None)[0]
         return cls(
             np.asarray(coefficients, dtype=np.float64),
             unit,

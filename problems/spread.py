@@ -51,9 +51,7 @@ def spread_of(form: Form, s: Array, most: Array | None = None) -> Spread:
         doubt = tangent.value_error
         if most is not None:
             with np.errstate(invalid="ignore"):
-                reach = np.where(
-                    most[rows] != 0.0, tangent.gradient_error * np.abs(most[rows]), 0.0
-                )
+                reach = np.where(most[rows] != 0.0, tangent.gradient_error * np.abs(most[rows]), 0.0)
             doubt = doubt + np.where(np.isfinite(reach), reach, np.inf).sum(axis=2)
         value[:, rows], direction[:, rows] = tangent.value, tangent.gradient
         intercept[:, rows] = tangent.value - np.sum(tangent.gradient * s[:, rows], axis=2) - doubt

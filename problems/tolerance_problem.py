@@ -69,9 +69,7 @@ class ToleranceProblem(Problem):
         self.limits = limits_of(self.settings.limits, self.outputs, self.variables)
         set_to = self.settings.variables
         self.fixed: dict[str, float] = {
-            v.name: float(value)
-            for v in self.variables
-            if (value := set_to[v.name].value) is not None
+            v.name: float(value) for v in self.variables if (value := set_to[v.name].value) is not None
         }
         self.free = tuple(v for v in self.variables if v.name not in self.fixed)
         low = np.array([set_to[v.name].low for v in self.free], dtype=float)
@@ -144,9 +142,7 @@ class ToleranceProblem(Problem):
         return replace(
             given,
             parameters=completed(self.declaration.parameters, given.parameters),
-            variables={
-                v.name: self._variable(v, given.variables.get(v.name)) for v in self.variables
-            },
+            variables={v.name: self._variable(v, given.variables.get(v.name)) for v in self.variables},
             costs=dict(self.declaration.costs) | dict(given.costs),
             objectives=given.objectives or self.declaration.objectives,
             limits=dict(self.declaration.limits) | dict(given.limits),
@@ -158,9 +154,7 @@ class ToleranceProblem(Problem):
         if given.value is not None:
             return replace(given, low=None, high=None, mid=mid)
         low = variable.low if given.low is None else given.low
-        return replace(
-            given, low=low, high=variable.high if given.high is None else given.high, mid=mid
-        )
+        return replace(given, low=low, high=variable.high if given.high is None else given.high, mid=mid)
 
     def assumptions(self) -> tuple[Assumption, ...]:
         """Every default in use that no document prints."""
@@ -220,11 +214,7 @@ class ToleranceProblem(Problem):
         return set_to, free, whole
 
     def outputs_of(
-        self,
-        designs: Array,
-        searching: bool = False,
-        errors: bool = True,
-        known: Mapping[str, Array] | None = None,
+        self, designs: Array, searching: bool = False, errors: bool = True, known: Mapping[str, Array] | None = None
     ) -> dict[str, Array]:
         """Every output (n,) of full designs (n, all variables), checked for shape.
 
@@ -254,9 +244,7 @@ class ToleranceProblem(Problem):
     def violations(self, designs: Array, outputs: Mapping[str, Array]) -> Array:
         """G, shape (n, constraints): normalised by the bound, above 0 where a limit is broken."""
         columns = [
-            column
-            for limit in self.limits
-            for column in limit.violations(self.values(designs, outputs, limit.name))
+            column for limit in self.limits for column in limit.violations(self.values(designs, outputs, limit.name))
         ]
         return np.stack(columns, axis=1) if columns else np.zeros((len(designs), 0))
 
@@ -313,10 +301,7 @@ class ToleranceProblem(Problem):
     def costs_of(self, designs: Array) -> dict[str, Array]:
         """What each cost curve (n,) gives at full designs."""
         with np.errstate(divide="ignore"):
-            return {
-                name: curve.cost(self.column(designs, name))
-                for name, curve in self.settings.costs.items()
-            }
+            return {name: curve.cost(self.column(designs, name)) for name, curve in self.settings.costs.items()}
 
     # ---------------------------------------------------------------- corners
 

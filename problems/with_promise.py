@@ -46,9 +46,7 @@ class WithPromise(ToleranceProblem, Written):
         return cls.promising(super().configured(top), top)
 
     @classmethod
-    def promising(
-        cls, configured: ConfiguredProblem | None, top: Section
-    ) -> ConfiguredProblem | None:
+    def promising(cls, configured: ConfiguredProblem | None, top: Section) -> ConfiguredProblem | None:
         """The problem with the promise of its configuration, where there is one."""
         promise = read_promise(top, cls.promised_of)
         if promise is None or configured is None:
@@ -65,9 +63,7 @@ class WithPromise(ToleranceProblem, Written):
         promise = given.promise
         if promise is None:
             return super()._completed(given)
-        limits = {
-            name: bound for name, bound in given.limits.items() if not means_promise(name, promise)
-        }
+        limits = {name: bound for name, bound in given.limits.items() if not means_promise(name, promise)}
         limits[promise.output] = Bound(low=promise.yield_percent)
         return super()._completed(replace(given, limits=limits))
 
@@ -77,16 +73,13 @@ class WithPromise(ToleranceProblem, Written):
             return super().faults()
         promise_faults = contradictions(promise, self.given.limits)
         sampled = [
-            name
-            for name, offers in self.settings.machines.items()
-            if any(offer.sample is not None for offer in offers)
+            name for name, offers in self.settings.machines.items() if any(offer.sample is not None for offer in offers)
         ]
         if promise.statement != PLUG_IN:
             promise_faults += [
                 Fault(
                     f"variables.{name}.machine",
-                    f"cannot be {promise.statement} where "
-                    "machines are known by samples: state sigma, or plug_in",
+                    f"cannot be {promise.statement} where machines are known by samples: state sigma, or plug_in",
                 )
                 for name in sampled
             ]

@@ -37,18 +37,14 @@ class Worst:
     shift: Array
 
     @classmethod
-    def of(
-        cls, known: Sequence[Knowledge], by_scale: Array, by_shift: Array, confidence: float
-    ) -> Worst:
+    def of(cls, known: Sequence[Knowledge], by_scale: Array, by_shift: Array, confidence: float) -> Worst:
         """The direction, by derivatives (k,) of a value that is to be small.
 
         They are by the scale of each standard deviation, and by the error of each mean.
         """
         even = np.array([knowledge.inflation for knowledge in known])
         reach = np.array([knowledge.surplus_at(confidence) for knowledge in known])
-        error = float(ndtri(confidence)) * np.sqrt(
-            even / np.array([knowledge.n for knowledge in known])
-        )
+        error = float(ndtri(confidence)) * np.sqrt(even / np.array([knowledge.n for knowledge in known]))
         steep = np.concatenate([0.5 * reach * np.maximum(by_scale, 0.0), error * by_shift])
         size = float(np.linalg.norm(steep))
         unit = steep / size if size > 0.0 else steep

@@ -46,10 +46,7 @@ def choice_sections(result: RunResult) -> tuple[str, ...]:
         rules = pd.DataFrame(list(result.summary.get("rounding") or ()))
         text = f"<p>{escape(ROUNDED)}</p>\n{table(rules)}"
         parts += [
-            folded(
-                f"For the drawing: {order.title}",
-                f"<p>{escape(order.note)}</p>\n{table(order.table)}",
-            )
+            folded(f"For the drawing: {order.title}", f"<p>{escape(order.note)}</p>\n{table(order.table)}")
             for order in orders(result)
         ]
         parts.append(folded("Rounding", text))

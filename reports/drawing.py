@@ -58,11 +58,7 @@ def style_axes(axes: Axes) -> None:
     legend = axes.get_legend()
     # Ticks of numbers are made when they are drawn: to ask for their labels makes them once more.
     fixed_locators = (FixedLocator, StrCategoryLocator)
-    words = [
-        axis
-        for axis in (axes.xaxis, axes.yaxis)
-        if isinstance(axis.get_major_locator(), fixed_locators)
-    ]
+    words = [axis for axis in (axes.xaxis, axes.yaxis) if isinstance(axis.get_major_locator(), fixed_locators)]
     ticks = [text for axis in words for text in axis.get_ticklabels()]
     for text in (axes.xaxis.label, axes.yaxis.label, axes.title, *ticks):
         text.set_parse_math(False)

@@ -78,9 +78,7 @@ def limits_of(result: RunResult, kept: pd.DataFrame) -> list[dict[str, Any]]:
     for key, bound in table.items():
         name = str(key)
         if name in kept:
-            ends: dict[str, object] = (
-                dict(bound) if isinstance(bound, Mapping) else _end(name, bound)
-            )
+            ends: dict[str, object] = dict(bound) if isinstance(bound, Mapping) else _end(name, bound)
             limits.append(
                 {
                     "name": name,
@@ -111,9 +109,7 @@ def unit_columns(result: RunResult, kept: pd.DataFrame) -> list[dict[str, Any]]:
     ]
     return [
         {
-            "label": words(name)
-            if not name.endswith("yield_percent")
-            else words(name.removesuffix("_percent")),
+            "label": words(name) if not name.endswith("yield_percent") else words(name.removesuffix("_percent")),
             "unit": "%" if name.endswith("percent") else split_unit(name)[1],
             "values": kept[name].tolist(),
         }
@@ -136,12 +132,7 @@ def law_of(result: RunResult, kept: pd.DataFrame) -> dict[str, Any] | None:
 def _stack_law(result: RunResult, kept: pd.DataFrame) -> dict[str, Any] | None:
     mechanism = result.summary.get("mechanism")
     requirements = mechanism.get("requirements") if isinstance(mechanism, Mapping) else None
-    if (
-        not requirements
-        or len(requirements) != 1
-        or not isinstance(requirements[0], Mapping)
-        or "rss" not in kept
-    ):
+    if not requirements or len(requirements) != 1 or not isinstance(requirements[0], Mapping) or "rss" not in kept:
         return None
     low, high = requirements[0].get("lower"), requirements[0].get("upper")
     ends = [float(end) for end in (low, high) if isinstance(end, int | float) and isfinite(end)]

@@ -11,16 +11,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ..records import Axis, RunResult, unit_of_cost
-from .explained import (
-    CONTRIBUTED,
-    informative,
-    law_of,
-    limits_of,
-    tolerance_records,
-    unit_columns,
-    units_of,
-    words,
-)
+from .explained import CONTRIBUTED, informative, law_of, limits_of, tolerance_records, unit_columns, units_of, words
 from .scripts import data, package_scripts
 
 MOST = 5000
@@ -31,15 +22,7 @@ ROOM = 620_000
 """Letters that the points may take: a page stays below 1.5 MB."""
 SHARED = 250
 """Points with contributions and prices on a page at most: others take those of the nearest."""
-FILES = (
-    "common.js",
-    "chart.js",
-    "parallel.js",
-    "histogram.js",
-    "model.js",
-    "panel.js",
-    "explorer.js",
-)
+FILES = ("common.js", "chart.js", "parallel.js", "histogram.js", "model.js", "panel.js", "explorer.js")
 SKELETON = """<section id="work" class="work" aria-label="Front and selected allocation" hidden>
 <div class="left">
 <form id="asks" class="asks"></form>
@@ -124,9 +107,7 @@ def content_of(result: RunResult, most: int) -> dict[str, Any]:
     }
 
 
-def thinned(
-    front: pd.DataFrame, names: list[str], always: list[int], most: int
-) -> NDArray[np.int64]:
+def thinned(front: pd.DataFrame, names: list[str], always: list[int], most: int) -> NDArray[np.int64]:
     """Rows of at most `most` points, evenly in the order of the objectives, and those of `always`.
 
     In the order of the first objective.
@@ -140,12 +121,7 @@ def thinned(
 
 
 def _axis(axis: Axis) -> dict[str, str]:
-    return {
-        "name": axis.name,
-        "label": words(axis.name),
-        "unit": axis.unit,
-        "meaning": axis.meaning,
-    }
+    return {"name": axis.name, "label": words(axis.name), "unit": axis.unit, "meaning": axis.meaning}
 
 
 def _unit(axis: Axis, result: RunResult) -> dict[str, str]:
@@ -249,9 +225,7 @@ def _exact(result: RunResult, names: list[str]) -> list[list[float]] | None:
     return [exact[name].tolist() for name in names]
 
 
-def _fronts_of(
-    fronts: Mapping[str, pd.DataFrame], names: list[str], most: int
-) -> list[dict[str, Any]]:
+def _fronts_of(fronts: Mapping[str, pd.DataFrame], names: list[str], most: int) -> list[dict[str, Any]]:
     """Other fronts in the order of the first objective, at most `most` points."""
     listed = []
     for label, front in fronts.items():

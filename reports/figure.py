@@ -136,13 +136,7 @@ def _draw_bound(axes: Axes, front: pd.DataFrame, x: str, y: str) -> None:
         return
     ends = {"cost": front["bound"], (y if x == "cost" else x): front[y if x == "cost" else x]}
     axes.plot(
-        ends[x],
-        ends[y],
-        linestyle="--",
-        linewidth=1.0,
-        color="black",
-        zorder=3,
-        label="proven bound of the cost",
+        ends[x], ends[y], linestyle="--", linewidth=1.0, color="black", zorder=3, label="proven bound of the cost"
     )
 
 

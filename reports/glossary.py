@@ -7,8 +7,7 @@ from html import escape
 
 TERMS: Mapping[str, str] = {
     "front": "The allocations that none of the others beats in every objective at once.",
-    "bound": "A cost that no allocation of equal or better other objectives can be below: proven, "
-    "not searched.",
+    "bound": "A cost that no allocation of equal or better other objectives can be below: proven, not searched.",
     "gap": "By how much the cost of a point lies above its proven bound.",
     "knee": "The point of the front that lies farthest from the line between its ends.",
     "share": (
@@ -19,9 +18,7 @@ TERMS: Mapping[str, str] = {
     "a tolerance, what changing it costs where all requirements are kept by changing the others.",
     "multiplier": "The price of a requirement at a proven optimum (Karush, Kuhn and Tucker).",
     "relaxed": "Compared with a front whose broken limits are as loose as the reference's own.",
-    "hypervolume": (
-        "The fraction of the problem's box, from ideal to nadir, that the front dominates."
-    ),
+    "hypervolume": ("The fraction of the problem's box, from ideal to nadir, that the front dominates."),
     "rounding loss": "What changes where every value is rounded to what can be ordered.",
     "feasible": "Whether all limits of the run are kept.",
     "margin": "The distance of a value from its nearest limit, negative where it is broken.",
@@ -53,13 +50,8 @@ def anchor(term: str) -> str:
 
 def terms(body: str) -> str:
     """The explanations of the terms that a page links to, or names in its texts."""
-    used: Sequence[str] = [
-        term for term in TERMS if f'"#{anchor(term)}"' in body or f" {term}" in body
-    ]
+    used: Sequence[str] = [term for term in TERMS if f'"#{anchor(term)}"' in body or f" {term}" in body]
     if not used:
         return ""
-    rows = "\n".join(
-        f'<dt id="{anchor(term)}">{escape(term)}</dt><dd>{escape(TERMS[term])}</dd>'
-        for term in used
-    )
+    rows = "\n".join(f'<dt id="{anchor(term)}">{escape(term)}</dt><dd>{escape(TERMS[term])}</dd>' for term in used)
     return f'<section>\n<h2>Terms</h2>\n<dl class="terms">\n{rows}\n</dl>\n</section>'

@@ -50,9 +50,7 @@ def _drawing(stored: Mapping[str, Any], caption: str) -> str:
         f'<circle cx="{x:.1f}" cy="{y:.1f}" r="2.4" fill="#8a94a3"/>'
         for x, y in np.unique(np.round(scale * poses + shift, 1), axis=0)
     )
-    shapes = [
-        _shape(part, scale * line + shift, most) for part, line in zip(parts, lines, strict=True)
-    ]
+    shapes = [_shape(part, scale * line + shift, most) for part, line in zip(parts, lines, strict=True)]
     return (
         f'<svg role="img" aria-label="{escape(caption)}" viewBox="0 0 {WIDTH:g} {HEIGHT:g}" '
         f'style="max-width:{WIDTH:g}px;width:100%">{dots}{"".join(shapes)}</svg>'
@@ -97,11 +95,6 @@ def _colour(share: float) -> str:
 
 def _listed(parts: Sequence[Mapping[str, Any]]) -> str:
     """The shares in words, the largest first, for readers who cannot rely on colours."""
-    ranked = sorted(
-        (part for part in parts if float(part["share"]) >= 0.05),
-        key=lambda part: -float(part["share"]),
-    )
-    words = ", ".join(
-        f"{escape(str(part['name']))} {float(part['share']):.3g} %" for part in ranked
-    )
+    ranked = sorted((part for part in parts if float(part["share"]) >= 0.05), key=lambda part: -float(part["share"]))
+    words = ", ".join(f"{escape(str(part['name']))} {float(part['share']):.3g} %" for part in ranked)
     return f"<p>{words}.</p>"

@@ -48,11 +48,7 @@ class Order:
         """The first rule in words, and how many more."""
         first = self.rules[0].replace("_", " ")
         more = len(self.rules) - 1
-        return (
-            f"{first} and {more} more rules"
-            if more > 1
-            else ", ".join(self.rules).replace("_", " ")
-        )
+        return f"{first} and {more} more rules" if more > 1 else ", ".join(self.rules).replace("_", " ")
 
     @property
     def note(self) -> str:
@@ -61,20 +57,13 @@ class Order:
         if len(self.points) == 1:
             return f"Chosen by: {rules} (point {self.points[0]} of front.csv)."
         points = ", ".join(map(str, self.points))
-        return (
-            f"Chosen by: {rules}; points {points} of front.csv round to the same allocation, "
-            "which is listed once."
-        )
+        return f"Chosen by: {rules}; points {points} of front.csv round to the same allocation, which is listed once."
 
 
 def orders(result: RunResult) -> list[Order]:
     """The orders of a run, in the order of its choices."""
     allocation, choices = result.allocation, result.choices
-    if (
-        allocation is None
-        or choices is None
-        or not {"point", "variable", "rounded"} <= set(allocation)
-    ):
+    if allocation is None or choices is None or not {"point", "variable", "rounded"} <= set(allocation):
         return []
     merged: dict[tuple[str, ...], list[int]] = {}
     for point, rows in allocation.groupby("point", sort=False):
@@ -84,9 +73,7 @@ def orders(result: RunResult) -> list[Order]:
 
 def _order(points: list[int], allocation: pd.DataFrame, choices: pd.DataFrame) -> Order:
     tolerances = allocation[allocation["point"] == points[0]]
-    kept = [
-        name for name in COLUMNS if name in tolerances and any(map(_has_value, tolerances[name]))
-    ]
+    kept = [name for name in COLUMNS if name in tolerances and any(map(_has_value, tolerances[name]))]
     table = tolerances[kept].rename(columns=COLUMNS).reset_index(drop=True)
     rows = choices[choices["point"].isin(points)]
     outcome = {str(k): v for k, v in rows.iloc[0].items()} if len(rows) else {}

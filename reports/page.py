@@ -61,9 +61,7 @@ def page(result: RunResult, remarks: Sequence[str] = ()) -> str:
         *plugin_sections(result),
         *(section("Effects", _moved(moved)) for moved in (result.moved,) if moved is not None),
         section("References", _references(result)) if len(result.references) else "",
-        section("Points of the front", folded("Table", _points(result)))
-        if len(result.front)
-        else "",
+        section("Points of the front", folded("Table", _points(result))) if len(result.front) else "",
         section("Convergence", folded("Figure", _convergence(result.convergence)))
         if len(result.convergence) > 1
         else "",
@@ -74,12 +72,7 @@ def page(result: RunResult, remarks: Sequence[str] = ()) -> str:
         section("Summary", folded("summary.json", summary_table(result.summary))),
         section("Configuration", folded("config.toml", _verbatim(result.configuration))),
     )
-    sections = (
-        *remarked(remarks),
-        _model(result.summary),
-        _front(result, scripted),
-        *more,
-    )
+    sections = (*remarked(remarks), _model(result.summary), _front(result, scripted), *more)
     body = "\n".join(part for part in sections if part)
     return document(result.title, body, scripts() if scripted else (), _head(result))
 
@@ -90,9 +83,7 @@ def _head(result: RunResult) -> str:
     asked = f'<p class="asked">{escape(str(answers["asked"]))}</p>\n' if "asked" in answers else ""
     lines = "".join(f"<p>{escape(line)}</p>\n" for line in mechanism_lines(result.summary))
     items = "".join(
-        f'<li id="answer-{escape(name)}">{escape(str(text))}</li>'
-        for name, text in answers.items()
-        if name != "asked"
+        f'<li id="answer-{escape(name)}">{escape(str(text))}</li>' for name, text in answers.items() if name != "asked"
     )
     return f'{lines}{asked}<ul class="answers">{items}</ul>' if items else f"{lines}{asked}"
 
@@ -121,8 +112,7 @@ def _front(result: RunResult, scripted: bool) -> str:
 
 def _bars(bars: Sequence[Bars]) -> str:
     pictures = [
-        picture(f"bars{at}", bars_figure(chart), f"{chart.title} [{chart.unit}]")
-        for at, chart in enumerate(bars)
+        picture(f"bars{at}", bars_figure(chart), f"{chart.title} [{chart.unit}]") for at, chart in enumerate(bars)
     ]
     return "\n".join(pictures)
 
@@ -178,6 +168,4 @@ def _convergence(convergence: pd.DataFrame) -> str:
 
 def _assumptions(summary: Mapping[str, Any]) -> str:
     assumptions = pd.DataFrame(list(summary.get("assumptions") or ()))
-    return "<p>Values in use that nobody has stated.</p>\n" + table(
-        chosen(assumptions, ASSUMPTION_COLUMNS)
-    )
+    return "<p>Values in use that nobody has stated.</p>\n" + table(chosen(assumptions, ASSUMPTION_COLUMNS))

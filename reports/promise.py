@@ -43,12 +43,7 @@ def promise_sections(result: RunResult) -> tuple[str, ...]:
         return (section("Measured parts", "\n".join(known)),) if known else ()
     statements = result.promise
     unit = unit_of_cost(result.summary)
-    bars = Bars(
-        "least cost",
-        unit,
-        tuple(map(str, statements["statement"])),
-        tuple(map(float, statements["cost"])),
-    )
+    bars = Bars("least cost", unit, tuple(map(str, statements["statement"])), tuple(map(float, statements["cost"])))
     chosen = (result.summary.get("promise") or {}).get("statement")
     marked = [name == chosen for name in statements["statement"]]
     parts = [
@@ -70,9 +65,7 @@ def _process_knowledge(result: RunResult) -> list[str]:
     charts = measured_parts(result.configuration)
     if charts:
         more = f" The first {CHARTS} of {len(charts)}." if len(charts) > CHARTS else ""
-        parts.append(
-            folded("Control charts", picture("control", control_figure(charts), CHARTED + more))
-        )
+        parts.append(folded("Control charts", picture("control", control_figure(charts), CHARTED + more)))
     return parts
 
 
@@ -84,8 +77,7 @@ def measured_parts(configuration: str) -> list[tuple[str, str, list[float]]]:
         return []
     parts = content.get("part")
     owners = [
-        (str(part.get("name", "")), part.get("unit"), part)
-        for part in (parts if isinstance(parts, list) else ())
+        (str(part.get("name", "")), part.get("unit"), part) for part in (parts if isinstance(parts, list) else ())
     ]
     variables = content.get("variables")
     owners += [
@@ -96,6 +88,5 @@ def measured_parts(configuration: str) -> list[tuple[str, str, list[float]]]:
     return [
         (name, str(measured.get("unit") or unit or ""), measured["values"])
         for name, unit, owner in owners
-        if isinstance(measured := owner.get("measured"), dict)
-        and len(measured.get("values") or ()) > 1
+        if isinstance(measured := owner.get("measured"), dict) and len(measured.get("values") or ()) > 1
     ]

@@ -37,9 +37,5 @@ def requirement_sections(result: RunResult) -> tuple[str, ...]:
 
 def _short(drivers: pd.DataFrame) -> pd.DataFrame:
     """The table of drivers without requirements that drive nothing."""
-    idle = [
-        name
-        for name in drivers
-        if str(name).endswith("_percent") and not (drivers[name] != 0.0).any()
-    ]
+    idle = [name for name in drivers if str(name).endswith("_percent") and not (drivers[name] != 0.0).any()]
     return drivers.drop(columns=idle)

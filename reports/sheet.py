@@ -25,11 +25,7 @@ def allocation_sheet(result: RunResult) -> bytes | None:
         sheets[str(together["sheet"].iloc[at])] = order.table
     sheets["Allocation"] = _each_once(result.allocation, allocations)
     sheets["Choices"] = result.choices
-    more = {
-        "Promise": result.promise,
-        "Next parts": result.next_parts,
-        "Capability": result.capability,
-    }
+    more = {"Promise": result.promise, "Next parts": result.next_parts, "Capability": result.capability}
     sheets |= {title: frame for title, frame in more.items() if frame is not None}
     if lines := mechanism_lines(result.summary):
         sheets["Mechanism"] = pd.DataFrame({"mechanism": lines})

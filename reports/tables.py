@@ -45,16 +45,10 @@ def table(frame: pd.DataFrame, marked: Sequence[bool] = (), caption: str = "") -
     if frame.empty:
         return "<p>None.</p>"
     marks = marked or [False] * len(frame)
-    head = "".join(
-        f'<th scope="col" title="{escape(str(name))}">{heading(str(name))}</th>'
-        for name in frame.columns
-    )
+    head = "".join(f'<th scope="col" title="{escape(str(name))}">{heading(str(name))}</th>' for name in frame.columns)
     heads = _heads(frame)
     columns = [frame[name].tolist() for name in frame.columns]
-    body = "\n".join(
-        _row(cells, mark, heads)
-        for cells, mark in zip(zip(*columns, strict=True), marks, strict=True)
-    )
+    body = "\n".join(_row(cells, mark, heads) for cells, mark in zip(zip(*columns, strict=True), marks, strict=True))
     label = caption or "table of " + ", ".join(str(n).replace("_", " ") for n in frame.columns[:3])
     title = f"<caption>{escape(caption)}</caption>" if caption else ""
     return (

@@ -59,22 +59,15 @@ def tolerances_figure(result: RunResult) -> Figure | None:
         axes.set_xlabel("value in the unit of the variable")
         bar_places(axes, [f"{words(axis.name)} [{axis.unit or '1'}]" for axis in kept])
     else:
-        shares = [
-            value / float(reference[axis.name]) for value, axis in zip(values, kept, strict=True)
-        ]
+        shares = [value / float(reference[axis.name]) for value, axis in zip(values, kept, strict=True)]
         axes.barh(range(len(kept)), shares, color=COLOURS[0], height=0.7)
         axes.axvline(1.0, color="black", linestyle="--", linewidth=1.0)
         axes.set_xlabel(
-            f"{result.choices['choice'].iloc[0]} / {reference['label']}"
-            if result.choices is not None
-            else ""
+            f"{result.choices['choice'].iloc[0]} / {reference['label']}" if result.choices is not None else ""
         )
         bar_places(
             axes,
-            [
-                f"{words(axis.name)}, {value:.3g} {axis.unit}".rstrip()
-                for value, axis in zip(values, kept, strict=True)
-            ],
+            [f"{words(axis.name)}, {value:.3g} {axis.unit}".rstrip() for value, axis in zip(values, kept, strict=True)],
         )
     style_axes(axes)
     return figure

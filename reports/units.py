@@ -45,10 +45,7 @@ def _meaning(result: RunResult, units: dict[str, Any]) -> str:
         for name in ("cost", "yield_percent", "interference_probability")
         if name in units
     )
-    point = (
-        f"Shown for {units.get('chosen', 'one point')} (point {shown(units.get('point'))} of "
-        f"front.csv): {values}."
-    )
+    point = f"Shown for {units.get('chosen', 'one point')} (point {shown(units.get('point'))} of front.csv): {values}."
     drawn = [
         picture(
             "unit",
@@ -75,13 +72,7 @@ def turn_figure(result: RunResult) -> Figure:
     figure = new_figure(HEIGHT)
     axes = figure.add_subplot()
     counts = pd.Series(flags(turn, "measured"), index=turn.index)
-    axes.plot(
-        turn["turn_deg"],
-        turn["backlash_arcmin"],
-        linewidth=0.7,
-        color=COLOURS[0],
-        label="backlash of the unit",
-    )
+    axes.plot(turn["turn_deg"], turn["backlash_arcmin"], linewidth=0.7, color=COLOURS[0], label="backlash of the unit")
     counted = turn[counts]
     axes.plot(
         counted["turn_deg"],
@@ -150,9 +141,7 @@ def population_figure(result: RunResult) -> Figure:
             )
     lines = [panel.get_legend_handles_labels() for panel in (axes, both)]
     handles, labels = lines[0][0] + lines[1][0], lines[0][1] + lines[1][1]
-    figure.legend(
-        handles, labels, frameon=False, fontsize="small", ncols=2, loc="outside lower center"
-    )
+    figure.legend(handles, labels, frameon=False, fontsize="small", ncols=2, loc="outside lower center")
     style_axes(axes)
     both.spines[["top"]].set_visible(False)
     return figure
@@ -160,11 +149,7 @@ def population_figure(result: RunResult) -> Figure:
 
 def _cost(costs: pd.DataFrame, level: object) -> str:
     """The table, the problem as it is marked; a cell without a value stays empty."""
-    words = {
-        name: [shown(cell) for cell in costs[name]]
-        for name in ("assumption", "value", "remark")
-        if name in costs
-    }
+    words = {name: [shown(cell) for cell in costs[name]] for name in ("assumption", "value", "remark") if name in costs}
     names = ("assumption", "value", "cost", "change_percent", "remark")
     marked = [True] + [False] * (len(costs) - 1)
     held = level if isinstance(level, dict) else {}

@@ -86,8 +86,7 @@ def _names(wanted: list[str]) -> list[str]:
 
 def _types(places: range) -> str:
     sheets = "".join(
-        f'<Override PartName="/xl/worksheets/sheet{at}.xml" ContentType="{_KIND}.worksheet+xml"/>'
-        for at in places
+        f'<Override PartName="/xl/worksheets/sheet{at}.xml" ContentType="{_KIND}.worksheet+xml"/>' for at in places
     )
     return (
         f'{_HEAD}<Types xmlns="{_PACKAGE}/content-types">'
@@ -109,8 +108,7 @@ def _relations(targets: Mapping[str, tuple[str, str]]) -> str:
 
 def _book(names: list[str]) -> str:
     elements = "".join(
-        f'<sheet name="{escape(name)}" sheetId="{at}" r:id="rId{at}"/>'
-        for at, name in enumerate(names, start=1)
+        f'<sheet name="{escape(name)}" sheetId="{at}" r:id="rId{at}"/>' for at, name in enumerate(names, start=1)
     )
     spaces = f'xmlns="{_MAIN}" xmlns:r="{_OFFICE}"'
     return f"{_HEAD}<workbook {spaces}><sheets>{elements}</sheets></workbook>"
@@ -129,10 +127,7 @@ def _sheet(table: pd.DataFrame) -> str:
     )
     body = "".join(
         f'<row r="{at}">'
-        + "".join(
-            _cell(f"{letter}{at}", value, at == 1)
-            for letter, value in zip(letters, row, strict=True)
-        )
+        + "".join(_cell(f"{letter}{at}", value, at == 1) for letter, value in zip(letters, row, strict=True))
         + "</row>"
         for at, row in enumerate(rows, start=1)
     )

@@ -176,9 +176,7 @@ def start(words: Sequence[object], streams: Path, before: str = "") -> BaseProce
     context.set_forkserver_preload(["tolevo.cli", "tolevo.workflows.run.run",
                                     "tolevo.problems.stack", "pandas"])  # fmt: skip
     names = [f"{streams}.err", f"{streams}.out"]
-    text = COMMAND.format(
-        words=[str(word) for word in words], streams=names, before=before, cpu=f"{streams}.cpu"
-    )
+    text = COMMAND.format(words=[str(word) for word in words], streams=names, before=before, cpu=f"{streams}.cpu")
     process = context.Process(target=exec, args=(text, {"__name__": "command"}))
     process.start()
     return process
@@ -227,9 +225,7 @@ class End:
     errors: str
 
 
-def killed(
-    job: Job, out: Path, streams: Path, number: signal.Signals, share: float, writing: bool
-) -> End:
+def killed(job: Job, out: Path, streams: Path, number: signal.Signals, share: float, writing: bool) -> End:
     """Kill a job at a share of its CPU time, or of the files that it moves or removes."""
     moment = share * job.seconds
     if writing:

@@ -40,9 +40,7 @@ def least(b: Array, s: Array, variation: float) -> float:
         cost,
         np.full(len(b), np.log(variation / np.sqrt((s**2).sum()))),
         jac=slope,
-        constraints=NonlinearConstraint(
-            lambda u: ((s * np.exp(u) / variation) ** 2).sum(), -np.inf, 1.0
-        ),
+        constraints=NonlinearConstraint(lambda u: ((s * np.exp(u) / variation) ** 2).sum(), -np.inf, 1.0),
         bounds=[(math.log(0.005), math.log(0.1))] * len(b),
         method="SLSQP",
         tol=1e-12,
@@ -64,9 +62,7 @@ def test_front_of_mixed_process_is_the_best_of_36(at: float) -> None:
     front = mixed_process().front
     cost, variation = front[np.argsort(front[:, 1])][int(at * len(front))]
     sets = list(product(*(range(n) for n in PROCESSES)))
-    best = min(
-        PROCESS_A[PART, one].sum() + least(PROCESS_B[PART, one], PART_S, variation) for one in sets
-    )
+    best = min(PROCESS_A[PART, one].sum() + least(PROCESS_B[PART, one], PART_S, variation) for one in sets)
     assert len(sets) == 36
     assert cost == pytest.approx(best, rel=1e-6)
 
@@ -192,8 +188,7 @@ def test_a_seed_counts_where_cost_and_processes_are_those_of_the_optimum() -> No
 def test_figures_say_whether_they_are_met() -> None:
     task = cost_rss(9)
     slow, fast, faster = (
-        compare.Measured(((1000.0, cpu), (np.inf, np.inf)), 0.99, cpu / 1e4)
-        for cpu in (1.0, 0.05, 0.002)
+        compare.Measured(((1000.0, cpu), (np.inf, np.inf)), 0.99, cpu / 1e4) for cpu in (1.0, 0.05, 0.002)
     )
     runs = {"pymoo_nsga2": slow, "tolevo_nsga2": fast, "tolevo_exact": fast}
     results = {(task.name, name): [run] for name, run in runs.items()}

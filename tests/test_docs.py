@@ -124,8 +124,7 @@ def test_example_of_a_claims_file_runs(tmp_path: Path) -> None:
     path.write_text(block, encoding="utf-8")
     (source,) = read_claims([path]).sources
     found = [
-        check(ClaimTask(one.id, 0, at, one, source.file.seed)).verdict.word
-        for at, one in enumerate(source.file.claims)
+        check(ClaimTask(one.id, 0, at, one, source.file.seed)).verdict.word for at, one in enumerate(source.file.claims)
     ]
     assert found == [
         Word.REPRODUCED, Word.REPRODUCED, Word.UNDER_READING, Word.CANNOT_BE_CHECKED,

@@ -45,9 +45,7 @@ def test_assumed_parameters_of_the_exact_contact_are_marked() -> None:
         assert not one.assumed or "assumed" in row, one.name
 
 
-@pytest.mark.parametrize(
-    "kind", [ToothModificationTargets, ToleranceZones, ReducerMonteCarlo, StaggeredAssembly]
-)
+@pytest.mark.parametrize("kind", [ToothModificationTargets, ToleranceZones, ReducerMonteCarlo, StaggeredAssembly])
 def test_every_quantity_of_the_reducer_is_documented(kind: type[Calculation]) -> None:
     text = (DOCS / "rv40e_document.md").read_text(encoding="utf-8")
     assert f"| `{kind.name}` |" in text

@@ -23,9 +23,9 @@ def test_no_figure_moves_unseen() -> None:
     old, new = stored(newest())[0], computed()
     text = "\n".join(f"{name}: {a:.10g} -> {b:.10g}" for name, (a, b) in moved(old, new).items())
     assert not text, f"run `python -m tools.pin`, and say why in CHANGELOG.md:\n{text}"
-    assert {call: set(values) for call, values in old.items()} == {
-        call: set(values) for call, values in new.items()
-    }, "figures were added or have gone: run `python -m tools.pin`"
+    assert {call: set(values) for call, values in old.items()} == {call: set(values) for call, values in new.items()}, (
+        "figures were added or have gone: run `python -m tools.pin`"
+    )
 
 
 def test_the_reason_of_what_moved_is_in_the_changelog() -> None:

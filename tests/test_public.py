@@ -39,9 +39,7 @@ def test_every_group_of_plugins_is_named_where_plugins_are_explained() -> None:
 @pytest.mark.source_tree
 def test_the_glossary_explains_every_term_of_the_pages() -> None:
     text = (PAGE.parent / "glossary.md").read_text(encoding="utf-8")
-    explained = {
-        line.removeprefix("### ").lower() for line in text.splitlines() if line[:4] == "### "
-    }
+    explained = {line.removeprefix("### ").lower() for line in text.splitlines() if line[:4] == "### "}
     wanted = {term.lower() for term in TERMS} | {
         "nadir", "pseudo-weights", "stagger", "document a", "document b", "document m",
     }  # fmt: skip

@@ -18,9 +18,7 @@ def blocks(kind: str) -> list[str]:
     return re.findall(rf"```{kind}[^\n]*\n(.*?)```", text, re.DOTALL)
 
 
-def test_the_mechanism_of_the_readme_comes_out_as_it_says(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_mechanism_of_the_readme_comes_out_as_it_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     (written,), (code,) = blocks("toml"), blocks("python")
     lines = len([line for line in written.splitlines() if line.strip()])

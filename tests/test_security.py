@@ -242,9 +242,7 @@ def plugin(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, marker: Path) -> str
     return "tolevo_eager"
 
 
-def test_a_plugin_is_imported_only_when_it_is_named(
-    plugin: str, marker: Path, tmp_path: Path
-) -> None:
+def test_a_plugin_is_imported_only_when_it_is_named(plugin: str, marker: Path, tmp_path: Path) -> None:
     path = tmp_path / "run.toml"
     path.write_text(STACK, encoding="utf-8")
     shown = tolevo("list")

@@ -76,9 +76,7 @@ class Block:
 
     @property
     def commands(self) -> list[str]:
-        lines = (
-            self.text.replace("\\\n", " ").splitlines() if self.kind in ("console", "sh") else []
-        )
+        lines = self.text.replace("\\\n", " ").splitlines() if self.kind in ("console", "sh") else []
         return [line for line in lines if line.strip()]
 
 
@@ -122,17 +120,13 @@ def _readable(block: Block) -> None:
 
 
 @pytest.mark.parametrize("page", [one for one in PAGES if executed(one)], ids=lambda one: one.stem)
-def test_the_blocks_of_a_page_run(
-    page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_blocks_of_a_page_run(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with nullcontext() if page.stem in RENDERED else blanks():
         _run(page, tmp_path, monkeypatch, reduced=True)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "page", [one for one in PAGES if reduced_at(one)], ids=lambda one: one.stem
-)
+@pytest.mark.parametrize("page", [one for one in PAGES if reduced_at(one)], ids=lambda one: one.stem)
 def test_the_long_blocks_of_a_page_run_as_they_stand(
     page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

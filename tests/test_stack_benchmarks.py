@@ -32,9 +32,7 @@ def test_the_table_says_where_a_bound_or_a_gap_is_wrong() -> None:
     assert table([KNOWN, off]).endswith(": met.")
 
 
-def test_results_are_kept_and_read_again(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_results_are_kept_and_read_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     given = ["--seed", "3", "--count", "1", "--kept", str(tmp_path / "kept.jsonl")]
     main(given)
     first = capsys.readouterr().out.partition("\nSeeds")[2]

@@ -18,15 +18,9 @@ PAGE = Path(__file__).resolve().parents[1] / "docs" / "licences.md"
 EXTRAS = ("fast", "gap", "postgres", "report", "study")
 BY_HAND = {"graphemeu": "MIT"}
 """Licences of packages whose metadata do not say: read in their files."""
-KNOWN = {
-    "moocore": "LGPL-2.1-or-later",
-    "psycopg": "LGPL-3.0-only",
-    "psycopg-binary": "LGPL-3.0-only",
-}
+KNOWN = {"moocore": "LGPL-2.1-or-later", "psycopg": "LGPL-3.0-only", "psycopg-binary": "LGPL-3.0-only"}
 """Licences that ask for more than to be named; what follows from them stands on the page."""
-PERMISSIVE = re.compile(
-    r"MIT|BSD|Apache|ISC|PSF|Python Software Foundation|Unlicense|Zlib|HPND|0BSD|PIL|MPL-2|CC0"
-)
+PERMISSIVE = re.compile(r"MIT|BSD|Apache|ISC|PSF|Python Software Foundation|Unlicense|Zlib|HPND|0BSD|PIL|MPL-2|CC0")
 HEAD = """# Licences
 
 tolevo is MIT. At run time it uses the packages below (with the extras {extras});
@@ -106,9 +100,7 @@ def main() -> int:
     if "--check" not in sys.argv:
         PAGE.write_text(text, encoding="utf-8")
     elif missing := set(text.splitlines()) - set(PAGE.read_text("utf-8").splitlines()):
-        print(
-            f"docs/licences.md lacks {sorted(missing)}: python tools/licences.py", file=sys.stderr
-        )
+        print(f"docs/licences.md lacks {sorted(missing)}: python tools/licences.py", file=sys.stderr)
         return 1
     return 1 if doubted else 0
 

@@ -54,9 +54,7 @@ Place = tuple[str, Mutation]
 # -------------------------------------------------------------------- one process per question
 
 
-def asked(
-    question: Callable[[], dict[str, object]], cpu: int = 0
-) -> tuple[dict[str, object], float]:
+def asked(question: Callable[[], dict[str, object]], cpu: int = 0) -> tuple[dict[str, object], float]:
     """The answer of a question in a process of its own, and its CPU time; {} where it dies."""
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     with tempfile.TemporaryDirectory() as folder:
@@ -70,9 +68,7 @@ def asked(
         return (json.loads(answer.read_text()) if answer.exists() else {}), spent
 
 
-def _in_child(
-    question: Callable[[], dict[str, object]], answer: Path, folder: Path, cpu: int
-) -> None:
+def _in_child(question: Callable[[], dict[str, object]], answer: Path, folder: Path, cpu: int) -> None:
     """Answer without a word, and leave without what the parent does at its end."""
     try:
         silence = os.open(os.devnull, os.O_WRONLY)
@@ -94,9 +90,7 @@ def _in_child(
 class Watcher:
     """A plugin of pytest: picks and orders the tests, and notes what each took and what failed."""
 
-    def __init__(
-        self, picked: Mapping[str, float] | None, measured: coverage.Coverage | None
-    ) -> None:
+    def __init__(self, picked: Mapping[str, float] | None, measured: coverage.Coverage | None) -> None:
         self.picked, self.measured = picked, measured
         self.seconds: dict[str, float] = {}
         self.failed: list[str] = []
@@ -105,9 +99,7 @@ class Watcher:
         """Only the picked tests, the shortest first."""
         if self.picked is not None:
             picked = self.picked
-            items[:] = sorted(
-                (one for one in items if one.nodeid in picked), key=lambda one: picked[one.nodeid]
-            )
+            items[:] = sorted((one for one in items if one.nodeid in picked), key=lambda one: picked[one.nodeid])
 
     def pytest_runtest_logstart(self, nodeid: str) -> None:
         """What is executed from here on belongs to this test."""
@@ -177,11 +169,7 @@ def mapped(room: Room, tests: Sequence[str]) -> Map:
     for test in tests:
         digest = hashlib.sha256(code + (ROOT / test).read_bytes()).hexdigest()
         stored = ANSWERS.parent / "mutants" / f"{digest[:20]}.json"
-        answer = (
-            json.loads(stored.read_text())
-            if stored.exists()
-            else asked(partial(_measured, files, test))[0]
-        )
+        answer = json.loads(stored.read_text()) if stored.exists() else asked(partial(_measured, files, test))[0]
         if answer.get("status") not in (0, NOTHING):
             sys.exit(f"{test} fails without any change: {answer.get('failed')}")
         stored.parent.mkdir(parents=True, exist_ok=True)

@@ -91,9 +91,7 @@ def arm() -> tuple[str, dict[str, float]]:
 def outputs(found: pd.DataFrame, table: Mapping[str, Sequence[object]]) -> dict[str, float]:
     """The columns that were not given, row by row."""
     names = [name for name in found if name not in table]
-    return {
-        f"{name}[{at}]": float(found[name].iloc[at]) for name in names for at in range(len(found))
-    }
+    return {f"{name}[{at}]": float(found[name].iloc[at]) for name in names for at in range(len(found))}
 
 
 def clutch() -> tuple[str, dict[str, float]]:
@@ -104,9 +102,7 @@ def clutch() -> tuple[str, dict[str, float]]:
         front = tolevo.run(path, Path(folder) / "out", algorithm=exact).front
     call = 'tolevo.run("configs/stack_clutch.toml", algorithm=tolevo.algorithms.Exact(points=5))'
     names = [name for name in ("cost", "variation") if name in front]
-    return call, {
-        f"{name}[{at}]": float(front[name].iloc[at]) for name in names for at in (0, 2, 4)
-    }
+    return call, {f"{name}[{at}]": float(front[name].iloc[at]) for name in names for at in (0, 2, 4)}
 
 
 def jobs() -> list[Callable[[], tuple[str, dict[str, float]]]]:

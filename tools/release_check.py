@@ -83,17 +83,7 @@ def _unusable(archive: Path, place: Path, number: str) -> list[str]:
     (own / "shared.pth").write_text(f"{shared}\n", encoding="utf-8")  # its own .pth files are not
     options = ("--quiet", "--no-deps", "--no-index", "--no-build-isolation")
     try:
-        _call(
-            sys.executable,
-            "-m",
-            "pip",
-            "--python",
-            python,
-            "install",
-            *options,
-            "--ignore-installed",
-            str(archive),
-        )
+        _call(sys.executable, "-m", "pip", "--python", python, "install", *options, "--ignore-installed", str(archive))
         configuration = _example(folder)
         print(archive.name, _call(python, "-c", TRIED, number, str(configuration), at=folder))
         _call(str(folder / "bin" / "tolevo"), "list", "--json", at=folder)

@@ -44,11 +44,7 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
     if page.file.src_uri != DECISIONS:
         return markdown
     folder = Path(config.docs_dir) / "decisions"
-    return (
-        markdown
-        + "\n"
-        + "\n".join(f"- [{_title(one)}]({one.name})" for one in sorted(folder.glob("0*.md")))
-    )
+    return markdown + "\n" + "\n".join(f"- [{_title(one)}]({one.name})" for one in sorted(folder.glob("0*.md")))
 
 
 def _title(page: Path) -> str:

@@ -38,19 +38,14 @@ class Evaluation:
         return self.problem.frame(designs, searching=self.searching)
 
 
-def evaluation(
-    problem: ToleranceProblem, designs: Array, configuration: str = "", quality: str = REPORTED
-) -> Computed:
+def evaluation(problem: ToleranceProblem, designs: Array, configuration: str = "", quality: str = REPORTED) -> Computed:
     """The table of a problem at full designs (n, all variables), to be computed in blocks."""
     compute = Evaluation(problem, quality == SEARCH)
     return Computed("evaluate", compute, configuration, ArrayRows(designs), GRAIN, quality)
 
 
 def designs_in(
-    problem: ToleranceProblem,
-    table: tables.Table,
-    place: str,
-    understood: tables.Tell = tables.silent,
+    problem: ToleranceProblem, table: tables.Table, place: str, understood: tables.Tell = tables.silent
 ) -> Array:
     """Full designs (n, all variables) in a table that faults call `place`.
 
@@ -93,18 +88,13 @@ def _slips(problem: ToleranceProblem, frame: pd.DataFrame) -> list[str]:
             continue
         values = frame[variable.name].to_numpy(dtype=float)
         if len(values := values[values != 0.0]):
-            texts = [
-                slip(end, variable.unit, variable.low, variable.high)
-                for end in (values.min(), values.max())
-            ]
+            texts = [slip(end, variable.unit, variable.low, variable.high) for end in (values.min(), values.max())]
             if all(texts):
                 questions.append(f"is column {variable.name} in another unit? {texts[0]}")
     return questions
 
 
-def _numbered(
-    variable: Variable, column: pd.Series[str]
-) -> tuple[pd.Series[float], dict[object, str]]:
+def _numbered(variable: Variable, column: pd.Series[str]) -> tuple[pd.Series[float], dict[object, str]]:
     """The numbers that the names of a choice stand for, and what is wrong with them, by row."""
     numbers = column.map({label: float(at) for at, label in enumerate(variable.labels)})
     valid = ", ".join(variable.labels)

@@ -91,10 +91,7 @@ def _table(frame: pd.DataFrame) -> dict[str, Any]:
 def _frame(table: Mapping[str, Any]) -> pd.DataFrame:
     columns = zip(table["columns"], table["values"], table["types"], strict=True)
     return pd.DataFrame(
-        {
-            name: pd.Series(values, index=table["index"], dtype=kind)
-            for name, values, kind in columns
-        },
+        {name: pd.Series(values, index=table["index"], dtype=kind) for name, values, kind in columns},
         index=table["index"],
     )
 

@@ -83,9 +83,7 @@ def inputs_in(
     return frame
 
 
-def remarks(
-    model: MeasurableModel, columns: Sequence[str], file_columns: Sequence[str], place: str
-) -> list[str]:
+def remarks(model: MeasurableModel, columns: Sequence[str], file_columns: Sequence[str], place: str) -> list[str]:
     """What the user should know: `columns` are used, `file_columns` are those of the file."""
     messages = [
         f"{place}: no column {c.name} (optional: {c.meaning}); the model's nominal value is taken"
@@ -95,19 +93,12 @@ def remarks(
     measured = ", ".join(o.name for o in model.outputs if o.name in file_columns)
     if measured or isinstance(model, MeasuredTable):
         named = measured or ", ".join(o.name for o in model.outputs)
-        messages.append(
-            f"{place}: {named} as written are predictions with the effects in them, not "
-            "the measurements"
-        )
+        messages.append(f"{place}: {named} as written are predictions with the effects in them, not the measurements")
     return messages
 
 
 def _without_columns(
-    model: MeasurableModel,
-    name: str,
-    table: dict[str, NDArray[Any]],
-    effects: tuple[Active, ...],
-    place: str,
+    model: MeasurableModel, name: str, table: dict[str, NDArray[Any]], effects: tuple[Active, ...], place: str
 ) -> list[Fault]:
     """Effects that need a column which the table has not."""
     target = target_of(model, name, table)

@@ -43,9 +43,7 @@ def streamed(
         raise refuse(path.name, f"cannot be read in parts: {obstacle}; give one file")
     if obstacle:
         return None
-    known = {
-        name: name for name in pq.read_schema(files[0]).names if name in _known_columns(simulation)
-    }
+    known = {name: name for name in pq.read_schema(files[0]).names if name in _known_columns(simulation)}
     taken = {name: name for name in known if name not in _outputs(simulation)}
     count, digest = _checked(simulation, files, taken, path.name)
     unused = [name for name in pq.read_schema(files[0]).names if name not in known]
@@ -58,9 +56,7 @@ def streamed(
 def _files(path: Path) -> list[Path]:
     """The Parquet files of a directory, or a long one; none for what is read as a whole."""
     if path.is_dir():
-        paths = sorted(
-            file for file in path.glob("*.parquet") if not file.name.startswith(("_", "."))
-        )
+        paths = sorted(file for file in path.glob("*.parquet") if not file.name.startswith(("_", ".")))
         if not paths:
             raise refuse(path.name, "is a directory without Parquet files (*.parquet)")
         return paths
@@ -72,9 +68,7 @@ def _files(path: Path) -> list[Path]:
         return []  # its faults are those of any table
 
 
-def _hindered(
-    simulation: Simulation, files: list[Path], uses: Mapping[str, tables.ColumnUse] | None
-) -> str:
+def _hindered(simulation: Simulation, files: list[Path], uses: Mapping[str, tables.ColumnUse] | None) -> str:
     """Why files cannot be read in batches, empty where they can."""
     try:
         schemas = [pq.read_schema(file) for file in files]
@@ -88,9 +82,7 @@ def _hindered(
         return "effects see a table as a whole"
     if not simulation.model.row_by_row(schemas[0].names):
         return "several rows are about one unit"
-    missing = [
-        c.name for c in simulation.model.columns if c.needed and c.name not in schemas[0].names
-    ]
+    missing = [c.name for c in simulation.model.columns if c.needed and c.name not in schemas[0].names]
     if missing:
         return f"it has no column {', '.join(missing)}"
     labels = {c.name for c in simulation.model.columns if c.text} | {"session"}
@@ -109,9 +101,7 @@ def _outputs(simulation: Simulation) -> set[str]:
     return {output.name for output in simulation.model.outputs}
 
 
-def _checked(
-    simulation: Simulation, files: list[Path], names: Mapping[str, str], place: str
-) -> tuple[int, str]:
+def _checked(simulation: Simulation, files: list[Path], names: Mapping[str, str], place: str) -> tuple[int, str]:
     """How many rows there are, and their digest. Raises InputError with the faults of cells."""
     count, digest, faults = 0, hashlib.sha256(), list[Fault]()
     for columns in batches(files, names):

@@ -97,11 +97,7 @@ def _middle(low: float, high: float) -> float:
 
 def _units(model: MeasurableModel) -> pd.DataFrame:
     """Units of a batch, drawn by the model with a fixed seed."""
-    table = {
-        column.name: _inputs(column)
-        for column in model.columns
-        if column.text or column.role is Role.TEMPERATURE
-    }
+    table = {column.name: _inputs(column) for column in model.columns if column.text or column.role is Role.TEMPERATURE}
     outputs = model.predict(table, np.random.default_rng(0))
     return pd.DataFrame(table | {name: values.round(4) for name, values in outputs.items()})
 
@@ -119,9 +115,7 @@ def _costs(problem: ToleranceProblem) -> pd.DataFrame:
     """Prices of each tolerance at some values of it, by the curves that the problem has."""
     rows = []
     for variable in problem.variables:
-        curve = problem.settings.costs.get(
-            variable.name, problem.declaration.costs.get(variable.name)
-        )
+        curve = problem.settings.costs.get(variable.name, problem.declaration.costs.get(variable.name))
         if curve is None or variable.integer:
             continue
         ts = np.geomspace(variable.low, variable.high, COSTS)

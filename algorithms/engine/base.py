@@ -90,15 +90,11 @@ class ArrayEngine(ABC):
     def _select(self, x: Array, f: Array, v: Array) -> NDArray[np.int64]:
         """Replace the population by the best of it and the points asked for; see `tell`."""
 
-    def _keep_best(
-        self, candidates: NDArray[np.int64] | slice, x: Array, f: Array, v: Array
-    ) -> NDArray[np.int64]:
+    def _keep_best(self, candidates: NDArray[np.int64] | slice, x: Array, f: Array, v: Array) -> NDArray[np.int64]:
         """Make the best of some rows of the population and new points the population."""
         x, f = np.concatenate([self.x, x]), np.concatenate([self.f, f])
         v = np.concatenate([self.v, v])
-        best, self.rank, self.crowding = survivors(
-            f[candidates], v[candidates], self.population, self.rng
-        )
+        best, self.rank, self.crowding = survivors(f[candidates], v[candidates], self.population, self.rng)
         rows = best if isinstance(candidates, slice) else candidates[best]
         self.x, self.f, self.v = x.take(rows, axis=0), f.take(rows, axis=0), v.take(rows)
         return rows

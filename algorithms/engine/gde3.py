@@ -38,9 +38,7 @@ class GDE3Engine(ArrayEngine):
         return self._keep_best(np.flatnonzero(stay), x, f, v)
 
 
-def _duel(
-    f: Array, v: Array, trial_f: Array, trial_v: Array
-) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+def _duel(f: Array, v: Array, trial_f: Array, trial_v: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Which parents and which trial points stay; of equal ones the trial does."""
     feasible = (v <= 0.0) & (trial_v <= 0.0)
     better = np.where(feasible, (trial_f <= f).all(axis=1), trial_v < v)

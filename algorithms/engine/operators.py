@@ -17,9 +17,7 @@ OUTWARD = np.array([[-2.0], [2.0]])
 """Twice the senses in which the smaller and the larger of two children lie from their middle."""
 
 
-def tournament(
-    f: Array, v: Array, rank: Indices, crowding: Array, count: int, rng: np.random.Generator
-) -> Indices:
+def tournament(f: Array, v: Array, rank: Indices, crowding: Array, count: int, rng: np.random.Generator) -> Indices:
     """Winners (count,) of binary tournaments in which every point takes part equally often.
 
     The smaller violation wins; of two feasible points the one that dominates, else the less
@@ -42,9 +40,7 @@ def tournament(
     return np.where(second, b, a)
 
 
-def crossover(
-    parents: Array, space: Space, probability: float, eta: float, rng: np.random.Generator
-) -> Array:
+def crossover(parents: Array, space: Space, probability: float, eta: float, rng: np.random.Generator) -> Array:
     """Simulated binary crossover (Deb & Agrawal 1995) of parents (2 k, variables), as a copy.
 
     The first is mated with the one after the k-th, and so on. `probability` is that of a mating to
@@ -91,9 +87,7 @@ def _within(x: Array, low: Array, high: Array) -> Array:
     return np.minimum(np.maximum(x, low), high)
 
 
-def mutate(
-    x: Array, space: Space, probability: float, eta: float, rng: np.random.Generator
-) -> Array:
+def mutate(x: Array, space: Space, probability: float, eta: float, rng: np.random.Generator) -> Array:
     """Polynomial mutation (Deb & Goyal 1996) of points (n, variables), bounded; as a copy."""
     low, high = space.ends_of(len(x))
     changed = rng.random(x.size) < probability
@@ -134,9 +128,7 @@ def different(n: int, count: int, rng: np.random.Generator) -> Indices:
     return taken[:, 1:]
 
 
-def differential(
-    x: Array, space: Space, rate: float, scale: tuple[float, float], rng: np.random.Generator
-) -> Array:
+def differential(x: Array, space: Space, rate: float, scale: tuple[float, float], rng: np.random.Generator) -> Array:
     """Trial points (n, variables) of DE/rand/1/bin: crossover rate, range of the scale factor.
 
     A value beyond a bound is drawn between the bound and the base vector, as pymoo does.

@@ -86,11 +86,7 @@ class ArrayGDE3(PymooEngine):
     """GDE3 on arrays: crossover rate CR and the range F of the scale factor."""
 
     def __init__(
-        self,
-        pop_size: int = 100,
-        CR: float = 0.9,
-        F: tuple[float, float] = (0.0, 1.0),
-        **kwargs: Any,
+        self, pop_size: int = 100, CR: float = 0.9, F: tuple[float, float] = (0.0, 1.0), **kwargs: Any
     ) -> None:
         super().__init__(pop_size, **kwargs)
         self.rate = CR

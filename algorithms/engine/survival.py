@@ -66,9 +66,7 @@ def _crowding(f: Array) -> Array:
     return distances
 
 
-def survivors(
-    f: Array, v: Array, count: int, rng: np.random.Generator
-) -> tuple[Indices, Indices, Array]:
+def survivors(f: Array, v: Array, count: int, rng: np.random.Generator) -> tuple[Indices, Indices, Array]:
     """Rows of the best `count` points, their ranks and crowding distances.
 
     Feasible points by rank, the last rank that fits in part by crowding with ties drawn at random;

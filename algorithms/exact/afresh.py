@@ -76,9 +76,7 @@ def _pushed(run: Run, branch: Branch, y: Array) -> Array:
         if not np.any(excess > 0.0):
             break
         violation = branch.smooth.values(y)[1]
-        slack = np.where(
-            excess > 0.0, np.maximum(slack, -violation) + BEYOND * excess + farther, slack
-        )
+        slack = np.where(excess > 0.0, np.maximum(slack, -violation) + BEYOND * excess + farther, slack)
         y = branch.restored(y, slack, FAR)
     return branch.smooth.vectors(y[None, :])
 

@@ -83,10 +83,7 @@ class _Course:
         lost[real] = above[real] - bound[real] - LOST * np.abs(above[real])
         lost[bound == np.inf] = -np.inf  # proven impossible: there is nothing to gain
         gap = np.searchsorted(every, rest)
-        worst_rows = [
-            rest[gap == index][np.argmax(lost[gap == index])]
-            for index in np.unique(gap[lost > 0.0])
-        ]
+        worst_rows = [rest[gap == index][np.argmax(lost[gap == index])] for index in np.unique(gap[lost > 0.0])]
         return np.array(worst_rows[: SOLVED - len(every)], dtype=np.intp)
 
     def _most(self, every: NDArray[np.intp], rest: NDArray[np.intp]) -> Array:
@@ -112,9 +109,7 @@ def _by(form: Form, near: Optimum, limits: Array) -> Array:
     every, grid = np.tile(np.arange(n), len(GRID)), np.repeat(GRID, n)[:, None]
     tangent = Spread(once.value[every], once.direction[every], once.intercept[every])
     prices = Prices.at(form, grid * near.multiplier[every], limits[every], tangent)
-    tables = [
-        prices.ways(feature, at)[1].reshape(-1, *shape) for at, feature in enumerate(form.features)
-    ]
+    tables = [prices.ways(feature, at)[1].reshape(-1, *shape) for at, feature in enumerate(form.features)]
     received = prices.received.reshape(shape)
     total = _combined(tables)
     slack = ROUNDING * (np.abs(total) + np.abs(received))

@@ -85,10 +85,7 @@ def _least_bound(form: Form, limits: Array) -> Array:
     bound = _bound(form, limits)
     for alternative in form.also:
         wide = np.full(len(alternative.outputs), np.inf)
-        shared = [
-            alternative.outputs.index(name) if name in alternative.outputs else -1
-            for name in form.outputs
-        ]
+        shared = [alternative.outputs.index(name) if name in alternative.outputs else -1 for name in form.outputs]
         alternative_limits = np.tile(np.minimum(wide, alternative.own_limits), (len(limits), 1))
         for at, row in enumerate(shared):
             if row >= 0:
@@ -171,8 +168,7 @@ def restricted(form: Form, used: NDArray[np.bool_]) -> Form:
         return replace(way, linear=linear, spread=spread, offset=offset)
 
     features = tuple(
-        Feature(f.variable, tuple(cut_way(way) for way in f.ways), f.choice, f.count)
-        for f in form.features
+        Feature(f.variable, tuple(cut_way(way) for way in f.ways), f.choice, f.count) for f in form.features
     )
     return replace(
         form,

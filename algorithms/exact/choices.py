@@ -67,21 +67,13 @@ def least_cost(form: Form, limits: Array) -> Optimum:
         previous = optima[-1:]
         optima.append(_least_cost(form, limit[None, :], previous[0] if previous else None))
     return Optimum(
-        *(
-            np.concatenate([getattr(optimum, name) for optimum in optima])
-            for name in Optimum.__dataclass_fields__
-        )
+        *(np.concatenate([getattr(optimum, name) for optimum in optima]) for name in Optimum.__dataclass_fields__)
     )
 
 
 def _pointed(form: Form) -> bool:
     """Whether some feature has alternatives that are points: no tangent is near all of them."""
-    return any(
-        way.low == way.high
-        for feature in form.features
-        if len(feature.ways) > 1
-        for way in feature.ways
-    )
+    return any(way.low == way.high for feature in form.features if len(feature.ways) > 1 for way in feature.ways)
 
 
 def _least_cost(form: Form, limits: Array, near: Optimum | None) -> Optimum:
@@ -113,9 +105,7 @@ def _by_squares(form: Form, limits: Array) -> Optimum:
         if np.isfinite(best.cost):
             known = best
         leaves.append((best, bound))
-    lam = np.array(
-        [leaf.mu * squares.worth(limit) for (leaf, _), limit in zip(leaves, limits, strict=True)]
-    )
+    lam = np.array([leaf.mu * squares.worth(limit) for (leaf, _), limit in zip(leaves, limits, strict=True)])
     bounds = [max(bound, cost_range(form)[0]) for _, bound in leaves]
     return Optimum(
         np.array([leaf.ways for leaf, _ in leaves], dtype=np.int64).reshape(len(leaves), -1),
@@ -206,10 +196,7 @@ class _Search:
         prices = Prices.at(self.form, grid * multiplier[every], self.limits[every], spread)
         shape = (len(GRID), n)
         self.received = prices.received.reshape(shape)
-        self.tables = [
-            prices.ways(feature, at)[1].reshape(-1, *shape)
-            for at, feature in enumerate(self.form.features)
-        ]
+        self.tables = [prices.ways(feature, at)[1].reshape(-1, *shape) for at, feature in enumerate(self.form.features)]
         self.open_ = [np.zeros(shape)]
         for table in self.tables[::-1]:
             self.open_.insert(0, self.open_[0] + table.min(axis=0))
@@ -274,9 +261,7 @@ class _Search:
                 self.leaf(tuple(picked), np.ravel(owner) == index)
         return bool(np.any(self.cost < before))
 
-    def node(
-        self, ways: tuple[int, ...], alive: NDArray[np.bool_], decided: Array, bounds: Array
-    ) -> None:
+    def node(self, ways: tuple[int, ...], alive: NDArray[np.bool_], decided: Array, bounds: Array) -> None:
         """Enter a node at the limits where it may hold something cheaper, best child first."""
         known = np.where(np.isfinite(self.cost), self.cost, 0.0)
         enter = alive & (bounds < self.cost - CLOSE * np.abs(known)) & (self.leaves < LEAVES)
@@ -291,9 +276,7 @@ class _Search:
         first = ways[-1] if self.alike[len(ways)] else 0
         for way in range(first, len(self.tables[len(ways)])):
             prefix, table = (*ways, way), self.tables[len(ways)][way]
-            possible = (
-                enter if self.least is None else enter & self.least.keeps(prefix, self.limits)
-            )
+            possible = enter if self.least is None else enter & self.least.keeps(prefix, self.limits)
             if np.any(possible):
                 total = decided + table
                 bound = self._bounds(total + self.open_[len(prefix)])
@@ -388,8 +371,7 @@ def cost_range(form: Form) -> tuple[float, float]:
 def _spread(form: Form, chosen: NDArray[np.int64]) -> Array:
     """a (n, r, features) of the chosen ways."""
     columns = [
-        np.array([way.spread for way in feature.ways])[chosen[:, at]]
-        for at, feature in enumerate(form.features)
+        np.array([way.spread for way in feature.ways])[chosen[:, at]] for at, feature in enumerate(form.features)
     ]
     return np.stack(columns, axis=2)
 

@@ -43,13 +43,7 @@ class Optimum:
 
     def at(self, rows: NDArray[np.intp]) -> Optimum:
         """The optima at some of the limits."""
-        return Optimum(
-            self.chosen[rows],
-            self.t[rows],
-            self.cost[rows],
-            self.bound[rows],
-            self.multiplier[rows],
-        )
+        return Optimum(self.chosen[rows], self.t[rows], self.cost[rows], self.bound[rows], self.multiplier[rows])
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,8 +102,7 @@ class Combination:
         if self._joint is not None:
             return np.asarray(self.form.base + self._joint.cost(t) @ self.counts)
         costs = [
-            count * way.curve.cost(t[:, at])
-            for at, (way, count) in enumerate(zip(self.ways, self.counts, strict=True))
+            count * way.curve.cost(t[:, at]) for at, (way, count) in enumerate(zip(self.ways, self.counts, strict=True))
         ]
         return np.asarray(self.form.base + np.sum(costs, axis=0))
 

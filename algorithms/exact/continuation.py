@@ -52,10 +52,7 @@ def _between(run: Run, branches: list[Branch], points: int) -> Levels:
         level = 0.5 * (below + above)
         tried = _promising(levels[below]) | _promising(levels[above])
         levels[level] = np.array(
-            [
-                _solved(branch, level) if promising else np.inf
-                for branch, promising in zip(branches, tried, strict=True)
-            ]
+            [_solved(branch, level) if promising else np.inf for branch, promising in zip(branches, tried, strict=True)]
         )
     for sweep in range(SWEEPS):
         run.phase("points from their neighbours", 0.8 + 0.1 * sweep / SWEEPS)

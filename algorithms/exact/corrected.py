@@ -97,9 +97,7 @@ class Corrected:
     @property
     def _open(self) -> list[int]:
         """Features with several ways, those with most first."""
-        open_features = [
-            at for at, feature in enumerate(self.form.features) if len(feature.ways) > 1
-        ]
+        open_features = [at for at, feature in enumerate(self.form.features) if len(feature.ways) > 1]
         return sorted(open_features, key=lambda at: -len(self.form.features[at].ways))
 
     def _has(self, at: int, way: int) -> bool:
@@ -114,9 +112,7 @@ class Corrected:
             if abs(step) == 1 or (len(self.form.features[at].ways) > MANY and self._apart is None)
         ]
 
-    def point(
-        self, ways: tuple[int, ...], limit: Array, least: int = -1, than: float = np.inf
-    ) -> Point | None:
+    def point(self, ways: tuple[int, ...], limit: Array, least: int = -1, than: float = np.inf) -> Point | None:
         """The allocation of least cost at limits (r,), made in `ways`; None without any.
 
         Where `least` is a row, its value is minimised and its limit ignored. None as well as soon
@@ -137,11 +133,7 @@ class Corrected:
             values = Provable.of(problem).form_values(self.form, designs, outputs)[0]
             kept = np.all(problem.violations(designs, outputs) <= 0.0)
             cost = float(values[least] if least >= 0 else outputs["cost"][0])
-            if (
-                kept
-                and self._near_enough(values, limit, least)
-                and (best is None or cost < best.cost)
-            ):
+            if kept and self._near_enough(values, limit, least) and (best is None or cost < best.cost):
                 best = Point(ways, x, cost, t)
             excess = np.subtract(values, limit, out=np.zeros_like(values), where=real) / scale
             if cost > than * DEARER and np.all(excess < FAR):
@@ -182,9 +174,7 @@ class Corrected:
         optimum = Optimum(np.array([ways]), t[None, :], nothing, nothing, nothing[:, None])
         return np.asarray(search_vectors(self.run.problem, self.form, optimum)[0])
 
-    def _solved(
-        self, ways: tuple[int, ...], limit: Array, least: int, start: Array | None
-    ) -> Array | None:
+    def _solved(self, ways: tuple[int, ...], limit: Array, least: int, start: Array | None) -> Array | None:
         """Tolerances (features,) of least cost, from a `start`, or of the least value of a row."""
         if least >= 0:
             lowest = least_value(_with_chosen_ways(self.form, ways), least, limit)
@@ -232,11 +222,7 @@ def _ends(form: Form, limits: Array, row: int) -> tuple[tuple[float, float], tup
     cheapest = least_cost(form, limits[None, :])
     chosen = tuple(cheapest.chosen[0].tolist())
     most = float(Combination(form, chosen).values(cheapest.t)[0, row])
-    same = least_value(
-        _with_fixed_tolerances(_with_chosen_ways(form, chosen), cheapest.t[0]),
-        row,
-        free * (1.0 + 1e-9),
-    )
+    same = least_value(_with_fixed_tolerances(_with_chosen_ways(form, chosen), cheapest.t[0]), row, free * (1.0 + 1e-9))
     least = least_value(form, row, free)
     if least is None:
         return (most, most), chosen
@@ -286,7 +272,6 @@ def _with_fixed_tolerances(form: Form, t: Array) -> Form:
 def _with_chosen_ways(form: Form, chosen: tuple[int, ...]) -> Form:
     """The form with one way of each feature."""
     features = tuple(
-        replace(feature, ways=(feature.ways[at],))
-        for feature, at in zip(form.features, chosen, strict=True)
+        replace(feature, ways=(feature.ways[at],)) for feature, at in zip(form.features, chosen, strict=True)
     )
     return replace(form, features=features)

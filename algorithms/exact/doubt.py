@@ -111,9 +111,7 @@ class _Reweighted:
         if self.reference is None:
             return np.full_like(squared_parts, np.inf)
         real = (squared_parts > 0.0) & (self.reference > 0.0)
-        ratio = np.divide(
-            squared_parts, self.reference, out=np.ones_like(squared_parts), where=real
-        )
+        ratio = np.divide(squared_parts, self.reference, out=np.ones_like(squared_parts), where=real)
         return np.asarray(np.log(ratio))
 
     def _drawn(self, squared_parts: Array, step: Array, last: Array | None) -> Array:
@@ -125,9 +123,7 @@ class _Reweighted:
             return squared_parts
         ratio = float(np.sum(step * last) / max(float(np.sum(last * last)), 1e-300))
         factor = 1.0 / (1.0 - float(np.clip(ratio, *RATIOS)))
-        return np.asarray(
-            np.where(self.reference > 0.0, self.reference, squared_parts) * np.exp(factor * step)
-        )
+        return np.asarray(np.where(self.reference > 0.0, self.reference, squared_parts) * np.exp(factor * step))
 
     def _keep(self, leaf: Leaf, squares: Squares) -> None:
         """Count an allocation, drawn back within the limits, where it is the cheapest yet."""

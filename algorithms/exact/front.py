@@ -21,11 +21,7 @@ COARSE = 128
 
 
 def front(
-    form: Form,
-    points: int,
-    upper: Array,
-    swept: NDArray[np.bool_] | None = None,
-    most: float = np.inf,
+    form: Form, points: int, upper: Array, swept: NDArray[np.bool_] | None = None, most: float = np.inf
 ) -> Optimum:
     """About `points` allocations along the front of cost and the swept requirements.
 
@@ -48,9 +44,7 @@ def front(
     if len(rows) == 1:
         coarse = np.linspace(*ends[0], min(COARSE, 2 * points))
         return _by_limits(form, points, rows[0], coarse, upper, most)
-    sample = scipy.stats.qmc.Sobol(len(rows), scramble=False).random_base2(
-        int(np.ceil(np.log2(points)))
-    )
+    sample = scipy.stats.qmc.Sobol(len(rows), scramble=False).random_base2(int(np.ceil(np.log2(points))))
     limits = np.tile(upper, (points, 1))
     for mask, (first, last), fraction in zip(rows, ends, sample[:points].T, strict=True):
         limits[:, mask] = (first + (last - first) * fraction)[:, None]
@@ -62,14 +56,7 @@ def _followed(form: Form) -> bool:
     return all(f.ways[0].curve.smooth for f in form.features)
 
 
-def _by_limits(
-    form: Form,
-    points: int,
-    rows: NDArray[np.bool_],
-    coarse: Array,
-    upper: Array,
-    most: float,
-) -> Optimum:
+def _by_limits(form: Form, points: int, rows: NDArray[np.bool_], coarse: Array, upper: Array, most: float) -> Optimum:
     """The optima at limits of the requirements `rows`, spread by arc length of a coarse front."""
 
     def limits(values: Array) -> Array:
@@ -137,16 +124,7 @@ def _least_correlated(form: Form) -> Array:
     The coefficients are those of the first way: of correlated features all ways have the same.
     """
     features = tuple(
-        replace(
-            f,
-            ways=(
-                replace(
-                    f.ways[0],
-                    low=min(way.low for way in f.ways),
-                    high=max(way.high for way in f.ways),
-                ),
-            ),
-        )
+        replace(f, ways=(replace(f.ways[0], low=min(way.low for way in f.ways), high=max(way.high for way in f.ways)),))
         for f in form.features
     )
     combination = Combination(replace(form, features=features), (0,) * len(features))

@@ -68,9 +68,7 @@ class Master:
         self._mean = np.zeros(len(self.form.features))
         self._asked = np.flatnonzero(np.isfinite(self.limit))
         ways = [
-            (at, index, way)
-            for at, feature in enumerate(self.form.features)
-            for index, way in enumerate(feature.ways)
+            (at, index, way) for at, feature in enumerate(self.form.features) for index, way in enumerate(feature.ways)
         ]
         self._owner = np.array([at for at, _, _ in ways])
         self._way = np.array([index for _, index, _ in ways])
@@ -83,8 +81,7 @@ class Master:
             for t in (way.low, way.high):
                 self._add_column(at, index, t)
         middle = np.stack(
-            [self._spread[self._owner == at].mean(axis=0) for at in range(len(self.form.features))],
-            axis=1,
+            [self._spread[self._owner == at].mean(axis=0) for at in range(len(self.form.features))], axis=1
         )
         for fraction in (0.1, 0.5, 1.0):
             wide = np.array([max(w.high for w in f.ways) for f in self.form.features])
@@ -140,9 +137,7 @@ class Master:
 
     def _node(self, allowed: Allowed, bound: float) -> tuple[float, list[Array] | None]:
         """The bound of a node, and weights of each feature's ways; None where it is closed."""
-        open_ = np.array(
-            [way in allowed[at] for at, way in zip(self._owner, self._way, strict=True)]
-        )
+        open_ = np.array([way in allowed[at] for at, way in zip(self._owner, self._way, strict=True)])
         weight: list[Array] | None = None
         for _ in range(ROUNDS):
             used, x, prices = self._programme(open_)
@@ -190,8 +185,7 @@ class Master:
         price = PENALTY * max(self.ceiling - self.floor, 1e-12)
         whole = np.hstack([parts / scale[:, None], -np.eye(len(which))])
         convexity = scipy.sparse.csr_matrix(
-            (np.ones(len(used)), (owner, np.arange(len(used)))),
-            shape=(len(self.form.features), len(used) + len(which)),
+            (np.ones(len(used)), (owner, np.arange(len(used)))), shape=(len(self.form.features), len(used) + len(which))
         )
         linprog: Any = scipy.optimize.linprog  # its stubs know arrays of one dimension only
         solution = linprog(

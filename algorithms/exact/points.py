@@ -79,9 +79,7 @@ def _outer(sums: Array, more: Array) -> Array:
 def _points(feature: Feature, rows: int) -> tuple[Array, Array, Array]:
     """Cost (w,), linear terms and squares (r, w) of the ways of a feature."""
     t = np.array([way.low for way in feature.ways])
-    cost = np.array(
-        [float(way.curve.cost(t[at : at + 1])[0]) for at, way in enumerate(feature.ways)]
-    )
+    cost = np.array([float(way.curve.cost(t[at : at + 1])[0]) for at, way in enumerate(feature.ways)])
     linear = np.array([way.linear for way in feature.ways]).T * t
     offset = np.array([way.offset or (0.0,) * rows for way in feature.ways]).T
     square = (np.array([way.spread for way in feature.ways]).T * t) ** 2

@@ -93,13 +93,10 @@ class Prices:
         pairs = [self.tolerance(way, at, count) for way in ways]
         return np.array([t for t, _ in pairs]), np.array([cost for _, cost in pairs])
 
-    def _of_one_curve(
-        self, ways: tuple[Way, ...], at: int, count: float
-    ) -> tuple[Array, Array] | None:
+    def _of_one_curve(self, ways: tuple[Way, ...], at: int, count: float) -> tuple[Array, Array] | None:
         curve, nothing = ways[0].curve, (0.0,) * self.linear.shape[1]
         m, a, offset = (
-            np.array([getattr(way, name) or nothing for way in ways])
-            for name in ("linear", "spread", "offset")
+            np.array([getattr(way, name) or nothing for way in ways]) for name in ("linear", "spread", "offset")
         )
         low, high = (np.array([[getattr(way, name)] for way in ways]) for name in ("low", "high"))
         linear = m @ self.linear.T + a @ (self.linear * self.direction[:, :, at]).T

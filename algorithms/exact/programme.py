@@ -196,16 +196,12 @@ class Programme:
         first[-1] = float(np.max(-margins(first)))
         away = np.append(np.zeros(len(width)), -1e3), np.append(np.ones(len(width)), 1e3)
         only = np.append(np.zeros(len(width)), 1.0)
-        solution = slsqp(
-            lambda y: float(y[-1]), lambda y: only, margins, margin_slopes, first, away, 1e-15, 500
-        )
+        solution = slsqp(lambda y: float(y[-1]), lambda y: only, margins, margin_slopes, first, away, 1e-15, 500)
         weight = np.zeros(r)
         weight[asked] = solution.multiplier / scale[asked]
         return whole(solution.x)[0], weight
 
-    def _solved(
-        self, limit: Array, start: Array, inner: Array | None, tolerance: float
-    ) -> tuple[Array, Array]:
+    def _solved(self, limit: Array, start: Array, inner: Array | None, tolerance: float) -> tuple[Array, Array]:
         """Tolerances (features,) that keep the limits, and multipliers (r,).
 
         Without an `inner` point they keep them as well as SLSQP does.

@@ -75,9 +75,7 @@ class Squares:
     `weights` (r, features) multiply the squares, `constant` (r,) stands for that of the form.
     """
 
-    def __init__(
-        self, form: Form, weights: Array | None = None, constant: Array | None = None
-    ) -> None:
+    def __init__(self, form: Form, weights: Array | None = None, constant: Array | None = None) -> None:
         self.form = form
         self.counts = np.array([float(feature.count) for feature in form.features])
         self.squares = [np.array([way.spread for way in f.ways]) ** 2 for f in form.features]
@@ -148,9 +146,7 @@ class _Choice:
         slope[at] = np.where(t[at] == free, -free / 3.0, 0.0)
         for index in self.other:
             pair = np.array([q[index], q[index] * (1.0 + NUDGE)]) / self.counts[index]
-            tolerances = self.curves[index].best(
-                np.zeros(2), pair, self.low[index], self.high[index]
-            )
+            tolerances = self.curves[index].best(np.zeros(2), pair, self.low[index], self.high[index])
             t[index], slope[index] = tolerances[0], (tolerances[1] - tolerances[0]) / NUDGE
         return t, slope
 
@@ -238,12 +234,7 @@ class _Choice:
         bounds = scipy.optimize.Bounds(np.zeros(len(room)), np.full(len(room), 1e6))
         options = {"ftol": 1e-16, "gtol": 1e-12, "maxiter": 500}
         result = minimize(
-            negative,
-            np.full(len(room), 1e-2),
-            jac=True,
-            bounds=bounds,
-            method="L-BFGS-B",
-            options=options,
+            negative, np.full(len(room), 1e-2), jac=True, bounds=bounds, method="L-BFGS-B", options=options
         )
         return np.where(asked, result.x * scale, 0.0)
 
@@ -265,9 +256,7 @@ class _Choice:
 def least_leaf(squares: Squares, limit: Array, known: Leaf | None) -> tuple[Leaf, float]:
     """The cheapest leaf at limits (r,), and a bound over all choices of ways."""
     room = squares.room(limit)
-    ways = tuple(
-        int(np.argmin([way.low for way in feature.ways])) for feature in squares.form.features
-    )
+    ways = tuple(int(np.argmin([way.low for way in feature.ways])) for feature in squares.form.features)
     best = squares.solve(ways, room, None if known is None else known.mu)
     solved = {best.ways: best}
     if known is not None and known.ways not in solved:
@@ -287,9 +276,7 @@ def least_leaf(squares: Squares, limit: Array, known: Leaf | None) -> tuple[Leaf
     return _searched(squares, room, best, solved)
 
 
-def _searched(
-    squares: Squares, room: Array, best: Leaf, solved: dict[tuple[int, ...], Leaf]
-) -> tuple[Leaf, float]:
+def _searched(squares: Squares, room: Array, best: Leaf, solved: dict[tuple[int, ...], Leaf]) -> tuple[Leaf, float]:
     """Solve every choice that the prices of the best leaf do not exclude."""
     excess, anchor, remaining = squares.excess(best), best, np.inf
     for total, ways in _cheaper(squares, excess, anchor):
@@ -304,9 +291,7 @@ def _searched(
     return best, min(remaining, best.cost, *bounds)
 
 
-def _cheaper(
-    squares: Squares, excess: list[Array], anchor: Leaf
-) -> Iterator[tuple[float, tuple[int, ...]]]:
+def _cheaper(squares: Squares, excess: list[Array], anchor: Leaf) -> Iterator[tuple[float, tuple[int, ...]]]:
     """Choices of ways with their excess over the anchor, the least first."""
     several = squares.several
     order = [np.argsort(excess[at], kind="stable") for at in several]

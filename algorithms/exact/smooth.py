@@ -38,10 +38,7 @@ class Smooth:
         kinds = [v.tolerance for v in problem.free if not v.integer]
         self.log = np.array(kinds, dtype=bool) & (self.low > 0.0)
         names = {*problem.objectives, *(limit.name for limit in problem.limits)}
-        known = {
-            *Differentiable.of(problem).gradient(problem.complete(self.x[None, :])[:0]),
-            *problem.names,
-        }
+        known = {*Differentiable.of(problem).gradient(problem.complete(self.x[None, :])[:0]), *problem.names}
         self.analytic = names <= known
 
     @property
@@ -87,11 +84,7 @@ class Smooth:
         width = self.high - self.low
         rate = np.where(self.log, x[0, self.moving] * np.log(_ratio(self)), width)
         df = np.stack([slopes[name][0, columns] * rate for name in problem.objectives])
-        rows = [
-            sign * slopes[limit.name][0, columns] * rate
-            for limit in problem.limits
-            for sign in limit.slopes()
-        ]
+        rows = [sign * slopes[limit.name][0, columns] * rate for limit in problem.limits for sign in limit.slopes()]
         return df, np.array(rows).reshape(problem.n_ieq_constr, len(y))
 
     def _differences(self, y: Array) -> tuple[Array, Array]:
@@ -103,9 +96,7 @@ class Smooth:
 
 
 def _ratio(smooth: Smooth) -> Array:
-    return np.asarray(
-        np.where(smooth.log, smooth.high / np.where(smooth.log, smooth.low, 1.0), 1.0)
-    )
+    return np.asarray(np.where(smooth.log, smooth.high / np.where(smooth.log, smooth.low, 1.0), 1.0))
 
 
 def _units(problem: ToleranceProblem) -> dict[str, Array]:

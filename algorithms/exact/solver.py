@@ -92,12 +92,7 @@ def exact_vectors(problem: ToleranceProblem, form: Form, points: int) -> Array:
     upper[real] -= slack
     if problem.n_obj == 1:
         return _cheapest(problem, form, upper)
-    swept = np.array(
-        [
-            not set(form.requesting_outputs(name)).isdisjoint(problem.objectives)
-            for name in form.outputs
-        ]
-    )
+    swept = np.array([not set(form.requesting_outputs(name)).isdisjoint(problem.objectives) for name in form.outputs])
     most = upper_limit(problem, "cost")
     limit, x = upper.copy(), np.empty((0, problem.n_var))
     for _ in range(CORRECTIONS):
@@ -118,9 +113,7 @@ def _solved_limits(problem: ToleranceProblem, form: Form) -> Array:
         rows = np.array([output == row for output in form.outputs])
         limit = upper_limit(problem, name)
         if np.isfinite(limit) and np.any(rows):
-            limits[rows] = np.minimum(
-                limits[rows], Provable.of(problem).stand_in_limit(name, limit)
-            )
+            limits[rows] = np.minimum(limits[rows], Provable.of(problem).stand_in_limit(name, limit))
     return limits
 
 
@@ -149,9 +142,7 @@ def _cheapest(problem: ToleranceProblem, form: Form, upper: Array) -> Array:
     return x
 
 
-def _in_truth(
-    problem: ToleranceProblem, form: Form, x: Array, upper: Array
-) -> tuple[NDArray[np.bool_], Array]:
+def _in_truth(problem: ToleranceProblem, form: Form, x: Array, upper: Array) -> tuple[NDArray[np.bool_], Array]:
     """Which search vectors (k, variables) keep all limits, and by what each breaks those of the
     form (k, r), 0 where it does not.
     """

@@ -49,9 +49,7 @@ def _size(text: str) -> tuple[str, int]:
 
 def arguments(argv: Sequence[str]) -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument(
-        "--records", type=count, help="of each group; otherwise as many as the page"
-    )
+    parser.add_argument("--records", type=count, help="of each group; otherwise as many as the page")
     parser.add_argument("--at-most", type=count, help="of each group, fewer than the page has")
     parser.add_argument("--of", nargs="*", default=[], metavar="GROUP=COUNT", type=_size,
                         help="records of a group, whatever the other options say")  # fmt: skip

@@ -18,9 +18,7 @@ def count(text: str) -> int:
     return int(text)
 
 
-def asked(
-    question: Callable[..., Answer], todo: Sequence[tuple[Any, ...]], workers: int
-) -> Iterator[Answer]:
+def asked(question: Callable[..., Answer], todo: Sequence[tuple[Any, ...]], workers: int) -> Iterator[Answer]:
     """The answers to a question about each record, which ends in group and number, as they come;
     what is not begun when it stops is left.
     """

@@ -10,15 +10,7 @@ import numpy as np
 
 from benchmarks.gap.generator.records import BENCH_GROUPS
 from benchmarks.gap.namers.baselines import BASELINES
-from benchmarks.gap.scoring.breakdown import (
-    Level,
-    hidden,
-    levels,
-    misses,
-    noise,
-    of_group,
-    of_single,
-)
+from benchmarks.gap.scoring.breakdown import Level, hidden, levels, misses, noise, of_group, of_single
 from benchmarks.gap.scoring.dominant import GROUP, best_of, dominant_figures
 from benchmarks.gap.scoring.scorer import Figure, Scored, clopper_pearson, falsely_named, figures
 
@@ -134,8 +126,7 @@ def miss_table(found: Sequence[Scored]) -> str:
 
 def time_table(seconds: Mapping[str, Sequence[float]]) -> str:
     lines = [
-        [name, str(len(of)), f"{np.median(of):.3g}", f"{max(of):.3g}", f"{sum(of):.0f}"]
-        for name, of in seconds.items()
+        [name, str(len(of)), f"{np.median(of):.3g}", f"{max(of):.3g}", f"{sum(of):.0f}"] for name, of in seconds.items()
     ]
     return table(["", "records", "median [s]", "largest [s]", "together [s]"], lines)
 

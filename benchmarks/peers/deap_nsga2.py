@@ -30,9 +30,7 @@ def run(recorder: Recorder, seed: int, budget: int) -> Array:
     low, high = recorder.low.tolist(), recorder.high.tolist()
     toolbox = base.Toolbox()
     toolbox.register("mate", tools.cxSimulatedBinaryBounded, low=low, up=high, eta=20.0)
-    toolbox.register(
-        "mutate", tools.mutPolynomialBounded, low=low, up=high, eta=20.0, indpb=1.0 / len(low)
-    )
+    toolbox.register("mutate", tools.mutPolynomialBounded, low=low, up=high, eta=20.0, indpb=1.0 / len(low))
     pairs = list(zip(low, high, strict=True))
     population = [
         Individual(random.uniform(a, b) for a, b in pairs) for _ in range(POPULATION)

@@ -28,9 +28,7 @@ UNCUT = True
 
 def suits(task: Task) -> bool:
     """Whether there is a form."""
-    return task.parts is not None or (
-        task.problem is not None and closed_form(task.problem()) is not None
-    )
+    return task.parts is not None or (task.problem is not None and closed_form(task.problem()) is not None)
 
 
 def run(recorder: Recorder, seed: int, budget: int) -> Array:

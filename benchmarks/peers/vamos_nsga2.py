@@ -21,12 +21,5 @@ def run(recorder: Recorder, seed: int, budget: int) -> Array:
         vectorized=True,
         encoding="real",
     )
-    found = vamos.optimize(
-        problem,
-        algorithm="nsgaii",
-        engine="numba",
-        pop_size=100,
-        max_evaluations=budget,
-        seed=seed,
-    )
+    found = vamos.optimize(problem, algorithm="nsgaii", engine="numba", pop_size=100, max_evaluations=budget, seed=seed)
     return np.asarray(found.F)

@@ -31,10 +31,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--cases", type=int, default=CASES)
     given = parser.parse_args(arguments)
     same = 0
-    print(
-        "| case | first by price | first by re-optimisation | rank correlation |\n"
-        "|---|---|---|---:|"
-    )
+    print("| case | first by price | first by re-optimisation | rank correlation |\n|---|---|---|---:|")
     for seed in range(given.cases):
         stack = drawn(seed)
         names = [part.name for part in stack.definition.parts]
@@ -52,11 +49,7 @@ def drawn(seed: int) -> Stack:
     rng = np.random.default_rng([29, seed])
     parts = []
     for at in range(PARTS):
-        n, b, slope = (
-            int(rng.integers(8, 40)),
-            10.0 ** rng.uniform(-0.5, 0.5),
-            rng.uniform(0.5, 2.0),
-        )
+        n, b, slope = (int(rng.integers(8, 40)), 10.0 ** rng.uniform(-0.5, 0.5), rng.uniform(0.5, 2.0))
         values = (10.0 / 3.0 * rng.standard_normal(n)).round(4).tolist()
         parts.append({
             "name": f"p{at}", "unit": "um", "sensitivity": float(slope), "t_min": 0.01,

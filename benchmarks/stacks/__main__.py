@@ -82,9 +82,7 @@ def table(found: Sequence[Drawn]) -> str:
                          f"| {np.median(gap):.2g} % | {gap.max():.2g} % |")  # fmt: skip
     worst = max((one.gap for one in found if one.exact), default=0.0)
     kept = worst <= PROMISED and all(one.sound for one in found)
-    return "\n".join(
-        [*lines, "", f"Promised: none above, {PROMISED} % in the first row: {verdict(kept)}."]
-    )
+    return "\n".join([*lines, "", f"Promised: none above, {PROMISED} % in the first row: {verdict(kept)}."])
 
 
 if __name__ == "__main__":

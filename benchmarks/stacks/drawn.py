@@ -111,9 +111,7 @@ def tables(rng: np.random.Generator) -> tuple[dict[str, Any], tuple[str, ...], b
     return found, kinds, not skewed, several
 
 
-def _limited(
-    kind: str, size: float, rng: np.random.Generator
-) -> tuple[dict[str, Any], dict[str, float]]:
+def _limited(kind: str, size: float, rng: np.random.Generator) -> tuple[dict[str, Any], dict[str, float]]:
     """What a requirement says of itself, and its limit."""
     methods = {"half-width": "monte_carlo", "worst case": "worst_case"}
     if "yield" not in kind:

@@ -29,9 +29,7 @@ def stack_table(
     them bind at the optimum.
     """
     rng = np.random.default_rng(seed)
-    slopes = rng.uniform(0.3, 2.0, (requirements, parts)) * rng.choice(
-        [-1.0, 1.0], (requirements, parts)
-    )
+    slopes = rng.uniform(0.3, 2.0, (requirements, parts)) * rng.choice([-1.0, 1.0], (requirements, parts))
     slopes *= rng.random((requirements, parts)) < REACH
     for part in range(parts):
         if not slopes[:, part].any():
@@ -68,9 +66,7 @@ def _reach(table: dict[str, Any]) -> tuple[float, float]:
     return min(way["t_min"] for way in ways), max(way["t_max"] for way in ways)
 
 
-def _part(
-    at: int, slopes: Any, several: bool, processes: int, rng: np.random.Generator
-) -> dict[str, Any]:
+def _part(at: int, slopes: Any, several: bool, processes: int, rng: np.random.Generator) -> dict[str, Any]:
     found: dict[str, Any] = {
         "name": f"p{at}",
         "unit": "mm",
@@ -92,11 +88,7 @@ def _processes(fine: float, processes: int, rng: np.random.Generator) -> list[di
     ways, price = [], PRICE * (1.0 + rng.uniform(0.5, 1.5))
     for way in range(processes):
         scale = fine * 2.0**way
-        curve = {
-            "model": "reciprocal",
-            "a": float(price),
-            "b": float(scale * rng.uniform(0.6, 1.4)),
-        }
+        curve = {"model": "reciprocal", "a": float(price), "b": float(scale * rng.uniform(0.6, 1.4))}
         ways.append({"name": f"w{way}", "t_min": scale, "t_max": 8.0 * scale, "cost": curve})
         price *= rng.uniform(0.55, 0.9)
     return ways

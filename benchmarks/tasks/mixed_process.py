@@ -19,9 +19,7 @@ POINTS = 10_000
 PROCESSES = np.array([3, 3, 2, 2])
 S = np.array([1.0, 2.0, 0.5, 1.0])
 A = np.array([[0.4, 1.3, 3.1], [0.6, 1.8, 3.9], [0.3, 1.7, np.nan], [0.5, 2.2, np.nan]])
-B = np.array(
-    [[0.11, 0.058, 0.027], [0.16, 0.081, 0.040], [0.068, 0.021, np.nan], [0.19, 0.074, np.nan]]
-)
+B = np.array([[0.11, 0.058, 0.027], [0.16, 0.081, 0.040], [0.068, 0.021, np.nan], [0.19, 0.074, np.nan]])
 """A cheap rough process (a low, b high) first; nan where a part has no third one."""
 PART = np.arange(4)
 PARTS = Parts(A, B, S, LOW, HIGH)

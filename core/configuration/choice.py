@@ -15,10 +15,7 @@ from .nested import nested
 
 
 def read_choice(
-    top: Section,
-    objectives: Sequence[str],
-    outputs: Sequence[Output],
-    variables: Sequence[Variable],
+    top: Section, objectives: Sequence[str], outputs: Sequence[Output], variables: Sequence[Variable]
 ) -> ChoiceSettings:
     """The settings of both tables; every fault is reported."""
     section = top.section("choice")
@@ -45,9 +42,7 @@ def _weights(section: Section, objectives: Sequence[str]) -> dict[str, float]:
 
 
 def _steps(section: Section, variables: Sequence[Variable]) -> dict[str, Step]:
-    steps = {
-        v.name: _step(section, v) for v in variables if v.kind is not Kind.CHOICE and not v.integer
-    }
+    steps = {v.name: _step(section, v) for v in variables if v.kind is not Kind.CHOICE and not v.integer}
     for v in variables:
         if v.name not in steps and v.name in section:
             section.take(v.name)
@@ -73,10 +68,7 @@ def _step(section: Section, variable: Variable) -> Step | None:
             return numbers
         return None
     if isinstance(value, str) and not any(letter.isdigit() for letter in value):
-        section.fault(
-            variable.name,
-            f'must be one of {", ".join(RULES)}, a step or a list of values, got "{value}"',
-        )
+        section.fault(variable.name, f'must be one of {", ".join(RULES)}, a step or a list of values, got "{value}"')
         return None
     return section.number(variable.name, variable.unit, POSITIVE)
 
@@ -89,10 +81,7 @@ def resolved_choice(settings: ChoiceSettings) -> dict[str, Any]:
         numbers["roughness_share"] = settings.roughness_share
     parts: Mapping[str, Any] = {"weights": dict(settings.weights), "limits": nested(limits)}
     choice = {name: table for name, table in parts.items() if table} | numbers
-    steps = {
-        name: list(step) if isinstance(step, tuple) else step
-        for name, step in settings.steps.items()
-    }
+    steps = {name: list(step) if isinstance(step, tuple) else step for name, step in settings.steps.items()}
     return {name: table for name, table in (("choice", choice), ("rounding", steps)) if table}
 
 

@@ -13,16 +13,7 @@ from .simulated import arguments_of
 
 LEVEL = Range(0.0, 1.0, open_low=True, open_high=True)
 MODEL_KEYS = ("model", "parameters", "variables", "effect")
-PROBLEM_KEYS = (
-    "problem",
-    "parameters",
-    "variables",
-    "costs",
-    "propagation",
-    "limits",
-    "grouping",
-    "effect",
-)
+PROBLEM_KEYS = ("problem", "parameters", "variables", "costs", "propagation", "limits", "grouping", "effect")
 
 
 def by_model(section: Section, count: int) -> Recipe | None:
@@ -37,9 +28,7 @@ def by_model(section: Section, count: int) -> Recipe | None:
     statistic = _statistic(section, drawn, max((len(points) for points in at.values()), default=1))
     if kind.population and not drawn:
         section.fault("units", f"is missing: {configuration.model_name} draws units; say how many")
-    names = names_of(
-        section, "output", count, {output.name: output.unit for output in kind.outputs}
-    )
+    names = names_of(section, "output", count, {output.name: output.unit for output in kind.outputs})
     recipe = ByModel(
         configuration.model_name,
         kind,
@@ -86,9 +75,7 @@ def _statistic(section: Section, drawn: int, rows: int) -> Statistic:
         section.fault("threshold", "is missing: the value, in the unit of the output")
     if name == "value" and (drawn or rows > 1):
         section.fault(
-            "statistic",
-            f"is missing: there are {drawn or rows} rows; choose one of "
-            f"{', '.join(STATISTICS[1:])}",
+            "statistic", f"is missing: there are {drawn or rows} rows; choose one of {', '.join(STATISTICS[1:])}"
         )
     return Statistic(name, (level if name == "quantile" else threshold) or 0.0)
 
@@ -104,9 +91,7 @@ def by_problem(section: Section, count: int) -> Recipe | None:
     names = names_of(section, "output", count, known)
     printed = Documented.of(problem).references()
     label = section.text("reference", printed)
-    values = {
-        v.name: v.document for v in problem.variables if v.document is not None
-    } | problem.fixed
+    values = {v.name: v.document for v in problem.variables if v.document is not None} | problem.fixed
     if label is not None and label in printed:
         values |= dict(zip(problem.names, printed[label].tolist(), strict=True))
     design = section.section("design")
@@ -120,9 +105,4 @@ def by_problem(section: Section, count: int) -> Recipe | None:
     design.finish()
     if len(values) < len(problem.variables):
         return None
-    return ByProblem(
-        configuration.problem_name,
-        problem,
-        tuple(float(values[name]) for name in problem.names),
-        names,
-    )
+    return ByProblem(configuration.problem_name, problem, tuple(float(values[name]) for name in problem.names), names)

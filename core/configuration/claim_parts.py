@@ -8,14 +8,7 @@ from typing import Any
 from ..errors import InputError, nearest
 from ..section import Section
 from ..units import converted
-from ..workflows.reproduce.recipes import (
-    ByCalculation,
-    ByModel,
-    ByProblem,
-    Constant,
-    Derivative,
-    Recipe,
-)
+from ..workflows.reproduce.recipes import ByCalculation, ByModel, ByProblem, Constant, Derivative, Recipe
 from .configuration import Configuration
 from .reader import read_table
 
@@ -71,9 +64,7 @@ def units_of(recipe: Recipe) -> tuple[str, ...]:
     match recipe:
         case Derivative():
             per = recipe.recipe.unit_of(recipe.name) or "1"
-            return tuple(
-                unit if per == "1" else f"({unit})/({per})" for unit in units_of(recipe.recipe)
-            )
+            return tuple(unit if per == "1" else f"({unit})/({per})" for unit in units_of(recipe.recipe))
         case Constant():
             return (recipe.unit,)
         case ByCalculation():
@@ -81,11 +72,7 @@ def units_of(recipe: Recipe) -> tuple[str, ...]:
             return tuple(known[name] or "1" for name in recipe.quantities if name in known)
         case ByModel():
             outputs = {output.name: output.unit for output in recipe.kind.outputs}
-            return tuple(
-                recipe.statistic.unit(outputs[name]) or "1"
-                for name in recipe.outputs
-                if name in outputs
-            )
+            return tuple(recipe.statistic.unit(outputs[name]) or "1" for name in recipe.outputs if name in outputs)
         case ByProblem():
             units = {output.name: output.unit for output in recipe.problem.outputs}
             return tuple(units[name] or "1" for name in recipe.outputs if name in units)

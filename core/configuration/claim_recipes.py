@@ -126,10 +126,7 @@ def _derived(section: Section, recipe: Recipe | None) -> Recipe | None:
         return None
     known = recipe.shiftable()
     if recipe.unit_of(name) is None:
-        derivative.fault(
-            "by",
-            f'"{name}" is no input of {recipe.by}{nearest(name, known)}; known: {", ".join(known)}',
-        )
+        derivative.fault("by", f'"{name}" is no input of {recipe.by}{nearest(name, known)}; known: {", ".join(known)}')
         return None
     derived = Derivative(recipe, name, step)
     for sign in (-1.0, 1.0):

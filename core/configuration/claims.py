@@ -55,18 +55,14 @@ def _source(path: Path, overrides: Sequence[str], faults: list[Fault]) -> Source
     override(table, overrides, file_faults)
     claims_file = _file(table, file_faults)
     if not file_faults and not claims_file.claims:
-        file_faults.append(
-            Fault("claim", "is missing: write a table [[claim]] for each printed figure")
-        )
+        file_faults.append(Fault("claim", "is missing: write a table [[claim]] for each printed figure"))
     faults += [Fault(f"{path.name}: {fault.place}", fault.message) for fault in file_faults]
     return Source(claims_file, json.dumps(table, sort_keys=True, default=str))
 
 
 def _file(table: Table, faults: list[Fault]) -> ClaimsFile:
     top = Section(table, "", faults)
-    document = Document(
-        _needed(top, "document"), _needed(top, "title"), top.text("reference") or ""
-    )
+    document = Document(_needed(top, "document"), _needed(top, "title"), top.text("reference") or "")
     seed = top.integer("seed", Range(low=0), None)
     study = top.text("study") or ""
     positions: dict[str, int] = {}
@@ -114,9 +110,7 @@ def _claim(section: Section, name: str, study: str) -> Claim | None:
     if lost and "reading" in section:
         section.fault("reading", "computes what `lost` says cannot be; give one of them")
     elif not lost and "reading" not in section:
-        section.fault(
-            "reading", "is missing: say how it is recomputed ([[claim.reading]]), or what is lost"
-        )
+        section.fault("reading", "is missing: say how it is recomputed ([[claim.reading]]), or what is lost")
     elif not lost and "printed" not in section:
         section.fault("printed", "is missing: the number that the document prints")
     section.finish()

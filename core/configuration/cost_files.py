@@ -44,9 +44,7 @@ def fill_costs(filled: Filled, folder: Path, faults: list[Fault]) -> None:
         if "file" not in part_costs:
             faults.append(Fault(f"{place}.file", "is missing: name a table of costs"))
             continue
-        if (
-            prices := read_prices(part_costs["file"], folder, f"{place}.file", filled, faults)
-        ) is not None:
+        if (prices := read_prices(part_costs["file"], folder, f"{place}.file", filled, faults)) is not None:
             part_rows = [row for row in prices.rows if row.get("part") in (None, part.get("name"))]
             _fill_part(filled, part, at, replace(prices, rows=part_rows), faults)
     if isinstance(costs, dict) and stack and not costs:
@@ -80,18 +78,14 @@ def _fill_variables(filled: Filled, prices: Prices, faults: list[Fault]) -> None
     costs, variables = filled.table.setdefault("costs", {}), filled.table.get("variables")
     for name, rows in _by(prices, "variable", faults):
         variable = variables.get(name) if isinstance(variables, dict) else None
-        machines = {
-            machine.get("name"): machine for _, machine in tables_in(variable or {}, "machine")
-        }
+        machines = {machine.get("name"): machine for _, machine in tables_in(variable or {}, "machine")}
         for process, some in _grouped(rows, "process").items():
             if process is not None and process in machines:
                 _price(machines[process], process, some, prices.place, faults)
             elif process is not None:
                 faults.append(
                     Fault(
-                        prices.place,
-                        f'{name} has no machine "{process}"'
-                        f"{nearest(process, [str(m) for m in machines])}",
+                        prices.place, f'{name} has no machine "{process}"{nearest(process, [str(m) for m in machines])}'
                     )
                 )
             elif isinstance(costs.get(name, {}), dict) and costs.get(name, {}).keys() <= {*EXTRAS}:
@@ -118,9 +112,7 @@ def _by(prices: Prices, key: str, faults: list[Fault]) -> Iterator[tuple[str, li
     """Rows by variable or part."""
     groups = _grouped(prices.rows, key)
     if None in groups:
-        faults.append(
-            Fault(prices.place, f"column {key} is missing or empty: it says what each cost is of")
-        )
+        faults.append(Fault(prices.place, f"column {key} is missing or empty: it says what each cost is of"))
     for name, rows in groups.items():
         if name is not None:
             yield name, rows
@@ -135,23 +127,13 @@ def _grouped(rows: list[Raw], key: str) -> dict[str | None, list[Raw]]:
 
 def _fill_part(filled: Filled, part: Raw, at: int, prices: Prices, faults: list[Fault]) -> None:
     """Prices of one part: of its processes and machines, by grade, or as a table of t."""
-    owners = {
-        owner.get("name"): owner
-        for key in ("process", "machine")
-        for _, owner in tables_in(part, key)
-    }
+    owners = {owner.get("name"): owner for key in ("process", "machine") for _, owner in tables_in(part, key)}
     machines = {machine.get("name") for _, machine in tables_in(part, "machine")}
     name = str(part.get("name", at))
     for process, rows in _grouped(prices.rows, "process").items():
         if process is None:
             _fill_table(
-                filled,
-                part,
-                f"part[{at}]",
-                name,
-                replace(prices, rows=rows),
-                faults,
-                _unit_of(filled.table, part),
+                filled, part, f"part[{at}]", name, replace(prices, rows=rows), faults, _unit_of(filled.table, part)
             )
         elif process not in owners:
             faults.append(
@@ -186,13 +168,7 @@ def _unit_of(table: Raw, part: Raw) -> str:
 
 
 def _fill_table(
-    filled: Filled,
-    owner: Raw,
-    place: str,
-    name: str,
-    prices: Prices,
-    faults: list[Fault],
-    unit: str,
+    filled: Filled, owner: Raw, place: str, name: str, prices: Prices, faults: list[Fault], unit: str
 ) -> None:
     """`cost` or `price` of a part or process."""
     by_grade = [row for row in prices.rows if "grade" in row]
@@ -214,9 +190,7 @@ def _fill_table(
         if grade in prices_by_grade:
             faults.append(Fault(prices.place, f"{name}: {grade} has two prices"))
         if grade not in GRADES:
-            faults.append(
-                Fault(prices.place, f'{name}: "{grade}" is not a grade{nearest(grade, GRADES)}')
-            )
+            faults.append(Fault(prices.place, f'{name}: "{grade}" is not a grade{nearest(grade, GRADES)}'))
         prices_by_grade[grade] = row["cost"]
     if len(faults) == before:
         _narrow_grades(filled, owner, name, prices_by_grade)
@@ -244,32 +218,17 @@ def _narrow_grades(filled: Filled, owner: Raw, name: str, by_grade: dict[str, fl
 
 def _price(machine: Raw, name: str, rows: list[Raw], place: str, faults: list[Fault]) -> None:
     if len(rows) != 1 or rows[0].keys() & {"t", "grade"}:
-        faults.append(
-            Fault(
-                place,
-                f"machine {name} has one price, without t or grade: its scatter does not follow t",
-            )
-        )
+        faults.append(Fault(place, f"machine {name} has one price, without t or grade: its scatter does not follow t"))
     elif "price" in machine:
-        faults.append(
-            Fault(
-                place,
-                f"the price of machine {name} is stated in the configuration as well: keep one",
-            )
-        )
+        faults.append(Fault(place, f"the price of machine {name} is stated in the configuration as well: keep one"))
     else:
         machine["price"] = rows[0]["cost"]
 
 
-def _curve(
-    rows: list[Raw], prices: Prices, unit: str, name: str, faults: list[Fault]
-) -> Raw | None:
+def _curve(rows: list[Raw], prices: Prices, unit: str, name: str, faults: list[Fault]) -> Raw | None:
     """The table of costs that rows state, in order of t in `unit`."""
     key = "t" if all("t" in row for row in rows) else "grade"
-    values = [
-        number_in(str(row.get(key, "")).removeprefix("IT" if key == "grade" else ""))
-        for row in rows
-    ]
+    values = [number_in(str(row.get(key, "")).removeprefix("IT" if key == "grade" else "")) for row in rows]
     if not all(math.isfinite(value) for value in values):
         faults.append(Fault(prices.place, f"{name}: each row needs t (or grade) and cost"))
         return None

@@ -40,9 +40,7 @@ class Filled:
     notes: list[str] = field(default_factory=list)
 
 
-def read_prices(
-    name: Any, folder: Path, place: str, filled: Filled, faults: list[Fault]
-) -> Prices | None:
+def read_prices(name: Any, folder: Path, place: str, filled: Filled, faults: list[Fault]) -> Prices | None:
     """The rows of a file; None, and every fault in `faults`, where it cannot be used."""
     if not isinstance(name, str):
         faults.append(Fault(place, f"must be the name of a file, got {name}"))
@@ -54,23 +52,15 @@ def read_prices(
         return None
     columns, units, notes = _columns(cost_table)
     form_faults = [
-        Fault(place, f"{name}: column {c} is there twice")
-        for c in COLUMNS
-        if list(columns.values()).count(c) > 1
+        Fault(place, f"{name}: column {c} is there twice") for c in COLUMNS if list(columns.values()).count(c) > 1
     ]
     have = set(columns.values())
     if "cost" not in have:
-        form_faults.append(
-            Fault(place, f"{name}: column cost is missing{_nearest('cost', cost_table)}")
-        )
+        form_faults.append(Fault(place, f"{name}: column cost is missing{_nearest('cost', cost_table)}"))
     if not have & {"t", "grade", "process"}:
-        form_faults.append(
-            Fault(place, f"{name}: column t or grade is missing: what the costs are for")
-        )
+        form_faults.append(Fault(place, f"{name}: column t or grade is missing: what the costs are for"))
     if {"variable", "part"} <= have:
-        form_faults.append(
-            Fault(place, f"{name}: has a column variable and a column part: keep one")
-        )
+        form_faults.append(Fault(place, f"{name}: has a column variable and a column part: keep one"))
     if form_faults:
         faults += form_faults
         return None

@@ -18,11 +18,7 @@ from ..section import Section
 
 def read_costs(section: Section, defaults: Mapping[str, CostCurve]) -> dict[str, CostCurve]:
     """The curves that the configuration sets; only variables with a cost may have one."""
-    curves = {
-        name: _read(section.section(name), default)
-        for name, default in defaults.items()
-        if name in section
-    }
+    curves = {name: _read(section.section(name), default) for name, default in defaults.items() if name in section}
     section.accept((*defaults, "scale_assumed", "assumed"))
     section.finish()
     return {name: curve for name, curve in curves.items() if curve is not None}
@@ -33,9 +29,7 @@ def _read(section: Section, default: CostCurve) -> CostCurve | None:
     added = [key for key in EXTRAS if key in section]
     more = read_extras(section)
     if added and "model" not in section:
-        section.fault(
-            added[0], "is added to a stated cost: give its model and coefficients as well"
-        )
+        section.fault(added[0], "is added to a stated cost: give its model and coefficients as well")
         section.accept(section.all_keys())
         return None
     curve = read_curve(section, default)
@@ -63,12 +57,7 @@ def narrowed(
     return replace(stated, low=ends[0], high=ends[1]), note
 
 
-def check_ends(
-    section: Section,
-    variable: Variable,
-    setting: VariableSetting | None,
-    curve: CostCurve | None,
-) -> None:
+def check_ends(section: Section, variable: Variable, setting: VariableSetting | None, curve: CostCurve | None) -> None:
     """Report a range or value at which the cost is not finite."""
     stated = setting or VariableSetting()
     ends = {"value": stated.value}

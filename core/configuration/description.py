@@ -66,9 +66,7 @@ def _target(configuration: Configuration) -> Target:
     """What the effects act in."""
     name = configuration.model_name
     if name == TABLE:
-        return target_of(
-            table_model(configuration.settings.definition, configuration.settings.gear), name
-        )
+        return target_of(table_model(configuration.settings.definition, configuration.settings.gear), name)
     kind = registry.load("models", name)
     return replace(target_of(kind, name), gear=kind.gear_of(configuration.settings.parameters))
 
@@ -87,10 +85,7 @@ def _variable(variable: Variable, setting: VariableSetting) -> str:
 
 
 def _assumptions(assumptions: Iterable[Assumption]) -> list[str]:
-    return [
-        f"  {a.name} = {a.value} {a.unit} ({a.set_by}): {a.reason}".replace("  (", " (")
-        for a in assumptions
-    ]
+    return [f"  {a.name} = {a.value} {a.unit} ({a.set_by}): {a.reason}".replace("  (", " (") for a in assumptions]
 
 
 def describe_plan(plan: StudyPlan) -> str:

@@ -18,9 +18,7 @@ from .plugins import ModelClass, load_named
 from .unresolved import resolved_unresolved
 
 
-def read_effects(
-    top: Section, model: ModelClass | MeasurableModel | None, name: str
-) -> tuple[Active, ...]:
+def read_effects(top: Section, model: ModelClass | MeasurableModel | None, name: str) -> tuple[Active, ...]:
     """The effects in the model `name`, of the class `model` (None where it is not known)."""
     count = len(top.tables("effect"))
     if count and model is None and not name:

@@ -80,20 +80,14 @@ def gap_plan(source: Source, overrides: Sequence[str] = ()) -> tuple[GapPlan | N
     drop = _drop(top.section("data"))
     run, of_run = read_run(top, name or "", table, folder_of(source))
     simulated = configuration or _stand_in(table, name)
-    simulated, drawing = (
-        (simulated, None)
-        if simulated is None
-        else as_drawn(top, simulated, of_run, folder_of(source))
-    )
+    simulated, drawing = (simulated, None) if simulated is None else as_drawn(top, simulated, of_run, folder_of(source))
     model = build_model(simulated) if simulated is not None else None
     planned = read_next(top, model)
     top.finish()
     if simulated is None:
         return None, faults
     plan = _of_model(simulated, model, name, table, configuration is not None)
-    library = tuple(
-        name for name in library if name not in {kept.effect.name for kept in plan.active}
-    )
+    library = tuple(name for name in library if name not in {kept.effect.name for kept in plan.active})
     plan = replace(
         plan,
         free=free,
@@ -112,11 +106,7 @@ def gap_plan(source: Source, overrides: Sequence[str] = ()) -> tuple[GapPlan | N
 
 
 def _of_model(
-    configuration: Configuration,
-    model: MeasurableModel | None,
-    name: str | None,
-    table: Mapping[str, Any],
-    whole: bool,
+    configuration: Configuration, model: MeasurableModel | None, name: str | None, table: Mapping[str, Any], whole: bool
 ) -> GapPlan:
     """The part of a plan that says what is simulated; `whole` unless defaults replace it."""
     of_table, active = name == TABLE, tuple(configuration.settings.effects)
@@ -141,9 +131,7 @@ def _of_model(
     )
 
 
-def _configuration(
-    top: Section, name: str, table: Mapping[str, Any], faults: list[Fault]
-) -> Configuration | None:
+def _configuration(top: Section, name: str, table: Mapping[str, Any], faults: list[Fault]) -> Configuration | None:
     """The part of the configuration that `simulate` would take; None where it is at fault."""
     if name != TABLE:
         check_gear(top, _kind(name), name)
@@ -213,9 +201,7 @@ def _settings(section: Section) -> GapSettings:
         "parts_out_of_limits": Range(0.0, 1.0, open_low=True, open_high=True),
     }
     values: dict[str, Any] = {
-        setting.name: section.integer(
-            setting.name, ranges[setting.name], NEEDS.get(setting.name, PLAIN)
-        )
+        setting.name: section.integer(setting.name, ranges[setting.name], NEEDS.get(setting.name, PLAIN))
         if isinstance(setting.default, int)
         else section.number(setting.name, "", ranges[setting.name])
         for setting in fields(GapSettings)
@@ -235,9 +221,7 @@ def _library(section: Section) -> tuple[str, ...]:
     section.finish()
     wanted = known
     if considered is not None and considered != "all":
-        wanted = _effects_named(
-            section, "consider", [considered] if isinstance(considered, str) else considered, known
-        )
+        wanted = _effects_named(section, "consider", [considered] if isinstance(considered, str) else considered, known)
     unwanted = _effects_named(section, "never", never or [], known)
     return tuple(name for name in wanted if name not in unwanted)
 
@@ -253,9 +237,7 @@ def _effects_named(section: Section, key: str, value: Any, known: list[str]) -> 
         families = {name: registry.load("effects", name).family for name in known}
     effects: list[str] = []
     for entry in value:
-        members = (
-            [entry] if entry in known else [n for n, family in families.items() if family == entry]
-        )
+        members = [entry] if entry in known else [n for n, family in families.items() if family == entry]
         if not members:
             valid = [*known, *families.values()]
             section.fault(key, f'"{entry}" is no effect and no family{nearest(entry, valid)}')

@@ -51,9 +51,7 @@ def read_built(top: Section, folder: Path, variables: Iterable[Variable]) -> Bui
         return None
     place = inner.place(key) if isinstance(stated, dict) else "built_to"
     try:
-        return _allocation(
-            folder / name, name, point, {variable.name: variable for variable in variables}
-        )
+        return _allocation(folder / name, name, point, {variable.name: variable for variable in variables})
     except InputError as error:
         for fault in error.faults:
             top.fault(place, f"{fault.place} {fault.message}" if fault.place else fault.message)
@@ -72,9 +70,7 @@ def _allocation(path: Path, name: str, point: Any, variables: Mapping[str, Varia
     if set(CHOICE) <= set(frame):
         values, origin = _of_choices(frame, path.name, point)
     else:
-        values, origin = _of_designs(
-            frame, path.name, point, path.name == FRONT and run is not None
-        )
+        values, origin = _of_designs(frame, path.name, point, path.name == FRONT and run is not None)
     _check(values, path.name, variables)
     return Built({k: float(v) for k, v in values.items()}, f"{name}, {origin}", run)
 
@@ -95,10 +91,7 @@ def _run_of(folder: Path) -> Configuration | None:
 
 def _of_choices(frame: pd.DataFrame, place: str, point: Any) -> tuple[dict[str, Any], str]:
     """The rounded values of one chosen point of `allocation.csv`."""
-    by = {
-        (str(label), str(at)): part
-        for (label, at), part in frame.groupby(["choice", "point"], sort=False)
-    }
+    by = {(str(label), str(at)): part for (label, at), part in frame.groupby(["choice", "point"], sort=False)}
     names = ", ".join(label for label, _ in by)
     if point is None and len(by) > 1:
         raise _wrong(
@@ -112,17 +105,13 @@ def _of_choices(frame: pd.DataFrame, place: str, point: Any) -> tuple[dict[str, 
     ]
     if len(chosen) != 1:
         words = [word for label, _ in by for word in label.split()]
-        raise _wrong(
-            f"point {shown(point)} is not in {place}{nearest(str(point), words)}: it holds {names}"
-        )
+        raise _wrong(f"point {shown(point)} is not in {place}{nearest(str(point), words)}: it holds {names}")
     label_of_point = str(chosen[0]["choice"].iloc[0]) if point is None else str(point)
     values = dict(zip(chosen[0]["variable"], chosen[0]["rounded"], strict=True))
     return values, f"point {label_of_point}"
 
 
-def _of_designs(
-    frame: pd.DataFrame, place: str, point: Any, front: bool
-) -> tuple[dict[str, Any], str]:
+def _of_designs(frame: pd.DataFrame, place: str, point: Any, front: bool) -> tuple[dict[str, Any], str]:
     """One row of a table of designs. Rows are counted from 1, those of a front from 0."""
     first = 0 if front else 1
     if point is None and len(frame) > 1:
@@ -137,9 +126,7 @@ def _of_designs(
             raise _wrong(f"point must be the number of a row of {place}, got {shown(point)}")
         at = point - first
         if not 0 <= at < len(frame):
-            raise _wrong(
-                f"point {point} is not in {place}: it has rows {first} to {first + len(frame) - 1}"
-            )
+            raise _wrong(f"point {point} is not in {place}: it has rows {first} to {first + len(frame) - 1}")
     row = {str(name): value for name, value in frame.iloc[at].items()}
     return row, f"row {at + first}"
 
@@ -149,8 +136,7 @@ def _check(values: dict[str, Any], place: str, variables: Mapping[str, Variable]
     known = [name for name in values if name in variables]
     if not known:
         raise _wrong(
-            f"{place} is an allocation of another problem: it has none of "
-            f"{', '.join(list(variables)[:6])}, ..."
+            f"{place} is an allocation of another problem: it has none of {', '.join(list(variables)[:6])}, ..."
         )
     faults = []
     strange = [n for n in values if n not in variables] if "cost" not in values else []

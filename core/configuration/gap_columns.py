@@ -19,9 +19,7 @@ def read_columns(top: Section) -> dict[str, ColumnRole]:
     names = section.all_keys()
     columns = {name: _column(section.section(name)) for name in names}
     valid = {name: column for name, column in columns.items() if column is not None}
-    without_role = [
-        name for name in names if columns[name] is None and "role" not in section.section(name)
-    ]
+    without_role = [name for name in names if columns[name] is None and "role" not in section.section(name)]
     if not names:
         top.fault("columns", 'is missing: model = "table" needs role and unit of each column')
     elif len(valid) + len(without_role) == len(columns):
@@ -60,11 +58,7 @@ def _check(section: Section, columns: dict[str, ColumnRole]) -> None:
     if not by["measured"]:
         section.fault("", 'no column has the role "measured"')
     if not by["predicted"]:
-        section.fault(
-            "",
-            'no column has the role "predicted"; without a model the table must '
-            "carry the prediction",
-        )
+        section.fault("", 'no column has the role "predicted"; without a model the table must carry the prediction')
     for role in ("direction", "time", "unit", "lot", "repeat"):
         if len(by[role]) > 1:
             section.fault("", f'the role "{role}" is given to {", ".join(by[role])}: only one')
@@ -72,16 +66,12 @@ def _check(section: Section, columns: dict[str, ColumnRole]) -> None:
         for name in by[role]:
             output = output_of(name, columns)
             if output is None and by["measured"]:
-                section.section(name).fault(
-                    "of", f"is missing: name the measured column that {name} belongs to"
-                )
+                section.section(name).fault("of", f"is missing: name the measured column that {name} belongs to")
             elif output is not None and columns[output].unit and columns[name].unit:
                 _check_prediction_unit(section, name, output, columns)
 
 
-def _check_prediction_unit(
-    section: Section, name: str, output: str, columns: dict[str, ColumnRole]
-) -> None:
+def _check_prediction_unit(section: Section, name: str, output: str, columns: dict[str, ColumnRole]) -> None:
     """A prediction is in a unit of the same dimension as its measurement."""
     unit, output_unit = columns[name].unit, columns[output].unit
     try:

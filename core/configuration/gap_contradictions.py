@@ -59,18 +59,12 @@ def check_pair(top: Section, run: Run, built: Built) -> None:
         if fixed is not None and not _values_equal(value, float(fixed)):
             top.fault("built_to", f"has {name} = {value:g}, and {run.name} fixes it at {fixed:g}")
     if problem is not None and built.values:
-        missing = [
-            v.name
-            for v in problem.variables
-            if v.name not in built.values and v.name not in problem.fixed
-        ]
+        missing = [v.name for v in problem.variables if v.name not in built.values and v.name not in problem.fixed]
         if missing:
             top.fault("built_to", f"has no {', '.join(missing)}, which {run.name} searches")
 
 
-def check_own(
-    top: Section, stated: Own, run: Run, built: Built, of_the_bench: Iterable[str]
-) -> None:
+def check_own(top: Section, stated: Own, run: Run, built: Built, of_the_bench: Iterable[str]) -> None:
     """Faults where this configuration contradicts the run or the allocation."""
     theirs = run.configuration.settings
     section = top.section("parameters")
@@ -87,10 +81,7 @@ def check_own(
     values = {active.effect.name: dict(active.values) for active in theirs.effects}
     for at, active in enumerate(stated.effects):
         if values.get(active.effect.name, dict(active.values)) != dict(active.values):
-            top.fault(
-                f"effect[{at}]",
-                f"{active.effect.name} has other numbers in {run.name}: leave one of them out",
-            )
+            top.fault(f"effect[{at}]", f"{active.effect.name} has other numbers in {run.name}: leave one of them out")
 
 
 def check_values(
@@ -107,23 +98,10 @@ def check_values(
         wanted, place = built.values.get(name), built.source
         if wanted is None:
             wanted, place = run_setting.value, run
-        if (
-            setting.value is not None
-            and wanted is not None
-            and not _values_equal(setting.value, wanted)
-        ):
-            section.fault(
-                "value", f"is {setting.value:g} here and {wanted:g} in {place}: leave it out here"
-            )
-        if (
-            setting.mid is not None
-            and run_setting.mid is not None
-            and not _values_equal(setting.mid, run_setting.mid)
-        ):
-            section.fault(
-                "mid",
-                f"is {setting.mid:g} here and {run_setting.mid:g} in {run}: leave it out here",
-            )
+        if setting.value is not None and wanted is not None and not _values_equal(setting.value, wanted):
+            section.fault("value", f"is {setting.value:g} here and {wanted:g} in {place}: leave it out here")
+        if setting.mid is not None and run_setting.mid is not None and not _values_equal(setting.mid, run_setting.mid):
+            section.fault("mid", f"is {setting.mid:g} here and {run_setting.mid:g} in {run}: leave it out here")
         law = run_setting.distribution or Uniform()
         if name in theirs and setting.distribution not in (None, law):
             section.fault("distribution", f"is another one in {run}: leave it out here")

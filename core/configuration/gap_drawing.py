@@ -34,9 +34,7 @@ DEFAULT = "the model's default"
 HERE = "this configuration"
 
 
-def as_drawn(
-    top: Section, base: Configuration, run: Run | None, folder: Path
-) -> tuple[Configuration, Drawing | None]:
+def as_drawn(top: Section, base: Configuration, run: Run | None, folder: Path) -> tuple[Configuration, Drawing | None]:
     """`base` with the drawing of `run` and the allocation of `built_to`, and a record of both.
 
     A model whose units are made to no drawing is returned unchanged. Everything in the gap
@@ -46,9 +44,7 @@ def as_drawn(
     if kind is None or not kind.made_to_a_drawing:
         if "built_to" in top:
             top.take("built_to")
-            top.fault(
-                "built_to", f"is for models of units made to a drawing, not {base.model_name}"
-            )
+            top.fault("built_to", f"is for models of units made to a drawing, not {base.model_name}")
         return base, None
     if base.problem is not None:
         run = Run(HERE, base)
@@ -88,9 +84,7 @@ def _stated_here(top: Section, kind: ModelClass, base: Configuration) -> Own:
 # -------------------------------------------------------------------- put together
 
 
-def _with_run(
-    base: Configuration, kind: ModelClass, stated: Own, run: Configuration
-) -> Configuration:
+def _with_run(base: Configuration, kind: ModelClass, stated: Own, run: Configuration) -> Configuration:
     """The model at the run's drawing, with what this configuration adds to it."""
     if run is base:
         return base
@@ -101,15 +95,9 @@ def _with_run(
     parameters |= stated.parameters
     variables = dict(base.settings.variables)
     for name in variables.keys() & theirs.variables.keys():
-        variables[name] = _merged(
-            variables[name], theirs.variables[name], stated.variables.get(name)
-        )
+        variables[name] = _merged(variables[name], theirs.variables[name], stated.variables.get(name))
     active_here = {active.effect.name for active in base.settings.effects}
-    more = (
-        active
-        for active in _effects_of(theirs, kind, base.model_name)
-        if active.effect.name not in active_here
-    )
+    more = (active for active in _effects_of(theirs, kind, base.model_name) if active.effect.name not in active_here)
     effects = (*more, *base.settings.effects)
     settings = replace(base.settings, parameters=parameters, variables=variables, effects=effects)
     return replace(base, settings=settings)
@@ -128,9 +116,7 @@ def _effects_of(theirs: Settings, kind: ModelClass, model: str) -> Iterator[Acti
                     yield Active(effect, {quantity.name: float(value)})
 
 
-def _merged(
-    base: VariableSetting, theirs: VariableSetting, stated: VariableSetting | None
-) -> VariableSetting:
+def _merged(base: VariableSetting, theirs: VariableSetting, stated: VariableSetting | None) -> VariableSetting:
     """A variable of the model: mid-limit and distribution of the run, its value where it is
     fixed, or the one that is given here.
     """
@@ -138,14 +124,10 @@ def _merged(
     if stated is not None and stated.value is not None:
         value = stated.value
     mid = base.mid if theirs.mid is None else theirs.mid
-    return replace(
-        base, value=value, mid=mid, distribution=theirs.distribution, sample=theirs.sample
-    )
+    return replace(base, value=value, mid=mid, distribution=theirs.distribution, sample=theirs.sample)
 
 
-def _with_values(
-    base: Configuration, kind: ModelClass, values: Mapping[str, float], of_a_run: bool
-) -> Configuration:
+def _with_values(base: Configuration, kind: ModelClass, values: Mapping[str, float], of_a_run: bool) -> Configuration:
     """The model at an allocation. `resolved` states all of it, except for the effects where a
     configuration `of_a_run` states them.
     """
@@ -166,17 +148,12 @@ def _with_values(
 # -------------------------------------------------------------------- the record of the drawing
 
 
-def _drawing(
-    configuration: Configuration, kind: ModelClass, stated: Own, run: Run | None, built: Built
-) -> Drawing:
+def _drawing(configuration: Configuration, kind: ModelClass, stated: Own, run: Run | None, built: Built) -> Drawing:
     settings = configuration.settings
     declared = {parameter.name: parameter for parameter in kind.parameters}
     geometry = tuple(
         Dimension(
-            name,
-            settings.parameters.get(name, declared[name].default),
-            declared[name].unit,
-            declared[name].meaning,
+            name, settings.parameters.get(name, declared[name].default), declared[name].unit, declared[name].meaning
         )
         for name in kind.geometry
     )
@@ -193,15 +170,11 @@ def _drawing(
     )
 
 
-def _allocation_from(
-    stated: Own, run: Run | None, built: Built, zones: tuple[DrawnZone, ...]
-) -> str:
+def _allocation_from(stated: Own, run: Run | None, built: Built, zones: tuple[DrawnZone, ...]) -> str:
     """Where the zones come from; zones that are missing in the allocation are listed."""
     if built.values:
         by_default = [zone.variable for zone in zones if zone.variable not in built.values]
-        return (
-            f"{built.source} ({', '.join(by_default)}: {DEFAULT})" if by_default else built.source
-        )
+        return f"{built.source} ({', '.join(by_default)}: {DEFAULT})" if by_default else built.source
     if any(setting.value is not None for setting in stated.variables.values()):
         return f"{HERE}, and {DEFAULT}"
     return f"{run.name} where it fixes them, and {DEFAULT}" if run and _fixed(run) else DEFAULT
@@ -217,9 +190,7 @@ def _drawn_here(stated: Own, kind: ModelClass) -> set[str]:
     return set(stated.parameters) - set(kind.of_the_bench)
 
 
-def _assumed(
-    stated: Own, run: Run | None, built: Built, zones: tuple[DrawnZone, ...], drawn_here: bool
-) -> str:
+def _assumed(stated: Own, run: Run | None, built: Built, zones: tuple[DrawnZone, ...], drawn_here: bool) -> str:
     """What the configuration does not state, and how to; empty where it states everything."""
     problem = None if run is None else run.configuration.problem
     whole = problem is not None and len(problem.fixed) == len(problem.variables)
@@ -237,9 +208,7 @@ def _assumed(
     return f"answered for {DEFAULT} {what}{besides}: {'; '.join(missing)}"
 
 
-def _zones(
-    settings: Settings, kind: ModelClass, run: Run | None, built: Built
-) -> tuple[DrawnZone, ...]:
+def _zones(settings: Settings, kind: ModelClass, run: Run | None, built: Built) -> tuple[DrawnZone, ...]:
     """The zone of every variable of the model, or of the problem where the model has none."""
     drawn, variables = dict(settings.variables), tuple(kind.variables)
     if not variables and (run is not None or built.values):
@@ -249,9 +218,7 @@ def _zones(
             here = theirs.get(variable.name, VariableSetting(mid=variable.mid))
             value = built.values.get(variable.name, here.value)
             drawn[variable.name] = replace(here, value=value)
-    return tuple(
-        _zone(variable, drawn.get(variable.name, VariableSetting())) for variable in variables
-    )
+    return tuple(_zone(variable, drawn.get(variable.name, VariableSetting())) for variable in variables)
 
 
 def _law(distribution: Distribution) -> str:

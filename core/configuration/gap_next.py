@@ -60,11 +60,7 @@ def _valid_effect_names(section: Section, key: str, stated: Iterable[str] | None
     names, asked = registry.names("effects"), list(stated or ())
     for name in asked:
         if name not in names:
-            text = (
-                f'"{name}" is no effect{nearest(name, names)}'
-                if key
-                else f"is no effect{nearest(name, names)}"
-            )
+            text = f'"{name}" is no effect{nearest(name, names)}' if key else f"is no effect{nearest(name, names)}"
             section.fault(key or name, text)
     return [name for name in asked if name in names]
 
@@ -74,9 +70,7 @@ def _span(section: Section, name: str, model: MeasurableModel | None) -> Span | 
     value = section.take(name)
     column = _column(section, name, model)
     unit = column.unit if column is not None else ""
-    span = _interval_or_values(
-        section, name, value, unit, column is not None and column.role is Role.DIRECTION
-    )
+    span = _interval_or_values(section, name, value, unit, column is not None and column.role is Role.DIRECTION)
     if span is None or column is None or model is None:
         return None
     _physical(section, column, model, span)
@@ -103,9 +97,7 @@ def _column(section: Section, name: str, model: MeasurableModel | None) -> Colum
     return column
 
 
-def _interval_or_values(
-    section: Section, name: str, value: Any, unit: str, signs: bool
-) -> Span | None:
+def _interval_or_values(section: Section, name: str, value: Any, unit: str, signs: bool) -> Span | None:
     """The interval or the set as it is written."""
     chosen = isinstance(value, dict)
     if chosen:
@@ -147,9 +139,7 @@ def _physical(section: Section, column: Column, model: MeasurableModel, span: Sp
     ends = np.array(span.values or (span.low, span.high))
     if column.role is Role.DIRECTION and not set(ends.tolist()) <= {-1.0, 1.0}:
         none = not set(ends.tolist()) & {-1.0, 1.0}
-        text = (
-            "holds neither +1 nor -1" if none else f"must hold +1 and -1 only, got {ends.tolist()}"
-        )
+        text = "holds neither +1 nor -1" if none else f"must hold +1 and -1 only, got {ends.tolist()}"
         section.fault(column.name, f"{text}; a direction is +1 or -1")
         return
     if column.role is Role.TEMPERATURE:
@@ -167,8 +157,7 @@ def _reached(section: Section, model: MeasurableModel, spans: dict[str, Span]) -
     """A fault where no point of the ranges is in the range of the model."""
     steps = np.linspace(0.0, 1.0, STEPS)
     axes = [
-        np.array(span.values) if span.values else span.low + steps * (span.high - span.low)
-        for span in spans.values()
+        np.array(span.values) if span.values else span.low + steps * (span.high - span.low) for span in spans.values()
     ]
     if len(axes) > 3 or prod(len(axis) for axis in axes) > MESH:
         return  # the points themselves are tested again

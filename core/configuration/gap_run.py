@@ -24,9 +24,7 @@ from .table import TABLE
 OF_A_RUN = ("problem", "model", "seed", "parameters", "variables", *LABELS, *PROBLEM_ONLY)
 
 
-def read_run(
-    top: Section, model: str, table: Mapping[str, Any], folder: Path
-) -> tuple[dict[str, Any], Run | None]:
+def read_run(top: Section, model: str, table: Mapping[str, Any], folder: Path) -> tuple[dict[str, Any], Run | None]:
     """The raw tables of that configuration: of the file that `run` names or, where the analysis is
     itself a run configuration (as `corrected.toml` is), its own; empty for none. The second result
     is the configuration in the file, None where there is none or it is at fault.

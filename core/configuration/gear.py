@@ -26,8 +26,7 @@ def read_gear(top: Section) -> Gear | None:
         if "kind" not in section:
             section.fault(
                 "kind",
-                f"is missing: one of {', '.join(TEETH)} with its tooth numbers, "
-                'or orders = { "pin passing" = 45 }',
+                f'is missing: one of {", ".join(TEETH)} with its tooth numbers, or orders = {{ "pin passing" = 45 }}',
             )
         section.accept({name for names in TEETH.values() for name in names})
         section.finish()
@@ -58,9 +57,7 @@ def _of_teeth(section: Section, kind: str) -> Gear | None:
     section.finish()
     for name in names:
         if name not in section:
-            section.fault(
-                name, f'is missing: the effects of a gear of kind "{kind}" need {", ".join(names)}'
-            )
+            section.fault(name, f'is missing: the effects of a gear of kind "{kind}" need {", ".join(names)}')
     teeth = {name: count for name, count in counts.items() if count is not None}
     if len(teeth) < len(names):
         return None
@@ -78,10 +75,7 @@ def check_gear(top: Section, model: ModelClass | None, name: str) -> None:
     parameters = top.take("parameters")
     model_gear = model.gear_of(parameters if isinstance(parameters, Mapping) else {})
     if model_gear is None:
-        top.fault(
-            GEAR,
-            f"is of no use: nothing that acts in {name} follows the orders of a gear; leave it out",
-        )
+        top.fault(GEAR, f"is of no use: nothing that acts in {name} follows the orders of a gear; leave it out")
     elif not _agree(model_gear, gear):
         text = ", ".join(f"{what} {order:g}" for what, order in model_gear.orders.items())
         top.fault(

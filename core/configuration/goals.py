@@ -30,15 +30,12 @@ def read_objectives(section: Section, outputs: Sequence[Output]) -> tuple[str, .
             section.fault("minimise", f'"{name}" is better when larger: limit it instead')
         elif by_name[name].error_of:
             section.fault(
-                "minimise",
-                f'"{name}" is the error of {by_name[name].error_of}, not a property of the design',
+                "minimise", f'"{name}" is the error of {by_name[name].error_of}, not a property of the design'
             )
     return tuple(names)
 
 
-def read_limits(
-    section: Section, outputs: Sequence[Output], variables: Sequence[Variable]
-) -> dict[str, Bound]:
+def read_limits(section: Section, outputs: Sequence[Output], variables: Sequence[Variable]) -> dict[str, Bound]:
     """Limits by output (or variable); they take the place of the problem's own."""
     numeric = [v for v in variables if not v.labels]
     places = Nested(section, [*(o.name for o in outputs), *(v.name for v in numeric)])

@@ -40,14 +40,8 @@ def fill_measured(table: Raw, folder: Path, faults: list[Fault]) -> None:
                 continue
             wanted, before = measured.get("characteristic"), len(faults)
             contents = [_read(folder / name, wanted, options, place, faults) for name in names]
-            known = [
-                (values, name)
-                for values, name in zip(contents, names, strict=True)
-                if values is not None
-            ]
-            filled = together(
-                [values for values, _ in known], [name for _, name in known], place, faults
-            )
+            known = [(values, name) for values, name in zip(contents, names, strict=True) if values is not None]
+            filled = together([values for values, _ in known], [name for _, name in known], place, faults)
             if len(faults) > before:
                 measured["values"] = None  # no further faults are reported for them
                 continue
@@ -73,9 +67,7 @@ def _are_names(names: Any) -> bool:
     return isinstance(names, list) and bool(names) and all(isinstance(name, str) for name in names)
 
 
-def _read(
-    path: Path, wanted: Any, options: tables.ReadOptions, place: str, faults: list[Fault]
-) -> Raw | None:
+def _read(path: Path, wanted: Any, options: tables.ReadOptions, place: str, faults: list[Fault]) -> Raw | None:
     try:
         return measured_in(path, wanted, options)
     except InputError as error:
@@ -88,9 +80,7 @@ def _nine_digit_text(value: Any) -> str:
     return f"{value:.9g}" if isinstance(value, float) else str(value)
 
 
-def together(
-    characteristics: list[Raw], names: Sequence[str], place: str, faults: list[Fault]
-) -> Raw:
+def together(characteristics: list[Raw], names: Sequence[str], place: str, faults: list[Fault]) -> Raw:
     """The values of several files of one characteristic, in their order, a file without
     lots being one lot. Files of different revisions of the drawing, or units, are a fault.
     """
@@ -117,9 +107,7 @@ def together(
     whole["values"] = [value for part in characteristics for value in part["values"]]
     whole["lots"] = []
     for characteristic, name in zip(characteristics, names, strict=True):
-        whole["lots"] += characteristic.get("lots") or [Path(name).stem] * len(
-            characteristic["values"]
-        )
+        whole["lots"] += characteristic.get("lots") or [Path(name).stem] * len(characteristic["values"])
     return whole
 
 
@@ -164,9 +152,7 @@ def opened_parts(path: Path, options: tables.ReadOptions) -> MeasuredFile:
 
 def _of_aqdef(path: Path, options: tables.ReadOptions) -> MeasuredFile:
     known = [
-        characteristic
-        for characteristic in tables.read_aqdef(path, options.encoding)
-        if not characteristic.attributive
+        characteristic for characteristic in tables.read_aqdef(path, options.encoding) if not characteristic.attributive
     ]
     names = {
         key: characteristic.label
@@ -179,9 +165,7 @@ def _of_aqdef(path: Path, options: tables.ReadOptions) -> MeasuredFile:
         path.name,
         labels,
         names,
-        lambda label: _values(
-            next(characteristic for characteristic in known if characteristic.label == label)
-        ),
+        lambda label: _values(next(characteristic for characteristic in known if characteristic.label == label)),
     )
 
 
@@ -192,10 +176,7 @@ def _values(characteristic: tables.Characteristic) -> Raw:
         for value, lot in zip(characteristic.values, characteristic.batches, strict=True)
         if value is not None
     ]
-    values: Raw = {
-        "values": [float(value) for value, _ in rows],
-        "characteristic": characteristic.label,
-    }
+    values: Raw = {"values": [float(value) for value, _ in rows], "characteristic": characteristic.label}
     if any(lot for _, lot in rows):
         values["lots"] = [lot for _, lot in rows]
     if characteristic.unit:

@@ -11,9 +11,7 @@ BOUNDS = ("value", "low", "high", "limits", "mid")
 """Keys that a variable with a measured standard deviation may not have."""
 
 
-def read_measured(
-    section: Section, variable: Variable, mid: float | None, t: float | None
-) -> PartSample | None:
+def read_measured(section: Section, variable: Variable, mid: float | None, t: float | None) -> PartSample | None:
     """The `measured` table of a variable of a half-width or standard deviation; None where there is
     none, or after a fault.
 

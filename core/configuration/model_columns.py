@@ -58,9 +58,7 @@ def _read(top: Section, known: Mapping[str, tuple[str, str]]) -> dict[str, Colum
 
 def resolved_columns(uses: Mapping[str, ColumnUse]) -> dict[str, Any]:
     """The `[columns]` table."""
-    written = {
-        key: {"role": "ignore"} if not use.target else _written(use) for key, use in uses.items()
-    }
+    written = {key: {"role": "ignore"} if not use.target else _written(use) for key, use in uses.items()}
     return {"columns": written} if written else {}
 
 
@@ -77,9 +75,7 @@ def _allowed_columns(kind: ModelClass) -> dict[str, tuple[str, str]]:
     return columns | {column.name: (column.role.value, column.unit) for column in kind.columns}
 
 
-def _by_name(
-    section: Section, key: str, name: str, known: Mapping[str, tuple[str, str]]
-) -> ColumnUse | None:
+def _by_name(section: Section, key: str, name: str, known: Mapping[str, tuple[str, str]]) -> ColumnUse | None:
     """A column by its name."""
     if name == "ignore":
         return ColumnUse("")
@@ -107,9 +103,7 @@ def _by_role(section: Section, known: Mapping[str, tuple[str, str]]) -> ColumnUs
         return None  # without a role it is not used, and a note says so
     if role == "std" and f"{of}_std" in known:
         of = f"{of}_std"
-    fitting = [
-        name for name, (column_role, _) in known.items() if column_role == role or (role is None)
-    ]
+    fitting = [name for name, (column_role, _) in known.items() if column_role == role or (role is None)]
     if of and of not in fitting:
         text = f'"{of}" is no column {_owner(known)} with this role{nearest(of, fitting)}'
         section.fault("of", f"{text}; it has {', '.join(fitting) or 'none'}")
@@ -117,9 +111,7 @@ def _by_role(section: Section, known: Mapping[str, tuple[str, str]]) -> ColumnUs
     if not of and len(fitting) != 1:
         listed = ", ".join(fitting)
         text = f"several columns {_owner(known)} have this role: say which by `of`: {listed}"
-        section.fault(
-            "role", text if fitting else f'no column {_owner(known)} has the role "{role}"'
-        )
+        section.fault("role", text if fitting else f'no column {_owner(known)} has the role "{role}"')
         return None
     target = of or fitting[0]
     return ColumnUse(target, unit, sense) if _unit_fits(section, unit, known[target][1]) else None

@@ -14,9 +14,7 @@ class Nested:
     def __init__(self, section: Section, names: Iterable[str]) -> None:
         self._section = section
         heads = dict.fromkeys(name.partition(".")[0] for name in names if "." in name)
-        self._tables = {
-            head: section.section(head) for head in heads if isinstance(section.take(head), Mapping)
-        }
+        self._tables = {head: section.section(head) for head in heads if isinstance(section.take(head), Mapping)}
 
     def find(self, name: str) -> tuple[Section, str]:
         """The section in which a name is a key, and the key."""

@@ -52,9 +52,7 @@ def _described(problem: ToleranceProblem) -> dict[str, Any]:
     return tomllib.loads(tomli_w.dumps(complete_tables(problem, name, problem.declaration.model)))
 
 
-def with_choices(
-    table: dict[str, Any], algorithm: AlgorithmSettings | None, seed: int | None
-) -> dict[str, Any]:
+def with_choices(table: dict[str, Any], algorithm: AlgorithmSettings | None, seed: int | None) -> dict[str, Any]:
     """The tables with another algorithm and seed, where they are given; budget and engine stay."""
     chosen: dict[str, Any] = {} if seed is None else {"seed": seed}
     if algorithm is not None:

@@ -34,9 +34,7 @@ def _read(section: Section, parameter: Parameter) -> Value | None:
             return section.quantity(parameter.name, parameter.unit, within)
 
 
-def _list(
-    section: Section, parameter: Parameter, count: int, within: Range
-) -> tuple[float, ...] | None:
+def _list(section: Section, parameter: Parameter, count: int, within: Range) -> tuple[float, ...] | None:
     """Exactly `count` numbers in the unit of the parameter, or strings with a unit."""
     value = section.take(parameter.name)
     if value is None:
@@ -46,8 +44,7 @@ def _list(
         section.fault(parameter.name, f"must be a list of {count} numbers, got {stated}")
         return None
     checked = [
-        section.as_number(f"{parameter.name}[{i}]", entry, parameter.unit, within)
-        for i, entry in enumerate(value)
+        section.as_number(f"{parameter.name}[{i}]", entry, parameter.unit, within) for i, entry in enumerate(value)
     ]
     numbers = tuple(number for number in checked if number is not None)
     return numbers if len(numbers) == count else None
@@ -58,8 +55,6 @@ def _table(section: Section, parameter: Parameter, within: Range) -> dict[str, f
     if parameter.name not in section:
         return None
     table = section.section(parameter.name)
-    numbers = {
-        name: table.quantity(name, split_unit(name)[1], within) for name in parameter.choices
-    }
+    numbers = {name: table.quantity(name, split_unit(name)[1], within) for name in parameter.choices}
     table.finish()
     return {name: value for name, value in numbers.items() if value is not None}

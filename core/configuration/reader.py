@@ -56,10 +56,7 @@ PROBLEM_ONLY = (
 
 
 def read(
-    source: Source,
-    overrides: Sequence[str] = (),
-    algorithm: AlgorithmSettings | None = None,
-    seed: int | None = None,
+    source: Source, overrides: Sequence[str] = (), algorithm: AlgorithmSettings | None = None, seed: int | None = None
 ) -> Configuration:
     """The configuration in a TOML file or dictionary, with `key=value` overrides applied.
 
@@ -77,11 +74,7 @@ def read_tables(table: Table, folder: Path, faults: list[Fault]) -> Configuratio
 
 
 def read_table(
-    table: Table,
-    faults: list[Fault],
-    notes: Sequence[str] = (),
-    folder: Path = Path(),
-    reachable: bool = True,
+    table: Table, faults: list[Fault], notes: Sequence[str] = (), folder: Path = Path(), reachable: bool = True
 ) -> Configuration:
     """The configuration in the tables of a file; raises InputError with `faults` and its own.
 
@@ -117,11 +110,7 @@ def _read_problem(
     read_unresolved(top, model, model_name)  # they act on measurements: an allocation has none
     outputs = model.outputs if model else ()
     zero, sense = read_zero(top, outputs), read_sense(top, outputs)
-    if (
-        problem_class
-        and model
-        and not belongs(top.take("problem"), problem_class.declaration.model, model_name, model)
-    ):
+    if problem_class and model and not belongs(top.take("problem"), problem_class.declaration.model, model_name, model):
         top.fault("model", stranger(top.take("problem"), model_name, model))
     if configured is None:  # its sections cannot be checked
         tables = problem_class.declaration.tables if problem_class else ()
@@ -178,9 +167,7 @@ def _algorithm(section: Section, default: str, objectives: int) -> dict[str, Any
     return {"algorithm_name": name, "algorithm": algorithm, "budget": budget, "engine": engine}
 
 
-def _settings(
-    top: Section, declared: Declaration, model: ModelClass | None, notes: Sequence[str]
-) -> Settings:
+def _settings(top: Section, declared: Declaration, model: ModelClass | None, notes: Sequence[str]) -> Settings:
     """The settings of a problem; parameters that only its model knows are accepted as well."""
     of_model = model.parameters if model else ()
     known = {p.name: p for p in (*of_model, *declared.parameters)}
@@ -211,9 +198,7 @@ def _settings(
     )
 
 
-def _variables(
-    section: Section, declared: Declaration, parameters: dict[str, Value]
-) -> dict[str, VariableSetting]:
+def _variables(section: Section, declared: Declaration, parameters: dict[str, Value]) -> dict[str, VariableSetting]:
     """Settings of the variables; a mid-limit is put into `parameters` as well, if it is one."""
     settings = {}
     for v in declared.variables:
@@ -248,18 +233,14 @@ def _read_model(top: Section, faults: list[Fault]) -> Configuration:
         raise InputError(faults)
     parameters = kind.written(top)
     parameters |= read_parameters(top.section("parameters"), kind.parameters)
-    variables = _variables(
-        top.section("variables"), Declaration(kind.variables, (), kind.parameters), parameters
-    )
+    variables = _variables(top.section("variables"), Declaration(kind.variables, (), kind.parameters), parameters)
     columns = read_model_columns(top, kind)
     for name, setting in variables.items():
         if setting.low is not None or setting.high is not None:
             top.section("variables").fault(name, "a model needs a value, not a range")
     top.finish()
     raise_all(faults)
-    complete = {
-        v.name: _at_document(v, variables.get(v.name, VariableSetting())) for v in kind.variables
-    }
+    complete = {v.name: _at_document(v, variables.get(v.name, VariableSetting())) for v in kind.variables}
     settings = Settings(
         parameters=completed(kind.parameters, parameters),
         variables=complete,
@@ -288,10 +269,4 @@ def _read_model(top: Section, faults: list[Fault]) -> Configuration:
 def _at_document(variable: Any, setting: VariableSetting) -> VariableSetting:
     """The setting with the document's value and mid-limit where none is given."""
     value = variable.document if setting.value is None else setting.value
-    return replace(
-        setting,
-        value=value,
-        low=None,
-        high=None,
-        mid=variable.mid if setting.mid is None else setting.mid,
-    )
+    return replace(setting, value=value, low=None, high=None, mid=variable.mid if setting.mid is None else setting.mid)

@@ -13,20 +13,13 @@ BETTER = "better"
 EXPECT = (BETTER, "worse")
 
 
-def read_hypotheses(
-    top: Section, factors: tuple[Factor, ...], responses: tuple[str, ...]
-) -> tuple[Hypothesis, ...]:
+def read_hypotheses(top: Section, factors: tuple[Factor, ...], responses: tuple[str, ...]) -> tuple[Hypothesis, ...]:
     """The interpretations, each of two levels that the study compares."""
-    parsed = [
-        _read_hypothesis(top.item("reading", at), factors, responses)
-        for at in range(len(top.tables("reading")))
-    ]
+    parsed = [_read_hypothesis(top.item("reading", at), factors, responses) for at in range(len(top.tables("reading")))]
     return tuple(reading for reading in parsed if reading is not None)
 
 
-def _read_hypothesis(
-    section: Section, factors: tuple[Factor, ...], responses: tuple[str, ...]
-) -> Hypothesis | None:
+def _read_hypothesis(section: Section, factors: tuple[Factor, ...], responses: tuple[str, ...]) -> Hypothesis | None:
     figure, says = section.text("figure"), section.text("says")
     key = section.text("key", [factor.key for factor in factors])
     response = section.text("response", responses)

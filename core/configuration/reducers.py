@@ -99,9 +99,7 @@ def read_reducer(section: Section, key: str, folder: Path) -> Nested | None:
     return _of_tables(section, key, table, value, path.parent)
 
 
-def _of_tables(
-    section: Section, key: str, table: dict[str, Any], source: str, folder: Path
-) -> Nested | None:
+def _of_tables(section: Section, key: str, table: dict[str, Any], source: str, folder: Path) -> Nested | None:
     """A reducer by the tables of a run configuration, whose files are looked for in `folder`."""
     from ..problems.reducers.block import block_of
     from ..problems.reducers.nested import Nested
@@ -166,9 +164,7 @@ def _of_file(section: Section, key: str, path: Path, source: str) -> Nested | No
         frame = tables.opened_whole(path, source).frame
         rms, cost = (frame[name].to_numpy(dtype=float).tolist() for name in POINTS)
     except (InputError, KeyError, ValueError) as error:
-        section.fault(
-            key, f"{source} must have numbers in the columns rms_arcmin and cost: {error}"
-        )
+        section.fault(key, f"{source} must have numbers in the columns rms_arcmin and cost: {error}")
         return None
     return _pointed(section, key, rms, cost, source)
 
@@ -186,15 +182,11 @@ def _of_points(section: Section) -> Nested | None:
     return _pointed(section, "", list(columns[0]), list(columns[1]), source)
 
 
-def _pointed(
-    section: Section, key: str, rms: list[float], cost: list[float], source: str
-) -> Nested | None:
+def _pointed(section: Section, key: str, rms: list[float], cost: list[float], source: str) -> Nested | None:
     """Checked points of cost over rms backlash."""
     text = ""
     if len(rms) != len(cost) or len(rms) < 3:
-        text = (
-            f"needs at least three points, as many rms_arcmin as cost, got {len(rms)}, {len(cost)}"
-        )
+        text = f"needs at least three points, as many rms_arcmin as cost, got {len(rms)}, {len(cost)}"
     elif any(POSITIVE.complaint(value) for value in rms):
         text = "rms_arcmin must be above 0"
     elif any(value < 0.0 for value in cost):

@@ -55,9 +55,7 @@ def _with_machines(problem: ToleranceProblem) -> dict[str, Any]:
     return resolved
 
 
-def resolved_variables(
-    settings: Mapping[str, VariableSetting], variables: Iterable[Variable]
-) -> dict[str, Any]:
+def resolved_variables(settings: Mapping[str, VariableSetting], variables: Iterable[Variable]) -> dict[str, Any]:
     """The `[variables]` tables."""
     return {v.name: _variable(settings[v.name], v) for v in variables}
 
@@ -71,9 +69,7 @@ def _variable(setting: VariableSetting, variable: Variable) -> dict[str, Any]:
         table = {key: int(end) if key != "mid" else end for key, end in table.items()}
     if setting.sample is not None:
         return table | {"measured": dict(setting.sample.stated)}
-    return table | (
-        distribution_table(setting.distribution or Uniform()) if variable.random else {}
-    )
+    return table | (distribution_table(setting.distribution or Uniform()) if variable.random else {})
 
 
 def _limit(bound: Bound) -> dict[str, float]:

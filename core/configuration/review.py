@@ -52,9 +52,7 @@ class Reopened:
     earlier: tuple[str, ...] = ()
 
 
-def reopened(
-    run: Path, parts: Sequence[Path], since: Sequence[Path], options: tables.ReadOptions
-) -> Reopened:
+def reopened(run: Path, parts: Sequence[Path], since: Sequence[Path], options: tables.ReadOptions) -> Reopened:
     """The problem of the run in a directory with the parts of some files; raises InputError with
     every fault. A directory among them is the result of `tolevo gap` on the units themselves.
     """
@@ -117,11 +115,7 @@ def _run(run: Path, faults: list[Fault]) -> tuple[Table | None, dict[str, float]
     chosen = allocation[allocation["point"] == point]
     searched = front.iloc[point].to_dict() if point < len(front) else {}
     rounded = zip(chosen["variable"], chosen["rounded"], strict=True)
-    return table, {
-        str(name): value
-        for name, value in (*searched.items(), *rounded)
-        if isinstance(value, (int, float))
-    }
+    return table, {str(name): value for name, value in (*searched.items(), *rounded) if isinstance(value, (int, float))}
 
 
 def _with_promise(table: Table, faults: list[Fault]) -> None:
@@ -199,22 +193,12 @@ def _owners(table: Table, problem: ToleranceProblem, design: dict[str, float]) -
             mid = problem.settings.variables[v.name].mid
             t = problem.fixed.get(v.name, design.get(v.name, 0.0))
             owners.append(
-                Owner(
-                    v.name,
-                    v.unit,
-                    table_of_variable,
-                    t,
-                    follows,
-                    mid is not None,
-                    "machine" in table_of_variable,
-                )
+                Owner(v.name, v.unit, table_of_variable, t, follows, mid is not None, "machine" in table_of_variable)
             )
     return owners
 
 
-def _opened(
-    paths: Sequence[Path], options: tables.ReadOptions, faults: list[Fault]
-) -> list[MeasuredFile]:
+def _opened(paths: Sequence[Path], options: tables.ReadOptions, faults: list[Fault]) -> list[MeasuredFile]:
     """The files, each opened once."""
     opened = []
     for path in paths:
@@ -229,18 +213,12 @@ def _anew(
     table: Table, owners: Sequence[Owner], files: Sequence[MeasuredFile], faults: list[Fault]
 ) -> tuple[Table, tuple[str, ...]]:
     """The tables with the values of the files in place of earlier ones, and whose are new."""
-    anew = {
-        owner.name: measured
-        for owner in owners
-        if (measured := _measured(owner, files, faults)) is not None
-    }
+    anew = {owner.name: measured for owner in owners if (measured := _measured(owner, files, faults)) is not None}
     if not anew and not faults:
         names = ", ".join(owner.name for owner in owners)
         faults.append(
             Fault(
-                "PARTS",
-                f"hold no characteristic of the run: name columns or "
-                f"characteristics like its parts ({names})",
+                "PARTS", f"hold no characteristic of the run: name columns or characteristics like its parts ({names})"
             )
         )
     reopened_table = copy.copy(table)
@@ -268,18 +246,9 @@ def _measured(owner: Owner, files: Sequence[MeasuredFile], faults: list[Fault]) 
         faults.append(Fault(place, text))
         return None
     stated, t, unit = sample.pop("made_to", None), owner.t, owner.unit
-    if (
-        stated is not None
-        and owner.follows
-        and sample.get("unit") == unit
-        and abs(stated - t) > 1e-6 * t
-    ):
+    if stated is not None and owner.follows and sample.get("unit") == unit and abs(stated - t) > 1e-6 * t:
         faults.append(
-            Fault(
-                place,
-                f"were made to {stated:g} {unit}, the run's drawing has {t:g} "
-                f"{unit}: another revision?",
-            )
+            Fault(place, f"were made to {stated:g} {unit}, the run's drawing has {t:g} {unit}: another revision?")
         )
     known = owner.table.get("measured") or {}
     sample |= {key: known[key] for key in ("gauge", "mean") if key in known}
@@ -292,11 +261,7 @@ def _with_sample_means(table: Table, shifting: Collection[str]) -> Table:
     """The tables with the mean of every sample as measured, even if the promise then fails."""
 
     def with_mean(name: str, owner_table: Any) -> Any:
-        if (
-            name not in shifting
-            or not isinstance(owner_table, dict)
-            or "measured" not in owner_table
-        ):
+        if name not in shifting or not isinstance(owner_table, dict) or "measured" not in owner_table:
             return owner_table
         return owner_table | {"measured": owner_table["measured"] | {"mean": "as_found"}}
 
@@ -304,9 +269,7 @@ def _with_sample_means(table: Table, shifting: Collection[str]) -> Table:
     if "part" in table:
         return anew | {"part": [with_mean(str(part["name"]), part) for part in table["part"]]}
     variables = table.get("variables", {})
-    return anew | {
-        "variables": {name: with_mean(name, owner_table) for name, owner_table in variables.items()}
-    }
+    return anew | {"variables": {name: with_mean(name, owner_table) for name, owner_table in variables.items()}}
 
 
 def _problem(table: Table, faults: list[Fault]) -> ToleranceProblem | None:
@@ -314,11 +277,7 @@ def _problem(table: Table, faults: list[Fault]) -> ToleranceProblem | None:
     try:
         problem = read_table(copy.deepcopy(table), [], reachable=False).problem
     except InputError as error:
-        unknown = [
-            fault
-            for fault in error.faults
-            if fault.place == "promise" and "not a known key" in fault.message
-        ]
+        unknown = [fault for fault in error.faults if fault.place == "promise" and "not a known key" in fault.message]
         if unknown:
             faults.append(Fault("RUN", "is the run of a problem that makes no promises"))
         faults += [fault for fault in error.faults if fault not in (*faults, *unknown)]

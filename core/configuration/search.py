@@ -21,25 +21,19 @@ DEFAULT_GENERATIONS = 200
 """Budget of a run whose configuration names none."""
 
 
-def read_algorithm(
-    section: Section, objectives: int, default: str = ""
-) -> tuple[str, AlgorithmSettings | None]:
+def read_algorithm(section: Section, objectives: int, default: str = "") -> tuple[str, AlgorithmSettings | None]:
     """Name and instance of the algorithm; by default see `by_default`."""
     name = by_default(section.all_keys(), objectives, default)
     kind = None if _refused(section) else load_named(section, "name", "algorithms", name)
     name = section.take("name") or name
     section.accept(["engine"])
     if kind is None or "points" not in {field.name for field in fields(kind)}:
-        section.integer(
-            "points", Range(low=2), POINTS
-        )  # of the exact front, whichever algorithm runs
+        section.integer("points", Range(low=2), POINTS)  # of the exact front, whichever algorithm runs
     section.accept(field.name for field in fields(Budget))
     if kind is None:  # the settings of an unknown algorithm cannot be checked
         return name, None
     if not kind.many_objectives and objectives != 1:
-        section.fault(
-            "name", f"{name} takes exactly one objective, [objectives] minimise names {objectives}"
-        )
+        section.fault("name", f"{name} takes exactly one objective, [objectives] minimise names {objectives}")
     elif kind.many_objectives and not kind.one_objective and objectives == 1:
         section.fault("name", f"{name} needs two or more objectives, got 1: use ga")
     algorithm = settings_of(section, kind)
@@ -104,9 +98,7 @@ def read_engine(section: Section, name: str, algorithm: AlgorithmSettings | None
     if engine == "array" and algorithm is not None and not algorithm.array_engine:
         known = ", ".join(ENGINES)
         section.fault(
-            "engine",
-            f"{name} has no array engine; {known} have one: choose one of "
-            'them, or engine = "pymoo"',
+            "engine", f'{name} has no array engine; {known} have one: choose one of them, or engine = "pymoo"'
         )
     elif engine == "array":
         for key, supported in (("crossover", CROSSOVERS[0]), ("mutation", MUTATIONS[0])):
@@ -114,8 +106,7 @@ def read_engine(section: Section, name: str, algorithm: AlgorithmSettings | None
             if operator != supported:
                 section.fault(
                     f"{key}.operator",
-                    f"the array engine has {supported} only, got "
-                    f'"{operator}": use it, or engine = "pymoo"',
+                    f'the array engine has {supported} only, got "{operator}": use it, or engine = "pymoo"',
                 )
     return engine
 
@@ -148,9 +139,7 @@ def evaluations(algorithm: AlgorithmSettings | None, budget: Budget) -> int:
     return min(ends, default=0)
 
 
-def resolved_algorithm(
-    name: str, algorithm: AlgorithmSettings, budget: Budget, engine: str
-) -> dict[str, Any]:
+def resolved_algorithm(name: str, algorithm: AlgorithmSettings, budget: Budget, engine: str) -> dict[str, Any]:
     """The `[algorithm]` table that says all of this."""
     limits = {key: value for key, value in asdict(budget).items() if value is not None}
     table: dict[str, Any] = asdict(algorithm)  # type: ignore[call-overload]

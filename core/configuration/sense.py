@@ -30,10 +30,7 @@ def sign_of(section: Section, key: str) -> int | None:
     if value is None:
         return None
     if isinstance(value, bool) or value not in EITHER:
-        section.fault(
-            key,
-            f"must be 1 (as docs/conventions.md draws it) or -1 (the opposite), got {shown(value)}",
-        )
+        section.fault(key, f"must be 1 (as docs/conventions.md draws it) or -1 (the opposite), got {shown(value)}")
         return None
     return int(value)
 

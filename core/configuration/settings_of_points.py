@@ -95,9 +95,7 @@ class _Builder:
         assert configuration.algorithm is not None
         self._numbers[key] = len(self.problems)
         self.problems.append(configuration.problem)
-        return Point(
-            self._numbers[key], configuration.algorithm, configuration.budget, configuration.engine
-        )
+        return Point(self._numbers[key], configuration.algorithm, configuration.budget, configuration.engine)
 
 
 def _placed(fault: Fault, values: Mapping[str, Level]) -> Fault:

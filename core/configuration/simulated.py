@@ -26,9 +26,7 @@ def arguments_of(configuration: Configuration) -> dict[str, Any]:
     """The arguments of the registered model of a configuration: parameters, designs, inputs."""
     kind = registry.load("models", configuration.model_name)
     stated = configuration.settings
-    settings = {
-        v.name: (v, stated.variables[v.name]) for v in kind.variables if v.name in stated.variables
-    }
+    settings = {v.name: (v, stated.variables[v.name]) for v in kind.variables if v.name in stated.variables}
     designs = {
         name: variable.document if setting.value is None else setting.value
         for name, (variable, setting) in settings.items()

@@ -81,10 +81,7 @@ def _loaded(source: Source, faults: list[Fault]) -> Table | None:
 def _parsed(text: str, place: str, faults: list[Fault]) -> Table | None:
     try:
         return tomllib.loads(text)
-    except (
-        ValueError,
-        RecursionError,
-    ) as error:  # a number of thousands of digits is no TOML error
+    except (ValueError, RecursionError) as error:  # a number of thousands of digits is no TOML error
         faults.append(Fault(place, f"is not valid TOML: {error}"))
         return None
 

@@ -54,9 +54,7 @@ def read_study(source: Source, overrides: Sequence[str] = (), most: int | None =
     if table is None:
         raise_all(faults)
     assert table is not None
-    study_overrides = [
-        setting for setting in overrides if not setting.strip().startswith(f"{RUN}.")
-    ]
+    study_overrides = [setting for setting in overrides if not setting.strip().startswith(f"{RUN}.")]
     override(table, study_overrides, faults)
     top = Section(table, "", faults)
     run = _run_table(top, table, folder_of(source), overrides, faults)
@@ -92,9 +90,7 @@ def read_study(source: Source, overrides: Sequence[str] = (), most: int | None =
         base={factor.key: values[factor.key] for factor in factors},
         objectives=base.settings.objectives,
         hypotheses=hypotheses,
-        configuration=_resolved(
-            base, factors, design, responses, seeds, seed, limit, hypotheses, labels, hopeless
-        ),
+        configuration=_resolved(base, factors, design, responses, seeds, seed, limit, hypotheses, labels, hopeless),
         labels=known,
         hopeless=hopeless,
     )
@@ -140,9 +136,7 @@ def is_study(source: Source) -> bool:
     return table is not None and RUN in table and "vary" in table
 
 
-def _run_table(
-    top: Section, table: Table, folder: Path, overrides: Sequence[str], faults: list[Fault]
-) -> Table | None:
+def _run_table(top: Section, table: Table, folder: Path, overrides: Sequence[str], faults: list[Fault]) -> Table | None:
     """The tables of the run, from the file that is named or inline, with what overrides them."""
     run = top.take(RUN)
     dotted = {key: table[key] for key in table if key.startswith(f"{RUN}.")}
@@ -157,9 +151,7 @@ def _run_table(
     if run is None:
         return None
     run_overrides = [
-        setting.strip().removeprefix(f"{RUN}.")
-        for setting in overrides
-        if setting.strip().startswith(f"{RUN}.")
+        setting.strip().removeprefix(f"{RUN}.") for setting in overrides if setting.strip().startswith(f"{RUN}.")
     ]
     lines = [f"{key.removeprefix(f'{RUN}.')}={_toml(value)}" for key, value in dotted.items()]
     override(run, [*lines, *run_overrides], faults)
@@ -272,12 +264,7 @@ def _resolved(
 ) -> str:
     """The study as TOML, every default included; reading it again gives the same study."""
     vary = {factor.key: _vary(factor) for factor in factors}
-    table: dict[str, Any] = {
-        **labels.stated(),
-        "seed": seed,
-        "seeds": seeds,
-        "response": list(responses),
-    }
+    table: dict[str, Any] = {**labels.stated(), "seed": seed, "seeds": seeds, "response": list(responses)}
     table |= {} if limit is None else {"time_limit_s": limit}
     table |= {"stop": {"hopeless": True}} if hopeless else {}
     kind = {"kind": design.kind} | asdict(design)  # type: ignore[call-overload]

@@ -36,9 +36,7 @@ def read_table_model(top: Section, seed: int, faults: list[Fault]) -> Configurat
     labels, before = read_labels(top), len(faults)
     columns = read_columns(top)
     gear = read_gear(top)
-    unknown = [
-        Output(name, "", "") for name in top.section("columns").all_keys() if name not in columns
-    ]
+    unknown = [Output(name, "", "") for name in top.section("columns").all_keys() if name not in columns]
     columns = _turned(columns, read_sense(top, (*outputs_of(columns), *unknown)), top)
     if len(faults) > before:  # its effects cannot be checked without its columns
         top.finish()
@@ -57,35 +55,22 @@ def read_table_model(top: Section, seed: int, faults: list[Fault]) -> Configurat
         **resolved_zero(zero),
         **resolved_effects(effects),
     }
-    settings = Settings(
-        seed=seed, effects=effects, definition=columns, zero=zero, gear=gear, labels=labels
-    )
+    settings = Settings(seed=seed, effects=effects, definition=columns, zero=zero, gear=gear, labels=labels)
     return Configuration(model_name=TABLE, settings=settings, resolved=resolved)
 
 
 def table_model(columns: Mapping[str, ColumnRole], gear: Gear | None = None) -> MeasuredTable:
     """The model of a table with these columns."""
     by = {
-        role: [n for n, c in columns.items() if c.role == role]
-        for role in ("measured", "predicted", "std", "ignore")
+        role: [n for n, c in columns.items() if c.role == role] for role in ("measured", "predicted", "std", "ignore")
     }
     apart = {name for names in by.values() for name in names}
     inputs = tuple(
-        Column(
-            name,
-            column.unit,
-            column.role,
-            True,
-            column.role in LABELS,
-            Role(column.role),
-            column.sense,
-        )
+        Column(name, column.unit, column.role, True, column.role in LABELS, Role(column.role), column.sense)
         for name, column in columns.items()
         if name not in apart
     )
-    predictions = {
-        str(output_of(name, dict(columns))): (name, columns[name].unit) for name in by["predicted"]
-    }
+    predictions = {str(output_of(name, dict(columns))): (name, columns[name].unit) for name in by["predicted"]}
     turned = tuple(name for name in by["predicted"] if columns[name].sense < 0)
     ignored = (*by["std"], *by["ignore"])
     return MeasuredTable(inputs, outputs_of(columns), predictions, ignored, gear, turned)
@@ -96,9 +81,7 @@ def outputs_of(columns: Mapping[str, ColumnRole]) -> tuple[Output, ...]:
     return tuple(Output(n, c.unit, "measured") for n, c in columns.items() if c.role == "measured")
 
 
-def _turned(
-    columns: dict[str, ColumnRole], sense: Mapping[str, int], top: Section
-) -> dict[str, ColumnRole]:
+def _turned(columns: dict[str, ColumnRole], sense: Mapping[str, int], top: Section) -> dict[str, ColumnRole]:
     """The columns with the sense that `[sense]` gives of outputs."""
     for name in sense:
         if name in columns and columns[name].sense < 0:

@@ -18,9 +18,7 @@ TEXTS, FLAGS = ("output", "variable", "shape", "times"), ("signed", "turns", "ti
 LISTS = ("knots", "heights", "coefficients", "labels")
 
 
-def read_unresolved(
-    top: Section, model: ModelClass | MeasurableModel | None, name: str
-) -> tuple[Active, ...]:
+def read_unresolved(top: Section, model: ModelClass | MeasurableModel | None, name: str) -> tuple[Active, ...]:
     """The terms in the model `name`, of the class `model` (None where it is not known)."""
     count = len(top.tables(UNRESOLVED))
     terms = [_term(top.item(UNRESOLVED, at)) for at in range(count)]
@@ -29,9 +27,7 @@ def read_unresolved(
     target = target_of(model, name) if count else None
     for at, term in enumerate(terms):
         if term is not None and target is not None and not term.effect.own_applies(target):
-            top.item(UNRESOLVED, at).fault(
-                "variable", f"the model {name} lacks a column or the output of this term"
-            )
+            top.item(UNRESOLVED, at).fault("variable", f"the model {name} lacks a column or the output of this term")
     return tuple(term for term in terms if term is not None)
 
 
@@ -40,9 +36,7 @@ def _term(section: Section) -> Active | None:
     faulty = False
     for key in ("output", "variable", "shape", "coefficients"):
         if key not in section:
-            section.fault(
-                key, "is missing: a term has an output, a variable, a shape and coefficients"
-            )
+            section.fault(key, "is missing: a term has an output, a variable, a shape and coefficients")
             faulty = True
     term_table: dict[str, Any] = {}
     for key in (*(field.name for field in fields(Term)), "coefficients"):
@@ -53,19 +47,14 @@ def _term(section: Section) -> Active | None:
     if not faulty and len(term_table.get("heights", ())) != len(term_table.get("knots", ())) * (
         term_table["shape"] == "curve"
     ):
-        section.fault(
-            "heights", "must be one for each of the knots of a curve, and of no other shape"
-        )
+        section.fault("heights", "must be one for each of the knots of a curve, and of no other shape")
         faulty = True
     section.finish()
     if faulty:
         return None
     effect, values = unresolved_of(term_table)
     if len(values) != effect.term.count:
-        section.fault(
-            "coefficients",
-            f"are {len(values)}, but a {effect.term.shape} like this has {effect.term.count}",
-        )
+        section.fault("coefficients", f"are {len(values)}, but a {effect.term.shape} like this has {effect.term.count}")
         return None
     return Active(effect, values)
 

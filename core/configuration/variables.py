@@ -102,17 +102,11 @@ def _zone(section: Section, variable: Variable) -> Zone | None:
     return zone
 
 
-def _agreed(
-    section: Section, variable: Variable, mid: float | None, parameters: Mapping[str, Value]
-) -> float | None:
+def _agreed(section: Section, variable: Variable, mid: float | None, parameters: Mapping[str, Value]) -> float | None:
     """The mid-limit; `[parameters]` may state it as well, or instead."""
     name = mid_parameter(variable.name)
     parameter = parameters.get(name)
-    if (
-        not isinstance(parameter, int | float)
-        or isinstance(parameter, bool)
-        or variable.mid is None
-    ):
+    if not isinstance(parameter, int | float) or isinstance(parameter, bool) or variable.mid is None:
         return mid
     if mid is not None and not math.isclose(mid, parameter, rel_tol=1e-9, abs_tol=1e-12):
         key = "mid" if "mid" in section else "limits"

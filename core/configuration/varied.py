@@ -54,11 +54,7 @@ def _entries(table: Table) -> dict[str, Any]:
 def _neighbours(key: str, base: Mapping[str, Any]) -> list[str]:
     """Keys of the run in the same table."""
     place = key.rpartition(".")[0]
-    return [
-        neighbour
-        for neighbour in base
-        if neighbour.rpartition(".")[0] == place and neighbour != SEED
-    ]
+    return [neighbour for neighbour in base if neighbour.rpartition(".")[0] == place and neighbour != SEED]
 
 
 def _factor(section: Section, key: str, value: Any, base_value: Any) -> Factor | None:

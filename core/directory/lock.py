@@ -85,12 +85,7 @@ class Lock:
             os.write(handle, json.dumps(entry).encode() + b"\n")
 
 
-def acquire(
-    folder: Path,
-    command: str,
-    sharing: Callable[[], bool] | None = None,
-    patience: float = PATIENCE,
-) -> Lock:
+def acquire(folder: Path, command: str, sharing: Callable[[], bool] | None = None, patience: float = PATIENCE) -> Lock:
     """The lock on `folder` for a `tolevo <command>`, shared only where `sharing` allows it.
 
     Raises Held where another process has it, OSError where no file can be made there.
@@ -199,7 +194,4 @@ def _alive(entry: dict[str, Any]) -> bool:
 
 
 def _words(entry: dict[str, Any]) -> str:
-    return (
-        f"`tolevo {entry['command']}` (process {entry['pid']} on {entry['host']}, since "
-        f"{entry['since']})"
-    )
+    return f"`tolevo {entry['command']}` (process {entry['pid']} on {entry['host']}, since {entry['since']})"

@@ -44,10 +44,7 @@ KINDS: Mapping[str, Kind] = {
             "page.json",
             "gap.json",
         ),
-        pages=(
-            PAGE,
-            *_drawn("residuals_*", "spectrum_*", "distribution_*", "path", "next_measurement"),
-        ),
+        pages=(PAGE, *_drawn("residuals_*", "spectrum_*", "distribution_*", "path", "next_measurement")),
         saved="every replicate that had ended",
     ),
     "study": Kind(
@@ -151,7 +148,5 @@ def fits(name: str, patterns: Iterable[str]) -> bool:
 def is_output_file(name: str) -> bool:
     """Whether some command writes a file of that name."""
     return any(
-        fnmatchcase(name, Path(pattern).name)
-        for kind in KINDS.values()
-        for pattern in (*kind.files, *kind.pages)
+        fnmatchcase(name, Path(pattern).name) for kind in KINDS.values() for pattern in (*kind.files, *kind.pages)
     )

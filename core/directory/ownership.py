@@ -20,8 +20,7 @@ from .unfinished import UNFINISHED, read_unfinished, write_unfinished
 BUSY = "is in use by {}: wait for it, end it, or name another directory"
 OCCUPIED = "{} is not empty; name another directory, or add --overwrite or --resume"
 UNCHANGED = (
-    "cannot be written ({}: {}): nothing was changed; {} and run the same command again, or name "
-    "another directory"
+    "cannot be written ({}: {}): nothing was changed; {} and run the same command again, or name another directory"
 )
 READY = 60.0
 """Time [s] within which one whose result can be shared has begun or completed it."""
@@ -152,8 +151,7 @@ class Ownership:
         if not present(self.folder, kind.state):
             kept = "nothing had been saved before"
         return RunError(
-            f"{path} cannot be written: {reason}; {kept}; {remedy}, then run the same "
-            "command with --resume"
+            f"{path} cannot be written: {reason}; {kept}; {remedy}, then run the same command with --resume"
         )
 
     def _still_ours(self) -> None:

@@ -23,9 +23,7 @@ class Unfinished:
     retiring: tuple[str, ...] = ()
 
 
-def write_unfinished(
-    folder: Path, command: str, token: str, retiring: Sequence[str] = ()
-) -> Unfinished:
+def write_unfinished(folder: Path, command: str, token: str, retiring: Sequence[str] = ()) -> Unfinished:
     """Mark a directory as one in which `command` has begun."""
     record = {"command": command, "token": token, "retiring": list(retiring)}
     write_record(folder / UNFINISHED, record)

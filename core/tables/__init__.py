@@ -6,15 +6,7 @@ The index of a table is the line number in its file (the row number in a Parquet
 
 from .aqdef import Characteristic, read_aqdef
 from .assembling import SHOWN
-from .naming import (
-    ColumnUse,
-    Fitted,
-    Tell,
-    fitted,
-    opened_whole,
-    silent,
-    without_unused,
-)
+from .naming import ColumnUse, Fitted, Tell, fitted, opened_whole, silent, without_unused
 from .options import AS_DETECTED, ReadOptions
 from .parsed import cell_faults, formed, numbers, parsed, read, write
 from .reading import PARQUET, opened, read_table, table_of

@@ -101,9 +101,7 @@ def _table(
             if cell and (unit := unit_of_cell(cell)):
                 units.setdefault(names[name], unit)
     numeric = tuple(
-        names[n]
-        for n in columns
-        if n in quick or (proofs[n].numeric and not any(map(is_label, columns[n])))
+        names[n] for n in columns if n in quick or (proofs[n].numeric and not any(map(is_label, columns[n])))
     )
     used = [signs[n] for n in columns if signs.get(n) and (proofs[n].point or proofs[n].comma)]
     complete = replace(
@@ -127,21 +125,12 @@ def _table(
 
 def _squared(layout: Layout) -> tuple[list[str], list[Row]]:
     """The names and the rows without cells at the end that are empty in every row."""
-    header = [
-        original(name.removeprefix("#").strip() if at == 0 else name)
-        for at, name in enumerate(layout.header[1])
-    ]
+    header = [original(name.removeprefix("#").strip() if at == 0 else name) for at, name in enumerate(layout.header[1])]
     body = layout.body
-    while (
-        header
-        and not header[-1]
-        and all(len(row) < len(header) or not row[len(header) - 1] for _, row in body)
-    ):
+    while header and not header[-1] and all(len(row) < len(header) or not row[len(header) - 1] for _, row in body):
         header = header[:-1]
     count = len(header)
-    return header, [
-        (at, row[:count] if len(row) > count and not any(row[count:]) else row) for at, row in body
-    ]
+    return header, [(at, row[:count] if len(row) > count and not any(row[count:]) else row) for at, row in body]
 
 
 def _form_faults(header: list[str], body: list[Row], place: str) -> list[Fault]:
@@ -162,9 +151,7 @@ def _form_faults(header: list[str], body: list[Row], place: str) -> list[Fault]:
     return faults
 
 
-def _missing_notes(
-    name: str, cells: Any, lines: list[int], values: NDArray[Any] | None
-) -> list[str]:
+def _missing_notes(name: str, cells: Any, lines: list[int], values: NDArray[Any] | None) -> list[str]:
     """A note on the cells of a column of numbers that hold no number."""
     known = values
     if known is None:

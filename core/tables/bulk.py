@@ -27,10 +27,7 @@ ENDS = 400
 _WIDE = "\u00a0\u2007\u202f\u3000"
 """Spaces beyond ASCII."""
 _LABEL = r"^[+-]?0[0-9]+$|^[+-]?[0-9]{16,}$"
-_GROUPED = {
-    d: rf"^[+-]?(?:[0-9]+|[1-9][0-9]{{0,2}}(?:\{o}[0-9]{{3}})+)(?:\{d}[0-9]*)?$"
-    for d, o in OTHER.items()
-}
+_GROUPED = {d: rf"^[+-]?(?:[0-9]+|[1-9][0-9]{{0,2}}(?:\{o}[0-9]{{3}})+)(?:\{d}[0-9]*)?$" for d, o in OTHER.items()}
 _MARKS = pa.array(
     sorted(
         {form for mark in MISSING for form in (mark, mark.upper(), mark.title())}
@@ -62,9 +59,7 @@ class Bulk:
                 pa.BufferReader(body),
                 arrow.ReadOptions(column_names=names, use_threads=False),
                 arrow.ParseOptions(delimiter=self.delimiter, ignore_empty_lines=False),
-                arrow.ConvertOptions(
-                    column_types=dict.fromkeys(names, pa.string()), strings_can_be_null=False
-                ),
+                arrow.ConvertOptions(column_types=dict.fromkeys(names, pa.string()), strings_can_be_null=False),
             )
         except pa.ArrowInvalid:
             return None
@@ -106,9 +101,7 @@ def rows_of_ends(bulk: Bulk) -> list[Row]:
 
 def _has_empty_rows(body: bytes, hollow: bytes) -> bool:
     """Whether lines of bytes hold nothing, or nothing between their delimiters, `hollow`."""
-    return any(
-        ending in body for ending in (b"\n\n", b"\n\r\n", b"\n%b\n" % hollow, b"\n%b\r" % hollow)
-    )
+    return any(ending in body for ending in (b"\n\n", b"\n\r\n", b"\n%b\n" % hollow, b"\n%b\r" % hollow))
 
 
 def _before(text: str, line: int, total: int) -> int:
@@ -170,11 +163,7 @@ def _without_signs(cells: pa.Array, probes: list[Notation], evidence: Evidence) 
             return None
         (evidence.point if signs == ["."] else evidence.comma)[DECIMAL] = at
         return cells if signs == ["."] else pc.replace_substring(cells, ",", ".")
-    votes = {
-        ("." if probe.point == DECIMAL else ",")
-        for probe in probes
-        if DECIMAL in (probe.point, probe.comma)
-    }
+    votes = {("." if probe.point == DECIMAL else ",") for probe in probes if DECIMAL in (probe.point, probe.comma)}
     if len(votes) != 1:
         return None
     decimal = min(votes)

@@ -40,9 +40,7 @@ class Columns:
     def typed(self, numeric: Sequence[str], values: Mapping[str, NDArray[Any]]) -> pd.DataFrame:
         """The columns in `numeric` as numbers, None where a cell is none."""
         columns = {
-            name: whole_if_so(values[name])
-            if name in values
-            else self._typed(cells, name in numeric)
+            name: whole_if_so(values[name]) if name in values else self._typed(cells, name in numeric)
             for name, cells in self.cells.items()
         }
         return pd.DataFrame(columns, index=self._index())

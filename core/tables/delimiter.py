@@ -98,9 +98,7 @@ def _names_a_unit(sample: list[str]) -> bool:
     """Whether a comma stands between a name and its unit, and in decimals: "Laenge, mm"."""
     name, _, unit = sample[0].partition(",")
     rows = sample[1:]
-    return bool(name and _UNIT.fullmatch(unit)) and all(
-        re.fullmatch(r"-?\d+,\d+", row.strip()) for row in rows
-    )
+    return bool(name and _UNIT.fullmatch(unit)) and all(re.fullmatch(r"-?\d+,\d+", row.strip()) for row in rows)
 
 
 def _single(sample: list[str]) -> bool:
@@ -110,10 +108,7 @@ def _single(sample: list[str]) -> bool:
     values = [line.strip().strip('"') for line in sample[1:]]
     if SPACE in sample[0].strip() and all(SPACE in value for value in values):
         return False
-    return all(
-        notation(value) or is_date(value) or not any(sign in value for sign in CANDIDATES)
-        for value in values
-    )
+    return all(notation(value) or is_date(value) or not any(sign in value for sign in CANDIDATES) for value in values)
 
 
 def _clean(sample: list[str], sign: str) -> float:

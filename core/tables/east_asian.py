@@ -45,8 +45,7 @@ WORDS = {
     "長さ 誤差 速度 回転 平均 半径 厚さ 荷重 名称 日付 "
     "結果 軸受 検査 最大 最小 単位 トルク ロット すきま 内径 "
     "外径 穴径 判定",
-    "euc_kr": "온도 시간 직경 치수 부품 번호 공차 각도 길이 오차 "
-    "속도 평균 반경 두께 결과 측정 단위",
+    "euc_kr": "온도 시간 직경 치수 부품 번호 공차 각도 길이 오차 속도 평균 반경 두께 결과 측정 단위",
 }
 WORDS["euc_jp"] = WORDS["cp932"]
 
@@ -54,9 +53,7 @@ WORDS["euc_jp"] = WORDS["cp932"]
 def east_asian(content: bytes, detected: str) -> list[str]:
     """The encodings that `content` can be, one where the detector or its words decide."""
     texts = {name: text for name in WORDS if (text := _text(content, name)) is not None}
-    confirmed = {
-        name for name, text in texts.items() if any(w in text for w in WORDS[name].split())
-    }
+    confirmed = {name for name, text in texts.items() if any(w in text for w in WORDS[name].split())}
     family = FAMILIES.get(detected, "")
     if family in texts and (family in confirmed or not confirmed):
         return [family]
@@ -71,9 +68,7 @@ def _text(content: bytes, name: str) -> str | None:
         text = content.decode(name)
     except UnicodeDecodeError:
         return None
-    letters = [
-        character for character in text if not character.isascii() and not _is_sign(character)
-    ]
+    letters = [character for character in text if not character.isascii() and not _is_sign(character)]
     common = sum(_is_common(letter, name) for letter in letters)
     return text if letters and common >= COMMON * len(letters) else None
 

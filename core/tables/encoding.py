@@ -33,9 +33,7 @@ _CONTROLS = bytes([*range(9), 0x0B, 0x0C, *range(0x0E, 0x20), 0x7F])
 _CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f]")
 
 
-def decoded(
-    content: bytes, place: str, stated: str | None = None, allowed: str = ""
-) -> tuple[str, str]:
+def decoded(content: bytes, place: str, stated: str | None = None, allowed: str = "") -> tuple[str, str]:
     """The text of a file and its encoding. Raises InputError where it is ambiguous.
 
     Control characters are no text, but those `allowed`.

@@ -124,9 +124,7 @@ def _chosen(rows: list[Row], names: list[int], first: int) -> tuple[int, int | N
     return last, None
 
 
-def _rivals(
-    rows: list[Row], names: list[int], at: int, numeric: list[int], place: str
-) -> list[Fault]:
+def _rivals(rows: list[Row], names: list[int], at: int, numeric: list[int], place: str) -> list[Fault]:
     """Rows right above the names that can be the names as well."""
     above = [row for row in names if row < at and rows[row][0] == rows[at][0] - (at - row)]
     if not above or at - 1 not in above:
@@ -155,9 +153,7 @@ def _without_names(rows: list[Row], count: int, place: str) -> Layout:
     elif any(_is_measurement(cell) for cell in names):
         layout.faults.append(
             Fault(
-                place,
-                f"has no column names: line {rows[at][0]} begins with "
-                "readings; put a line of names above them",
+                place, f"has no column names: line {rows[at][0]} begins with readings; put a line of names above them"
             )
         )
     return layout
@@ -173,9 +169,7 @@ def _without_summaries(layout: Layout, numeric: list[int]) -> None:
         bottom.append(layout.body.pop())
     dropped += reversed(bottom)
     if dropped:
-        layout.notes.append(
-            f"{len(dropped)} rows that are no readings are left out: {_listed(dropped)}"
-        )
+        layout.notes.append(f"{len(dropped)} rows that are no readings are left out: {_listed(dropped)}")
 
 
 def _names_summary(row: list[str]) -> bool:

@@ -8,12 +8,7 @@ from datetime import datetime
 
 _CLOCK = r"(?:[/ .T](\d{1,2}):(\d{1,2})(?::(\d{1,2})(?:[.,](\d{1,6}))?)?)?"
 _YEAR = r"(?P<y>\d{4}|\d\d)"
-POINTS, SLASHES, TURNED, ISO = (
-    "day.month.year",
-    "month/day/year",
-    "day/month/year",
-    "year-month-day",
-)
+POINTS, SLASHES, TURNED, ISO = ("day.month.year", "month/day/year", "day/month/year", "year-month-day")
 _FORMS = {
     POINTS: re.compile(rf"(?P<d>\d{{1,2}})\.(?P<m>\d{{1,2}})\.{_YEAR}{_CLOCK}"),
     SLASHES: re.compile(rf"(?P<m>\d{{1,2}})/(?P<d>\d{{1,2}})/{_YEAR}{_CLOCK}"),
@@ -34,9 +29,7 @@ def moment(text: str, forms: Sequence[str] = (POINTS, SLASHES, ISO)) -> tuple[da
             hour, minute, second = (int(part or 0) for part in match.groups()[3:6])
             micro = int((match.groups()[6] or "0").ljust(6, "0"))
             try:
-                return datetime(
-                    year, int(match["m"]), int(match["d"]), hour, minute, second, micro
-                ), name
+                return datetime(year, int(match["m"]), int(match["d"]), hour, minute, second, micro), name
             except ValueError:
                 continue
     raise ValueError(f'"{text}" is no time such as 31.12.2026/08:00:00')

@@ -57,9 +57,7 @@ def opened_whole(path: Path, place: str, options: ReadOptions = AS_DETECTED) -> 
     return table
 
 
-def fitted(
-    table: Table, place: str, known: Mapping[str, str], uses: Mapping[str, ColumnUse] | None = None
-) -> Fitted:
+def fitted(table: Table, place: str, known: Mapping[str, str], uses: Mapping[str, ColumnUse] | None = None) -> Fitted:
     """The table with its columns named and in units as `known` (unit by name) has them.
 
     `uses` says what columns of the file are; one whose name and unit are those of a known name,
@@ -118,10 +116,7 @@ def _of_aqdef(table: Table, names: Mapping[str, str], free: Mapping[str, str]) -
     return {
         name: target
         for name, target in OF_AQDEF.items()
-        if name in table.cells
-        and name not in names
-        and target in free
-        and target not in names.values()
+        if name in table.cells and name not in names and target in free and target not in names.values()
     }
 
 
@@ -190,14 +185,10 @@ def _alike(table: Table, wanted: str, unit: str, names: Mapping[str, str]) -> st
 
 def _in_unit(cells: pd.Series[Any], source_unit: str, unit: str, sense: int) -> pd.Series[Any]:
     """Cells of numbers in another unit and sense; what is no number stays as it is."""
-    if sense == 1 and (
-        source_unit == unit or not source_unit or not unit or _is_same_unit(source_unit, unit)
-    ):
+    if sense == 1 and (source_unit == unit or not source_unit or not unit or _is_same_unit(source_unit, unit)):
         return cells
     numbers = pd.to_numeric(cells.astype(object), errors="coerce").to_numpy(dtype=float)
-    values = sense * np.asarray(
-        converted(numbers, source_unit, unit) if source_unit and unit else numbers
-    )
+    values = sense * np.asarray(converted(numbers, source_unit, unit) if source_unit and unit else numbers)
     good = np.isfinite(values)
     result = cells.to_numpy(dtype=object).copy()
     result[good] = values[good]

@@ -14,9 +14,7 @@ _NUMBER = re.compile(
     r"(?P<exponent>[eE][+\-−]?\d+)?"
 )
 _GROUPS = re.compile(r"[ \u00a0\u202f\u2009'’]")
-_GROUPED = {
-    sign: re.compile(rf"[1-9]\d{{0,2}}(?:{re.escape(sign)}\d{{3}})+") for sign in (".", ",")
-}
+_GROUPED = {sign: re.compile(rf"[1-9]\d{{0,2}}(?:{re.escape(sign)}\d{{3}})+") for sign in (".", ",")}
 DECIMAL, THOUSANDS, EITHER = "decimal", "thousands", "either"
 
 

@@ -27,9 +27,7 @@ def read(path: Path, place: str, options: ReadOptions = AS_DETECTED) -> pd.DataF
     return frame
 
 
-def formed(
-    path: Path, place: str, options: ReadOptions = AS_DETECTED
-) -> tuple[pd.DataFrame | None, list[Fault]]:
+def formed(path: Path, place: str, options: ReadOptions = AS_DETECTED) -> tuple[pd.DataFrame | None, list[Fault]]:
     """`read` that returns the faults, with what can be read nevertheless."""
     table, faults = opened(path, place, options)
     return (None if table is None else table.cells), faults
@@ -45,11 +43,7 @@ def write(frame: pd.DataFrame, path: Path) -> None:
 
 
 def numbers(
-    frame: pd.DataFrame,
-    place: str,
-    needed: Iterable[str],
-    optional: Iterable[str] = (),
-    text: Iterable[str] = (),
+    frame: pd.DataFrame, place: str, needed: Iterable[str], optional: Iterable[str] = (), text: Iterable[str] = ()
 ) -> pd.DataFrame:
     """The table with its columns as float64, those in `text` as they are.
 
@@ -61,11 +55,7 @@ def numbers(
 
 
 def parsed(
-    frame: pd.DataFrame,
-    place: str,
-    needed: Iterable[str],
-    optional: Iterable[str] = (),
-    text: Iterable[str] = (),
+    frame: pd.DataFrame, place: str, needed: Iterable[str], optional: Iterable[str] = (), text: Iterable[str] = ()
 ) -> tuple[pd.DataFrame, list[Fault]]:
     """`numbers` that returns the faults; bad cells are NaN, unknown columns are left out."""
     needed, text = list(needed), set(text)
@@ -74,10 +64,7 @@ def parsed(
     missing = [name for name in needed if name not in frame.columns]
     faults = [Fault(place, f"column {name} is missing") for name in missing]
     free = [name for name in known if name not in frame.columns]
-    faults += [
-        Fault(place, f"column {name} is not known{nearest(name, free or known)}; remove it")
-        for name in extra
-    ]
+    faults += [Fault(place, f"column {name} is not known{nearest(name, free or known)}; remove it") for name in extra]
     typed = {}
     for name in (name for name in frame.columns if name in known):
         read = _labels if name in text else _numeric

@@ -25,10 +25,7 @@ OLD = b"\xd0\xcf\x11\xe0"
 
 
 def read_table(
-    path: str | Path,
-    encoding: str | None = None,
-    delimiter: str | None = None,
-    decimal: str | None = None,
+    path: str | Path, encoding: str | None = None, delimiter: str | None = None, decimal: str | None = None
 ) -> Table:
     """The table in a file: CSV in any dialect, XLSX or Parquet.
 
@@ -42,9 +39,7 @@ def read_table(
     return table
 
 
-def opened(
-    path: Path, place: str, options: ReadOptions = AS_DETECTED
-) -> tuple[Table | None, list[Fault]]:
+def opened(path: Path, place: str, options: ReadOptions = AS_DETECTED) -> tuple[Table | None, list[Fault]]:
     """`read_table` that returns the faults, with what can be read nevertheless.
 
     Rows of another length are then left out, and all but the first of columns with one name; None

@@ -127,9 +127,7 @@ _MIXED = (
 )
 
 
-def _signs_as_stated(
-    numeric: Mapping[str, Evidence], stated: str, place: str
-) -> tuple[dict[str, str], list[Fault]]:
+def _signs_as_stated(numeric: Mapping[str, Evidence], stated: str, place: str) -> tuple[dict[str, str], list[Fault]]:
     """Every column by the sign that was stated; one whose numbers all contradict it is a fault."""
     faults = [
         Fault(
@@ -150,7 +148,4 @@ def _doubt(name: str, cell: str, place: str) -> Fault:
 
 def canonical(cells: Sequence[str], decimal: str) -> list[str]:
     """The cells with their numbers in plain notation."""
-    return [
-        cell if isinstance(cell, Exact) else canonical_number(cell, decimal) or cell
-        for cell in cells
-    ]
+    return [cell if isinstance(cell, Exact) else canonical_number(cell, decimal) or cell for cell in cells]

@@ -17,9 +17,7 @@ from .record import Dialect
 _SPACES = re.compile(r"[ \t]+")
 
 
-def rows_of_text(
-    content: bytes, place: str, options: ReadOptions
-) -> tuple[list[Row], Dialect, Bulk | None]:
+def rows_of_text(content: bytes, place: str, options: ReadOptions) -> tuple[list[Row], Dialect, Bulk | None]:
     """The rows of a file that are not empty, by the number of their line, and its dialect.
 
     For a long file, the rows at both ends and the bulk of it.
@@ -41,16 +39,12 @@ def rows_of(text: str, form: Separator, place: str) -> list[Row]:
         stream.readline()
     if form.delimiter in ("", " "):
         return _by_spaces(stream, form.skipped, form.delimiter)
-    reader = csv.reader(
-        stream, delimiter=form.delimiter, quotechar=form.quote, skipinitialspace=True, strict=True
-    )
+    reader = csv.reader(stream, delimiter=form.delimiter, quotechar=form.quote, skipinitialspace=True, strict=True)
     skipped = form.skipped
     try:
         rows = [(reader.line_num + skipped, [*map(str.strip, row)]) for row in reader]
     except csv.Error as error:
-        raise refuse(
-            f"{place}: row {reader.line_num + skipped}", f"is not CSV ({error})"
-        ) from error
+        raise refuse(f"{place}: row {reader.line_num + skipped}", f"is not CSV ({error})") from error
     return [row for row in rows if any(row[1])]
 
 

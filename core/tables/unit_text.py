@@ -50,9 +50,7 @@ ALIASES = {
 """What measuring rooms write, as the units module knows it."""
 UNKNOWN = frozenset(["grad", "Grad", "GRAD", "min.", "分", "B", "d", "a", "l", "r", "h."])
 """Words that mean one unit to some and another to others: no unit is read from them."""
-_BRACKETS = re.compile(
-    r"(?P<name>.*?)\s*[\[(（［【〔](?P<unit>[^\[\]()（）［］【】]+)[\])）］】〕]\s*"
-)
+_BRACKETS = re.compile(r"(?P<name>.*?)\s*[\[(（［【〔](?P<unit>[^\[\]()（）［］【】]+)[\])）］】〕]\s*")
 _SLASH = re.compile(r"(?P<name>.*\S)\s+(?:/|in)\s*(?P<unit>\S+)")
 
 

@@ -39,10 +39,7 @@ def rows_of_workbook(content: bytes, place: str) -> tuple[list[Row], Dialect]:
 
 
 def _rows(sheet: Any) -> list[Row]:
-    rows = [
-        (at, [_cell(value) for value in row])
-        for at, row in enumerate(sheet.iter_rows(values_only=True), 1)
-    ]
+    rows = [(at, [_cell(value) for value in row]) for at, row in enumerate(sheet.iter_rows(values_only=True), 1)]
     return [row for row in rows if any(row[1])]
 
 
@@ -70,6 +67,5 @@ def _computed(sheet: Any, formulas: Any, place: str) -> None:
     if blank:
         raise refuse(
             f"{place}: cell {blank[0]}",
-            f"{len(blank)} formulas have no stored value; "
-            "open the workbook, let it calculate, and save it",
+            f"{len(blank)} formulas have no stored value; open the workbook, let it calculate, and save it",
         )

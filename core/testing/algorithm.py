@@ -54,9 +54,7 @@ class AlgorithmContract:
             first = Checkpoint(path, "", every=0.0)
             first.write()
             search(self.problem(), self.settings, budget, 0, stop, engine, first)
-            resumed = search(
-                self.problem(), self.settings, budget, 0, None, engine, Checkpoint.read(path)
-            )
+            resumed = search(self.problem(), self.settings, budget, 0, None, engine, Checkpoint.read(path))
             assert resumed.evaluations == whole.evaluations
             np.testing.assert_array_equal(resumed.x, whole.x)
             np.testing.assert_array_equal(resumed.f, whole.f)

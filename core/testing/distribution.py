@@ -40,10 +40,7 @@ class DistributionContract:
         for order in (1, 2):
             for at, end in enumerate(p):
                 whole = quad(
-                    lambda q, k=order: float(self.distribution.quantile(np.array(q)) ** k),
-                    0.0,
-                    end,
-                    limit=200,
+                    lambda q, k=order: float(self.distribution.quantile(np.array(q)) ** k), 0.0, end, limit=200
                 )[0]
                 np.testing.assert_allclose(moments[order][at], whole, atol=1e-5)
 

@@ -81,9 +81,7 @@ class EffectContract:
     def test_says_what_it_is(self) -> None:
         effect = self.effect_type()
         assert effect.family in FAMILIES
-        assert (
-            effect.cause.endswith(".") and effect.cause.count(".") == effect.cause.count(". ") + 1
-        )
+        assert effect.cause.endswith(".") and effect.cause.count(".") == effect.cause.count(". ") + 1
         assert effect.formula and effect.reference
         assert effect.name not in effect.mistaken_for
 
@@ -102,9 +100,7 @@ class EffectContract:
         for number in numbers:
             assert number.low < number.high, number.name
             assert not number.linear or number.low <= 0.0 <= number.high, number.name
-            assert all(number.low <= choice <= number.high for choice in number.choices), (
-                number.name
-            )
+            assert all(number.low <= choice <= number.high for choice in number.choices), number.name
             assert effect.parameter(number.name, target) == number
             assert effect.parameter(number.stem, target) is not None
 

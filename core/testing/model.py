@@ -25,25 +25,18 @@ class ModelContract:
         rng = np.random.default_rng(2)
         return {column.name: rng.uniform(-1.0, 1.0, 7) for column in self.model_type.columns}
 
-    def _predicted(
-        self, model: MeasurableModel, rows: slice = slice(None)
-    ) -> dict[str, np.ndarray]:
+    def _predicted(self, model: MeasurableModel, rows: slice = slice(None)) -> dict[str, np.ndarray]:
         part = {name: column[rows] for name, column in self.table().items()}
         return model.predict(part, np.random.default_rng(1))
 
     def test_declarations(self) -> None:
         kind = self.model_type
-        names = [declared.name for declared in kind.columns] + [
-            declared.name for declared in kind.outputs
-        ]
+        names = [declared.name for declared in kind.columns] + [declared.name for declared in kind.outputs]
         assert len(set(names)) == len(names)
         for declared in (kind.columns, kind.outputs, kind.parameters):
             for unit in [entry.unit for entry in declared]:
                 assert dimension(unit) is not None
-        assert (
-            set(kind.free) <= {parameter.name for parameter in kind.parameters}
-            or not kind.parameters
-        )
+        assert set(kind.free) <= {parameter.name for parameter in kind.parameters} or not kind.parameters
 
     def test_shapes_and_finite(self) -> None:
         predicted, n = self._predicted(self.model()), len(next(iter(self.table().values())))

@@ -36,9 +36,7 @@ class PromisingContract(ProblemContract):
         assert set(deviations.each) <= set(problem.names)
         for values in (deviations.mean, deviations.rest, *deviations.each.values()):
             assert values.shape == (len(designs),) and np.all(np.isfinite(values))
-        assert np.all(deviations.rest >= 0.0) and all(
-            np.all(spread >= 0.0) for spread in deviations.each.values()
-        )
+        assert np.all(deviations.rest >= 0.0) and all(np.all(spread >= 0.0) for spread in deviations.each.values())
 
     def test_deviations_of_a_batch_are_those_of_its_rows(self) -> None:
         problem, designs, deviations = self._deviations()

@@ -48,8 +48,6 @@ class RuleContract:
     def test_two_points_and_equal_points_are_no_fault(self) -> None:
         whole = front(2)
         for rows in ([0, 1], [0, 0, 0]):
-            points = Points(
-                whole.objectives[rows], whole.names, whole.objectives[rows, 0], whole.weights
-            )
+            points = Points(whole.objectives[rows], whole.names, whole.objectives[rows, 0], whole.weights)
             row = self.rule_type().row(points)
             assert row is None or 0 <= int(row) < len(rows)

@@ -12,22 +12,7 @@ from ..page_section import SECTIONS, PageSection
 from ..records import RunResult
 
 VOID = frozenset(
-    [
-        "area",
-        "br",
-        "col",
-        "hr",
-        "img",
-        "input",
-        "link",
-        "meta",
-        "source",
-        "wbr",
-        "path",
-        "circle",
-        "line",
-        "rect",
-    ]
+    ["area", "br", "col", "hr", "img", "input", "link", "meta", "source", "wbr", "path", "circle", "line", "rect"]
 )
 
 
@@ -38,15 +23,7 @@ def example() -> RunResult:
 
     cost = {"model": "reciprocal", "a": 1.0, "b": 0.1}
     parts = [
-        {
-            "name": name,
-            "nominal": 10.0,
-            "unit": "mm",
-            "sensitivity": 1.0,
-            "t_min": 0.01,
-            "t_max": 0.1,
-            "cost": cost,
-        }
+        {"name": name, "nominal": 10.0, "unit": "mm", "sensitivity": 1.0, "t_min": 0.01, "t_max": 0.1, "cost": cost}
         for name in ("pin", "bore")
     ]
     finished = run(

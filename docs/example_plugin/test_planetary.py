@@ -3,20 +3,8 @@
 import numpy as np
 import pandas as pd
 import tolevo
-from tolevo.testing import (
-    AlgorithmContract,
-    CurveContract,
-    EffectContract,
-    ModelContract,
-    ProblemContract,
-)
-from tolevo_planetary import (
-    LatinHypercube,
-    Logarithmic,
-    PinBending,
-    PlanetaryStage,
-    PlanetaryTolerances,
-)
+from tolevo.testing import AlgorithmContract, CurveContract, EffectContract, ModelContract, ProblemContract
+from tolevo_planetary import LatinHypercube, Logarithmic, PinBending, PlanetaryStage, PlanetaryTolerances
 
 RUN = {
     "problem": "planetary_tolerances",
@@ -62,9 +50,7 @@ def test_the_effect_is_found_in_measured_data():
     rng = np.random.default_rng(0)
     torque = rng.uniform(-60.0, 60.0, 300)
     twist = np.sign(torque) + torque / 12.0 + 4e-4 * torque * np.abs(torque)
-    data = pd.DataFrame(
-        {"torque_Nm": torque, "twist_arcmin": twist + rng.normal(0.0, 0.02, len(torque))}
-    )
+    data = pd.DataFrame({"torque_Nm": torque, "twist_arcmin": twist + rng.normal(0.0, 0.02, len(torque))})
     found = tolevo.gap({"model": "planetary_stage", "settings": {"bootstrap": 0}}, data).record
     assert found.verdict == "named"
     assert [one.name for one in found.effects] == ["pin_bending"]

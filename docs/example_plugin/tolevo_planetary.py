@@ -51,8 +51,7 @@ class PlanetaryTolerances(own.ToleranceProblem):
 
     declaration = own.Declaration(
         variables=tuple(
-            own.Variable(f"{gear}_um", "um", own.Kind.HALF_WIDTH, 2.0, 60.0, f"shift of the {gear}")
-            for gear in GEARS
+            own.Variable(f"{gear}_um", "um", own.Kind.HALF_WIDTH, 2.0, 60.0, f"shift of the {gear}") for gear in GEARS
         ),
         outputs=(
             own.Output("cost", "", "sum of the cost curves"),

@@ -106,9 +106,7 @@ def _installed(process: Process, step: int, errors: Array, departures: Departure
     return np.asarray(direct + _column(departures.coupling) * (direct @ process.coupling.T))
 
 
-def _corrected(
-    estimator: Estimator, step: int, x: Array, estimate: Array, noise: Array | None
-) -> Array:
+def _corrected(estimator: Estimator, step: int, x: Array, estimate: Array, noise: Array | None) -> Array:
     """The estimate (..., n) after the measurement of a step."""
     innovation = (x - estimate) @ estimator.measured[step].T
     if noise is not None:

@@ -57,9 +57,7 @@ def root(covariance: Array) -> Array:
     return np.asarray(scale * (part @ np.swapaxes(vectors, -1, -2)))
 
 
-def sample_quantile(
-    covariance: Array, sample: Array, of: Callable[[Array], Array], coverage: float
-) -> Array:
+def sample_quantile(covariance: Array, sample: Array, of: Callable[[Array], Array], coverage: float) -> Array:
     """Quantile (n,) over `sample` (s, k) standard normals of `of` (..., k) -> (...).
 
     `covariance` (n, k, k) is that of the argument of `of`. Designs are taken in chunks, so that

@@ -88,8 +88,7 @@ PART_STD = Parameter(
     "part_std_mrad",
     3.0,
     "mrad",
-    "standard deviation of part errors that the estimate counts on "
-    "where measurement_std_mrad is above 0",
+    "standard deviation of part errors that the estimate counts on where measurement_std_mrad is above 0",
     "assumed: rms of the document's four errors is 4.3",
     assumed=True,
     low=0.0,
@@ -102,9 +101,7 @@ def completed(parameters: Mapping[str, Value]) -> dict[str, Any]:
     return {p.name: p.default for p in (*PARAMETERS, PART_STD)} | dict(parameters)
 
 
-def process_of(
-    parameters: Mapping[str, Value], build: Callable[[DatumFlowChain, Array, float], Process]
-) -> Process:
+def process_of(parameters: Mapping[str, Value], build: Callable[[DatumFlowChain, Array, float], Process]) -> Process:
     """The process (`plane_process`, `space_process`) of parameters by declared name.
 
     Raises InputError with every fault, placed below `parameters`.
@@ -120,14 +117,11 @@ def process_of(
     except InputError as error:
         places = (fault.place.replace("chain.", "") for fault in error.faults)
         raise InputError(
-            Fault(f"parameters.{place}", fault.message)
-            for place, fault in zip(places, error.faults, strict=True)
+            Fault(f"parameters.{place}", fault.message) for place, fault in zip(places, error.faults, strict=True)
         ) from error
 
 
-def estimator_of(
-    process: Process, parameters: Mapping[str, Value], part_std: Array
-) -> Estimator | None:
+def estimator_of(process: Process, parameters: Mapping[str, Value], part_std: Array) -> Estimator | None:
     """The estimator under measurement noise, None where the state is known; `part_std` [rad]."""
     p = completed(parameters)
     noise = float(p["measurement_std_mrad"]) * MRAD

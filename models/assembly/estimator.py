@@ -77,7 +77,5 @@ def _faults(process: Process, part_std: Array, noise: Array, observation: Array)
     if not np.all(np.isfinite(noise)):
         faults.append(Fault("noise_std", "must be finite"))
     if observation.ndim != 2 or observation.shape[1] != states:
-        faults.append(
-            Fault("measured", f"must have {states} columns, got shape {observation.shape}")
-        )
+        faults.append(Fault("measured", f"must have {states} columns, got shape {observation.shape}"))
     return faults

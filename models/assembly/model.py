@@ -57,11 +57,7 @@ class Assembly(MeasurableModel):
     changeable = (
         Changeable("adjustment_gain_error", "", "achieved over commanded adjustment, less one"),
         Changeable("adjustment_backlash_mrad", "mrad", "dead band of every adjustment"),
-        Changeable(
-            "chain_coupling",
-            "",
-            "share of what putting in chain 2 moves that chain 1 moves as well",
-        ),
+        Changeable("chain_coupling", "", "share of what putting in chain 2 moves that chain 1 moves as well"),
         Changeable("springback", "", "share of the total adjustment that returns at the end"),
     )
 
@@ -92,10 +88,7 @@ class Assembly(MeasurableModel):
         return {"precision_weight": (weight < 0.0, "must be at least 0 (0: no adjustment)")}
 
     def predict(
-        self,
-        table: Mapping[str, NDArray[Any]],
-        rng: np.random.Generator,
-        changes: Mapping[str, Array] = NO_CHANGES,
+        self, table: Mapping[str, NDArray[Any]], rng: np.random.Generator, changes: Mapping[str, Array] = NO_CHANGES
     ) -> dict[str, Array]:
         errors = np.stack([table[f"dtheta_{at}_mrad"] for at in range(1, 5)], axis=1) * MRAD
         departures = Departures(

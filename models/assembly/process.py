@@ -86,9 +86,7 @@ def _weights(process: Process, weights: Array, absent: float) -> list[Fault]:
     ]
 
 
-def plane_process(
-    chain: DatumFlowChain | None = None, weights: Array | None = None, absent: float = 1000.0
-) -> Process:
+def plane_process(chain: DatumFlowChain | None = None, weights: Array | None = None, absent: float = 1000.0) -> Process:
     """Document A's process about one axis: one angle per key characteristic.
 
     `weights` (N, N) replaces those that follow from the chain; `absent` is the least weight of a

@@ -20,9 +20,7 @@ def terminal_weight(process: Process, precision: float | Array, reading: str = "
     document's cost does. A number or an array (...) of numbers stands for Q I; a square matrix
     is Q itself. Raises InputError where Q is below zero or does not fit.
     """
-    observation = (
-        process.observation if reading == "consistent" else np.eye(process.transition.shape[-1])
-    )
+    observation = process.observation if reading == "consistent" else np.eye(process.transition.shape[-1])
     weight = np.asarray(precision, dtype=float)
     if weight.ndim == 2:
         raise_all(_matrix_faults(weight, len(observation)))
@@ -41,9 +39,7 @@ def _negative(weight: Array) -> Fault:
 
 def _matrix_faults(weight: Array, size: int) -> list[Fault]:
     if weight.shape != (size, size):
-        return [
-            Fault("precision_weight (Q)", f"must have shape {(size, size)}, got {weight.shape}")
-        ]
+        return [Fault("precision_weight (Q)", f"must have shape {(size, size)}, got {weight.shape}")]
     symmetric = np.allclose(weight, weight.T, rtol=1e-12, atol=0.0)
     if not symmetric or np.linalg.eigvalsh(weight)[0] < -1e-12 * np.abs(weight).max():
         return [Fault("precision_weight (Q)", "must be symmetric without negative eigenvalues")]

@@ -32,9 +32,7 @@ class Response:
 
     def effort(self, process: Process, sources: Array) -> Array:
         """Expected adjustment effort, sum of u'Ru, shape (...)."""
-        per_unit = np.einsum(
-            "...kis,kij,...kjs->...s", self.adjustments, process.weight, self.adjustments
-        )
+        per_unit = np.einsum("...kis,kij,...kjs->...s", self.adjustments, process.weight, self.adjustments)
         return np.asarray(np.sum(per_unit * sources**2, axis=-1))
 
 

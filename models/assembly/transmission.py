@@ -122,9 +122,7 @@ class Transmission:
             twist = self._vibrating(mesh, -mesh.rotation(-self.torque))
             shape = (len(part), self.angles)
             forces = mesh.pin_forces(-twist).max(axis=-1)
-            blocks.append(
-                (np.broadcast_to(twist, shape), np.broadcast_to(forces, (*shape, forces.shape[-1])))
-            )
+            blocks.append((np.broadcast_to(twist, shape), np.broadcast_to(forces, (*shape, forces.shape[-1]))))
         return blocks
 
     def _vibrating(self, mesh: Mesh, twist: Array) -> Array:
@@ -135,11 +133,7 @@ class Transmission:
         speed = self.contact.geometry.pins * self.speed  # the period is turned in 1/pins of a turn
         points = Oscillator(
             *np.broadcast_arrays(
-                self.train.reduced_inertia,
-                self.train.damping(stiffness),
-                self.torque,
-                stiffness,
-                speed,
+                self.train.reduced_inertia, self.train.damping(stiffness), self.torque, stiffness, speed
             )
         )
         waves = np.fft.rfft(twist, axis=1)

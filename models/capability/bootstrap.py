@@ -31,14 +31,10 @@ def cumulants_drawn(values: Array, draws: int, rng: np.random.Generator) -> Arra
     about = centred[None, :] - mean[:, None]
     second, third, fourth = (np.sum(weights * about**k, axis=1) for k in (2, 3, 4))
     wider = (n + 1.0) / (n - 1.0)
-    return np.stack(
-        [mean, second * wider, third * wider**1.5, (fourth - 3.0 * second**2) * wider**2], axis=1
-    )
+    return np.stack([mean, second * wider, third * wider**1.5, (fourth - 3.0 * second**2) * wider**2], axis=1)
 
 
-def fraction_within_limits(
-    cumulants: Sequence[Array], ends: tuple[float, float], fraction: float
-) -> float:
+def fraction_within_limits(cumulants: Sequence[Array], ends: tuple[float, float], fraction: float) -> float:
     """Fraction of the draws in which the sum of parts keeps its limits.
 
     `cumulants` (draws, 4) are those of each part, `ends` the limits of the sum from its estimated
@@ -60,8 +56,5 @@ def fraction_within_limits(
 def _quantile(z: float, skew: Array, excess: Array) -> Array:
     """The Cornish-Fisher quantile (draws,) of a standardised sum, at a normal quantile."""
     return np.asarray(
-        z
-        + (z**2 - 1.0) * skew / 6.0
-        + (z**3 - 3.0 * z) * excess / 24.0
-        - (2.0 * z**3 - 5.0 * z) * skew**2 / 36.0
+        z + (z**2 - 1.0) * skew / 6.0 + (z**3 - 3.0 * z) * excess / 24.0 - (2.0 * z**3 - 5.0 * z) * skew**2 / 36.0
     )

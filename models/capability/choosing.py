@@ -90,11 +90,7 @@ class Level:
 
 
 def calibrated(
-    parts: Sequence[Ways],
-    processes: Processes,
-    aim: Aim,
-    rng: np.random.Generator,
-    repeats: int = REPEATS,
+    parts: Sequence[Ways], processes: Processes, aim: Aim, rng: np.random.Generator, repeats: int = REPEATS
 ) -> Level:
     """The least level from which on choices are kept with the confidence of the aim.
 
@@ -170,9 +166,7 @@ class _Table:
             cost = np.add.outer(cost, part.cost).ravel()
             square = (square[:, :, None] + part.std[:, None, :] ** 2).reshape(rows, -1)
             mean = (mean[:, :, None] + part.mean[:, None, :]).reshape(rows, -1)
-            ways = np.column_stack(
-                [np.repeat(ways, count, axis=0), np.tile(place + np.arange(count), before)]
-            )
+            ways = np.column_stack([np.repeat(ways, count, axis=0), np.tile(place + np.arange(count), before)])
             place += count
             if len(cost) > STATES:
                 best = _best(cost, square)
@@ -209,11 +203,7 @@ class _Sampled:
 
     def __init__(self, table: _Table, variance_ratio: Array, aim: Aim) -> None:
         self.table, self.aim, process = table, aim, table.process
-        square = (
-            table.std**2
-            * variance_ratio[process][:, None]
-            * (1.0 + table.pieces / table.n[process][:, None])
-        )
+        square = table.std**2 * variance_ratio[process][:, None] * (1.0 + table.pieces / table.n[process][:, None])
         doubt = np.zeros((len(square), len(table.kinds), square.shape[1]))
         doubt[np.arange(len(square)), table.kind[process]] = square**2
         self.terms = np.hstack([square, doubt.reshape(len(square), -1)])
@@ -244,7 +234,5 @@ def _best(cost: Array, square: Array) -> NDArray[np.int64]:
     size = (square / np.maximum(square.max(axis=1, keepdims=True), 1e-300)).sum(axis=0)
     span = max(float(np.ptp(cost)), 1e-300)
     per_price = max(1, STATES // (16 * len(PRICES)))
-    cheapest = [
-        np.argpartition(cost / span + price * size, per_price)[:per_price] for price in PRICES
-    ]
+    cheapest = [np.argpartition(cost / span + price * size, per_price)[:per_price] for price in PRICES]
     return np.unique(np.concatenate(cheapest))

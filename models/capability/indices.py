@@ -48,8 +48,6 @@ def capability(values: Array, lower: float | None, upper: float | None) -> dict[
     ]
     if sides:
         cpk = min(sides)
-        error = float(scipy.stats.norm.ppf(0.5 + CONFIDENCE / 2)) * np.sqrt(
-            1.0 / (9.0 * n) + cpk**2 / (2.0 * (n - 1))
-        )
+        error = float(scipy.stats.norm.ppf(0.5 + CONFIDENCE / 2)) * np.sqrt(1.0 / (9.0 * n) + cpk**2 / (2.0 * (n - 1)))
         indices["Cpk"] = Index(cpk, cpk - error, cpk + error)
     return indices

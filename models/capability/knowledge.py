@@ -89,15 +89,9 @@ class Knowledge:
         more = _factor(self.df, confidence) - self.inflation
         if (difference := self.difference) is not None:
             limit = upper_of_difference(
-                difference.measured,
-                difference.measured_df,
-                difference.gauge,
-                difference.gauge_df,
-                confidence,
+                difference.measured, difference.measured_df, difference.gauge, difference.gauge_df, confidence
             )
-            more += max(
-                limit / difference.part_variance - _factor(difference.measured_df, confidence), 0.0
-            )
+            more += max(limit / difference.part_variance - _factor(difference.measured_df, confidence), 0.0)
         return max(more, 0.0)
 
     def drawn(self, count: int, rng: np.random.Generator) -> tuple[Array, Array]:
@@ -118,11 +112,7 @@ class Knowledge:
             gauge = (
                 np.full(count, difference.gauge)
                 if np.isinf(difference.gauge_df)
-                else (
-                    difference.gauge
-                    * difference.gauge_df
-                    / rng.chisquare(difference.gauge_df, count)
-                )
+                else (difference.gauge * difference.gauge_df / rng.chisquare(difference.gauge_df, count))
             )
             whole = variance * (self.std**2 + fraction * difference.gauge)
             variance = np.maximum(whole - fraction * gauge, 1e-3 * self.std**2) / self.std**2
@@ -135,9 +125,7 @@ def _factor(df: float, confidence: float) -> float:
     return df / float(scipy.stats.chi2.ppf(1.0 - confidence, df))
 
 
-def knowledge_of(
-    values: Array, prior: Prior | None = None, gauge: Gauge | None = None
-) -> Knowledge:
+def knowledge_of(values: Array, prior: Prior | None = None, gauge: Gauge | None = None) -> Knowledge:
     """The posterior of a process from measured `values` (n,) of one characteristic.
 
     The variance of a gauge is subtracted, and the upper limit is that of the difference. Raises
@@ -149,9 +137,7 @@ def knowledge_of(
         raise ValueError(f"has {n} values, {LEAST} at least are needed")
     observed, mean = float(np.var(values, ddof=1)), float(np.mean(values))
     if observed <= 0.0:
-        raise ValueError(
-            f"has {n} equal values: the resolution of the gauge is too coarse to show a scatter"
-        )
+        raise ValueError(f"has {n} equal values: the resolution of the gauge is too coarse to show a scatter")
     variance = observed if gauge is None else observed - gauge.sigma**2
     if gauge is not None and variance <= 0.0:
         raise ValueError(

@@ -116,9 +116,7 @@ class Norm:
     def surplus(self, rest: Array | float = 0.0) -> Surplus:
         """What uncertainty adds, as a function of the squares E v."""
         error = None if self.error is None else over(self.error, self.even)
-        return Surplus(
-            over(self.own, self.even), over(self.shared, self.even), error=error, fixed_even=rest
-        )
+        return Surplus(over(self.own, self.even), over(self.shared, self.even), error=error, fixed_even=rest)
 
 
 def over(value: Array, by: Array, otherwise: float = 0.0) -> Array:
@@ -154,25 +152,15 @@ def norm_of(
     limit alone, `quantile` standard deviations from it, it counts in full in addition to the
     uncertainty of the variance: as the root of the sum of both squares.
     """
-    inflation = np.array(
-        [1.0 if knowledge is None or level else knowledge.inflation for knowledge in known]
-    )
+    inflation = np.array([1.0 if knowledge is None or level else knowledge.inflation for knowledge in known])
     surplus = np.array([_surplus(knowledge, confidence, level) for knowledge in known])
-    error = moved * np.array(
-        [0.0 if knowledge is None else 1.0 / knowledge.n for knowledge in known]
-    )
+    error = moved * np.array([0.0 if knowledge is None else 1.0 / knowledge.n for knowledge in known])
     if quantile is not None:
         counted = (float(ndtri(confidence)) / quantile) ** 2
-        return Norm(
-            inflation * square, surplus * square, np.zeros_like(square), counted * inflation * error
-        )
-    prior = np.array(
-        [knowledge is not None and knowledge.prior_parts > 0.0 for knowledge in known], dtype=float
-    )
+        return Norm(inflation * square, surplus * square, np.zeros_like(square), counted * inflation * error)
+    prior = np.array([knowledge is not None and knowledge.prior_parts > 0.0 for knowledge in known], dtype=float)
     far = float(ndtri(0.5 * (1.0 + confidence))) ** 2 - 1.0
-    return Norm(
-        inflation * (square + error), surplus * (square + error), prior * far * inflation * error
-    )
+    return Norm(inflation * (square + error), surplus * (square + error), prior * far * inflation * error)
 
 
 def _surplus(knowledge: Knowledge | None, confidence: float, level: float | None) -> float:

@@ -57,15 +57,13 @@ class PartSample:
     def departures(self, owner: str) -> tuple[str, ...]:
         """Departures from one stable normal process; `owner` names what was measured."""
         return tuple(
-            f"{owner}, measured: {finding.text} (by chance: {finding.probability:.2g})"
-            for finding in self.findings
+            f"{owner}, measured: {finding.text} (by chance: {finding.probability:.2g})" for finding in self.findings
         )
 
     def statement(self, unit: str) -> str:
         """The sample and its capability, in one line."""
         indices = [
-            f"{name} {index.value:.2f} ({index.low:.2f} to {index.high:.2f})"
-            for name, index in self.indices.items()
+            f"{name} {index.value:.2f} ({index.low:.2f} to {index.high:.2f})" for name, index in self.indices.items()
         ]
         return ", ".join(
             [
@@ -78,12 +76,7 @@ class PartSample:
 
 
 def read_sample(
-    owner: Section,
-    unit: str,
-    nominal: float | None,
-    mid: float,
-    t: float | None = None,
-    follows: bool = True,
+    owner: Section, unit: str, nominal: float | None, mid: float, t: float | None = None, follows: bool = True
 ) -> PartSample | None:
     """The `measured` table of a part or machine, in its unit; None and faults where it is wrong.
 
@@ -101,9 +94,7 @@ def read_sample(
     section.accept(("characteristic",))
     prior = _prior(section, made_to or 0.0, unit)
     if "values" not in section:
-        section.fault(
-            "file", "is missing: name a table or Q-DAS file of measured parts, or give values"
-        )
+        section.fault("file", "is missing: name a table or Q-DAS file of measured parts, or give values")
     section.finish()
     if numbers is None or made_to is None or own_unit is None:
         return None
@@ -165,8 +156,7 @@ def _near(section: Section, unit: str, deviations: Array, made_to: float) -> boo
     comparison = (
         f"but were made to {width:g} {unit}{hint}: check their unit and made_to"
         if made_to
-        else f"but three times their scatter is {width:.4g} {unit}{hint}: state "
-        "measured.nominal, or check their unit"
+        else f"but three times their scatter is {width:.4g} {unit}{hint}: state measured.nominal, or check their unit"
     )
     section.fault("values", f"lie up to {far:.4g} {unit} off the mid-limit, {comparison}")
     return False
@@ -193,9 +183,7 @@ def _unit(section: Section, unit: str) -> str | None:
     return None
 
 
-def _made_to(
-    section: Section, own_unit: str | None, unit: str, t: float | None, follows: bool
-) -> float | None:
+def _made_to(section: Section, own_unit: str | None, unit: str, t: float | None, follows: bool) -> float | None:
     """Half-width that the measured parts were made to, in the unit of the part; 0: not known."""
     if section.take("made_to") == FIXED:
         if t is None and follows:

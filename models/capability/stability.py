@@ -85,14 +85,10 @@ def _lots(values: Array, lots: Sequence[str]) -> list[Finding]:
     spread = float(np.ptp([group.mean() for group in groups]))
     return [
         Finding(
-            "lots",
-            f"has lots whose means differ by up to {spread:.3g}",
-            float(scipy.stats.f_oneway(*groups).pvalue),
+            "lots", f"has lots whose means differ by up to {spread:.3g}", float(scipy.stats.f_oneway(*groups).pvalue)
         ),
         Finding(
-            "scatter",
-            "has lots that scatter differently",
-            float(scipy.stats.levene(*groups, center="median").pvalue),
+            "scatter", "has lots that scatter differently", float(scipy.stats.levene(*groups, center="median").pvalue)
         ),
     ]
 

@@ -81,7 +81,5 @@ def not_negative(curve: object, names: tuple[str, ...]) -> list[tuple[str, str]]
     """A fault for each coefficient in `names` that is below 0."""
     values = [(name, float(getattr(curve, name))) for name in names]
     return [
-        (n, f"must not be negative (the cost would rise with the tolerance), got {v:g}")
-        for n, v in values
-        if v < 0
+        (n, f"must not be negative (the cost would rise with the tolerance), got {v:g}") for n, v in values if v < 0
     ]

@@ -46,6 +46,5 @@ def curve_table(curve: CostCurve) -> dict[str, Any]:
     """The table that states a curve."""
     coefficients: dict[str, Any] = asdict(curve)  # type: ignore[call-overload]
     return {"model": name_of(curve)} | {
-        key: list(value) if isinstance(value, tuple) else value
-        for key, value in coefficients.items()
+        key: list(value) if isinstance(value, tuple) else value for key, value in coefficients.items()
     }

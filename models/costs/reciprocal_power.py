@@ -37,9 +37,7 @@ class ReciprocalPower(CostCurve):
         return not_negative(self, ("b", "k"))
 
 
-def stationary_power(
-    b: float | Array, k: float | Array, linear: Array, square: Array
-) -> Array | None:
+def stationary_power(b: float | Array, k: float | Array, linear: Array, square: Array) -> Array | None:
     """The t at which k b / t^(k + 1) = linear + 2 square t; inf where the cost falls for ever.
 
     With both prices, Newton's method on the logarithm of both sides in x = ln t. Their difference

@@ -31,11 +31,7 @@ class Table(CostCurve):
     @property
     def rising(self) -> tuple[float, ...]:
         """Listed tolerances that cost more than a tighter one."""
-        return tuple(
-            t
-            for t, cost, least in zip(self.t, self.cost_at, self.least, strict=True)
-            if cost > least
-        )
+        return tuple(t for t, cost, least in zip(self.t, self.cost_at, self.least, strict=True) if cost > least)
 
     def cost(self, t: Array) -> Array:
         return np.interp(t, self.t, self.least, left=np.inf, right=np.inf)
@@ -73,11 +69,7 @@ class Table(CostCurve):
     def faults(self) -> list[tuple[str, str]]:
         if len(self.t) != len(self.cost_at) or len(self.t) < 2:
             return [
-                (
-                    "t",
-                    f"needs at least two entries, and as many as cost_at, got {len(self.t)} "
-                    f"and {len(self.cost_at)}",
-                )
+                ("t", f"needs at least two entries, and as many as cost_at, got {len(self.t)} and {len(self.cost_at)}")
             ]
         named = []
         if any(after <= before for before, after in pairwise(self.t)):

@@ -51,9 +51,7 @@ def predicted(
 
 def with_zero(outputs: Mapping[str, Array], zero: Mapping[str, float]) -> dict[str, Array]:
     """Outputs (n,) with the zero of the instrument added to each of them."""
-    return {
-        name: values + zero[name] if name in zero else values for name, values in outputs.items()
-    }
+    return {name: values + zero[name] if name in zero else values for name, values in outputs.items()}
 
 
 def acting(effects: Sequence[Active], readings: Readings, target: Target) -> list[Action]:
@@ -71,10 +69,7 @@ def changes_of(actions: Iterable[Action]) -> dict[str, Array]:
 
 
 def added(
-    outputs: Mapping[str, Array],
-    actions: Sequence[Action],
-    means: Mapping[str, float],
-    rng: np.random.Generator,
+    outputs: Mapping[str, Array], actions: Sequence[Action], means: Mapping[str, float], rng: np.random.Generator
 ) -> dict[str, Array]:
     """Predicted outputs (n,) with the effects that act on them; `means` are of a population."""
     total = dict(outputs)

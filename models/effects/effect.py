@@ -58,13 +58,7 @@ class EffectParameter:
         return self.name.removesuffix(f"_{unit_key(self.unit)}") if self.unit else self.name
 
 
-KINDS = {
-    "angle": "an angle",
-    "length": "a length",
-    "speed": "a speed",
-    "torque": "a torque",
-    "force": "a force",
-}
+KINDS = {"angle": "an angle", "length": "a length", "speed": "a speed", "torque": "a torque", "force": "a force"}
 """Kinds of outputs that an effect may name, in words."""
 _UNITS = {"angle": "rad", "length": "m", "speed": "rad/s", "torque": "Nm", "force": "N"}
 
@@ -77,10 +71,7 @@ def kind_of(unit: str) -> str:
         return ""
     if not quantity_dimension:
         return ""
-    return next(
-        (kind for kind, base_unit in _UNITS.items() if dimension(base_unit) == quantity_dimension),
-        "other",
-    )
+    return next((kind for kind, base_unit in _UNITS.items() if dimension(base_unit) == quantity_dimension), "other")
 
 
 def quantity(
@@ -278,9 +269,7 @@ class Effect(ABC):
             return self.own_action(readings, values, target)
         return Action(changes={place.name: np.full(len(readings), values[place.name])})
 
-    def described(
-        self, values: Mapping[str, float], target: Target
-    ) -> dict[str, tuple[float, str]]:
+    def described(self, values: Mapping[str, float], target: Target) -> dict[str, tuple[float, str]]:
         """Quantities reported in addition to the parameters (amplitude, phase): value and unit."""
         return {}
 

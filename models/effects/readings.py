@@ -92,9 +92,7 @@ def own_clocks(session: NDArray[Any], time: NDArray[Any]) -> bool:
 
 def _appearance(labels: NDArray[Any]) -> NDArray[np.int64]:
     """Number (n,) of each row's label, by first appearance."""
-    _, first, inverse = np.unique(
-        np.asarray(labels).astype(str), return_index=True, return_inverse=True
-    )
+    _, first, inverse = np.unique(np.asarray(labels).astype(str), return_index=True, return_inverse=True)
     rank = np.empty(len(first), dtype=np.int64)
     rank[np.argsort(first)] = np.arange(len(first))
     return np.asarray(rank[inverse.ravel()])
@@ -125,11 +123,7 @@ def _in_unit(values: NDArray[Any], unit: str, fixed: str) -> NDArray[Any]:
     return np.asarray(converted(np.asarray(values, dtype=float), unit, fixed))
 
 
-def target_of(
-    model: MeasurableModel | type[MeasurableModel],
-    name: str,
-    table: Table | None = None,
-) -> Target:
+def target_of(model: MeasurableModel | type[MeasurableModel], name: str, table: Table | None = None) -> Target:
     """The target of effects in a model; with a known table, only of the columns that it has."""
     columns = (*model.columns, *(extra for extra in EXTRAS if table is None or extra.name in table))
     target = target_from(name, model.outputs, columns, table, model.changeable, model.population)
@@ -153,24 +147,13 @@ def target_from(
         columns = tuple(_present(columns, table))
     units = {column.role: fixed_unit(column) for column in reversed(columns)}
     roles = {column.role for column in columns}
-    target = Target(
-        name,
-        outputs,
-        columns,
-        changeable,
-        population,
-        several,
-        units=units,
-        derived=_derived(roles, None),
-    )
+    target = Target(name, outputs, columns, changeable, population, several, units=units, derived=_derived(roles, None))
     if table is None:
         return target
     readings = readings_of(columns, table)
     numbers = {role: v for role, v in readings.by_role.items() if role in FIXED}
     largest = {role: float(np.max(np.abs(v), initial=0.0)) for role, v in numbers.items()}
-    labels = {
-        role: tuple(labels_of(readings[role])[0].tolist()) for role in LABELS if role in readings
-    }
+    labels = {role: tuple(labels_of(readings[role])[0].tolist()) for role in LABELS if role in readings}
     return replace(
         target,
         largest=largest,

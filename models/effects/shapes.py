@@ -64,9 +64,7 @@ class Shape(Effect):
         """Whether it is the sum of its columns at the outputs, and nothing else."""
         kind = type(self)
         unchanged = kind.act is Effect.act and kind.own_action is Shape.own_action
-        return (
-            unchanged and kind.own_parameters is Shape.own_parameters and self.place(target) is None
-        )
+        return unchanged and kind.own_parameters is Shape.own_parameters and self.place(target) is None
 
     def shape_parameters(self, target: Target) -> tuple[EffectParameter, ...]:
         """The nonlinear parameters, common to all outputs."""
@@ -130,12 +128,7 @@ class Orders(Shape):
 
     def weights(self, target: Target) -> tuple[Weight, ...]:
         return tuple(
-            Weight(
-                f"{part}_{order_key(order)}",
-                f"{meaning} component of order {order:.6g}",
-                self.per(target),
-                -inf,
-            )
+            Weight(f"{part}_{order_key(order)}", f"{meaning} component of order {order:.6g}", self.per(target), -inf)
             for order in self.orders_of(target)
             for part, meaning in (("cos", "cosine"), ("sin", "sine"))
         )
@@ -157,9 +150,7 @@ class Orders(Shape):
             for part, wave in (("cos", np.cos), ("sin", np.sin))
         }
 
-    def described(
-        self, values: Mapping[str, float], target: Target
-    ) -> dict[str, tuple[float, str]]:
+    def described(self, values: Mapping[str, float], target: Target) -> dict[str, tuple[float, str]]:
         description: dict[str, tuple[float, str]] = {}
         for output in self.reached(target):
             by_stem = {w.stem: w.of(output, target) for w in self.weights(target)}
@@ -169,9 +160,7 @@ class Orders(Shape):
         return description
 
 
-def polar(
-    values: Mapping[str, float], c: EffectParameter, s: EffectParameter, at: str
-) -> dict[str, tuple[float, str]]:
+def polar(values: Mapping[str, float], c: EffectParameter, s: EffectParameter, at: str) -> dict[str, tuple[float, str]]:
     """Amplitude and phase [deg] of two components; `at` is the template of their names."""
     x, y = value_or_zero(values, c.name), value_or_zero(values, s.name)
     phase = degrees(atan2(y, x))
@@ -198,9 +187,7 @@ def no_waves(target: Target, *names: str) -> str:
     return f"a gear of kind {target.gear.kind} has no {' or '.join(lacking)}"
 
 
-def _wave(
-    wave: Callable[[Array], Array], order: float, effect: Orders, readings: Readings
-) -> Callable[[], Array]:
+def _wave(wave: Callable[[Array], Array], order: float, effect: Orders, readings: Readings) -> Callable[[], Array]:
     return lambda: effect.factor(readings) * wave(order * readings[Role.ANGLE])
 
 

@@ -162,10 +162,7 @@ class Unresolved(Effect):
 
     def own_parameters(self, target: Target) -> tuple[EffectParameter, ...]:
         unit = next(output.unit for output in target.outputs if output.name == self.term.output)
-        return tuple(
-            EffectParameter(f"c{k + 1}", unit, "coefficient", -np.inf)
-            for k in range(self.mix.shape[1])
-        )
+        return tuple(EffectParameter(f"c{k + 1}", unit, "coefficient", -np.inf) for k in range(self.mix.shape[1]))
 
     def columns(self, readings: Readings) -> Array:
         """Columns (n, m) of its parameters."""
@@ -177,18 +174,12 @@ class Unresolved(Effect):
         return np.asarray(self.mix @ weights)
 
     def own_action(self, readings: Readings, values: Mapping[str, float], target: Target) -> Action:
-        return Action(
-            output={self.term.output: self.term.columns(readings) @ self.coefficients(values)}
-        )
+        return Action(output={self.term.output: self.term.columns(readings) @ self.coefficients(values)})
 
 
 def unresolved_of(table: Mapping[str, Any]) -> tuple[Unresolved, dict[str, float]]:
     """A term and its parameters from its checked `[[unresolved]]` table."""
     stated = {k: v for k, v in table.items() if k != "coefficients"}
-    stated |= {
-        name: tuple(stated[name]) for name in ("knots", "heights", "labels") if name in stated
-    }
-    values = {
-        f"c{k + 1}": float(coefficient) for k, coefficient in enumerate(table["coefficients"])
-    }
+    stated |= {name: tuple(stated[name]) for name in ("knots", "heights", "labels") if name in stated}
+    values = {f"c{k + 1}": float(coefficient) for k, coefficient in enumerate(table["coefficients"])}
     return Unresolved(Term(**stated)), values

@@ -35,9 +35,7 @@ def domain_margin(formula: Formula, x: Mapping[str, Array], middle: Mapping[str,
         return _least(formula.tree, x, middle)[2]
 
 
-def _least(
-    node: Expression, x: Mapping[str, Array], middle: Mapping[str, Array]
-) -> tuple[Array, Array, Array]:
+def _least(node: Expression, x: Mapping[str, Array], middle: Mapping[str, Array]) -> tuple[Array, Array, Array]:
     """Value and value at the middle of a node, and the least margin at or below it."""
     below = [_least(part, x, middle) for part in node.parts]
     values, centres = [triple[0] for triple in below], [triple[1] for triple in below]

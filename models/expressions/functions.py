@@ -91,11 +91,7 @@ FUNCTIONS: Mapping[str, Function] = MappingProxyType(
         "acos": Function(np.arccos, lambda x: (-1.0 / np.sqrt(1.0 - x * x),), _within_one),
         "atan": Function(np.arctan, lambda x: (1.0 / (1.0 + x * x),)),
         "atan2": Function(
-            np.arctan2,
-            lambda y, x: (x / (x * x + y * y), -y / (x * x + y * y)),
-            _off_the_cut,
-            least=2,
-            most=2,
+            np.arctan2, lambda y, x: (x / (x * x + y * y), -y / (x * x + y * y)), _off_the_cut, least=2, most=2
         ),
         "sqrt": Function(np.sqrt, lambda x: (0.5 / np.sqrt(x),), _not_negative),
         "exp": Function(np.exp, lambda x: (np.exp(x),)),

@@ -169,8 +169,7 @@ class _Parser:
                 function_names = ", ".join(FUNCTIONS)
                 close = nearest(token.text, FUNCTIONS)
                 raise FormulaError(
-                    token.at,
-                    f"`{token.text}` is not a function of formulas{close}; one of {function_names}",
+                    token.at, f"`{token.text}` is not a function of formulas{close}; one of {function_names}"
                 )
             return self._call(token, opening)
         if token.text in FUNCTIONS:
@@ -187,9 +186,7 @@ class _Parser:
         kind = FUNCTIONS[token.text]
         if not kind.least <= len(arguments) <= kind.most:
             count = str(kind.least) if kind.least == kind.most else f"{kind.least} to {kind.most}"
-            raise FormulaError(
-                token.at, f"{token.text} takes {count} arguments, got {len(arguments)}"
-            )
+            raise FormulaError(token.at, f"{token.text} takes {count} arguments, got {len(arguments)}")
         return Call(token.at, token.text, tuple(arguments))
 
     def _close(self, opening: _Token) -> None:

@@ -68,8 +68,4 @@ def _ramp(run: Array, length: float) -> tuple[Array, Array, Array]:
     """Integrals of u^k (u + 1)/length from -1 to -1 + run, k = 0, 1, 2."""
     fraction = run / max(length, TINY)  # a ramp of no length has run = 0
     square = run * fraction
-    return (
-        0.5 * square,
-        square * (run / 3.0 - 0.5),
-        square * (0.25 * run**2 - 2.0 * run / 3.0 + 0.5),
-    )
+    return (0.5 * square, square * (run / 3.0 - 0.5), square * (0.25 * run**2 - 2.0 * run / 3.0 + 0.5))

@@ -62,9 +62,7 @@ def name_of(kind: type[Distribution]) -> str:
 def _taking(key: str) -> str:
     """The settings of `distribution` that make `key` valid."""
     needed = "shift" if key == "cpk" else key
-    named = [
-        f'"{name}"' for name, kind in DISTRIBUTIONS.sound().items() if needed in _parameters(kind)
-    ]
+    named = [f'"{name}"' for name, kind in DISTRIBUTIONS.sound().items() if needed in _parameters(kind)]
     return f"set distribution = {' or '.join(named)}"
 
 
@@ -109,17 +107,11 @@ def _shifted(section: Section, stated: Stated) -> Stated:
     cp, cpk = stated["cp"], stated["cpk"]
     remaining = {key: value for key, value in stated.items() if key != "cpk"}
     if "shift" in stated:
-        section.fault(
-            "cpk",
-            "is given together with shift: leave one of them out, since Cpk = Cp (1 - |shift|)",
-        )
+        section.fault("cpk", "is given together with shift: leave one of them out, since Cpk = Cp (1 - |shift|)")
         return remaining | {"shift": None}
     if cp is None or cpk is None:
         return remaining | {"shift": None}
     if cpk > cp:
-        section.fault(
-            "cpk",
-            f"must not be above cp ({cp:g}), got {cpk:g}: raise cp, since Cpk = Cp (1 - |shift|)",
-        )
+        section.fault("cpk", f"must not be above cp ({cp:g}), got {cpk:g}: raise cp, since Cpk = Cp (1 - |shift|)")
         return remaining | {"shift": None}
     return remaining | {"shift": 1.0 - cpk / cp}

@@ -120,9 +120,4 @@ def _table(skew: float) -> tuple[Array, Array]:
 
 def _of_sum(first: Array, second: Array) -> Array:
     """Raw moments of the sum of two independent variables from theirs, all of shape (k + 1,)."""
-    return np.array(
-        [
-            sum(comb(k, j) * first[j] * second[k - j] for j in range(k + 1))
-            for k in range(len(first))
-        ]
-    )
+    return np.array([sum(comb(k, j) * first[j] * second[k - j] for j in range(k + 1)) for k in range(len(first))])

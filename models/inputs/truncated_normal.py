@@ -55,9 +55,7 @@ class TruncatedNormal(Distribution):
         mass = ndtr(x) - ndtr(low)
         u = self.shift + self.sigma * x
         first = self.shift * mass - (edge - start)
-        second = (self.shift**2 + self.sigma**2) * mass - (
-            (self.shift + u) * edge - (self.shift - 1.0) * start
-        )
+        second = (self.shift**2 + self.sigma**2) * mass - ((self.shift + u) * edge - (self.shift - 1.0) * start)
         return mass / total, first / total, second / total
 
     def quantile(self, probability: Array) -> Array:

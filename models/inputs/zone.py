@@ -22,9 +22,7 @@ class Zone:
         Raises ValueError where the limits are reversed or equal.
         """
         if not lower < upper:
-            raise ValueError(
-                f"the lower limit must be below the upper one, got {lower} and {upper}"
-            )
+            raise ValueError(f"the lower limit must be below the upper one, got {lower} and {upper}")
         return cls(0.5 * (lower + upper), 0.5 * (upper - lower))
 
     @classmethod

@@ -62,8 +62,7 @@ def deviations_um(letter: str, grade: str, size: float) -> tuple[float, float]:
     shaft_letter = letter.lower()
     if letter not in LETTERS:
         raise ValueError(
-            f'"{letter}" is not a letter of a fundamental deviation: one of '
-            f"{', '.join(SHAFTS)}, in capitals for a hole"
+            f'"{letter}" is not a letter of a fundamental deviation: one of {", ".join(SHAFTS)}, in capitals for a hole'
         )
     if shaft_letter == SYMMETRIC:
         return -0.5 * width, 0.5 * width
@@ -90,10 +89,7 @@ def shaft_um(letter: str, grade: str, size: float) -> float:
     for first, last, over, up_to, value in _shafts()[letter]:
         if first <= max(number, 1) <= last and over < size <= up_to:
             return value
-    raise ValueError(
-        f"ISO 286 has no fundamental deviation {letter} (or {letter.upper()}) for "
-        f"{grade} at {size:g} mm"
-    )
+    raise ValueError(f"ISO 286 has no fundamental deviation {letter} (or {letter.upper()}) for {grade} at {size:g} mm")
 
 
 def _hole_um(letter: str, grade: str, size: float) -> float:

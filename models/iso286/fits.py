@@ -48,9 +48,7 @@ def pair_of_text(text: str) -> tuple[Fit, Fit]:
     """
     match = _PAIR.match(text)
     if match is None:
-        raise ValueError(
-            f'write a fit of two parts as "25 H7/g6" (size, hole, shaft), got "{text}"'
-        )
+        raise ValueError(f'write a fit of two parts as "25 H7/g6" (size, hole, shaft), got "{text}"')
     size, hole, hole_grade, shaft, shaft_grade = match.groups()
     hole, shaft = _letter(hole), _letter(shaft)
     if hole not in HOLES or shaft not in SHAFTS:
@@ -73,9 +71,7 @@ def _letter(text: str) -> str:
         return text
     either = [letter for letter in (text.upper(), text.lower()) if letter in LETTERS]
     if either:
-        raise ValueError(
-            f"the letter {text} mixes the cases: {either[0]} is a hole, {either[1]} a shaft"
-        )
+        raise ValueError(f"the letter {text} mixes the cases: {either[0]} is a hole, {either[1]} a shaft")
     raise ValueError(
         f'"{text}" is not a letter of a fundamental deviation'
         f"{nearest(text, LETTERS)}; one of {', '.join(SHAFTS)}, in capitals for a "

@@ -24,12 +24,7 @@ _LINEAR: _Table = {
     "v": (_NONE, 0.5, 1.0, 1.5, 2.5, 4.0, 6.0, 8.0),
 }
 _RADIUS_ENDS: _Ends = (3.0, 6.0, inf)
-_RADIUS: _Table = {
-    "f": (0.2, 0.5, 1.0),
-    "m": (0.2, 0.5, 1.0),
-    "c": (0.4, 1.0, 2.0),
-    "v": (0.4, 1.0, 2.0),
-}
+_RADIUS: _Table = {"f": (0.2, 0.5, 1.0), "m": (0.2, 0.5, 1.0), "c": (0.4, 1.0, 2.0), "v": (0.4, 1.0, 2.0)}
 _ANGLE_ENDS = (10.0, 50.0, 120.0, 400.0, inf)
 _MINUTES = {
     "f": (60.0, 30.0, 20.0, 10.0, 5.0),
@@ -47,14 +42,8 @@ _FORM = {
 _ZONES: dict[str, tuple[_Ends, _Table]] = {
     "straightness": (_FORM_ENDS, _FORM),
     "flatness": (_FORM_ENDS, _FORM),
-    "perpendicularity": (
-        _LEG_ENDS,
-        {"H": (0.2, 0.3, 0.4, 0.5), "K": (0.4, 0.6, 0.8, 1.0), "L": (0.6, 1.0, 1.5, 2.0)},
-    ),
-    "symmetry": (
-        _LEG_ENDS,
-        {"H": (0.5, 0.5, 0.5, 0.5), "K": (0.6, 0.6, 0.8, 1.0), "L": (0.6, 1.0, 1.5, 2.0)},
-    ),
+    "perpendicularity": (_LEG_ENDS, {"H": (0.2, 0.3, 0.4, 0.5), "K": (0.4, 0.6, 0.8, 1.0), "L": (0.6, 1.0, 1.5, 2.0)}),
+    "symmetry": (_LEG_ENDS, {"H": (0.5, 0.5, 0.5, 0.5), "K": (0.6, 0.6, 0.8, 1.0), "L": (0.6, 1.0, 1.5, 2.0)}),
     "circular_runout": ((inf,), {"H": (0.1,), "K": (0.2,), "L": (0.5,)}),
 }
 
@@ -91,9 +80,7 @@ def geometrical_mm(characteristic: str, kind: str, size: float) -> float:
     """
     _check_class(kind, GEOMETRICAL)
     if characteristic not in _ZONES:
-        raise ValueError(
-            f"ISO 2768-2 has general tolerances of {', '.join(_ZONES)} only, got {characteristic}"
-        )
+        raise ValueError(f"ISO 2768-2 has general tolerances of {', '.join(_ZONES)} only, got {characteristic}")
     ends, table = _ZONES[characteristic]
     return _value(ends, table, kind, size, 0.0)
 
@@ -103,13 +90,7 @@ def _check_class(kind: str, classes: tuple[str, ...]) -> None:
         raise ValueError(f'must be one of {", ".join(classes)}, got "{kind}"')
 
 
-def _value(
-    ends: _Ends,
-    table: _Table,
-    kind: str,
-    size: float,
-    smallest: float = SMALLEST,
-) -> float:
+def _value(ends: _Ends, table: _Table, kind: str, size: float, smallest: float = SMALLEST) -> float:
     within = smallest <= size <= ends[-1] and size > 0.0
     at = next((at for at, end in enumerate(ends) if size <= end), 0)
     if not within or table[kind][at] == _NONE:

@@ -18,8 +18,6 @@ def grade_um(grade: str, size: float) -> float:
     Reference: ISO 286-1:2010, table 1 (values of the shipped table; see `UNVERIFIED`).
     """
     if grade not in GRADES:
-        raise ValueError(
-            f'"{grade}" is not a grade{nearest(grade, GRADES)}; one of {", ".join(GRADES)}'
-        )
+        raise ValueError(f'"{grade}" is not a grade{nearest(grade, GRADES)}; one of {", ".join(GRADES)}')
     check_size(size)
     return value_um("it_um.csv", grade, size)

@@ -33,6 +33,4 @@ def value_um(name: str, grade: str, size: float) -> float:
 def check_size(size: float) -> None:
     """Raises ValueError for a nominal size [mm] outside of the tables."""
     if not 0.0 < size <= LARGEST:
-        raise ValueError(
-            f"grades are tabulated for nominal sizes above 0 up to {LARGEST:g} mm, got {size:g} mm"
-        )
+        raise ValueError(f"grades are tabulated for nominal sizes above 0 up to {LARGEST:g} mm, got {size:g} mm")

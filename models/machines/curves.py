@@ -110,9 +110,7 @@ class GoodPartsBySpread(CostCurve):
         at = np.minimum(first, len(x) - 2)  # the slope is not above 0 there, but at the next
         at_left = slope[at] + linear + 2.0 * square * x[at]
         at_right = slope[at + 1] + linear + 2.0 * square * x[at + 1]
-        fraction = np.clip(
-            -at_left / np.where(at_right > at_left, at_right - at_left, 1.0), 0.0, 1.0
-        )
+        fraction = np.clip(-at_left / np.where(at_right > at_left, at_right - at_left, 1.0), 0.0, 1.0)
         return np.asarray(x[at] + fraction * (x[at + 1] - x[at]))
 
     @cached_property

@@ -107,9 +107,7 @@ class Machine:
         """The good parts at limits +-t, t above the guard band."""
         if self.inspection is None:
             ones, zeros = np.ones_like(t), np.zeros_like(t)
-            return GoodParts(
-                ones, ones * self.mean, ones * self.sigma, ones * self.price, zeros, zeros, zeros
-            )
+            return GoodParts(ones, ones * self.mean, ones * self.sigma, ones * self.price, zeros, zeros, zeros)
         w, scale, o = t - self.guard_band, self.measured_std, self.mean
         a, b = (-w - o) / scale, (w - o) / scale
         at_a, at_b = (_density(end) / scale for end in (a, b))

@@ -88,11 +88,7 @@ class Offer:
         }
         if settings.rework is not None:
             rework = settings.rework
-            inspection["rework"] = {
-                "price": rework.price,
-                "success": rework.success,
-                "side": rework.side,
-            }
+            inspection["rework"] = {"price": rework.price, "success": rework.success, "side": rework.side}
         return stated | {"t_min": self.low, "t_max": self.high, "inspection": inspection}
 
 
@@ -103,8 +99,4 @@ def samples_of(offers: Iterable[Offer]) -> tuple[tuple[str, PartSample], ...]:
 
 def departures(offers: Iterable[Offer], owner: str) -> tuple[str, ...]:
     """How measured parts of machines contradict one stable normal process."""
-    return tuple(
-        text
-        for name, sample in samples_of(offers)
-        for text in sample.departures(f"{owner}, machine {name}")
-    )
+    return tuple(text for name, sample in samples_of(offers) for text in sample.departures(f"{owner}, machine {name}"))

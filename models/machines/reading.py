@@ -43,11 +43,7 @@ def _offer(table: Section, name: str, owner: Owner) -> Offer | None:
         table.fault("price", "is missing: what a part costs on the machine")
     if "cost" in table:
         table.take("cost")
-        table.fault(
-            "cost",
-            "is no key of a machine, whose scatter does not follow t: give price, or "
-            "state a process",
-        )
+        table.fault("cost", "is no key of a machine, whose scatter does not follow t: give price, or state a process")
     inspection = _inspection(table, owner.unit) if "inspection" in table else None
     limits = [table.number(key, owner.unit, POSITIVE) for key in ("t_min", "t_max")]
     if "inspection" not in table:
@@ -82,9 +78,7 @@ def _scatter(table: Section, owner: Owner) -> tuple[tuple[float, float] | None, 
         table.accept(("measured",))
         if "sigma" not in table:
             table.fault(
-                "sigma",
-                "is missing: the standard deviation of what the machine makes, or "
-                "measured = { file = ... }",
+                "sigma", "is missing: the standard deviation of what the machine makes, or measured = { file = ... }"
             )
         faulty = sigma is None or ("mean" in table and mean is None)
         return (None if faulty or sigma is None else (sigma, mean or 0.0)), None
@@ -102,15 +96,11 @@ def _assumed(name: str, sample: PartSample | None) -> str:
     return "; ".join(f"machine {name}: {why}" for why in sample.assumed.values()) if sample else ""
 
 
-def _searched(
-    table: Section, offer: Offer, limits: list[float | None], owner: Owner
-) -> Offer | None:
+def _searched(table: Section, offer: Offer, limits: list[float | None], owner: Owner) -> Offer | None:
     """The offer with the limits of inspection that are searched."""
     machine, unit, ends = offer.machine, owner.unit, owner.ends
     usual = (
-        machine.guard_band
-        + TIGHTEST * machine.measured_std
-        + max(0.0, abs(machine.mean) - machine.measured_std),
+        machine.guard_band + TIGHTEST * machine.measured_std + max(0.0, abs(machine.mean) - machine.measured_std),
         machine.guard_band + LOOSEST * machine.measured_std + abs(machine.mean),
     )
     stated = [ends[at] if limits[at] is None else limits[at] for at in (0, 1)]
@@ -119,8 +109,7 @@ def _searched(
     assumed = [offer.assumed] if offer.assumed else []
     if open_:
         assumed.append(
-            f"machine {machine.name} is inspected at {low:.4g} to {high:.4g} {unit}; "
-            f"{' and '.join(open_)} not given"
+            f"machine {machine.name} is inspected at {low:.4g} to {high:.4g} {unit}; {' and '.join(open_)} not given"
         )
     if low >= high:
         table.fault(
@@ -158,14 +147,7 @@ def _inspection(machine_table: Section, unit: str) -> tuple[Inspection, bool] | 
     rework = _rework(table) if "rework" in table else None
     table.accept(("rework",))
     table.finish()
-    values = {
-        "price": price,
-        "u": u,
-        "guard": guard,
-        "scrap": scrap,
-        "required": required,
-        "rework": rework,
-    }
+    values = {"price": price, "u": u, "guard": guard, "scrap": scrap, "required": required, "rework": rework}
     if price is None or any(key in table and value is None for key, value in values.items()):
         return None
     inspection = Inspection(

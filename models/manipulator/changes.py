@@ -43,12 +43,7 @@ CHANGEABLE = (
 
 
 def changed_errors(
-    manipulator: Manipulator,
-    r: Array,
-    z: Array,
-    phi: Array,
-    errors: Array,
-    changes: Mapping[str, Array],
+    manipulator: Manipulator, r: Array, z: Array, phi: Array, errors: Array, changes: Mapping[str, Array]
 ) -> Array:
     """Elementary errors [m, rad] with the changes, (63,) where there are none, else (n, 63).
 
@@ -100,9 +95,7 @@ def _at(within: int) -> list[int]:
     return [chain * PER_CHAIN + within for chain in range(CHAINS)]
 
 
-def _waves(
-    manipulator: Manipulator, r: Array, z: Array, phi: Array, changes: Mapping[str, Array]
-) -> Array:
+def _waves(manipulator: Manipulator, r: Array, z: Array, phi: Array, changes: Mapping[str, Array]) -> Array:
     """Errors of the drives (n, 3) [rad] once per turn of their arms."""
     waves = np.zeros((len(r), CHAINS))
     if not any(name.startswith(("drive_cos", "drive_sin")) for name in changes):
@@ -116,9 +109,7 @@ def _waves(
     return waves
 
 
-def _under_weight(
-    manipulator: Manipulator, r: Array, z: Array, phi: Array, changes: Mapping[str, Array]
-) -> Array:
+def _under_weight(manipulator: Manipulator, r: Array, z: Array, phi: Array, changes: Mapping[str, Array]) -> Array:
     """Errors (n, 63) of drives and rods that yield to the weight.
 
     By virtual work the torque of a weight m g on a drive is -m g dz/dtheta, and the pull of a rod

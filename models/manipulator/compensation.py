@@ -48,11 +48,7 @@ def split(manipulator: Manipulator, r: Array, z: Array, phi: Array | float = 0.0
 
 
 def compensated(
-    manipulator: Manipulator,
-    r: Array | float,
-    z: Array | float,
-    phi: Array | float = 0.0,
-    errors: Array | None = None,
+    manipulator: Manipulator, r: Array | float, z: Array | float, phi: Array | float = 0.0, errors: Array | None = None
 ) -> Array:
     """Residual rotation vectors (..., 3) [rad] when commands make the position exact.
 
@@ -68,13 +64,8 @@ def compensated(
         off_r = np.hypot(x, y) - r
         off_t = np.arctan2(y, x) + ahead
         off_z = command_z + pose.position[..., 2] - z
-        if (
-            max(np.abs(component).max(initial=0.0) for component in (off_r, r * off_t, off_z))
-            <= EXACT
-        ):
+        if max(np.abs(component).max(initial=0.0) for component in (off_r, r * off_t, off_z)) <= EXACT:
             axes = turned(np.eye(3), pose.orientation[..., None, :])
             return rotation_vector(about_up(axes, ahead[..., None]))
         command_r, command_z, ahead = command_r - off_r, command_z - off_z, ahead - off_t
-    raise NoPose(
-        [Fault("compensation", "no command makes the position exact; give smaller errors")]
-    )
+    raise NoPose([Fault("compensation", "no command makes the position exact; give smaller errors")])

@@ -24,9 +24,7 @@ DOTTED = "elementary_errors."
 
 
 def _length(name: str, default: Value, meaning: str, low: float = 0.0) -> Parameter:
-    return Parameter(
-        name, default, "mm", meaning, _LOST, assumed=True, low=low, high=1e6, open_low=low == 0.0
-    )
+    return Parameter(name, default, "mm", meaning, _LOST, assumed=True, low=low, high=1e6, open_low=low == 0.0)
 
 
 PARAMETERS: tuple[Parameter, ...] = (
@@ -51,8 +49,7 @@ PARAMETERS: tuple[Parameter, ...] = (
         "index",
         "plane",
         "",
-        "mean over the ring: of sizes or rms, by the plane's area or by the"
-        " ring's volume; or every pose",
+        "mean over the ring: of sizes or rms, by the plane's area or by the ring's volume; or every pose",
         "document M: plane",
         choices=INDEX_CHOICES,
     ),
@@ -68,9 +65,7 @@ PARAMETERS: tuple[Parameter, ...] = (
 )
 """Parameters of both."""
 
-ERRORS = Parameter(
-    "elementary_errors", {}, "", "elementary errors by name; those left out are 0", choices=NAMES
-)
+ERRORS = Parameter("elementary_errors", {}, "", "elementary errors by name; those left out are 0", choices=NAMES)
 COMPENSATION = Parameter(
     "compensation",
     "none",
@@ -107,11 +102,7 @@ def elementary_errors(parameters: Mapping[str, Value]) -> Array:
     recalibration uses. Raises InputError.
     """
     table: dict[str, Any] = dict(parameters.get(ERRORS.name, {}))  # type: ignore[arg-type]
-    table |= {
-        name.removeprefix(DOTTED): value
-        for name, value in parameters.items()
-        if name.startswith(DOTTED)
-    }
+    table |= {name.removeprefix(DOTTED): value for name, value in parameters.items() if name.startswith(DOTTED)}
     return error_vector(table, "parameters.elementary_errors")
 
 

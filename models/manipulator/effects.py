@@ -14,9 +14,7 @@ from .maps import first_order
 from .sources import matrix, orientation_combinations
 
 KINDS = tuple(
-    f"{kind}_{chain}"
-    for kind in ("rod_length", "joint_distance", "joint_line")
-    for chain in range(1, CHAINS + 1)
+    f"{kind}_{chain}" for kind in ("rod_length", "joint_distance", "joint_line") for chain in range(1, CHAINS + 1)
 )
 """The document's nine kinds of errors."""
 
@@ -48,8 +46,7 @@ def components() -> dict[str, Array]:
     """Directions (63, components) in the space of the sources that make up each kind."""
     combinations = orientation_combinations()
     return {
-        kind: matrix({name: weights for name, weights in combinations.items() if _of(name, kind)})
-        for kind in KINDS
+        kind: matrix({name: weights for name, weights in combinations.items() if _of(name, kind)}) for kind in KINDS
     }
 
 

@@ -88,8 +88,7 @@ def _of_reach(manipulator: Manipulator, r: Array, z: Array, place: str) -> Itera
         elif over[worst, chain] > 0.0:
             far = "too far away" if cosine[worst, chain] > 0.0 else "too near"
             yield Fault(
-                f"{place}.ring_r_mm",
-                f"the pose {_pose(r, z, worst)} is {far} for chain {chain + 1} with {lengths}",
+                f"{place}.ring_r_mm", f"the pose {_pose(r, z, worst)} is {far} for chain {chain + 1} with {lengths}"
             )
 
 

@@ -57,11 +57,7 @@ class _State:
 
 
 def exact_pose(
-    manipulator: Manipulator,
-    r: Array | float,
-    z: Array | float,
-    phi: Array | float = 0.0,
-    errors: Array | None = None,
+    manipulator: Manipulator, r: Array | float, z: Array | float, phi: Array | float = 0.0, errors: Array | None = None
 ) -> PoseError:
     """The pose that the drives reach at the nominal angles of r, z [m], phi [rad].
 
@@ -74,11 +70,7 @@ def exact_pose(
 
 
 def solve(
-    manipulator: Manipulator,
-    drives: Array,
-    start: Array,
-    phi: Array | float = 0.0,
-    errors: Array | None = None,
+    manipulator: Manipulator, drives: Array, start: Array, phi: Array | float = 0.0, errors: Array | None = None
 ) -> PoseError:
     """The poses, relative to `start` (..., 3) [m], of arms at `drives` (..., 3) [rad] from e_r.
 
@@ -103,9 +95,7 @@ def solve(
         position[at], psi[at] = state.position - flat[1][at], state.psi
         turn[at] = rotation_vector(state.frame)
         steps = max(steps, steps_taken)
-    return PoseError(
-        position.reshape(*shape, 3), turn.reshape(*shape, 3), psi.reshape(shape), steps
-    )
+    return PoseError(position.reshape(*shape, 3), turn.reshape(*shape, 3), psi.reshape(shape), steps)
 
 
 def _newton(machine: Machine, start: Array, free: bool, first: int) -> tuple[_State, int]:

@@ -97,18 +97,14 @@ def _change(fine: Array, coarse: Array) -> float:
     return float(np.max(np.abs(fine - coarse) / size))
 
 
-def _means(
-    manipulator: Manipulator, ring: TaskRing, index: Index, columns: Array | None, order: int
-) -> Array:
+def _means(manipulator: Manipulator, ring: TaskRing, index: Index, columns: Array | None, order: int) -> Array:
     """Means (3, m) of squareness, yaw and position."""
     r, z, weight = quadrature(ring, index, order)
     maps = first_order(manipulator, r, z)
     turn, move = maps.orientation, maps.position
     if columns is not None:
         turn, move = turn @ columns, move @ columns
-    sizes = np.stack(
-        [np.hypot(turn[:, 0], turn[:, 1]), np.abs(turn[:, 2]), np.linalg.norm(move, axis=1)]
-    )
+    sizes = np.stack([np.hypot(turn[:, 0], turn[:, 1]), np.abs(turn[:, 2]), np.linalg.norm(move, axis=1)])
     if index.startswith("rms"):
         return np.sqrt(np.tensordot(sizes**2, weight, axes=(1, 0)))
     return np.tensordot(sizes, weight, axes=(1, 0))

@@ -53,8 +53,7 @@ def reach(manipulator: Manipulator, r: Array, z: Array) -> Array:
     distances = [rho, rho, q]
     with np.errstate(divide="ignore", invalid="ignore"):
         cosines = [
-            (squares[i] + m.arm_length[i] ** 2 - m.rod_length[i] ** 2)
-            / (2.0 * distances[i] * m.arm_length[i])
+            (squares[i] + m.arm_length[i] ** 2 - m.rod_length[i] ** 2) / (2.0 * distances[i] * m.arm_length[i])
             for i in range(CHAINS)
         ]
     return np.stack(cosines, axis=-1)

@@ -118,9 +118,7 @@ def _gap_along_e_t(manipulator: Manipulator, chains: Posture, phi: Array) -> Arr
     last[:, sources.ORIGIN.start + 1] = np.cos(phi)
     e_t = -chains.k[:, 2]
     arm = manipulator.arm_length[2]
-    turned = np.stack(
-        [cross(axis[:, 2], chains.u[:, 2]) for axis in (chains.u, chains.v, chains.k)], axis=1
-    )
+    turned = np.stack([cross(axis[:, 2], chains.u[:, 2]) for axis in (chains.u, chains.v, chains.k)], axis=1)
     last[:, sources.ARM_ORIENTATION] = arm * np.einsum("nia,na->ni", turned, e_t)
     last[:, sources.PLATFORM_ATTACHMENT.start + 1] = -1.0
     return columns.reshape(len(columns), -1)

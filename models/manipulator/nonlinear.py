@@ -56,9 +56,7 @@ def nonlinearity(
         maps = first_order(manipulator, r[at], z[at], phi[at])
         off_position[at] -= (maps.position @ errors[at, :, None])[..., 0]
         off_turn[at] -= (maps.orientation @ errors[at, :, None])[..., 0]
-    return Nonlinearity(
-        _rms(exact.position), _rms(exact.orientation), _rms(off_position), _rms(off_turn)
-    )
+    return Nonlinearity(_rms(exact.position), _rms(exact.orientation), _rms(off_position), _rms(off_turn))
 
 
 def _poses(ring: TaskRing, points: Array, index: Index) -> tuple[Array, Array, Array]:

@@ -78,10 +78,7 @@ class ManipulatorPose(MeasurableModel):
         return {"r_mm": (wrong, "is out of reach at this z_mm")}
 
     def predict(
-        self,
-        table: Mapping[str, NDArray[Any]],
-        rng: np.random.Generator,
-        changes: Mapping[str, Array] = NO_CHANGES,
+        self, table: Mapping[str, NDArray[Any]], rng: np.random.Generator, changes: Mapping[str, Array] = NO_CHANGES
     ) -> dict[str, Array]:
         r, z = np.asarray(table["r_mm"]) * MM, np.asarray(table["z_mm"]) * MM
         phi = np.radians(table["phi_deg"])
@@ -97,9 +94,7 @@ class ManipulatorPose(MeasurableModel):
         readings = np.concatenate([position / MM, turn / MRAD], axis=-1)
         return {output.name: readings[:, i] for i, output in enumerate(self.outputs)}
 
-    def _residual(
-        self, r: Array, z: Array, phi: Array, changes: Mapping[str, Array], tilt: Array
-    ) -> Array:
+    def _residual(self, r: Array, z: Array, phi: Array, changes: Mapping[str, Array], tilt: Array) -> Array:
         """Residual rotation vectors (n, 3) [rad] when the position is made exact.
 
         On a tilted base that is the pose where the base is upright; the axes are those at phi.

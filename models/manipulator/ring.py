@@ -94,9 +94,7 @@ class Machines:
     replicates: int
 
     @classmethod
-    def of(
-        cls, effects: Sequence[Array], variances: Array, sample: Sample, plane: Array
-    ) -> Machines:
+    def of(cls, effects: Sequence[Array], variances: Array, sample: Sample, plane: Array) -> Machines:
         """Machines with one kind of error, `effects` (poses, c, sources), or with several in units
         of their bounds, whose poses follow each other in `variances`; `plane` is E (sources, 2).
         """
@@ -110,11 +108,7 @@ class Machines:
     def at(self, poses: slice | Rows) -> Machines:
         """The same machines at some of the poses."""
         return Machines(
-            self.inverse[poses],
-            self.middle[poses],
-            self.apart[poses],
-            self.variances[poses],
-            self.replicates,
+            self.inverse[poses], self.middle[poses], self.apart[poses], self.variances[poses], self.replicates
         )
 
     def beyond(self, bound: float, worst: int) -> tuple[float, float]:
@@ -143,9 +137,7 @@ class Machines:
         while fraction(high) > 1.0 - coverage:
             high *= WIDER
         root = float(
-            scipy.optimize.brentq(
-                lambda at: np.log(fraction(at) / (1.0 - coverage)), SHORT * least, high, rtol=CLOSE
-            )
+            scipy.optimize.brentq(lambda at: np.log(fraction(at) / (1.0 - coverage)), SHORT * least, high, rtol=CLOSE)
         )
         fall = fraction(root * (1.0 - STEP)) - fraction(root * (1.0 + STEP))
         return max(root, least), relevant.beyond(root, row)[1] * 2.0 * STEP * root / fall

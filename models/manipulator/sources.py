@@ -116,9 +116,7 @@ def orientation_combinations() -> dict[str, Combination]:
         for axis in "uv":
             combinations[f"joint_line_arm_{i}_{axis}"] = {f"joint_line_arm_{i}_{axis}_mrad": 1.0}
         for axis in across:
-            combinations[f"joint_line_platform_{i}_{axis}"] = {
-                f"joint_line_platform_{i}_{axis}_mrad": 1.0
-            }
+            combinations[f"joint_line_platform_{i}_{axis}"] = {f"joint_line_platform_{i}_{axis}_mrad": 1.0}
     return combinations
 
 

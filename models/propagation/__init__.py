@@ -9,13 +9,4 @@ from .monte_carlo import MonteCarlo
 from .result import Estimate, Propagated
 from .sums import ClippedSum, Term
 
-__all__ = [
-    "ClippedSum",
-    "Convolution",
-    "Estimate",
-    "Moments",
-    "MonteCarlo",
-    "Propagated",
-    "Propagation",
-    "Term",
-]
+__all__ = ["ClippedSum", "Convolution", "Estimate", "Moments", "MonteCarlo", "Propagated", "Propagation", "Term"]

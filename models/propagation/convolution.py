@@ -122,9 +122,7 @@ def _clip(mass: Array, first: Integers) -> tuple[Array, Integers]:
     points = mass.shape[1]
     base = np.maximum(first, 0)
     at = (base - first)[:, None] + np.arange(points)
-    clipped = np.where(
-        at < points, np.take_along_axis(mass, np.minimum(at, points - 1), axis=1), 0.0
-    )
+    clipped = np.where(at < points, np.take_along_axis(mass, np.minimum(at, points - 1), axis=1), 0.0)
     clipped[:, 0] += mass.sum(axis=1) - clipped.sum(axis=1)
     return clipped, base
 
@@ -134,9 +132,7 @@ def _moments(mass: Array, x: Array) -> tuple[Array, Array]:
     return mean, np.sqrt(np.maximum(np.sum(mass * (x - mean[:, None]) ** 2, axis=1), 0.0))
 
 
-def _levels(
-    mass: Array, x: Array, step: Array, coverage: float, limit: float
-) -> tuple[Array, Array]:
+def _levels(mass: Array, x: Array, step: Array, coverage: float, limit: float) -> tuple[Array, Array]:
     """Quantile at `coverage` and probability up to `limit`, by linear interpolation."""
     below = np.cumsum(mass, axis=1) - 0.5 * mass
     level = np.minimum(coverage, below[:, -1])  # rounding may leave all mass below the coverage

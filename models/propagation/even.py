@@ -153,9 +153,7 @@ class EvenTruncatedNormal(Even):
     def _bend(self) -> float:
         """A bound of 2 |f'(1)| plus the total variation of f'."""
         turn = min(self.sigma, 1.0)
-        return float(
-            4.0 * self._peak * turn / self.sigma**2 * np.exp(-0.5 * (turn / self.sigma) ** 2)
-        )
+        return float(4.0 * self._peak * turn / self.sigma**2 * np.exp(-0.5 * (turn / self.sigma) ** 2))
 
     def envelope(self, w: Array) -> tuple[Array, Array]:
         safe = np.maximum(w, 1e-150)

@@ -24,9 +24,7 @@ def stop_loss(term: Term, x: Array) -> Array:
     away = x - term.constant[:, None]
     if term.quadratic is None:
         return _stop_loss_linear(term, away)
-    return np.where(
-        (term.quadratic == 0.0)[:, None], _stop_loss_linear(term, away), _stop_loss_bent(term, away)
-    )
+    return np.where((term.quadratic == 0.0)[:, None], _stop_loss_linear(term, away), _stop_loss_bent(term, away))
 
 
 def _stop_loss_linear(term: Term, away: Array) -> Array:

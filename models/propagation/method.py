@@ -27,9 +27,4 @@ class Propagation(ABC):
         that conforming units do not exceed, in the unit of the sum.
         """
         starts = range(0, total.size, self.block)
-        return joined(
-            [
-                self._propagate(total.rows(slice(at, at + self.block)), coverage, limit)
-                for at in starts
-            ]
-        )
+        return joined([self._propagate(total.rows(slice(at, at + self.block)), coverage, limit) for at in starts])

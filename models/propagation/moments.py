@@ -38,9 +38,7 @@ class Moments(Propagation):
         full = _within(_effective(clipped, free, coverage, limit), ends)
         gauss = _within(_effective(_gaussian(clipped), free, coverage, limit, True), ends)
         doubt = _doubt(clipped, free, coverage)
-        estimates = [
-            Estimate(a, np.abs(a - b) + c) for a, b, c in zip(full, gauss, doubt, strict=True)
-        ]
+        estimates = [Estimate(a, np.abs(a - b) + c) for a, b, c in zip(full, gauss, doubt, strict=True)]
         mean, variance = clipped[:2] + free[:2]
         return Propagated(mean, np.sqrt(variance), *estimates)
 
@@ -49,8 +47,7 @@ def _ends(total: ClippedSum) -> tuple[Array, Array]:
     """Least and largest effective value (n,)."""
     free, clipped = ([t.bounds() for t in terms] for terms in (total.free, total.clipped))
     low, high = (
-        np.sum([ends[at] for ends in free], axis=0)
-        + np.maximum(np.sum([ends[at] for ends in clipped], axis=0), 0.0)
+        np.sum([ends[at] for ends in free], axis=0) + np.maximum(np.sum([ends[at] for ends in clipped], axis=0), 0.0)
         for at in (0, 1)
     )
     return low, high
@@ -112,15 +109,11 @@ def _upper_moments(cumulants: Array) -> Array:
     skew, excess = cumulants[2] / sigma**3 / 6.0, cumulants[3] / sigma**4 / 24.0
     tail = _normal_tail_moments(-mean / sigma, 8)
     shaped = [
-        tail[j]
-        + skew * (tail[j + 3] - 3.0 * tail[j + 1])
-        + excess * (tail[j + 4] - 6.0 * tail[j + 2] + 3.0 * tail[j])
+        tail[j] + skew * (tail[j + 3] - 3.0 * tail[j + 1]) + excess * (tail[j + 4] - 6.0 * tail[j + 2] + 3.0 * tail[j])
         for j in range(5)
     ]
     means, scaled = _powers(mean), [a * b for a, b in zip(_powers(sigma), shaped, strict=True)]
-    return np.array(
-        [sum(comb(k, j) * means[k - j] * scaled[j] for j in range(k + 1)) for k in range(5)]
-    )
+    return np.array([sum(comb(k, j) * means[k - j] * scaled[j] for j in range(k + 1)) for k in range(5)])
 
 
 def _powers(x: Array) -> list[Array]:

@@ -49,9 +49,7 @@ class MonteCarlo(Propagation):
 
     def _propagate(self, total: ClippedSum, coverage: float, limit: float) -> Propagated:
         cumulants = total_cumulants(total.clipped + total.free)
-        replicates = np.array(
-            [_replicate(total, sample, coverage, limit) for sample in self.points]
-        )
+        replicates = np.array([_replicate(total, sample, coverage, limit) for sample in self.points])
         value = replicates.mean(axis=0)
         error = replicates.std(axis=0, ddof=1) / np.sqrt(len(replicates))
         error[2] *= QUANTILE_BIAS
@@ -75,14 +73,9 @@ def replicates(samples: int, dimensions: int, rng: np.random.Generator) -> Itera
 def _replicate(total: ClippedSum, points: Array, coverage: float, limit: float) -> Array:
     """Mean, std, quantile, conforming and negative probability of one sample, shape (5, n)."""
     split = len(total.clipped)
-    clipped, free = (
-        _Part.of(total.clipped, points[:, :split]),
-        _Part.of(total.free, points[:, split:]),
-    )
+    clipped, free = (_Part.of(total.clipped, points[:, :split]), _Part.of(total.free, points[:, split:]))
     blocks = [slice(at, at + BLOCK) for at in range(0, total.size, BLOCK)]
-    return np.concatenate(
-        [_unit_statistics(clipped.units(b), free.units(b), coverage, limit) for b in blocks], axis=1
-    )
+    return np.concatenate([_unit_statistics(clipped.units(b), free.units(b), coverage, limit) for b in blocks], axis=1)
 
 
 def units_of(total: ClippedSum, points: Array) -> Array:

@@ -43,8 +43,7 @@ def joined(parts: list[Propagated]) -> Propagated:
         pieces = [getattr(part, field.name) for part in parts]
         if isinstance(pieces[0], Estimate):
             fields_of[field.name] = Estimate(
-                np.concatenate([piece.value for piece in pieces]),
-                np.concatenate([piece.error for piece in pieces]),
+                np.concatenate([piece.value for piece in pieces]), np.concatenate([piece.error for piece in pieces])
             )
         else:
             fields_of[field.name] = np.concatenate(pieces)

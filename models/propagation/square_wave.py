@@ -45,9 +45,7 @@ class Series:
         bound, fall = np.empty_like(s), np.empty_like(s)
         slope_bound, slope_fall = np.empty_like(s), np.empty_like(s)
         for law, columns in kinds.items():
-            factors[:, columns], slope[:, columns] = law.characteristic(
-                s[:, columns, None] * omega[:, None, :]
-            )
+            factors[:, columns], slope[:, columns] = law.characteristic(s[:, columns, None] * omega[:, None, :])
             bound[:, columns], fall[:, columns] = law.envelope(last[:, columns])
             slope_bound[:, columns], slope_fall[:, columns] = law.slope_envelope(last[:, columns])
         before, after = _products_before_and_after(factors)
@@ -55,18 +53,13 @@ class Series:
         slopes = slope * before * after
         # sum over odd k > K of (K/k)^D/k is at most 1/(2 D)
         whole, order = np.prod(bound, axis=1), np.sum(fall, axis=1)
-        other_bounds, others_order = (
-            _products_before_and_after(bound[:, :, None]),
-            order[:, None] - fall + slope_fall,
-        )
+        other_bounds, others_order = (_products_before_and_after(bound[:, :, None]), order[:, None] - fall + slope_fall)
         partial = (other_bounds[0] * other_bounds[1])[:, :, 0] * slope_bound
         with np.errstate(divide="ignore"):
             missing = np.where(order > 0.0, whole / (np.pi * order), 1.0)
             room = k[-1] / period
             dense = np.where(order > 1.0, whole * room / (order - 1.0), np.inf)
-            steep = np.where(
-                others_order > 1.0, partial * room[:, None] / (others_order - 1.0), np.inf
-            )
+            steep = np.where(others_order > 1.0, partial * room[:, None] / (others_order - 1.0), np.inf)
         return cls(np.asarray(k, dtype=float), omega, phi, slopes, period, missing, dense, steep)
 
     @classmethod

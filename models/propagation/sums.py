@@ -25,9 +25,7 @@ class Term:
     def rows(self, chosen: slice) -> Term:
         """The same contribution for some of the designs."""
         bent = None if self.quadratic is None else self.quadratic[chosen]
-        return replace(
-            self, constant=self.constant[chosen], linear=self.linear[chosen], quadratic=bent
-        )
+        return replace(self, constant=self.constant[chosen], linear=self.linear[chosen], quadratic=bent)
 
     def cumulants(self) -> Array:
         """First four cumulants, shape (4, n)."""
@@ -44,10 +42,7 @@ class Term:
         m = self.distribution.raw_moments(8)
         return np.array(
             [
-                sum(
-                    comb(k, j) * self.linear ** (k - j) * quadratic**j * m[k + j]
-                    for j in range(k + 1)
-                )
+                sum(comb(k, j) * self.linear ** (k - j) * quadratic**j * m[k + j] for j in range(k + 1))
                 for k in range(1, 5)
             ]
         )
@@ -96,8 +91,7 @@ class ClippedSum:
     def rows(self, chosen: slice) -> ClippedSum:
         """The same sum for some of the designs."""
         return ClippedSum(
-            tuple(term.rows(chosen) for term in self.free),
-            tuple(term.rows(chosen) for term in self.clipped),
+            tuple(term.rows(chosen) for term in self.free), tuple(term.rows(chosen) for term in self.clipped)
         )
 
 

@@ -63,10 +63,7 @@ class SymmetricSum:
     _begin: int = field(default=0, init=False, repr=False)
 
     def __post_init__(self) -> None:
-        self._kinds = {
-            law: [j for j, other_law in enumerate(self.laws) if other_law == law]
-            for law in self.laws
-        }
+        self._kinds = {law: [j for j, other_law in enumerate(self.laws) if other_law == law] for law in self.laws}
         self._std = np.array([law.std for law in self.laws])
         self._ends = np.array([law.reach for law in self.laws])
 
@@ -97,9 +94,7 @@ class SymmetricSum:
         if np.any(np.count_nonzero(s > 0.0, axis=1) <= 1) or not alike(s, end + high):
             return self.quantile(s, probability).value
         series = self._series(s, end, high, Series.of_values)
-        return series.solved(
-            np.full(len(s), probability), high, np.asarray(float(ndtri(probability)) * std)
-        )
+        return series.solved(np.full(len(s), probability), high, np.asarray(float(ndtri(probability)) * std))
 
     def _high(self, std: Array, end: Array, p: Array) -> Array:
         """Upper bounds (n,) of quantiles: sums of this kind are strictly sub-Gaussian, so that
@@ -122,15 +117,8 @@ class SymmetricSum:
         slopes = np.sign(y)[:, None] * series.slopes(most)
         error = np.where(beyond, 2e-17, series.missing + ROUNDING)
         flat = std <= 0.0
-        probability, error = (
-            np.where(flat, (y >= 0.0).astype(float), probability),
-            np.where(flat, 0.0, error),
-        )
-        return (
-            np.clip(probability, 0.0, 1.0),
-            np.where((beyond | flat)[:, None], 0.0, slopes),
-            error,
-        )
+        probability, error = (np.where(flat, (y >= 0.0).astype(float), probability), np.where(flat, 0.0, error))
+        return (np.clip(probability, 0.0, 1.0), np.where((beyond | flat)[:, None], 0.0, slopes), error)
 
     def within(self, s: Array, low: Array, high: Array) -> tuple[Array, Array]:
         """P(low < X <= high) (n,) of scales (n, m), and the bound of its error.
@@ -145,9 +133,7 @@ class SymmetricSum:
         for side, y, most in ((-1.0, low, ends[0]), (1.0, high, ends[1])):
             beyond = np.abs(y) >= end
             mass_within = np.where(beyond, 1.0, 2.0 * series.below(most) - 1.0)
-            below = np.where(
-                std > 0.0, 0.5 + 0.5 * np.sign(y) * mass_within, (y >= 0.0).astype(float)
-            )
+            below = np.where(std > 0.0, 0.5 + 0.5 * np.sign(y) * mass_within, (y >= 0.0).astype(float))
             doubt = np.where(beyond, 2e-17, series.missing + ROUNDING)
             probability += side * np.clip(below, 0.0, 1.0)
             error += np.where((std > 0.0) & np.isfinite(y), doubt, 0.0)
@@ -168,9 +154,7 @@ class SymmetricSum:
             ends = np.where(s > 0.0, s * self._ends, 0.0).sum(axis=1)
         return std, np.minimum(ends, REACH * std)
 
-    def _series(
-        self, s: Array, end: Array, most: Array, make: Callable[..., Series] | None = None
-    ) -> Series:
+    def _series(self, s: Array, end: Array, most: Array, make: Callable[..., Series] | None = None) -> Series:
         build, safe = make or Series.of, np.where(end > 0.0, end + most, 1.0)
         series = build(self._kinds, s, safe, TERMS[self._begin])
         for terms in TERMS[self._begin + 1 :]:
@@ -179,9 +163,7 @@ class SymmetricSum:
             series = build(self._kinds, s, safe, terms)
         return series
 
-    def _blocks(
-        self, tangent: Tangent, rows: NDArray[np.int64], s: Array, p: Array, start: Array, at: int
-    ) -> None:
+    def _blocks(self, tangent: Tangent, rows: NDArray[np.int64], s: Array, p: Array, start: Array, at: int) -> None:
         """Fill in some rows of `tangent` with `TERMS[at]` terms; rows that need more get more."""
         most = max(1, BLOCK // (TERMS[at] * max(1, s.shape[1])))
         more = []
@@ -189,9 +171,7 @@ class SymmetricSum:
             block = rows[begin : begin + most]
             std, end = self._size(s[block])
             high = self._high(std, end, p[block])
-            series = Series.of(
-                self._kinds, s[block], np.where(end > 0.0, end + high, 1.0), TERMS[at]
-            )
+            series = Series.of(self._kinds, s[block], np.where(end > 0.0, end + high, 1.0), TERMS[at])
             done = (series.missing <= ENOUGH) | (end <= 0.0) | (at + 1 == len(TERMS))
             if np.any(done):
                 some = slice(None) if np.all(done) else done
@@ -229,19 +209,12 @@ class SymmetricSum:
             shifted = (s[rows][:, None, :] + side * h[:, :, None] * np.eye(m)).reshape(-1, m)
             probabilities = np.repeat(p[rows], m)
             at_shifted = Tangent(
-                np.zeros(len(shifted)),
-                np.zeros_like(shifted),
-                np.zeros(len(shifted)),
-                np.zeros_like(shifted),
+                np.zeros(len(shifted)), np.zeros_like(shifted), np.zeros(len(shifted)), np.zeros_like(shifted)
             )
-            self._blocks(
-                at_shifted, np.arange(len(shifted)), shifted, probabilities, np.repeat(value, m), 0
-            )
+            self._blocks(at_shifted, np.arange(len(shifted)), shifted, probabilities, np.repeat(value, m), 0)
             self._replace_single_terms(shifted, probabilities, at_shifted)
             rise = at_shifted.value - np.repeat(value, m)
-            ends.append(
-                (rise.reshape(-1, m), at_shifted.value_error.reshape(-1, m) + error[:, None])
-            )
+            ends.append((rise.reshape(-1, m), at_shifted.value_error.reshape(-1, m) + error[:, None]))
         safe = np.where(h > 0.0, h, 1.0)
         above = (ends[0][0] + ends[0][1]) / safe - tangent.gradient[rows]
         below = tangent.gradient[rows] + (ends[1][0] + ends[1][1]) / safe
@@ -249,14 +222,7 @@ class SymmetricSum:
         tangent.gradient_error[rows] = np.minimum(tangent.gradient_error[rows], apart)
 
     def _fill(
-        self,
-        tangent: Tangent,
-        rows: NDArray[np.int64],
-        series: Series,
-        p: Array,
-        high: Array,
-        start: Array,
-        end: Array,
+        self, tangent: Tangent, rows: NDArray[np.int64], series: Series, p: Array, high: Array, start: Array, end: Array
     ) -> None:
         y = series.solved(p, high, start)
         density = np.maximum(series.density(y), 1e-300)
@@ -280,12 +246,7 @@ class SymmetricSum:
         """Sums of at most one term, whose quantile is that of its law, in place of the series."""
         active = np.count_nonzero(s > 0.0, axis=1)
         for row in np.flatnonzero(active <= 1).tolist():
-            for part in (
-                tangent.value,
-                tangent.gradient,
-                tangent.value_error,
-                tangent.gradient_error,
-            ):
+            for part in (tangent.value, tangent.gradient, tangent.value_error, tangent.gradient_error):
                 part[row] = 0.0
             if active[row]:
                 j = int(np.argmax(s[row]))

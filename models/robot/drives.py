@@ -39,9 +39,7 @@ class Drives:
     def worst_of_two(self, first: int = 0, second: int = 1) -> Array:
         """Squared displacement (n,) of two joints at 1 rad each, in the worse relative sense."""
         first_move, second_move = self.move[:, :, first], self.move[:, :, second]
-        together, against = (
-            np.sum((first_move + s * second_move) ** 2, axis=1) for s in (1.0, -1.0)
-        )
+        together, against = (np.sum((first_move + s * second_move) ** 2, axis=1) for s in (1.0, -1.0))
         return np.asarray(np.maximum(together, against))
 
     def approach_sides(self, directions: Array) -> Array:
@@ -55,9 +53,7 @@ class Drives:
         rate = np.einsum("nji,ki->knj", np.linalg.pinv(rows)[:, :, :3], directions)
         return np.where(np.abs(rate) > STILL * np.abs(rate).max(), np.sign(rate), 0.0)
 
-    def variation(
-        self, reversing: Array, directions: Array | None = None, free: Array | None = None
-    ) -> Array:
+    def variation(self, reversing: Array, directions: Array | None = None, free: Array | None = None) -> Array:
         """Squared vAP (n,) [m^2] of reversals `reversing` (joints,) [rad]: their root mean squares.
 
         `directions` (k, 3) are those of the approaches, three orthogonal ones by default; `free`
@@ -67,9 +63,7 @@ class Drives:
         sides = self.approach_sides(towards)
         size = reversing if free is None else reversing * free
         apart = [
-            np.sum(
-                np.einsum("nij,nj->ni", self.move, 0.5 * (sides[a] - sides[b]) * size) ** 2, axis=1
-            )
+            np.sum(np.einsum("nij,nj->ni", self.move, 0.5 * (sides[a] - sides[b]) * size) ** 2, axis=1)
             for a, b in combinations(range(len(sides)), 2)
         ]
         return np.asarray(np.max(apart, axis=0))

@@ -45,9 +45,7 @@ class GearedJoint:
         """tau/K [rad]."""
         return np.asarray(torque / self.stiffness)
 
-    def displacement(
-        self, side: Array, torque: Array | float = 0.0, phase: Array | float = 0.5 * np.pi
-    ) -> Array:
+    def displacement(self, side: Array, torque: Array | float = 0.0, phase: Array | float = 0.5 * np.pi) -> Array:
         """q [rad] approached from a `side` (+1, -1) under a torque, at a phase of the wave.
 
         The default phase is a zero of the wave.

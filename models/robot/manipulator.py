@@ -40,9 +40,7 @@ def drives(manipulator: Manipulator, r: Array, z: Array, weight: Array) -> Drive
     return Drives(weight, maps.position[:, :, AT], maps.orientation[:, :, AT])
 
 
-def drives_over(
-    manipulator: Manipulator, ring: TaskRing, index: Index = "rms_plane", order: int = ORDER
-) -> Drives:
+def drives_over(manipulator: Manipulator, ring: TaskRing, index: Index = "rms_plane", order: int = ORDER) -> Drives:
     """The same at Gauss-Legendre nodes over the task ring."""
     return drives(manipulator, *quadrature(ring, index, order))
 

@@ -39,29 +39,17 @@ class AccuracySample:
     unit: Array
 
     @classmethod
-    def draw(
-        cls, samples: int, poses: int, joints: int, dimensions: int, rng: np.random.Generator
-    ) -> AccuracySample:
+    def draw(cls, samples: int, poses: int, joints: int, dimensions: int, rng: np.random.Generator) -> AccuracySample:
         """A scrambled Sobol sample, rounded up to a power of two, over `poses` in turn."""
         bits = int(np.ceil(np.log2(max(samples, 2 * poses))))
-        points = scipy.stats.qmc.Sobol(3 + PER_JOINT * joints + dimensions, rng=rng).random_base2(
-            bits
-        )
+        points = scipy.stats.qmc.Sobol(3 + PER_JOINT * joints + dimensions, rng=rng).random_base2(bits)
         points = np.clip(points, 1e-12, 1.0 - 1e-12)
         count, n = 3, len(points)
         side = np.where(points[:, count : count + joints] < 0.5, -1.0, 1.0)
         phase = 2.0 * np.pi * points[:, count + joints : count + 2 * joints]
         normal = ndtri(points[:, count + 2 * joints : count + 4 * joints]).reshape(n, joints, 2)
-        waves = [
-            [turn * normal[:, :, at] for at in range(2)] for turn in (np.cos(phase), np.sin(phase))
-        ]
-        return cls(
-            np.arange(n) % poses,
-            ndtri(points[:, :3]),
-            side,
-            np.array(waves),
-            points[:, count + 4 * joints :],
-        )
+        waves = [[turn * normal[:, :, at] for at in range(2)] for turn in (np.cos(phase), np.sin(phase))]
+        return cls(np.arange(n) % poses, ndtri(points[:, :3]), side, np.array(waves), points[:, count + 4 * joints :])
 
     def joint_errors(self, backlash: Array, wave_root: Array, free: Array) -> Array:
         """q (n, joints) [rad] of units.
@@ -98,9 +86,7 @@ def ratio(errors: Array, coverage: float = COVERAGE) -> float:
     return float(np.sqrt(np.quantile(square, coverage, method="weibull"))) / rms if rms else 1.0
 
 
-def sobol_poses(
-    low: tuple[float, ...], high: tuple[float, ...], rng: np.random.Generator, count: int = POSES
-) -> Array:
+def sobol_poses(low: tuple[float, ...], high: tuple[float, ...], rng: np.random.Generator, count: int = POSES) -> Array:
     """Poses (count, k) spread evenly between `low` and `high` (k,)."""
     points = scipy.stats.qmc.Sobol(len(low), rng=rng).random_base2(int(np.ceil(np.log2(count))))
     return np.asarray(np.array(low) + points * (np.array(high) - np.array(low)))

@@ -49,10 +49,7 @@ class RvBatch(MeasurableModel):
     parameters = batch_declared.PARAMETERS
     variables = batch_declared.VARIABLES
     changeable = (
-        *(
-            Changeable(f"{error}_um", "um", f"{error.replace('_', ' ')} error of the unit")
-            for error in LINEAR_ERRORS
-        ),
+        *(Changeable(f"{error}_um", "um", f"{error.replace('_', ' ')} error of the unit") for error in LINEAR_ERRORS),
         Changeable("disc_temperature_K", "K", "temperature of the discs above 20 degC"),
         Changeable("housing_temperature_K", "K", "temperature of the housing above 20 degC"),
     )
@@ -87,10 +84,7 @@ class RvBatch(MeasurableModel):
         self.total = self.model.total(self.allocation)
 
     def predict(
-        self,
-        table: Mapping[str, NDArray[Any]],
-        rng: np.random.Generator,
-        changes: Mapping[str, Array] = NO_CHANGES,
+        self, table: Mapping[str, NDArray[Any]], rng: np.random.Generator, changes: Mapping[str, Array] = NO_CHANGES
     ) -> dict[str, Array]:
         row = _units(table)
         if self.contact is not None:

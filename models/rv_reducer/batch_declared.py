@@ -17,8 +17,7 @@ def _fraction(name: str, meaning: str) -> Parameter:
         name,
         0.0,
         "",
-        f"share of the variance of {meaning} that one unit has in "
-        "common; no value is the worst case",
+        f"share of the variance of {meaning} that one unit has in common; no value is the worst case",
         _A,
         assumed=True,
         low=0.0,
@@ -40,8 +39,7 @@ _OWN: tuple[Parameter, ...] = (
         "positions",
         61,
         "",
-        "positions of a turn of the output at which a unit is measured; "
-        "matters to the contact alone",
+        "positions of a turn of the output at which a unit is measured; matters to the contact alone",
         "",
         low=1,
         high=100_003,
@@ -67,10 +65,7 @@ _OWN: tuple[Parameter, ...] = (
     *(parameter for parameter in contact.PARAMETERS if parameter.name in ("discs", "cranks")),
 )
 _NAMES = {parameter.name for parameter in declared.PARAMETERS}
-PARAMETERS = (
-    *declared.PARAMETERS,
-    *(parameter for parameter in _OWN if parameter.name not in _NAMES),
-)
+PARAMETERS = (*declared.PARAMETERS, *(parameter for parameter in _OWN if parameter.name not in _NAMES))
 
 
 def _new(name: str, value: float, unit: str, meaning: str) -> Variable:

@@ -76,18 +76,8 @@ class Change:
 
 CHANGES = (
     Change("pin_circle_radius_um", "um", "radius of the pin circle", UM, -1.0, 1.0, _pin_circle),
-    Change(
-        "equidistance_um",
-        "um",
-        "equidistance modification of both discs",
-        UM,
-        -1.0,
-        1.0,
-        _equidistance,
-    ),
-    Change(
-        "crank_bearing_um", "um", "radial clearance of the crank bearings", UM, 0.0, 1.0, _bearing
-    ),
+    Change("equidistance_um", "um", "equidistance modification of both discs", UM, -1.0, 1.0, _equidistance),
+    Change("crank_bearing_um", "um", "radial clearance of the crank bearings", UM, 0.0, 1.0, _bearing),
     Change(
         "sharing_percent",
         "percent",
@@ -97,41 +87,11 @@ CHANGES = (
         2.0,
         _sharing,
     ),
+    Change("series_stiffness_percent", "percent", "series stiffness of both discs", 0.01, -2.0, 2.0, _series),
+    Change("eccentric_phase_1_mrad", "mrad", "phase of crank 1's eccentric for disc 1", MRAD, -0.1, 0.1, _phase_1),
+    Change("eccentric_phase_2_mrad", "mrad", "phase of crank 1's eccentric for disc 2", MRAD, -0.1, 0.1, _phase_2),
     Change(
-        "series_stiffness_percent",
-        "percent",
-        "series stiffness of both discs",
-        0.01,
-        -2.0,
-        2.0,
-        _series,
-    ),
-    Change(
-        "eccentric_phase_1_mrad",
-        "mrad",
-        "phase of crank 1's eccentric for disc 1",
-        MRAD,
-        -0.1,
-        0.1,
-        _phase_1,
-    ),
-    Change(
-        "eccentric_phase_2_mrad",
-        "mrad",
-        "phase of crank 1's eccentric for disc 2",
-        MRAD,
-        -0.1,
-        0.1,
-        _phase_2,
-    ),
-    Change(
-        "stagger_arcmin",
-        "arcmin",
-        "turn of each disc, disc 2 ahead and disc 1 back",
-        ARCMIN,
-        -0.01,
-        0.01,
-        _stagger,
+        "stagger_arcmin", "arcmin", "turn of each disc, disc 2 ahead and disc 1 back", ARCMIN, -0.01, 0.01, _stagger
     ),
 )
 """First order is exact for none of them, but within a few percent for changes of the size of a
@@ -165,10 +125,7 @@ class Answers:
 
         Raises InputError for names that are not changeable and amounts that are not finite.
         """
-        amounts = {
-            name: np.broadcast_to(np.asarray(amount, dtype=float), rows)
-            for name, amount in changes.items()
-        }
+        amounts = {name: np.broadcast_to(np.asarray(amount, dtype=float), rows) for name, amount in changes.items()}
         known = {change.name for change in CHANGES}
         raise_all(
             [
@@ -177,11 +134,7 @@ class Answers:
                     for name in amounts
                     if name not in known
                 ),
-                *(
-                    Fault(name, "must be finite")
-                    for name, amount in amounts.items()
-                    if not np.all(np.isfinite(amount))
-                ),
+                *(Fault(name, "must be finite") for name, amount in amounts.items() if not np.all(np.isfinite(amount))),
             ]
         )
         return [(self.table(name), amount) for name, amount in amounts.items() if amount.any()]

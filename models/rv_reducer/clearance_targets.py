@@ -45,9 +45,7 @@ def film(phi: Array, thickness: float, band: Band) -> Target:
     return Target(phi, np.full_like(phi, thickness), within(phi, band))
 
 
-def near_conjugate(
-    geometry: RvGeometry, phi: Array, rotation: float, radial_gap: float, band: Band
-) -> Target:
+def near_conjugate(geometry: RvGeometry, phi: Array, rotation: float, radial_gap: float, band: Band) -> Target:
     """The rotation-modified profile with relief at tip and root, at all angles.
 
     Turning by `rotation` [rad] opens e z_c rotation sin(phi)/sqrt(S): all teeth touch together once

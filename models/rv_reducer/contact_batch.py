@@ -47,10 +47,7 @@ class ContactUnits:
     """
 
     def __init__(
-        self,
-        parameters: Mapping[str, Value],
-        designs: Mapping[str, float],
-        inputs: Mapping[str, Distribution],
+        self, parameters: Mapping[str, Value], designs: Mapping[str, float], inputs: Mapping[str, Distribution]
     ) -> None:
         laws = {stem(name): law for name, law in inputs.items()}
         self.basis = UnitBasis.from_parameters(parameters, laws, {})
@@ -63,11 +60,7 @@ class ContactUnits:
     # ---------------------------------------------------------------- units drawn
 
     def predict(
-        self,
-        row: Integers,
-        rng: np.random.Generator,
-        changes: Mapping[str, Array],
-        angles: Array | None,
+        self, row: Integers, rng: np.random.Generator, changes: Mapping[str, Array], angles: Array | None
     ) -> Array:
         """Backlash (n,) [arcmin] of rows (n,) by the number of their unit, 0, 1, ...
 
@@ -91,9 +84,7 @@ class ContactUnits:
                 backlash[rows] = cycloid + self._involute(by_row)
         return backlash
 
-    def _sample(
-        self, units: int, rng: np.random.Generator, kind: Literal["sobol", "random"]
-    ) -> BaseSample:
+    def _sample(self, units: int, rng: np.random.Generator, kind: Literal["sobol", "random"]) -> BaseSample:
         return BaseSample.draw(self.basis.geometry, units, rng, self.basis.hierarchy, kind)
 
     def _involute(self, sample: BaseSample) -> Array:
@@ -101,25 +92,17 @@ class ContactUnits:
         return self.involute.middle + self.involute.half * self.basis.tightest(sample.planets)
 
     def _measured(
-        self,
-        sample: BaseSample,
-        changes: Mapping[str, Array] = NO_CHANGES,
-        design: UnitDesign | None = None,
+        self, sample: BaseSample, changes: Mapping[str, Array] = NO_CHANGES, design: UnitDesign | None = None
     ) -> Array:
         """Backlash (n,) [arcmin] of the cycloid stage as it is measured over the turn."""
         return (
             np.maximum(self.play(sample, changes, design), 0.0)
             if self.largest
-            else np.asarray(
-                np.maximum(self._play(*self._turn, sample, changes, design), 0.0).mean(axis=0)
-            )
+            else np.asarray(np.maximum(self._play(*self._turn, sample, changes, design), 0.0).mean(axis=0))
         )
 
     def play(
-        self,
-        sample: BaseSample,
-        changes: Mapping[str, Array] = NO_CHANGES,
-        design: UnitDesign | None = None,
+        self, sample: BaseSample, changes: Mapping[str, Array] = NO_CHANGES, design: UnitDesign | None = None
     ) -> Array:
         """The largest (or mean) y (n,) [arcmin] over the turn, below zero: interference."""
         play = self._play(*self._turn, sample, changes, design)
@@ -144,11 +127,7 @@ class ContactUnits:
         """Contribution (n,) [arcmin] of the cycloid stage of units of a design, negative where
         all of the turn interferes; the mean over a turn is never negative.
         """
-        return (
-            self.play(sample, NO_CHANGES, design)
-            if self.largest
-            else self._measured(sample, NO_CHANGES, design)
-        )
+        return self.play(sample, NO_CHANGES, design) if self.largest else self._measured(sample, NO_CHANGES, design)
 
     def fixed(self, units: int, seed: int) -> BaseSample:
         """A Sobol sample of units."""
@@ -173,11 +152,7 @@ class ContactUnits:
         return different, *self._with_table(np.deg2rad(different) * teeth)
 
     def _read(
-        self,
-        mesh: tuple[Array, Lattice, Table],
-        angles: Array,
-        sample: BaseSample,
-        changes: Mapping[str, Array],
+        self, mesh: tuple[Array, Lattice, Table], angles: Array, sample: BaseSample, changes: Mapping[str, Array]
     ) -> Array:
         """Backlash (n,) [arcmin] of the cycloid stage, each row at an angle of `angles` (n,)."""
         different, lattice, table = mesh
@@ -185,9 +160,7 @@ class ContactUnits:
         for position in np.unique(at):
             rows = np.flatnonzero(at == position)
             row_changes = {name: _of_rows(value, rows) for name, value in changes.items()}
-            y = self._play(
-                _position(lattice, int(position)), table, _rows(sample, rows), row_changes
-            )
+            y = self._play(_position(lattice, int(position)), table, _rows(sample, rows), row_changes)
             backlash[rows] = np.maximum(y[0], 0.0)
         return backlash
 
@@ -228,9 +201,7 @@ class ContactUnits:
         rng = np.random.default_rng(SEEDS["law"])
         probability = (np.arange(SHIFTED) + rng.random((len(cycloid), SHIFTED))) / SHIFTED
         z = self.basis.planet.quantile(probability)
-        return np.asarray(
-            (cycloid[:, None] + self.involute.middle + self.involute.half * z).ravel()
-        )
+        return np.asarray((cycloid[:, None] + self.involute.middle + self.involute.half * z).ravel())
 
     def _of_law(self) -> Iterator[BaseSample]:
         sample = self.fixed(LAW, SEEDS["law"])

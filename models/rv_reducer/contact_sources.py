@@ -25,10 +25,7 @@ STEP = 0.5
 CENTRED = ("circle_offset", "bore", "crank_phase")
 """Errors without a mid-limit: they have no sign, or no mean."""
 IN_MRAD = "crank_phase"
-BASIS = (
-    "a shift of an input by the contact's own derivative of the mean, a wider zone by units built "
-    "anew"
-)
+BASIS = "a shift of an input by the contact's own derivative of the mean, a wider zone by units built anew"
 
 
 @dataclass(frozen=True)

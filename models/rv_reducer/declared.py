@@ -48,9 +48,7 @@ def _integer_parameter(name: str, default: int, meaning: str, low: float, high: 
 
 def _size(name: str, default: float, unit: str, meaning: str, high: float) -> Parameter:
     source = "z1 = 12, z2 = 36, m = 1.5 mm"
-    return Parameter(
-        name, default, unit, meaning, source, assumed=True, low=0.0, high=high, open_low=True
-    )
+    return Parameter(name, default, unit, meaning, source, assumed=True, low=0.0, high=high, open_low=True)
 
 
 def _deviation(name: str, default: float, meaning: str) -> Parameter:
@@ -64,9 +62,7 @@ def _mid(error: str) -> Parameter:
     bound = MAX_ECCENTRICITY_UM if assumed else 1000.0
     meaning = f"mid-limit of the {error.replace('_', ' ')} error"
     default = _MID_UM[error]
-    return Parameter(
-        f"{error}_mid_um", default, "um", meaning, source, assumed, low=-bound, high=bound
-    )
+    return Parameter(f"{error}_mid_um", default, "um", meaning, source, assumed, low=-bound, high=bound)
 
 
 PARAMETERS: tuple[Parameter, ...] = (
@@ -109,14 +105,7 @@ PARAMETERS: tuple[Parameter, ...] = (
         high=10.0,
     ),
     Parameter(
-        "eccentricity_quadratic_per_mm",
-        -12.6,
-        "1/mm",
-        "the same, second order",
-        _LAW,
-        assumed=True,
-        low=-1e4,
-        high=1e4,
+        "eccentricity_quadratic_per_mm", -12.6, "1/mm", "the same, second order", _LAW, assumed=True, low=-1e4, high=1e4
     ),
     Parameter(
         "thermal_expansion_per_K",
@@ -211,34 +200,14 @@ VARIABLES: tuple[Variable, ...] = (
         valid_high=60.0,
     ),
     Variable(
-        "dr_rp_mm",
-        "mm",
-        Kind.NOMINAL,
-        -0.08,
-        0.0,
-        "equidistance modification",
-        -0.040,
-        valid_low=-1.0,
-        valid_high=1.0,
+        "dr_rp_mm", "mm", Kind.NOMINAL, -0.08, 0.0, "equidistance modification", -0.040, valid_low=-1.0, valid_high=1.0
     ),
-    Variable(
-        "dr_p_mm",
-        "mm",
-        Kind.NOMINAL,
-        -0.12,
-        0.0,
-        "shift modification",
-        -0.070,
-        valid_low=-1.0,
-        valid_high=1.0,
-    ),
+    Variable("dr_p_mm", "mm", Kind.NOMINAL, -0.12, 0.0, "shift modification", -0.070, valid_low=-1.0, valid_high=1.0),
 )
 
 
 def backlash_model(
-    parameters: Mapping[str, Value],
-    mids_um: Mapping[str, float] | None,
-    inputs: Mapping[str, Distribution],
+    parameters: Mapping[str, Value], mids_um: Mapping[str, float] | None, inputs: Mapping[str, Distribution]
 ) -> BacklashModel:
     """The model (SI) of `parameters` by declared name; omitted ones keep their defaults.
 
@@ -246,11 +215,7 @@ def backlash_model(
     the same names and `crank_bearing`, `involute_grade`.
     """
     values = completed(PARAMETERS, parameters)
-    p = {
-        parameter.name: number(values[parameter.name])
-        for parameter in PARAMETERS
-        if parameter.name != READING
-    }
+    p = {parameter.name: number(values[parameter.name]) for parameter in PARAMETERS if parameter.name != READING}
     mids = {error: p[f"{error}_mid_um"] for error in ERRORS} | dict(mids_um or {})
     mid = {error: value * UM for error, value in mids.items()}
     return BacklashModel(

@@ -45,12 +45,8 @@ def _modification(name: str, default: float, meaning: str) -> Parameter:
     return Parameter(name, default, "mm", meaning, "document B", low=-1.0, high=1.0)
 
 
-def _assumed(
-    name: str, default: float, unit: str, meaning: str, source: str, high: float
-) -> Parameter:
-    return Parameter(
-        name, default, unit, meaning, source, assumed=True, low=0.0, high=high, open_low=True
-    )
+def _assumed(name: str, default: float, unit: str, meaning: str, source: str, high: float) -> Parameter:
+    return Parameter(name, default, unit, meaning, source, assumed=True, low=0.0, high=high, open_low=True)
 
 
 PARAMETERS: tuple[Parameter, ...] = (
@@ -73,29 +69,17 @@ PARAMETERS: tuple[Parameter, ...] = (
         "gives the unit the catalogue's 108 N m/arcmin",
         1e6,
     ),
-    _error(
-        "sharing_percent",
-        "percent",
-        "series stiffness of disc 1 above the mean, disc 2 below",
-        90.0,
-    ),
+    _error("sharing_percent", "percent", "series stiffness of disc 1 above the mean, disc 2 below", 90.0),
     _error(
         "bearing_variation_percent",
         "percent",
-        "variation of the series stiffness with the "
-        "crank's angle to the carrier, twice per turn of the crank",
+        "variation of the series stiffness with the crank's angle to the carrier, twice per turn of the crank",
         90.0,
     ),
     _error(
-        "pin_circle_runout_um",
-        "um",
-        "distance of the pin circle's centre from the main bearing's",
-        100.0,
-        signed=False,
+        "pin_circle_runout_um", "um", "distance of the pin circle's centre from the main bearing's", 100.0, signed=False
     ),
-    _error(
-        "pin_circle_phase_deg", "deg", "where in the housing the pin circle is displaced to", 360.0
-    ),
+    _error("pin_circle_phase_deg", "deg", "where in the housing the pin circle is displaced to", 360.0),
     _error("pin_radius_um", "um", "radius of pin 1 alone, over its full length", 50.0),
     _error("pin_radius_disc_1_um", "um", "radius of pin 1 alone, at disc 1 only", 50.0),
     _error("eccentric_phase_1_mrad", "mrad", "phase of crank 1's eccentric for disc 1", 20.0),
@@ -107,13 +91,7 @@ PARAMETERS: tuple[Parameter, ...] = (
     ),
     _error("eccentricity_1_um", "um", "eccentricity error of crank 1's eccentric for disc 1", 50.0),
     _error("eccentricity_2_um", "um", "eccentricity error of crank 1's eccentric for disc 2", 50.0),
-    _error(
-        "disc_runout_um",
-        "um",
-        "runout of both discs (twice the distance of the centres)",
-        100.0,
-        signed=False,
-    ),
+    _error("disc_runout_um", "um", "runout of both discs (twice the distance of the centres)", 100.0, signed=False),
     _error("disc_pitch_um", "um", "cumulative pitch error of both discs", 100.0, signed=False),
     _error("stagger_arcmin", "arcmin", "turn of each disc, disc 2 ahead and disc 1 back", 5.0),
     _error("crank_bearing_um", "um", "radial clearance of the crank bearings", 50.0, signed=False),
@@ -147,10 +125,7 @@ class LoadedUnit:
 
 def loaded_unit(parameters: Mapping[str, Value]) -> LoadedUnit:
     """The unit of `parameters` by declared name; omitted ones keep their defaults."""
-    p = {
-        parameter.name: number(parameters.get(parameter.name, parameter.default))
-        for parameter in PARAMETERS
-    }
+    p = {parameter.name: number(parameters.get(parameter.name, parameter.default)) for parameter in PARAMETERS}
     geometry = ContactGeometry(_geometry(p), dr_rp=p["dr_rp_mm"] * MM, dr_p=p["dr_p_mm"] * MM)
     contact = LoadedContact(
         geometry,
@@ -163,10 +138,7 @@ def loaded_unit(parameters: Mapping[str, Value]) -> LoadedUnit:
 
 def faults(parameters: Mapping[str, Value]) -> list[Fault]:
     """Parameters without a contact: an undercut profile, pins that do not fit the teeth."""
-    p = {
-        parameter.name: number(parameters.get(parameter.name, parameter.default))
-        for parameter in PARAMETERS
-    }
+    p = {parameter.name: number(parameters.get(parameter.name, parameter.default)) for parameter in PARAMETERS}
     problems, geometry = [], _geometry(p)
     if geometry.pins != geometry.cycloid_teeth + 1:
         text = f"must be one more than cycloid_teeth, got {geometry.pins} and {p['cycloid_teeth']}"
@@ -213,9 +185,7 @@ def _part_errors(p: Mapping[str, float], geometry: ContactGeometry) -> PartError
 def gear_of(parameters: Mapping[str, object]) -> Gear:
     """The orders of the unit that these parameters describe; omitted ones keep their defaults."""
     names = ("pins", "cycloid_teeth", "reduction_ratio")
-    values = {
-        parameter.name: parameter.default for parameter in PARAMETERS if parameter.name in names
-    }
+    values = {parameter.name: parameter.default for parameter in PARAMETERS if parameter.name in names}
     for name in names:
         value = parameters.get(name)
         if isinstance(value, int | float) and value > 0:

@@ -43,19 +43,9 @@ class RvLostMotion(MeasurableModel):
             role=Role.DIRECTION,
         ),
         Column(
-            "output_angle_deg",
-            "deg",
-            "angle of the output; left out: the mean over a turn",
-            False,
-            role=Role.ANGLE,
+            "output_angle_deg", "deg", "angle of the output; left out: the mean over a turn", False, role=Role.ANGLE
         ),
-        Column(
-            "temperature_C",
-            "C",
-            "temperature; acts through effects only",
-            False,
-            role=Role.TEMPERATURE,
-        ),
+        Column("temperature_C", "C", "temperature; acts through effects only", False, role=Role.TEMPERATURE),
     )
     outputs = (Output("twist_arcmin", "arcmin", "twist of the output, with the torque's sign"),)
     parameters = loaded_unit.PARAMETERS
@@ -88,10 +78,7 @@ class RvLostMotion(MeasurableModel):
         return outside(table, self.momentary)
 
     def predict(
-        self,
-        table: Mapping[str, NDArray[Any]],
-        rng: np.random.Generator,
-        changes: Mapping[str, Array] = NO_CHANGES,
+        self, table: Mapping[str, NDArray[Any]], rng: np.random.Generator, changes: Mapping[str, Array] = NO_CHANGES
     ) -> dict[str, Array]:
         rows = Rows.of(table)
         warn_of_overload(rows.torque, self.momentary)

@@ -53,9 +53,7 @@ class OrderTable:
         stretch = np.array([1.0, -1.0])[:, None, None] * SOFT * np.cosh(nodes)[:, None]
         lines = spectrum(twist)
         slopes = spectrum(stretch / stiffness).amplitude
-        return cls(lines.order, nodes, lines.amplitude, slopes, stiffness.mean(-1)).largest_orders(
-            left_out
-        )
+        return cls(lines.order, nodes, lines.amplitude, slopes, stiffness.mean(-1)).largest_orders(left_out)
 
     def largest_orders(self, left_out: float) -> OrderTable:
         """The mean and the largest orders; the rms of the others is `left_out` at most."""
@@ -69,19 +67,13 @@ class OrderTable:
 
     def mean_only(self) -> OrderTable:
         """Order 0 alone."""
-        return OrderTable(
-            self.order[:1], self.nodes, self.values[..., :1], self.slopes[..., :1], self.stiffness
-        )
+        return OrderTable(self.order[:1], self.nodes, self.values[..., :1], self.slopes[..., :1], self.stiffness)
 
     def difference(self, other: OrderTable, step: float, left_out: float) -> OrderTable:
         """(self - other)/step, of tables that hold all orders; `left_out` as in `kept`."""
         values, slopes = self.values - other.values, self.slopes - other.slopes
-        table = OrderTable(self.order, self.nodes, values, slopes, self.stiffness).largest_orders(
-            left_out
-        )
-        return OrderTable(
-            table.order, table.nodes, table.values / step, table.slopes / step, table.stiffness
-        )
+        table = OrderTable(self.order, self.nodes, values, slopes, self.stiffness).largest_orders(left_out)
+        return OrderTable(table.order, table.nodes, table.values / step, table.slopes / step, table.stiffness)
 
     def plus(self, excitation: dict[float, complex]) -> OrderTable:
         """With displacements [rad] by order that do not depend on the torque."""
@@ -112,9 +104,7 @@ class OrderTable:
         last = self.slopes[side, -1] / (SOFT * np.cosh(self.nodes[-1]))
         return np.asarray(inside + np.maximum(beyond, 0.0)[:, None] * last)
 
-    def twist(
-        self, angle: Array, torque: Array, side: NDArray[np.intp], factor: ComplexArray | None
-    ) -> Array:
+    def twist(self, angle: Array, torque: Array, side: NDArray[np.intp], factor: ComplexArray | None) -> Array:
         """Twist (n,) [rad] at output angles (n,) [rad]; `factor` (n, m) multiplies the orders."""
         twists = np.empty(len(angle))
         for rows in np.array_split(np.arange(len(angle)), _parts(len(angle), len(self.order))):

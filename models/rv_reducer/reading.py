@@ -10,21 +10,9 @@ from ...declarations import READING, Parameter, Value
 CONSISTENT, PRINTED = "consistent", "printed"
 
 
-def _corrected(
-    name: str, default: Value, printed: Value, meaning: str, source: str, high: float = inf
-) -> Parameter:
+def _corrected(name: str, default: Value, printed: Value, meaning: str, source: str, high: float = inf) -> Parameter:
     """A parameter whose default differs from the printed interpretation of document B."""
-    return Parameter(
-        name,
-        default,
-        "",
-        meaning,
-        source,
-        assumed=True,
-        low=0.0,
-        high=high,
-        readings={PRINTED: printed},
-    )
+    return Parameter(name, default, "", meaning, source, assumed=True, low=0.0, high=high, readings={PRINTED: printed})
 
 
 READINGS: tuple[Parameter, ...] = (
@@ -65,22 +53,15 @@ READINGS: tuple[Parameter, ...] = (
         "involute_cosine",
         True,
         False,
-        "whether phi_1 is j_n/(i r_1 cos(alpha)), j_n being "
-        "normal to the flanks; otherwise j_n/(i r_1)",
+        "whether phi_1 is j_n/(i r_1 cos(alpha)), j_n being normal to the flanks; otherwise j_n/(i r_1)",
         "geometry of the involute",
     ),
-    replace(
-        _corrected(
-            "planets", 2, 1, "planets: phi_1 is the least clearance of any", "as in document A", 12
-        ),
-        low=1,
-    ),
+    replace(_corrected("planets", 2, 1, "planets: phi_1 is the least clearance of any", "as in document A", 12), low=1),
     Parameter(
         "planet_share",
         0.5,
         "",
-        "share of the variance of the planets' clearances (as "
-        "normal scores) that they have in common",
+        "share of the variance of the planets' clearances (as normal scores) that they have in common",
         "they mesh with one sun",
         assumed=True,
         low=0.0,
@@ -90,8 +71,7 @@ READINGS: tuple[Parameter, ...] = (
         "stagger_gain",
         2.0,
         "",
-        "phi_2 falls by stagger_gain times stagger_arcmin: document "
-        "B's 4 delta', delta' being half the turn of a disc",
+        "phi_2 falls by stagger_gain times stagger_arcmin: document B's 4 delta', delta' being half the turn of a disc",
         "document B",
         low=0.0,
         high=100.0,

@@ -15,10 +15,7 @@ from ..measurable import Outside
 from .contact.contact import OverloadWarning
 
 Array = NDArray[np.float64]
-SPEED = (
-    "must be above 0 (leave the column out for quasi-static readings; the sense of turning is "
-    "`direction`)"
-)
+SPEED = "must be above 0 (leave the column out for quasi-static readings; the sense of turning is `direction`)"
 
 
 @dataclass(frozen=True, slots=True)

@@ -70,9 +70,7 @@ class Batch:
         return self.sums["backlash"].count
 
 
-def batch(
-    total: ClippedSum, count: int, limit: float, edges: Array, rng: np.random.Generator
-) -> Batch:
+def batch(total: ClippedSum, count: int, limit: float, edges: Array, rng: np.random.Generator) -> Batch:
     """Statistics of `count` >= 1 units against a backlash limit [rad]; the edges evenly spaced."""
     about = {"phi_1": total.free[0], "phi_3": total.free[1]}
     centres = {name: float(term.cumulants()[0][0]) for name, term in about.items()}

@@ -86,9 +86,7 @@ def raw_moments(law: TighterPlanet, planet: Distribution, order: int) -> tuple[f
     return _raw_moments(law, planet, order)
 
 
-def partial_moments(
-    law: TighterPlanet, planet: Distribution, z: Array
-) -> tuple[Array, Array, Array]:
+def partial_moments(law: TighterPlanet, planet: Distribution, z: Array) -> tuple[Array, Array, Array]:
     """E[v^k; v <= Q((1 + z)/2)], k = 0, 1, 2, of that v, each of the shape of `z`."""
     cell, part = _place(z)
     mass, first, second = (_cubic(c, cell, part) for c in _moments(law, planet))
@@ -173,9 +171,7 @@ def _moments(law: TighterPlanet, planet: Distribution) -> Array:
 def _densities(law: TighterPlanet) -> Array:
     """Cubics (4, CELLS) of f(z): a spline through its values at the ends of the cells."""
     density = _density(np.linspace(-REACH, REACH, CELLS + 1), law)
-    return np.ascontiguousarray(
-        scipy.interpolate.CubicSpline(np.arange(CELLS + 1), density).c[::-1]
-    )
+    return np.ascontiguousarray(scipy.interpolate.CubicSpline(np.arange(CELLS + 1), density).c[::-1])
 
 
 def _hermite(rise: Array, tangent: Array) -> Array:

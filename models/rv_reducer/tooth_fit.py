@@ -86,23 +86,17 @@ def fit(geometry: RvGeometry, target: Target, radial_gap: float | None, kind: st
     return Fit(dr_rp, dr_p, float(solution.fun) * UM, bound * UM)
 
 
-def _programme(
-    geometry: RvGeometry, target: Target, radial_gap: float | None, kind: Clearance
-) -> Programme:
+def _programme(geometry: RvGeometry, target: Target, radial_gap: float | None, kind: Clearance) -> Programme:
     """In micrometres: x = (dr_rp, dr_p, t of every angle that counts)."""
     zero, unit = np.zeros(1), np.ones(1)
-    rows = np.stack(
-        [kind(geometry, unit, zero, target.phi), kind(geometry, zero, unit, target.phi)], axis=1
-    )
+    rows = np.stack([kind(geometry, unit, zero, target.phi), kind(geometry, zero, unit, target.phi)], axis=1)
     counts = target.weight > 0.0
     size, clearance = int(counts.sum()), target.clearance[counts] / UM
     slack = -np.eye(size)
     inside = rows[counts]
     g34 = np.array([[-1.0, 1.0], [-1.0, geometry.flank]])
     nonnegative = np.vstack([g34, -rows])
-    above = np.block(
-        [[inside, slack], [-inside, slack], [nonnegative, np.zeros((len(nonnegative), size))]]
-    )
+    above = np.block([[inside, slack], [-inside, slack], [nonnegative, np.zeros((len(nonnegative), size))]])
     below = np.concatenate([clearance, -clearance, np.zeros(len(nonnegative))])
     equal = np.zeros((0 if radial_gap is None else 1, 2 + size))
     equal[:, :2] = (1.0, -1.0)

@@ -32,9 +32,7 @@ REACH = 1.25
 
 def _inertia(name: str, default: float, meaning: str) -> Parameter:
     source = "a first mode of 55 Hz, as of reducers of this class"
-    return Parameter(
-        name, default, "", meaning, source, assumed=True, low=0.0, high=1e6, open_low=True
-    )
+    return Parameter(name, default, "", meaning, source, assumed=True, low=0.0, high=1e6, open_low=True)
 
 
 def _unit_error(name: str, unit: str, meaning: str, high: float) -> Parameter:
@@ -43,27 +41,11 @@ def _unit_error(name: str, unit: str, meaning: str, high: float) -> Parameter:
 
 OWN: tuple[Parameter, ...] = (
     next(parameter for parameter in declared.PARAMETERS if parameter.name == "sun_pitch_radius_mm"),
-    _unit_error(
-        "sun_runout_um",
-        "um",
-        "runout of the sun (twice its eccentricity), as one planet meets it",
-        200.0,
-    ),
-    _unit_error(
-        "sun_runout_phase_deg", "deg", "where in a turn of the sun it advances most", 360.0
-    ),
-    _unit_error(
-        "input_error_arcmin", "arcmin", "error of the input angle, once per turn of the input", 60.0
-    ),
-    _unit_error(
-        "output_eccentricity_arcsec",
-        "arcsec",
-        "error of the reading at the output, once per turn",
-        3600.0,
-    ),
-    _unit_error(
-        "output_eccentricity_phase_deg", "deg", "output angle at which it is largest", 360.0
-    ),
+    _unit_error("sun_runout_um", "um", "runout of the sun (twice its eccentricity), as one planet meets it", 200.0),
+    _unit_error("sun_runout_phase_deg", "deg", "where in a turn of the sun it advances most", 360.0),
+    _unit_error("input_error_arcmin", "arcmin", "error of the input angle, once per turn of the input", 60.0),
+    _unit_error("output_eccentricity_arcsec", "arcsec", "error of the reading at the output, once per turn", 3600.0),
+    _unit_error("output_eccentricity_phase_deg", "deg", "output angle at which it is largest", 360.0),
     _inertia("input_inertia_kgm2", 8e-4, "inertia at the input shaft [kg m^2]: motor and sun"),
     _inertia("load_inertia_kgm2", 4.216, "inertia at the output [kg m^2]"),
     Parameter(
@@ -81,8 +63,7 @@ OWN: tuple[Parameter, ...] = (
         "first_mode_Hz",
         0.0,
         "Hz",
-        "frequency of the first mode at rated torque, to "
-        "which both inertias are scaled; 0: as the inertias give it",
+        "frequency of the first mode at rated torque, to which both inertias are scaled; 0: as the inertias give it",
         "",
         low=0.0,
         high=1e4,
@@ -91,8 +72,7 @@ OWN: tuple[Parameter, ...] = (
         "dynamics",
         "table",
         "",
-        "table: static orders times their transfer functions; full: "
-        "steady state of every operating point",
+        "table: static orders times their transfer functions; full: steady state of every operating point",
         choices=("table", "full"),
     ),
     Parameter(
@@ -115,26 +95,10 @@ class RvTransmission(MeasurableModel):
 
     columns = (
         Column("output_angle_deg", "deg", "angle of the output", role=Role.ANGLE),
-        Column(
-            "torque_Nm", "Nm", "torque that resists + motion; left out: 0", False, role=Role.TORQUE
-        ),
-        Column(
-            "output_speed_rpm",
-            "rpm",
-            "speed of the output; left out: quasi-static",
-            False,
-            role=Role.SPEED,
-        ),
-        Column(
-            "temperature_C",
-            "C",
-            "temperature; acts through effects only",
-            False,
-            role=Role.TEMPERATURE,
-        ),
-        Column(
-            "direction", "", "sense of turning, 1 or -1; left out: 1", False, role=Role.DIRECTION
-        ),
+        Column("torque_Nm", "Nm", "torque that resists + motion; left out: 0", False, role=Role.TORQUE),
+        Column("output_speed_rpm", "rpm", "speed of the output; left out: quasi-static", False, role=Role.SPEED),
+        Column("temperature_C", "C", "temperature; acts through effects only", False, role=Role.TEMPERATURE),
+        Column("direction", "", "sense of turning, 1 or -1; left out: 1", False, role=Role.DIRECTION),
     )
     outputs = (Output("te_arcsec", "arcsec", "transmission error, signed"),)
     parameters = (*loaded_unit.PARAMETERS, *OWN)
@@ -150,11 +114,7 @@ class RvTransmission(MeasurableModel):
         inputs: Mapping[str, Distribution] | None = None,
     ) -> None:
         values = {parameter.name: parameter.default for parameter in OWN} | dict(parameters or {})
-        p = {
-            parameter.name: number(values[parameter.name])
-            for parameter in OWN
-            if not parameter.choices
-        }
+        p = {parameter.name: number(values[parameter.name]) for parameter in OWN if not parameter.choices}
         self.unit = loaded_unit.loaded_unit(values)
         self.gear = loaded_unit.gear_of(values)
         train = Train(
@@ -178,9 +138,7 @@ class RvTransmission(MeasurableModel):
         self.full: FullDynamics | None = None
         if values["dynamics"] == "full":
             angle = 2.0 * pi * np.arange(self.samples) / self.samples
-            waves = sum(
-                (amplitude * np.exp(1j * k * angle) for k, amplitude in excitation.items()), 0j
-            )
+            waves = sum((amplitude * np.exp(1j * k * angle) for k, amplitude in excitation.items()), 0j)
             displacement = np.real(waves) * np.ones(self.samples)
             self.full = FullDynamics(DisplacedMesh(tabulated(mesh, most), displacement), self.train)
 
@@ -192,10 +150,7 @@ class RvTransmission(MeasurableModel):
         return outside(table, self.momentary)
 
     def predict(
-        self,
-        table: Mapping[str, NDArray[Any]],
-        rng: np.random.Generator,
-        changes: Mapping[str, Array] = NO_CHANGES,
+        self, table: Mapping[str, NDArray[Any]], rng: np.random.Generator, changes: Mapping[str, Array] = NO_CHANGES
     ) -> dict[str, Array]:
         rows = Rows.of(table)
         warn_of_overload(rows.torque, self.momentary)
@@ -213,16 +168,12 @@ class RvTransmission(MeasurableModel):
         te = te + self.eccentricity * np.cos(rows.angle - self.largest_at)
         return {"te_arcsec": te / ARCSEC}
 
-    def _twist(
-        self, orders: OrderTable, rows: Rows, side: NDArray[np.intp], speed: Array | None
-    ) -> Array:
+    def _twist(self, orders: OrderTable, rows: Rows, side: NDArray[np.intp], speed: Array | None) -> Array:
         """Twist (n,) [rad]: quasi-static, or with every order times its transfer function."""
         factor = None if speed is None else self._factor(orders.order, rows.torque, side, speed)
         return orders.twist(rows.angle, rows.torque, side, factor)
 
-    def _factor(
-        self, order: Array, torque: Array, side: NDArray[np.intp], speed: Array
-    ) -> ComplexArray:
+    def _factor(self, order: Array, torque: Array, side: NDArray[np.intp], speed: Array) -> ComplexArray:
         """Transfer function (n, m) of every order at the torques and speeds of the rows."""
         stiffness = self.static.mean_stiffness(torque, side)
         inertia = np.broadcast_to(self.train.reduced_inertia, stiffness.shape)
@@ -256,6 +207,4 @@ def _excitation(p: Mapping[str, float], unit: loaded_unit.LoadedUnit) -> dict[fl
         ratio - 1.0: advance * np.exp(-1j * np.radians(p["sun_runout_phase_deg"])),
         ratio: complex(p["input_error_arcmin"] * ARCMIN / ratio),
     }
-    return {
-        order: complex(amplitude) for order, amplitude in amplitudes.items() if amplitude != 0.0
-    }
+    return {order: complex(amplitude) for order, amplitude in amplitudes.items() if amplitude != 0.0}

@@ -113,6 +113,4 @@ def _best(stage: Stage, name: str, ends: tuple[float, float]) -> float:
 def equal_shares(stage: Stage, total: float) -> dict[str, float]:
     """Widths [m] of linear zones that move phi_2 by the same fraction of `total` [rad] each."""
     part = total * stage.geometry.lever / len(LINEAR_ERRORS)
-    return {
-        name: part / abs(coefficient) for name, coefficient in coefficients(stage.geometry).items()
-    }
+    return {name: part / abs(coefficient) for name, coefficient in coefficients(stage.geometry).items()}

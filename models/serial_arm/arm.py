@@ -55,10 +55,7 @@ class SerialArm(MeasurableModel):
         return declared.free_of(parameters)
 
     def predict(
-        self,
-        table: Mapping[str, NDArray[Any]],
-        rng: np.random.Generator,
-        changes: Mapping[str, Array] = NO_CHANGES,
+        self, table: Mapping[str, NDArray[Any]], rng: np.random.Generator, changes: Mapping[str, Array] = NO_CHANGES
     ) -> dict[str, Array]:
         angles = np.column_stack([np.radians(table[column.name]) for column in self.columns])
         position = positions(self.chain, angles) / MM

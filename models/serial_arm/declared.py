@@ -100,10 +100,7 @@ def free_of(parameters: Mapping[str, Value]) -> dict[str, float]:
         for kind, (_, _, tolerance) in ERRORS.items():
             if kind != ("d" if parallel else "beta"):
                 bounds[error(kind, joint)] = tolerance
-    bounds |= {
-        f"base_{axis}_{'mrad' if axis[0] == 'r' else 'um'}": 20.0 if axis[0] == "r" else 5000.0
-        for axis in BASE
-    }
+    bounds |= {f"base_{axis}_{'mrad' if axis[0] == 'r' else 'um'}": 20.0 if axis[0] == "r" else 5000.0 for axis in BASE}
     return bounds | {f"tool_{axis}_um": 5000.0 for axis in TOOL}
 
 

@@ -69,9 +69,7 @@ def frames(chain: Chain, angles: Array) -> Frames:
     for at in range(k):
         theta = angles[:, at] + chain.zero[at]
         knee[:, at] = turn[:, at] @ _about_z(theta)
-        origin[:, at + 1] = (
-            origin[:, at] + chain.d[at] * turn[:, at, :, 2] + chain.a[at] * knee[:, at, :, 0]
-        )
+        origin[:, at + 1] = origin[:, at] + chain.d[at] * turn[:, at, :, 2] + chain.a[at] * knee[:, at, :, 0]
         twisted[:, at] = knee[:, at] @ rotation(np.array([chain.alpha[at], 0.0, 0.0]))
         turn[:, at + 1] = twisted[:, at] @ rotation(np.array([0.0, chain.beta[at], 0.0]))
     tool = origin[:, -1] + turn[:, -1] @ chain.tool

@@ -43,9 +43,7 @@ def reach(chain: Chain) -> float:
     return float(np.sum(np.hypot(chain.a, chain.d)) + np.linalg.norm(chain.tool))
 
 
-def inverse(
-    chain: Chain, position: Array, turn: Array, start: Array, low: Array, high: Array
-) -> Reached:
+def inverse(chain: Chain, position: Array, turn: Array, start: Array, low: Array, high: Array) -> Reached:
     """The angles within [low, high] (k,) nearest to each pose, from `start` (n, k).
 
     `position` (n, 3) [m], `turn` (n, 3, 3); with fewer than six joints the position alone counts.
@@ -73,9 +71,7 @@ def inverse(
     return Reached(q, np.linalg.norm(r, axis=1))
 
 
-def _residual(
-    now: Frames, position: Array, turn: Array, scale: float, whole: bool
-) -> tuple[Array, Array]:
+def _residual(now: Frames, position: Array, turn: Array, scale: float, whole: bool) -> tuple[Array, Array]:
     """The residual (n, 3 or 6) [m], rotations times `scale`, and its derivative by -angles."""
     move, rotate = now.joints()
     r = position - now.tool
@@ -98,9 +94,7 @@ def _step(jacobian: Array, r: Array, scale: float, damping: Array) -> Array:
     return np.asarray(step / longest)
 
 
-def over_cell(
-    chain: Chain, position: Array, turn: Array, near: Array, low: Array, high: Array
-) -> Reached:
+def over_cell(chain: Chain, position: Array, turn: Array, near: Array, low: Array, high: Array) -> Reached:
     """The same of all poses (n,) of a cell in one posture: that nearest to angles `near` (k,) at
     the pose in the middle, carried on to the others.
     """

@@ -65,9 +65,7 @@ def _check(top: Section, rows: list[dict[str, Value]]) -> None:
             and value("alpha", joint) is not None
         ):
             top.item("joint", joint - 1).fault(
-                "",
-                f"is no chain: joints {joint} and {joint + 1} "
-                "turn about one axis (a and alpha are 0)",
+                "", f"is no chain: joints {joint} and {joint + 1} turn about one axis (a and alpha are 0)"
             )
     lengths = [value(column, joint) for joint in range(1, last + 1) for column in ("a", "d")]
     if None not in lengths and not any(lengths):

@@ -59,9 +59,7 @@ class Law:
         p = 0.5 * (1.0 + coverage)
         if self.covariance is not None:
             std = self._std(t)[:, None]
-            return (
-                float(ndtri(p)) * (spread_of(t) @ self.covariance) / np.where(std > 0.0, std, 1.0)
-            )
+            return float(ndtri(p)) * (spread_of(t) @ self.covariance) / np.where(std > 0.0, std, 1.0)
         return self._to_parts(self.deviations.quantile(self._scales(t), p).gradient)
 
     def yield_slopes(self, t: Tolerances) -> Array:
@@ -142,12 +140,7 @@ def law_of(mechanism: Mechanism, covariance: Array) -> Law | str:
     mean = parts @ (mechanism.sensitivities * np.array([by_feature[at][0] for at in owners]))
     laws = tuple(by_feature[at][1] for at in owners)
     return Law(
-        mechanism,
-        np.abs(mechanism.sensitivities),
-        mean,
-        SymmetricSum(laws),
-        laws,
-        covariance if normal else None,
+        mechanism, np.abs(mechanism.sensitivities), mean, SymmetricSum(laws), laws, covariance if normal else None
     )
 
 

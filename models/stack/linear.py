@@ -101,9 +101,7 @@ class Linear:
 
 def _shares(contributions: Array, total: Array) -> Array:
     """Fractions that add up to 1, or are 0 where the total is 0."""
-    return np.divide(
-        contributions, total[:, None], out=np.zeros_like(contributions), where=total[:, None] > 0.0
-    )
+    return np.divide(contributions, total[:, None], out=np.zeros_like(contributions), where=total[:, None] > 0.0)
 
 
 def linearised(mechanism: Mechanism) -> Linear:

@@ -34,9 +34,7 @@ class Sample:
         root = None if mechanism.correlation is None else _root(mechanism.correlation)
         deviations = np.empty((REPLICATES, len(kinds), 2 ** power_of(samples)))
         # One replicate after the other: the points of all of them would double the memory.
-        for replicate, uniform in zip(
-            deviations, replicates(samples, len(kinds), rng), strict=True
-        ):
+        for replicate, uniform in zip(deviations, replicates(samples, len(kinds), rng), strict=True):
             points = uniform
             if root is not None:
                 points = ndtr(np.clip(ndtri(uniform), -8.0, 8.0) @ root.T)
@@ -74,9 +72,7 @@ def yield_percent(mechanism: Mechanism, t: Tolerances, sample: Sample) -> tuple[
     return joint_yield_percent((mechanism,), t, sample)
 
 
-def joint_yield_percent(
-    mechanisms: Sequence[Mechanism], t: Tolerances, sample: Sample
-) -> tuple[Array, Array]:
+def joint_yield_percent(mechanisms: Sequence[Mechanism], t: Tolerances, sample: Sample) -> tuple[Array, Array]:
     """`yield_percent` of the units that conform to every one of several mechanisms."""
     yields, error = np.empty(len(t)), np.empty(len(t))
     least = 1.0 / sample.size
@@ -89,9 +85,7 @@ def joint_yield_percent(
             ]
         conforming = np.mean(np.logical_and.reduce(within), axis=2)
         yields[rows] = conforming.mean(axis=1)
-        error[rows] = np.maximum(
-            conforming.std(axis=1, ddof=1) / np.sqrt(conforming.shape[1]), least
-        )
+        error[rows] = np.maximum(conforming.std(axis=1, ddof=1) / np.sqrt(conforming.shape[1]), least)
     return 100.0 * yields, 100.0 * error
 
 

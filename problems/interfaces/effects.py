@@ -28,9 +28,7 @@ class WithEffects(Interface):
         settings = self._problem.settings
         missing = "has no counterpart in this problem: it changes nothing here"
         notes = tuple(
-            f"effect {effect.effect.name}: {does}"
-            if does
-            else f"effect {effect.effect.name} {missing}"
+            f"effect {effect.effect.name}: {does}" if does else f"effect {effect.effect.name} {missing}"
             for effect, does in zip(settings.effects, self.counterparts(), strict=True)
         )
         zeros = ", ".join(settings.zero)

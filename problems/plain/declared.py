@@ -14,13 +14,7 @@ from ..declaration import Declaration
 from ..settings import Bound
 
 MISSED = Parameter(
-    "equality_tolerance",
-    1e-4,
-    "",
-    "how far an equality constraint may be missed",
-    assumed=True,
-    low=0.0,
-    open_low=True,
+    "equality_tolerance", 1e-4, "", "how far an equality constraint may be missed", assumed=True, low=0.0, open_low=True
 )
 
 
@@ -67,9 +61,7 @@ def inequalities_of(problem: Problem) -> tuple[str, ...]:
 
 def equalities_of(problem: Problem) -> tuple[str, ...]:
     """Names of the equality constraints, in the order of H."""
-    return _names(
-        problem, "h", int(problem.n_obj) + int(problem.n_ieq_constr), int(problem.n_eq_constr)
-    )
+    return _names(problem, "h", int(problem.n_obj) + int(problem.n_ieq_constr), int(problem.n_eq_constr))
 
 
 def limits_of(problem: Problem, missed: float) -> Mapping[str, Bound]:
@@ -106,8 +98,5 @@ def _names(problem: Problem, letter: str, start: int, count: int) -> tuple[str, 
 def _bounds(problem: Problem) -> tuple[list[float], list[float]]:
     """Lower and upper bounds (variables,); NaN where there are none."""
     missing = np.full(int(problem.n_var), np.nan)
-    low, high = (
-        missing if end is None else np.broadcast_to(end, missing.shape)
-        for end in (problem.xl, problem.xu)
-    )
+    low, high = (missing if end is None else np.broadcast_to(end, missing.shape) for end in (problem.xl, problem.xu))
     return np.asarray(low, dtype=float).tolist(), np.asarray(high, dtype=float).tolist()

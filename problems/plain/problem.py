@@ -13,14 +13,7 @@ from ...declarations import number
 from ..interfaces import WithEffects
 from ..settings import Bound, Settings
 from ..tolerance_problem import ToleranceProblem
-from .declared import (
-    MISSED,
-    declaration_of,
-    equalities_of,
-    inequalities_of,
-    limits_of,
-    objectives_of,
-)
+from .declared import MISSED, declaration_of, equalities_of, inequalities_of, limits_of, objectives_of
 
 Array = NDArray[np.float64]
 SPREAD = 6
@@ -69,9 +62,7 @@ class PlainProblem(ToleranceProblem, WithEffects):
 
     def relaxed(self, limits: Mapping[str, Bound]) -> PlainProblem:
         """The same problem with some limits replaced."""
-        return PlainProblem(
-            self.pymoo_problem, replace(self.given, limits={**self.given.limits, **limits})
-        )
+        return PlainProblem(self.pymoo_problem, replace(self.given, limits={**self.given.limits, **limits}))
 
     def without_effects(self) -> PlainProblem:
         """The same problem: effects have no place in it."""

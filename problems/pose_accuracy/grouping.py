@@ -46,10 +46,7 @@ NINE: Grouping = {f"{kind}_{unit_of(kind)}": _of_kind(kind) for kind in KINDS}
 
 
 def read_grouping(
-    top: Section,
-    default: Grouping = NINE,
-    unit: Callable[[str], str] = unit_of,
-    called: str = "an orientation source",
+    top: Section, default: Grouping = NINE, unit: Callable[[str], str] = unit_of, called: str = "an orientation source"
 ) -> Grouping | None:
     """`[grouping]`: design variable = list of sources; the `default` one where there is none.
 
@@ -81,12 +78,7 @@ def read_grouping(
 
 
 def _wrong(
-    name: str,
-    sources: list[str],
-    owner: dict[str, str],
-    known: Sequence[str],
-    unit: Callable[[str], str],
-    called: str,
+    name: str, sources: list[str], owner: dict[str, str], known: Sequence[str], unit: Callable[[str], str], called: str
 ) -> list[tuple[str, str]]:
     """Unknown sources, sources named twice, and wrong units, with texts; records each owner."""
     faults = []
@@ -118,9 +110,7 @@ def _variable(name: str, sources: Sequence[str]) -> Variable:
         + ("rod length dl2_a - dl2_b" if "rod" in sources[0] else "joint distance ddB - ddA")
     )
     low, high = (reference * factor for factor in RANGE)
-    return Variable(
-        name, unit_of(sources[0]), Kind.STANDARD_DEVIATION, low, high, meaning, valid_low=1e-9
-    )
+    return Variable(name, unit_of(sources[0]), Kind.STANDARD_DEVIATION, low, high, meaning, valid_low=1e-9)
 
 
 def costs_of(grouping: Grouping) -> dict[str, CostCurve]:

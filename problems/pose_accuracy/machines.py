@@ -93,9 +93,7 @@ class Population:
         """The main plane of each pose error, and of those with a yield, at usual deviations."""
         usual = {name: f.at(self.poses).effects * self.typical for name, f in self.fields.items()}
         both = [usual[name] / self.limits[name] for name in LIMITED]
-        return {name: main_plane([effects]) for name, effects in usual.items()} | {
-            BOTH: main_plane(both)
-        }
+        return {name: main_plane([effects]) for name, effects in usual.items()} | {BOTH: main_plane(both)}
 
 
 @dataclass(eq=False)

@@ -22,9 +22,7 @@ ERRORS = tuple(f"{name}_{unit}" for name, unit in UNITS.items())
 
 
 def _by_index(name: str) -> Output:
-    text = (
-        f"standard deviation over machines of the {MEANT[name]}, averaged over poses by the index"
-    )
+    text = f"standard deviation over machines of the {MEANT[name]}, averaged over poses by the index"
     return Output(f"{name}_{UNITS[name]}", UNITS[name], text, low=0.0)
 
 
@@ -32,17 +30,10 @@ def _at_pose(name: str) -> tuple[Output, ...]:
     unit, of = UNITS[name], f"of the {MEANT[name]} at the pose"
     outputs = (
         Output(f"{name}_pose_{unit}", unit, f"standard deviation over machines {of}", low=0.0),
-        Output(
-            f"{name}_pose_quantile_{unit}",
-            unit,
-            f"quantile over machines {of}, at the coverage",
-            low=0.0,
-        ),
+        Output(f"{name}_pose_quantile_{unit}", unit, f"quantile over machines {of}, at the coverage", low=0.0),
     )
     text = f"machines that keep {name}_limit_{unit} at the pose"
-    return (
-        outputs if name not in LIMITED else (*outputs, _yield(f"{name}_pose_yield_percent", text))
-    )
+    return outputs if name not in LIMITED else (*outputs, _yield(f"{name}_pose_yield_percent", text))
 
 
 def _over_ring(name: str) -> tuple[Output, ...]:
@@ -75,12 +66,7 @@ def _sampled(output: Output) -> tuple[Output, Output]:
 MACHINES: tuple[Output, ...] = (
     *(output for name in UNITS for output in _at_pose(name)),
     *(output for name in UNITS for output in _over_ring(name)),
-    *_sampled(
-        _yield(
-            BOTH,
-            "machines that keep squareness_limit_mrad and yaw_limit_mrad at every pose of the ring",
-        )
-    ),
+    *_sampled(_yield(BOTH, "machines that keep squareness_limit_mrad and yaw_limit_mrad at every pose of the ring")),
 )
 """What machines do at a pose, and over the ring."""
 OVER_MACHINES = frozenset(output.name for output in MACHINES if not output.error_of)
@@ -104,11 +90,7 @@ OTHER = Parameter(
     low=0.0,
 )
 POSE = Parameter(
-    "pose",
-    {},
-    "",
-    "pose of the outputs `..._pose_...`; empty: of each the worst of the ring",
-    choices=("r_mm", "z_mm"),
+    "pose", {}, "", "pose of the outputs `..._pose_...`; empty: of each the worst of the ring", choices=("r_mm", "z_mm")
 )
 _SAME = "assumed: the number by which the document's task limits the standard deviation here"
 BOUNDS = tuple(

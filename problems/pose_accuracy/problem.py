@@ -27,16 +27,7 @@ from ..forms import Feature, Form, Way
 from ..interfaces import Documented, Page, Provable
 from ..promise import ASSURANCE, PROMISED
 from ..settings import Settings
-from .grouping import (
-    NINE,
-    SOURCES,
-    Grouping,
-    costs_of,
-    read_grouping,
-    reference_of,
-    unit_of,
-    variables_of,
-)
+from .grouping import NINE, SOURCES, Grouping, costs_of, read_grouping, reference_of, unit_of, variables_of
 from .machines import Population
 from .outputs import (
     BOUNDS,
@@ -107,9 +98,7 @@ class PoseAccuracy(PromisingPoses, Provable, Documented, Page):
         promised = super().more_tables()
         if self.grouping == NINE:
             return promised
-        return promised | {
-            "grouping": {name: list(sources) for name, sources in self.grouping.items()}
-        }
+        return promised | {"grouping": {name: list(sources) for name, sources in self.grouping.items()}}
 
     # ---------------------------------------------------------------- evaluation
 
@@ -162,9 +151,7 @@ class PoseAccuracy(PromisingPoses, Provable, Documented, Page):
         given, spread = self.settings.parameters, self.settings.propagation
         pose = pose_of(given[POSE.name])
         here = {} if pose is None else self._errors_at(*pose)
-        limits = {
-            name: number(given[bound.name]) for name, bound in zip(LIMITED, BOUNDS, strict=True)
-        }
+        limits = {name: number(given[bound.name]) for name, bound in zip(LIMITED, BOUNDS, strict=True)}
         usual = np.array([reference_of(source) for source in SOURCES])
         return Population(
             {name: self._with_others(name, field) for name, field in self._fields.items()},
@@ -220,11 +207,7 @@ class PoseAccuracy(PromisingPoses, Provable, Documented, Page):
         """Derivatives of all outputs; at the worst pose where the index is every pose."""
         gradients = {
             "cost": np.stack(
-                [
-                    self.settings.costs[name].slope(self.column(designs, name))
-                    for name in self.names
-                ],
-                axis=1,
+                [self.settings.costs[name].slope(self.column(designs, name)) for name in self.names], axis=1
             )
         }
         values = self._outputs(designs, searching=True)
@@ -271,21 +254,11 @@ class PoseAccuracy(PromisingPoses, Provable, Documented, Page):
         moving = {v.name: self._range(v.name) for v in self.variables}
         features = tuple(
             Feature(
-                name,
-                (
-                    Way(
-                        self.settings.costs[name],
-                        *moving[name],
-                        (0.0,) * len(rows),
-                        tuple(rows[:, at].tolist()),
-                    ),
-                ),
+                name, (Way(self.settings.costs[name], *moving[name], (0.0,) * len(rows), tuple(rows[:, at].tolist())),)
             )
             for at, name in enumerate(self.names)
         )
-        constants = np.array(
-            [self._other_std**2 if name == "position_mm" else 0.0 for name in outputs]
-        )
+        constants = np.array([self._other_std**2 if name == "position_mm" else 0.0 for name in outputs])
         relaxed = tuple(
             limit.name
             for limit in self.limits
@@ -322,16 +295,9 @@ class PoseAccuracy(PromisingPoses, Provable, Documented, Page):
         step = np.array([1e-5 if name.endswith("_um") else 1e-4 for name in moving])
         of = f"index {mean}"
         return (
-            _bars(
-                f"squareness by source, {of}", "mrad", turning, 1e3 * turn.squareness * reference
-            ),
+            _bars(f"squareness by source, {of}", "mrad", turning, 1e3 * turn.squareness * reference),
             _bars(f"yaw by source, {of}", "mrad", turning, 1e3 * turn.yaw * reference),
-            _bars(
-                f"position by source (10 um, 0.1 mrad), {of}",
-                "um",
-                moving,
-                1e6 * move.position * step,
-            ),
+            _bars(f"position by source (10 um, 0.1 mrad), {of}", "um", moving, 1e6 * move.position * step),
         )
 
     def remarks(self, front: pd.DataFrame) -> tuple[str, ...]:

@@ -53,9 +53,7 @@ class PromisingPoses(ProcessProblem, Differentiable):
     def over_machines(self, designs: Array, names: Iterable[str]) -> dict[str, Array]:
         """Outputs (n,) over machines of full designs (n, all), with their errors."""
 
-    def shortfall(
-        self, design: Array, scales: Array, shifts: Array, searching: bool = False
-    ) -> Shortfall:
+    def shortfall(self, design: Array, scales: Array, shifts: Array, searching: bool = False) -> Shortfall:
         """Shortfall of the fraction of machines within both limits, as normal quantiles."""
         outputs = self.over_machines(self._at(design, scales, shifts), [BOTH])
         share = np.clip(0.01 * outputs[BOTH], SURE, 1.0 - SURE)
@@ -123,10 +121,7 @@ class PromisingPoses(ProcessProblem, Differentiable):
         """
         none = np.ones(len(self.known)), np.zeros(len(self.known))
         design = self._along(self._share(lambda design: self.yield_at(design, *none, True)))
-        wanted, worst = (
-            float(self.expected_yields(design[None, :], False)[0]),
-            self.worst(design, True),
-        )
+        wanted, worst = (float(self.expected_yields(design[None, :], False)[0]), self.worst(design, True))
         radii = np.linspace(-1.0, 1.0, 21)
         yields = [self.yield_at(design, *worst.at(float(radius)), True) for radius in radii]
         return float(np.interp(-wanted, -np.array(yields), radii))
@@ -150,15 +145,7 @@ class PromisingPoses(ProcessProblem, Differentiable):
         if not searching:
             short = [self.verdict(design).shortfalls for design in designs]
             return np.array(
-                [
-                    100.0 * float(np.mean(ndtr(self._promised_quantile - shortfalls)))
-                    for shortfalls in short
-                ]
+                [100.0 * float(np.mean(ndtr(self._promised_quantile - shortfalls))) for shortfalls in short]
             )
         radius = self._expecting if self.known else 0.0
-        return np.array(
-            [
-                self.yield_at(design, *self.worst(design, True).at(radius), True)
-                for design in designs
-            ]
-        )
+        return np.array([self.yield_at(design, *self.worst(design, True).at(radius), True) for design in designs])

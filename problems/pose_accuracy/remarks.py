@@ -25,9 +25,7 @@ def remarks_of(
     return tuple(_remark(name, row, index, limits[name], coverage, pose) for name in LIMITED)
 
 
-def _remark(
-    name: str, row: Mapping[str, float], index: str, limit: float, coverage: float, pose: str
-) -> str:
+def _remark(name: str, row: Mapping[str, float], index: str, limit: float, coverage: float, pose: str) -> str:
     unit, percent = UNITS[name], f"{100.0 * coverage:.6g} %"
     beyond = 100.0 - row[f"{name}_pose_yield_percent"]
     return (

@@ -37,13 +37,7 @@ class PricedCurve(CostCurve):
 
     @classmethod
     def of(
-        cls,
-        t: Array,
-        cost_at: Array,
-        kappa: Array,
-        proven: Array,
-        price: float = 1.0,
-        label: str = "",
+        cls, t: Array, cost_at: Array, kappa: Array, proven: Array, price: float = 1.0, label: str = ""
     ) -> PricedCurve:
         """The curve of allocations, t rising, with proven lower bounds (n,) of cost + kappa t^2."""
         plain = cls(t, cost_at, kappa, 0.0, 1.0)
@@ -56,9 +50,7 @@ class PricedCurve(CostCurve):
 
     @cached_property
     def _spline(self) -> scipy.interpolate.CubicHermiteSpline:
-        return scipy.interpolate.CubicHermiteSpline(
-            np.log(self.t), self.cost_at, -2.0 * self.kappa * self.t**2
-        )
+        return scipy.interpolate.CubicHermiteSpline(np.log(self.t), self.cost_at, -2.0 * self.kappa * self.t**2)
 
     @cached_property
     def _slope(self) -> scipy.interpolate.CubicHermiteSpline:

@@ -24,10 +24,6 @@ def documents_reducer() -> Nested:
     """An RV-40E-121 by document B's closed form as printed, its modification fixed."""
     fixed = {name: VariableSetting(value=value) for name, value in MODIFICATION.items()}
     problem = RvBacklash(
-        Settings(
-            parameters={"reading": "printed"},
-            variables=fixed,
-            objectives=("cost", "backlash_rms_arcmin"),
-        )
+        Settings(parameters={"reading": "printed"}, variables=fixed, objectives=("cost", "backlash_rms_arcmin"))
     )
     return Nested("rv_backlash as printed, document B's modification", TABLES, problem)

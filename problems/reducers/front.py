@@ -45,10 +45,7 @@ class ReducerFront:
         By secants on the price.
         """
         wanted = np.asarray(rms, dtype=float) ** 2
-        known = [
-            float(self.curves[g].price_at(np.array([t]))[0])
-            for t, g in zip(rms, grade, strict=True)
-        ]
+        known = [float(self.curves[g].price_at(np.array([t]))[0]) for t, g in zip(rms, grade, strict=True)]
         x = np.log(np.clip(known, PRICES[0], PRICES[-1]))
         before = x - 1e-3
         made = least(self.block, np.exp(before), grade)

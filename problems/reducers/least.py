@@ -44,11 +44,7 @@ class Least:
 
 
 def least(
-    block: Block,
-    kappa: Array,
-    grade: NDArray[np.int64],
-    near: Least | None = None,
-    passes: int = PASSES,
+    block: Block, kappa: Array, grade: NDArray[np.int64], near: Least | None = None, passes: int = PASSES
 ) -> Least:
     """The allocations at prices (n,) [per arcmin^2], each in a grade (n,) of `block.grades`.
 
@@ -68,18 +64,9 @@ def least(
                 block.curves[:-2], block.square[:-1], block.low, block.high, strict=False
             )
         ]
-        t = np.stack(
-            [
-                *columns,
-                _eccentricity(block, price, by_mean, HALVINGS if done + 4 > passes else ROUGH),
-            ],
-            axis=1,
-        )
+        t = np.stack([*columns, _eccentricity(block, price, by_mean, HALVINGS if done + 4 > passes else ROUGH)], axis=1)
         bearing = block.curves[-1].best(
-            by_free * block.bearing_mean,
-            kappa * block.bearing_variance,
-            float(block.low[-1]),
-            float(block.high[-1]),
+            by_free * block.bearing_mean, kappa * block.bearing_variance, float(block.low[-1]), float(block.high[-1])
         )
     s = block.least_shift(*block.of_phi_2(t))
     backlash = block.backlash(t, bearing, grade, s)
@@ -136,13 +123,7 @@ def lower_bound(block: Block, kappa: Array, grade: NDArray[np.int64], near: Leas
 
 
 def _in_cell(
-    block: Block,
-    prices: Array,
-    grades: NDArray[np.int64],
-    whole: Least,
-    first: Array,
-    last: Array,
-    rows: Any,
+    block: Block, prices: Array, grades: NDArray[np.int64], whole: Least, first: Array, last: Array, rows: Any
 ) -> Array:
     """The same of some rows with the eccentricity between `first` and `last`."""
     near = Least(*(getattr(whole, name)[rows] for name in Least.__dataclass_fields__))
@@ -168,9 +149,7 @@ def _in_cell(
         nu = np.where(s > block.shift.low, kappa * at.by_mean, 0.0)
     slopes += (price + nu * edge)[:, None] * by_t
     slopes[:, -1] += kappa * at.by_mean * block.bend * (low + high) - nu * 2.0 * block.bend * ecc
-    by_bearing = kappa * (
-        at.by_free * block.bearing_mean + 2.0 * block.bearing_variance * near.bearing
-    )
+    by_bearing = kappa * (at.by_free * block.bearing_mean + 2.0 * block.bearing_variance * near.bearing)
     by_s = kappa * at.by_mean - nu
     value = kappa * at.value - nu * (mean + s - edge * deviation)
     value = value - np.sum(slopes * x, axis=1) - by_bearing * near.bearing - by_s * s

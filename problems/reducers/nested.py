@@ -113,10 +113,7 @@ class Nested:
         """Least and largest rms; of a proven front by its first and last price alone."""
         if self.front_known is None and self.block is not None:
             return ends_of(self.block)
-        return (
-            min(float(curve.t[0]) for curve in self.curves),
-            max(float(curve.t[-1]) for curve in self.curves),
-        )
+        return (min(float(curve.t[0]) for curve in self.curves), max(float(curve.t[-1]) for curve in self.curves))
 
     @property
     def key(self) -> str:

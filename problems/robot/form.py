@@ -49,8 +49,7 @@ def form_of(problem: RobotProblem) -> Form | None:
         tuple(features),
         offset,
         _constant(problem, outputs),
-        "rms of the position error (first order) and proven fronts of the reducers, phi_2 normal"
-        + left_out,
+        "rms of the position error (first order) and proven fronts of the reducers, phi_2 normal" + left_out,
         exact=False,
         relaxed=relaxed,
         stands=STANDS,

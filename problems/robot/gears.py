@@ -93,11 +93,7 @@ def _reducer_variables(at: str, reducer: Nested) -> list[Variable]:
             )
         )
     for v in WAVES[: len(ANGLES)]:
-        variables.append(
-            replace(
-                v, name=f"reducer_{at}_{v.name}", meaning=f"reducer {at}: {v.meaning}", random=False
-            )
-        )
+        variables.append(replace(v, name=f"reducer_{at}_{v.name}", meaning=f"reducer {at}: {v.meaning}", random=False))
     return variables
 
 
@@ -265,10 +261,7 @@ class Gears:
 
     def quantiles(self, columns: Array) -> Array:
         """Quantile (n,) [arcmin] of the backlash of the worst drive."""
-        by_gear = [
-            self.largest[0, gear] * self._quantile(columns, gear)
-            for gear in range(len(self.nested))
-        ]
+        by_gear = [self.largest[0, gear] * self._quantile(columns, gear) for gear in range(len(self.nested))]
         return np.asarray(np.max(by_gear, axis=0))
 
     def _quantile(self, columns: Array, gear: int) -> Array:
@@ -339,9 +332,7 @@ class Gears:
             by_variable[f"reducer_{self.keys[gear]}_{name}"] = derivatives
         return by_variable
 
-    def _difference(
-        self, columns: Array, gear: int, at: int, name: str
-    ) -> tuple[tuple[Array, Array], Array]:
+    def _difference(self, columns: Array, gear: int, at: int, name: str) -> tuple[tuple[Array, Array], Array]:
         up, down = columns.copy(), columns.copy()
         if name == GRADE:
             block = self.nested[gear].block
@@ -352,8 +343,7 @@ class Gears:
         width = up[:, at] - down[:, at]
         width = np.where(width == 0.0, np.inf, width)
         cost, square, wave = (
-            (high - low) / width
-            for high, low in zip(self._of_gear(up, gear), self._of_gear(down, gear), strict=True)
+            (high - low) / width for high, low in zip(self._of_gear(up, gear), self._of_gear(down, gear), strict=True)
         )
         mean = 0.5 * (self._of_gear(up, gear)[2] + self._of_gear(down, gear)[2])
         return (square, 2.0 * mean * wave), -cost
@@ -366,16 +356,9 @@ class Gears:
         if self.small:
             return all_columns
         for gear, reducer in zip(self.keys, self.nested, strict=True):
-            rms, te = (
-                all_columns.pop(f"reducer_{gear}_{RMS}"),
-                all_columns.pop(f"reducer_{gear}_{TE}"),
-            )
+            rms, te = (all_columns.pop(f"reducer_{gear}_{RMS}"), all_columns.pop(f"reducer_{gear}_{TE}"))
             assert reducer.problem is not None
-            designs = (
-                reducer.designs(np.asarray(rms))
-                if len(rms)
-                else np.empty((0, len(reducer.problem.names)))
-            )
+            designs = reducer.designs(np.asarray(rms)) if len(rms) else np.empty((0, len(reducer.problem.names)))
             for name, column in zip(reducer.problem.names, designs.T, strict=True):
                 all_columns[f"reducer_{gear}_{name}"] = column
             for name, column in zip(ANGLES, self.wave.angles.allocation(te).T, strict=True):
@@ -388,9 +371,7 @@ class Gears:
         for gear, reducer in enumerate(self.nested):
             assert reducer.problem is not None
             printed = {v.name: float(v.document or 0.0) for v in reducer.problem.variables}
-            tolerances += [printed[name] for name in self._free(gear)] + list(
-                DOCUMENT_MRAD.values()
-            )
+            tolerances += [printed[name] for name in self._free(gear)] + list(DOCUMENT_MRAD.values())
         return tolerances
 
     @cached_property

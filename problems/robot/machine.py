@@ -95,10 +95,7 @@ class Machine(ABC):
         rows = (places.move / MM, places.turn[:, :2] / MRAD, places.turn[:, 2:] / MRAD)
         squares = [places.mean(np.sum(row**2, axis=1)) for row in rows]
         return np.array(
-            [
-                _without_rounding(np.array([row[sources].sum() for sources in self.columns]))
-                for row in squares
-            ]
+            [_without_rounding(np.array([row[sources].sum() for sources in self.columns])) for row in squares]
         )
 
     def free(self, places: Places) -> Array:
@@ -157,9 +154,7 @@ class Machine(ABC):
         direct = machine.move.shape[2] - self.geared
         free = np.pad(self.free(self.places), ((0, 0), (0, direct)))
         backlashes = np.pad(rms * ARCMIN, ((0, 0), (0, direct)))
-        variations = [
-            machine.mean(machine.variation(backlash, free=free)) for backlash in backlashes
-        ]
+        variations = [machine.mean(machine.variation(backlash, free=free)) for backlash in backlashes]
         return np.sqrt(np.array(variations)) / MM
 
     # ---------------------------------------------------------------- Monte Carlo

@@ -59,18 +59,13 @@ PARAMETERS: tuple[Parameter, ...] = (
         60.0,
     ),
     assumed("precision_weight", 5.0, "", "Q of the reducers' adjusted assembly (document A)", 1e6),
-    assumed(
-        "reducer_price", 1.0, "", "cost of a reducer in units of the links' cost, as a factor", 1e6
-    ),
-    Parameter(
-        "per_drive", True, "", "reducers may differ; false: all are alike", "assumed", assumed=True
-    ),
+    assumed("reducer_price", 1.0, "", "cost of a reducer in units of the links' cost, as a factor", 1e6),
+    Parameter("per_drive", True, "", "reducers may differ; false: all are alike", "assumed", assumed=True),
     Parameter(
         "nested",
         True,
         "",
-        "reducers enter by what an rms of their backlash costs; false: "
-        "every tolerance of them is a variable",
+        "reducers enter by what an rms of their backlash costs; false: every tolerance of them is a variable",
     ),
 )
 
@@ -90,10 +85,7 @@ FIXED_OUTPUTS: tuple[Output, ...] = (
     Output("squareness_mrad", "mrad", "rms tilt of the tool", low=0.0),
     Output("yaw_mrad", "mrad", "rms rotation of the tool about its axis", low=0.0),
     Output(
-        "backlash_arcmin",
-        "arcmin",
-        "quantile of a reducer's backlash at its coverage; of the worse drive",
-        low=0.0,
+        "backlash_arcmin", "arcmin", "quantile of a reducer's backlash at its coverage; of the worse drive", low=0.0
     ),
     Output(
         "backlash_rms_arcmin",
@@ -104,8 +96,7 @@ FIXED_OUTPUTS: tuple[Output, ...] = (
     Output(
         "te_amplitude_arcsec",
         "arcsec",
-        "quantile of the amplitude of a reducer's transmission "
-        "error at the coverage; of the worst drive",
+        "quantile of the amplitude of a reducer's transmission error at the coverage; of the worst drive",
         low=0.0,
     ),
     Output(
@@ -125,19 +116,11 @@ FIXED_OUTPUTS: tuple[Output, ...] = (
     Output(
         "wind_up_mm",
         "mm",
-        "rms displacement by gravity's torque on the stiffness of the "
-        "reducers; no tolerance changes it",
+        "rms displacement by gravity's torque on the stiffness of the reducers; no tolerance changes it",
         low=0.0,
     ),
-    Output(
-        "wind_up_varying_mm",
-        "mm",
-        "rms of what is left of it when its mean over the poses is taken away",
-        low=0.0,
-    ),
-    Output(
-        "held_percent", "%", "poses and drives at which gravity holds a flank", low=0.0, high=100.0
-    ),
+    Output("wind_up_varying_mm", "mm", "rms of what is left of it when its mean over the poses is taken away", low=0.0),
+    Output("held_percent", "%", "poses and drives at which gravity holds a flank", low=0.0, high=100.0),
 )
 LIMITS: dict[str, Bound] = {}
 OBJECTIVES = ("cost", "pose_accuracy_mm", "squareness_mrad", "te_amplitude_arcsec")
@@ -155,26 +138,14 @@ def share_name(variable: str) -> str:
     return f"share_{variable.rpartition('_')[0]}_percent"
 
 
-def outputs_of(
-    drives: Iterable[str], links: Iterable[str], priced: Iterable[str]
-) -> tuple[Output, ...]:
+def outputs_of(drives: Iterable[str], links: Iterable[str], priced: Iterable[str]) -> tuple[Output, ...]:
     """All outputs: shares of links and joints, prices of the variables."""
     shares = [
         Output(
-            f"share_joint_{drive}_percent",
-            "%",
-            f"share of the reducer of drive {drive} in R^2",
-            low=0.0,
-            high=100.0,
+            f"share_joint_{drive}_percent", "%", f"share of the reducer of drive {drive} in R^2", low=0.0, high=100.0
         )
         for drive in drives
     ]
-    shares += [
-        Output(share_name(name), "%", f"share of {name} in R^2", low=0.0, high=100.0)
-        for name in links
-    ]
-    prices = [
-        Output(f"price_{name}", "um", f"fall of R per unit of cost spent on {name}", low=0.0)
-        for name in priced
-    ]
+    shares += [Output(share_name(name), "%", f"share of {name} in R^2", low=0.0, high=100.0) for name in links]
+    prices = [Output(f"price_{name}", "um", f"fall of R per unit of cost spent on {name}", low=0.0) for name in priced]
     return (*FIXED_OUTPUTS, *shares, *prices)

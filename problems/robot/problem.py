@@ -123,9 +123,7 @@ class RobotProblem(ToleranceProblem, Provable, Documented, Comparison, Stored, P
         with np.errstate(invalid="ignore", divide="ignore"):
             shares = np.where(total > 0.0, 100.0 / total, 0.0)
         keys = [drive.key for drive in self.definition.drives]
-        outputs |= {
-            f"share_joint_{key}_percent": by_joint[:, at] * shares for at, key in enumerate(keys)
-        }
+        outputs |= {f"share_joint_{key}_percent": by_joint[:, at] * shares for at, key in enumerate(keys)}
         outputs |= {share_name(n): by_link[:, k] * shares for k, n in enumerate(self.link_names)}
         return outputs
 
@@ -215,12 +213,9 @@ class RobotProblem(ToleranceProblem, Provable, Documented, Comparison, Stored, P
         built = self.gears.built(self._of_gears(middle[None, :]))[0]
         units = self.gears.units(built, sampled.sample.unit)
         nothing = np.zeros_like(units[2])
-        play = sampled.errors(
-            0.0 * self.sigma(middle[None, :])[0], sampled.joint_errors(units[0], units[1], nothing)
-        )
+        play = sampled.errors(0.0 * self.sigma(middle[None, :])[0], sampled.joint_errors(units[0], units[1], nothing))
         rest = sampled.errors(
-            self.sigma(middle[None, :])[0],
-            sampled.joint_errors(0.0 * units[0], 0.0 * units[1], units[2]),
+            self.sigma(middle[None, :])[0], sampled.joint_errors(0.0 * units[0], 0.0 * units[1], units[2])
         )
         sizes = [float(np.sqrt(np.mean(np.sum(errors**2, axis=1)))) for errors in (play, rest)]
         if not sizes[0]:
@@ -301,11 +296,7 @@ class RobotProblem(ToleranceProblem, Provable, Documented, Comparison, Stored, P
         return values
 
     def kept(self) -> dict[str, Array]:
-        return {
-            name: array
-            for reducer in self.gears.nested
-            for name, array in reducer.stored_arrays().items()
-        }
+        return {name: array for reducer in self.gears.nested for name, array in reducer.stored_arrays().items()}
 
     def adopt(self, arrays: Mapping[str, Array]) -> bool:
         return not [reducer for reducer in self.gears.nested if not reducer.adopt(arrays)]
@@ -322,10 +313,7 @@ class RobotProblem(ToleranceProblem, Provable, Documented, Comparison, Stored, P
     def alternatives(self) -> dict[str, ToleranceProblem]:
         definition, given = self.definition, self.given
         problems: dict[str, ToleranceProblem] = {}
-        if (
-            len(definition.gears) > 1
-            and len({drive.reducer.key for drive in definition.drives}) == 1
-        ):
+        if len(definition.gears) > 1 and len({drive.reducer.key for drive in definition.drives}) == 1:
             alike = replace(definition, per_drive=False)  # type: ignore[type-var]
             problems["reducers alike in all drives"] = self._with(given, alike, per_drive=False)
         calibration = "none" if self.machine.calibrated else "position"
@@ -335,9 +323,7 @@ class RobotProblem(ToleranceProblem, Provable, Documented, Comparison, Stored, P
     def _with(self, given: Settings, definition: Definition, **parameters: Value) -> RobotProblem:
         every = {**given.parameters, **parameters}
         # the other machine's least cost is of interest even where it cannot reach the limits
-        settings = replace(
-            given, parameters=every, definition=definition, variables=self._still(definition)
-        )
+        settings = replace(given, parameters=every, definition=definition, variables=self._still(definition))
         return type(self)(settings)  # type: ignore[call-arg]
 
     def _still(self, definition: Definition) -> dict[str, VariableSetting]:

@@ -14,11 +14,7 @@ def remarks_of(front: pd.DataFrame) -> tuple[str, ...]:
         return ()
     order = front["cost"].astype(float).argsort(kind="stable")
     row = front.iloc[int(order.iloc[len(front) // 2])]
-    values = {
-        str(name): float(value)
-        for name, value in row.items()
-        if str(name).startswith(("price_", "share_"))
-    }
+    values = {str(name): float(value) for name, value in row.items() if str(name).startswith(("price_", "share_"))}
     price = _largest(values, "price_", "")
     share = _largest(values, "share_", "_percent")
     where = f"at cost {float(row['cost']):.4g} (A {float(row['pose_accuracy_mm']):.3g} mm)"

@@ -46,8 +46,5 @@ def default_definition(parameters: Mapping[str, Value]) -> Definition:
     """Links in 21 kinds, and reducers of document B."""
     given = completed(PARAMETERS, parameters)
     return Definition(
-        TWENTY_ONE,
-        (documents_reducer(),) * 2,
-        bool(number(given["nested"])),
-        bool(number(given["per_drive"])),
+        TWENTY_ONE, (documents_reducer(),) * 2, bool(number(given["nested"])), bool(number(given["per_drive"]))
     )

@@ -68,8 +68,7 @@ class RobotJoint(RobotProblem, Written):
         if not definition.nested and not all(reducer.proven for reducer in pair):
             top.fault(
                 "reducers",
-                "nested = false needs reducers with tolerances of their own: "
-                "name configurations of rv_backlash",
+                "nested = false needs reducers with tolerances of their own: name configurations of rv_backlash",
             )
             return None
         declaration = declaration_of(definition, **OWN)
@@ -78,15 +77,10 @@ class RobotJoint(RobotProblem, Written):
     def more_tables(self) -> dict[str, Any]:
         definition = self.definition
         tables: dict[str, Any] = {
-            "reducers": {
-                key: reducer.tables
-                for key, reducer in zip(REDUCERS, definition.reducers, strict=True)
-            }
+            "reducers": {key: reducer.tables for key, reducer in zip(REDUCERS, definition.reducers, strict=True)}
         }
         if definition.grouping != TWENTY_ONE:
-            tables["grouping"] = {
-                name: list(sources) for name, sources in definition.grouping.items()
-            }
+            tables["grouping"] = {name: list(sources) for name, sources in definition.grouping.items()}
         return tables
 
     def machine_of(self) -> Any:
@@ -106,18 +100,10 @@ class RobotJoint(RobotProblem, Written):
             hip = machine.origins[at]
             elbow = hip + machine.arms[at] * now.u[at]
             end = elbow + machine.rods[at] * now.w[at]
-            kinds = {
-                f"arm {at + 1}": (OF_ARMS, [hip, elbow]),
-                f"rod {at + 1}": (OF_RODS, [elbow, end]),
-            }
+            kinds = {f"arm {at + 1}": (OF_ARMS, [hip, elbow]), f"rod {at + 1}": (OF_RODS, [elbow, end])}
             for name, (stems, points) in kinds.items():
                 parts.append(
-                    {
-                        "name": name,
-                        "kind": "link",
-                        "points": millimetres(points),
-                        "shares": self._shares(stems, at + 1),
-                    }
+                    {"name": name, "kind": "link", "points": millimetres(points), "shares": self._shares(stems, at + 1)}
                 )
         for at in range(JOINTS):  # on one column
             parts.append(
@@ -130,12 +116,7 @@ class RobotJoint(RobotProblem, Written):
             )
         corners = [(a, 0.0, b) for a in ring.r for b in ring.z]
         ends = [p + np.array([r, 0.0, z]) for p in now.p]
-        platform = {
-            "name": "platform",
-            "kind": "tool",
-            "shares": [],
-            "points": millimetres([*ends, ends[0]]),
-        }
+        platform = {"name": "platform", "kind": "tool", "shares": [], "points": millimetres([*ends, ends[0]])}
         return {"parts": [*parts, platform], "poses": millimetres(corners)}
 
     def _shares(self, stems: tuple[str, ...], chain: int) -> list[str]:

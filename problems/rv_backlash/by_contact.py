@@ -25,17 +25,10 @@ def contact_problem(problem: RvBacklash) -> RvReducer:
 
     known = {parameter.name for parameter in RvReducer.declaration.parameters}
     given = {n: v for n, v in problem.settings.parameters.items() if n in known}
-    inputs = {
-        n: setting
-        for n, setting in problem.given.variables.items()
-        if setting.distribution or setting.mid
-    }
+    inputs = {n: setting for n, setting in problem.given.variables.items() if setting.distribution or setting.mid}
     return RvReducer(
         Settings(
-            parameters=given,
-            variables=inputs,
-            propagation=problem.settings.propagation,
-            seed=problem.settings.seed,
+            parameters=given, variables=inputs, propagation=problem.settings.propagation, seed=problem.settings.seed
         )
     )
 
@@ -46,9 +39,7 @@ def verdicts(problem: RvBacklash, designs: Array) -> tuple[str, ...]:
     rows = np.array(
         [
             [
-                dict(zip(problem.names, design.tolist(), strict=True)).get(
-                    name, contact.fixed.get(name)
-                )
+                dict(zip(problem.names, design.tolist(), strict=True)).get(name, contact.fixed.get(name))
                 for name in contact.names
             ]
             for design in designs

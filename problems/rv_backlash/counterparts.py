@@ -37,9 +37,7 @@ class Change:
             return total
         return total.shifted(self.cycloid)
 
-    def propagate(
-        self, method: Propagation, total: ClippedSum, coverage: float, limit: float
-    ) -> Propagated:
+    def propagate(self, method: Propagation, total: ClippedSum, coverage: float, limit: float) -> Propagated:
         """Statistics of the changed backlash; y becomes mean + shift + (1 + growth)(y - mean)."""
         plain = method.propagate(total, coverage, limit - self.effective)
         if self.growth == 0.0:
@@ -51,9 +49,7 @@ class Change:
         return _moved(plain, self.effective, factor, conforming)
 
 
-def _moved(
-    plain: Propagated, shift: float, factor: float, conforming: Estimate | None = None
-) -> Propagated:
+def _moved(plain: Propagated, shift: float, factor: float, conforming: Estimate | None = None) -> Propagated:
     mean = plain.mean.value
     quantile = mean + shift + factor * (plain.quantile.value - mean)
     quantile_error = factor * plain.quantile.error

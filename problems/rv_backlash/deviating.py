@@ -38,10 +38,7 @@ def deviations_of(problem: RvBacklash, designs: Array) -> Deviations:
     terms = dict(zip((*OTHERS, *TERMS), (*total.free, *total.clipped), strict=True))
     cumulants = {name: term.cumulants()[:2] for name, term in terms.items()}
     mean = np.sum([moments[0] for moments in cumulants.values()], axis=0) + problem.change.effective
-    std_by_name = {
-        name: growth * np.sqrt(np.maximum(moments[1], 0.0)) / ARCMIN
-        for name, moments in cumulants.items()
-    }
+    std_by_name = {name: growth * np.sqrt(np.maximum(moments[1], 0.0)) / ARCMIN for name, moments in cumulants.items()}
     return Deviations(mean / ARCMIN, std_by_name, np.zeros(len(designs)), upper=problem.limit)
 
 
@@ -78,9 +75,7 @@ def statement_of(problem: RvBacklash) -> str:
     """The proven statement of an assured promise, in words."""
     promise = problem.settings.promise
     assert promise is not None
-    return (
-        f"promised: {promise.words()}, by the geometric backlash and normal processes as measured"
-    )
+    return f"promised: {promise.words()}, by the geometric backlash and normal processes as measured"
 
 
 def _with_row(feature: Feature, factor: float) -> Feature:
@@ -98,10 +93,7 @@ def _with_row(feature: Feature, factor: float) -> Feature:
 
 
 def _form(
-    problem: RvBacklash,
-    form: Form,
-    features: tuple[Feature, ...],
-    surpluses: tuple[Surplus | None, ...],
+    problem: RvBacklash, form: Form, features: tuple[Feature, ...], surpluses: tuple[Surplus | None, ...]
 ) -> Form:
     return replace(
         form,

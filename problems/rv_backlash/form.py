@@ -33,11 +33,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 CELLS = 16
 """Pieces of the range of the eccentricity."""
-OUTPUTS = (
-    "backlash_geometric_arcmin",
-    "backlash_geometric_mean_arcmin",
-    "backlash_geometric_std_arcmin",
-)
+OUTPUTS = ("backlash_geometric_arcmin", "backlash_geometric_mean_arcmin", "backlash_geometric_std_arcmin")
 KEPT = ("dr_rp_mm", "dr_p_mm", "radial_gap_mm", "modification_backlash_arcmin")
 """Limits that the modification of the form keeps."""
 
@@ -105,15 +101,10 @@ def tolerance_feature(problem: RvBacklash, name: str, term: Term, k: float) -> F
 
 def _machines(problem: RvBacklash, name: str, term: Term, k: float) -> Feature:
     """A tolerance that machines make, by the spread of its good parts."""
-    tolerance, moves = (
-        problem.machined_tolerances[name],
-        problem.model.moves(name.removesuffix("_um")),
-    )
+    tolerance, moves = (problem.machined_tolerances[name], problem.model.moves(name.removesuffix("_um")))
     cells = (CELLS_OF_MEANS if moves else 1, 1) if term.quadratic is None else (CELLS, CELLS)
     pieces = pieces_of(tolerance, ends(problem, name), *cells)
-    return Feature(
-        name, tuple(_way_of_piece(term, piece, moves, k) for piece in pieces), tolerance.choice
-    )
+    return Feature(name, tuple(_way_of_piece(term, piece, moves, k) for piece in pieces), tolerance.choice)
 
 
 def _way_of_piece(term: Term, piece: Piece, moves: bool, k: float) -> Way:
@@ -196,8 +187,5 @@ def _relaxed(problem: RvBacklash, settled: dict[str, float]) -> tuple[str, ...]:
         for limit in problem.limits
         if not allows_any(limit)
         and (limit.name not in known or _from_below(limit))
-        and not (
-            limit.name in profile
-            and all(v[0] <= 1e-12 for v in limit.violations(profile[limit.name]))
-        )
+        and not (limit.name in profile and all(v[0] <= 1e-12 for v in limit.violations(profile[limit.name])))
     )

@@ -37,10 +37,7 @@ def gradients(problem: RvBacklash, designs: Array) -> dict[str, Array]:
         (by_mean, by_variance), x = slopes[tolerance.name], problem.column(spread, tolerance.name)
         shift = shift * problem.model.moves(tolerance.name.removesuffix("_um"))
         of_mean, of_variance = _by_middle(terms[tolerance.name], x)
-        slopes[tolerance.name] = (
-            by_mean * rise + of_mean * shift,
-            by_variance * rise + of_variance * shift,
-        )
+        slopes[tolerance.name] = (by_mean * rise + of_mean * shift, by_variance * rise + of_variance * shift)
     slopes["crank_bearing_um"] = _scaled(phi_3, 1.0 / problem.column(designs, "crank_bearing_um"))
     slopes["involute_grade"] = _scaled(phi_1, 0.5 * np.log(2.0))
     for name, pair in slopes.items():

@@ -47,9 +47,7 @@ def moved(problem: RvBacklash, designs: Array, total: ClippedSum) -> ClippedSum:
             continue
         q = 0.0 if term.quadratic is None else term.quadratic / x**2
         terms[at] = replace(
-            term,
-            constant=term.constant + (term.linear / x + q * m) * m,
-            linear=term.linear + 2.0 * q * m * x,
+            term, constant=term.constant + (term.linear / x + q * m) * m, linear=term.linear + 2.0 * q * m * x
         )
     return replace(total, clipped=tuple(terms))
 

@@ -100,9 +100,7 @@ def sum_of(problem: RvBacklash, cut: float) -> Sum | str:
     for name, term in unit_terms(problem).items():
         cycloid += float(term.constant[0]) / ARCMIN
         part = (
-            _bent(problem, name, term)
-            if term.quadratic is not None
-            else _straight(problem, name, term, clipped=True)
+            _bent(problem, name, term) if term.quadratic is not None else _straight(problem, name, term, clipped=True)
         )
         if isinstance(part, str):
             return part
@@ -126,38 +124,21 @@ def _straight(problem: RvBacklash, name: str, term: Term, clipped: bool) -> Part
         return _machines(problem, name, linear, known[1])
     slope = linear * known[0] + (0.0 if clipped else float(term.constant[0]) / ARCMIN)
     member = Member(
-        problem.settings.costs[name],
-        *ends(problem, name),
-        abs(linear),
-        known[1],
-        slope=slope,
-        top_slope=slope,
+        problem.settings.costs[name], *ends(problem, name), abs(linear), known[1], slope=slope, top_slope=slope
     )
     return Part(name, (member,), clipped)
 
 
 def _machines(problem: RvBacklash, name: str, linear: float, law: Even) -> Part:
     """A tolerance that machines make, by the spread of its good parts."""
-    tolerance, moves = (
-        problem.machined_tolerances[name],
-        problem.model.moves(name.removesuffix("_um")),
-    )
+    tolerance, moves = (problem.machined_tolerances[name], problem.model.moves(name.removesuffix("_um")))
     members = []
     for piece in pieces_of(tolerance, ends(problem, name), CELLS_OF_MEANS if moves else 1):
         values = linear * moves * piece.means
         (slope, mean), (top_slope, top) = piece.line(values, 1.0), piece.line(values, -1.0)
         members.append(
             Member(
-                piece.curve,
-                piece.low,
-                piece.high,
-                abs(linear),
-                law,
-                mean,
-                slope,
-                top,
-                top_slope,
-                choice=piece.choice,
+                piece.curve, piece.low, piece.high, abs(linear), law, mean, slope, top, top_slope, choice=piece.choice
             )
         )
     return Part(name, tuple(members), clipped=True, choice=tolerance.choice)
@@ -175,20 +156,7 @@ def _bent(problem: RvBacklash, name: str, term: Term, cells: int = CELLS) -> Par
         (slope, mean), (top_slope, top) = cell.mean_below, cell.mean_above
         curve = problem.settings.costs[name]
         members.append(
-            Member(
-                curve,
-                start,
-                end,
-                cell.spread,
-                UNIFORM,
-                mean,
-                slope,
-                top,
-                top_slope,
-                cell.least,
-                cell.range,
-                cell,
-            )
+            Member(curve, start, end, cell.spread, UNIFORM, mean, slope, top, top_slope, cell.least, cell.range, cell)
         )
     return Part(name, tuple(members), clipped=True, bent=True)
 

@@ -11,14 +11,7 @@ from numpy.typing import NDArray
 
 from ...declarations import number
 from ...errors import Fault
-from ...models.propagation import (
-    Convolution,
-    Estimate,
-    Moments,
-    MonteCarlo,
-    Propagated,
-    Propagation,
-)
+from ...models.propagation import Convolution, Estimate, Moments, MonteCarlo, Propagated, Propagation
 from ...models.propagation.sums import ClippedSum
 from ...models.rv_reducer import declared, modification
 from ...models.rv_reducer.backlash import Allocation, stage_means
@@ -54,9 +47,7 @@ STAGGER_OF_DOCUMENT = 0.2
 STAGGERED = "document B, staggered 0.2 arcmin (delta' = 0.1)"
 
 
-class RvBacklash(
-    Promising, Machined, Accuracy, Provable, Documented, Comparison, WithEffects, Page
-):
+class RvBacklash(Promising, Machined, Accuracy, Provable, Documented, Comparison, WithEffects, Page):
     """Backlash of an RV reducer against cost (default: RV-40E-121, document B).
 
     Variables, outputs and limits: docs/rv_backlash.md. Known answer: none (`exact_front` is None).
@@ -86,11 +77,7 @@ class RvBacklash(
         given = self.settings
         self.model = declared.backlash_model(
             given.parameters,
-            {
-                _stem(name): s.centre
-                for name, s in self.given.variables.items()
-                if s.centre is not None
-            },
+            {_stem(name): s.centre for name, s in self.given.variables.items() if s.centre is not None},
             {_stem(name): s.distribution for name, s in given.variables.items() if s.distribution},
         )
         self.limit = number(given.parameters["backlash_limit_arcmin"])
@@ -112,9 +99,7 @@ class RvBacklash(
             return Moments()
         if given.method == "monte_carlo":
             dimensions = len(declared.VARIABLES) - 3
-            return MonteCarlo.draw(
-                given.samples, dimensions, np.random.default_rng(self.settings.seed)
-            )
+            return MonteCarlo.draw(given.samples, dimensions, np.random.default_rng(self.settings.seed))
         return convolution
 
     def reported(self) -> RvBacklash:
@@ -153,8 +138,7 @@ class RvBacklash(
             "radial_gap_mm": (pair[0] - pair[1]) / MM,
             "clearance_min_mm": modification.least_raw_clearance(geometry, *pair) / MM,
             "conjugate_clearance_min_mm": modification.least_clearance(geometry, *pair) / MM,
-            "modification_backlash_arcmin": self.model.nominal(*pair, np.zeros(len(designs)))
-            / ARCMIN,
+            "modification_backlash_arcmin": self.model.nominal(*pair, np.zeros(len(designs))) / ARCMIN,
         }
 
     def form(self) -> Form | None:
@@ -206,9 +190,7 @@ class RvBacklash(
         values, shift = dict(columns), self.shift
         for tolerance in self.machined_tolerances.values():
             if tolerance.name in values:
-                chosen = np.rint(values.get(tolerance.choice, 0.0 * values[tolerance.name])).astype(
-                    np.int64
-                )
+                chosen = np.rint(values.get(tolerance.choice, 0.0 * values[tolerance.name])).astype(np.int64)
                 values[tolerance.name] = tolerance.limits(values[tolerance.name], chosen)
         if SHIFT not in values or shift is None:
             return values
@@ -255,11 +237,7 @@ class RvBacklash(
         """Least cost at the backlash limit, the documents' single objective."""
         already = self.settings.limits.get("backlash_arcmin", Bound())
         limit = Bound(already.low, min(already.high, self.limit))
-        given = replace(
-            self.given,
-            objectives=("cost",),
-            limits=dict(self.given.limits) | {"backlash_arcmin": limit},
-        )
+        given = replace(self.given, objectives=("cost",), limits=dict(self.given.limits) | {"backlash_arcmin": limit})
         return f"GA, least cost at {limit.high:g} arcmin", RvBacklash(given)
 
     def finer_verdicts(self, designs: Array) -> tuple[str, ...]:
@@ -285,10 +263,7 @@ class RvBacklash(
     def _tight_without_cycloid(self) -> Propagated:
         """Effective backlash at the tightest corner with the cycloid stage taken out."""
         tight = self.total(self._corner(tight=True)[None, :])
-        nothing = [
-            replace(t, constant=0.0 * t.constant, linear=0.0 * t.linear, quadratic=None)
-            for t in tight.clipped
-        ]
+        nothing = [replace(t, constant=0.0 * t.constant, linear=0.0 * t.linear, quadratic=None) for t in tight.clipped]
         coverage = self.settings.propagation.coverage
         only_free = ClippedSum(tight.free, tuple(nothing))
         limit = self.limit * ARCMIN
@@ -382,6 +357,4 @@ def _spread(spread: Propagated) -> dict[str, Array]:
         "backlash_geometric_std_arcmin": spread.geometric_std / ARCMIN,
     }
     outputs |= {name: estimate.value / unit for name, (estimate, unit) in estimates.items()}
-    return outputs | {
-        f"{name}_error": estimate.error / unit for name, (estimate, unit) in estimates.items()
-    }
+    return outputs | {f"{name}_error": estimate.error / unit for name, (estimate, unit) in estimates.items()}

@@ -102,9 +102,7 @@ def _rows(problem: RvBacklash) -> list[Row]:
     if "yield_percent" in limits and 50.0 <= limits["yield_percent"].low < 100.0:
         share = 0.01 * limits["yield_percent"].low
         rows.append(Row("yield_percent", share, False, problem.limit))
-    interfering = (
-        limits["interference_probability"].high if ("interference_probability" in limits) else 1.0
-    )
+    interfering = limits["interference_probability"].high if ("interference_probability" in limits) else 1.0
     if 0.0 < interfering <= 0.5:
         share = 1.0 - interfering
         rows.append(Row("interference_probability", share, True, 0.0))
@@ -116,9 +114,7 @@ def _branches(main: list[Row], total: Sum) -> list[list[Row]]:
     branches = []
     safe = [kept for row in main for kept in _safe(row)]
     for row in main:
-        if row.kind != "promise" and any(
-            part.bent and (part.clipped or not row.clipped) for part in total.parts
-        ):
+        if row.kind != "promise" and any(part.bent and (part.clipped or not row.clipped) for part in total.parts):
             kind = "edge" if row.clipped else "range"
             branch = replace(row, kind=kind, output=f"{row.output} ({kind})", most=0.0)
             if kind == "range" and any(part.bent and part.choice for part in total.parts):
@@ -145,19 +141,12 @@ def _safe(row: Row) -> list[Row]:
     ]
 
 
-def _form(
-    total: Sum,
-    rows: list[Row],
-    statement: str,
-    relaxed: tuple[str, ...],
-    promised: PromisedRow | None,
-) -> Form:
+def _form(total: Sum, rows: list[Row], statement: str, relaxed: tuple[str, ...], promised: PromisedRow | None) -> Form:
     factors, surplus = np.zeros(len(total.parts)), None
     if promised is not None:
         factors, surplus = promised.doubt(total.parts)
     features = [
-        _feature(part, rows, promised, float(factor))
-        for part, factor in zip(total.parts, factors, strict=False)
+        _feature(part, rows, promised, float(factor)) for part, factor in zip(total.parts, factors, strict=False)
     ]
     features.append(_shift_feature(total.shift, rows))
     doubts = tuple(surplus if row.kind == "promise" else None for row in rows)
@@ -188,9 +177,7 @@ def _offset(row: Row, total: Sum) -> float:
 def _quantile(row: Row, total: Sum) -> Quantile | None:
     if row.kind in ("edge", "promise"):
         return None
-    pieces = [
-        (Piece(1.0, part.members[0].law),) if _spreads(part, row) else () for part in total.parts
-    ]
+    pieces = [(Piece(1.0, part.members[0].law),) if _spreads(part, row) else () for part in total.parts]
     return Quantile(row.probability, (*pieces, ()))
 
 
@@ -210,13 +197,7 @@ def _feature(part: Part, rows: list[Row], promised: PromisedRow | None, factor: 
         linear, offset, spread = zip(*coefficients, strict=True)
         ways.append(
             Way(
-                member.curve,
-                member.low,
-                member.high,
-                linear=linear,
-                spread=spread,
-                offset=offset,
-                choice=member.choice,
+                member.curve, member.low, member.high, linear=linear, spread=spread, offset=offset, choice=member.choice
             )
         )
     return Feature(part.variable, tuple(ways), part.choice)
@@ -256,10 +237,7 @@ def _means(part: Part, member: Member, row: Row) -> tuple[float, float]:
 
 def _shift_feature(shift: Shift, rows: list[Row]) -> Feature:
     """s on a scale that begins at 1: t = s - low + 1."""
-    sides = [
-        0.0 if row.kind == "range" else (1.0 if row.kind == "edge" or not row.clipped else -1.0)
-        for row in rows
-    ]
+    sides = [0.0 if row.kind == "range" else (1.0 if row.kind == "edge" or not row.clipped else -1.0) for row in rows]
     start = shift.low - 1.0
     way = Way(
         NONE,
@@ -272,9 +250,7 @@ def _shift_feature(shift: Shift, rows: list[Row]) -> Feature:
     return Feature(SHIFT, (way,))
 
 
-def shortfalls(
-    problem: RvBacklash, designs: Array, outputs: Mapping[str, Array]
-) -> dict[str, Array]:
+def shortfalls(problem: RvBacklash, designs: Array, outputs: Mapping[str, Array]) -> dict[str, Array]:
     """By how much (n,) [arcmin] phi_2, or the limit of the yield, falls short of what is asked.
 
     A step of Newton's method by the density of a normal law.
@@ -313,10 +289,7 @@ def _relaxed(problem: RvBacklash, shift: Shift, rows: list[Row]) -> tuple[str, .
         for limit in problem.limits
         if not allows_any(limit)
         and (limit.name not in known or _other_side(limit))
-        and not (
-            limit.name in profile
-            and all(np.all(v <= 1e-9) for v in limit.violations(profile[limit.name]))
-        )
+        and not (limit.name in profile and all(np.all(v <= 1e-9) for v in limit.violations(profile[limit.name])))
     )
 
 

@@ -70,10 +70,7 @@ def extreme_pair(problem: RvBacklash, goal: Array) -> tuple[float, float] | None
     """The pair (dr_rp, dr_p) [mm] of least goal . pair in ranges and limits, None without room."""
     limits = {limit.name: limit for limit in problem.limits}
     above, below = [], []
-    rows = (
-        ("radial_gap_mm", np.array([1.0, -1.0])),
-        ("modification_backlash_arcmin", play_slopes(problem)),
-    )
+    rows = (("radial_gap_mm", np.array([1.0, -1.0])), ("modification_backlash_arcmin", play_slopes(problem)))
     for name, row in rows:
         if name in limits:
             above += [-row, row]
@@ -112,12 +109,7 @@ def _roomiest(problem: RvBacklash, play: float) -> tuple[float, float]:
     for name, column in (("dr_rp_mm", dr_rp), ("dr_p_mm", dr_p), ("stagger_arcmin", 0.0)):
         designs[:, problem.names.index(name)] = column
     profile = problem.profile(designs)
-    violations = [
-        v
-        for limit in problem.limits
-        if limit.name in profile
-        for v in limit.violations(profile[limit.name])
-    ]
+    violations = [v for limit in problem.limits if limit.name in profile for v in limit.violations(profile[limit.name])]
     worst = np.max(violations, axis=0) if violations else np.zeros(TRIED)
     at = int(np.argmin(np.maximum(worst, -INSIDE)))
     middle = np.flatnonzero(worst <= worst[at] + INSIDE)

@@ -20,11 +20,7 @@ def unit_terms(problem: RvBacklash) -> dict[str, Term]:
         design[:, problem.names.index(name)] = 0.0
     names = (*LINEAR_ERRORS, "eccentricity")
     return dict(
-        zip(
-            (f"{n}_um" for n in names),
-            problem.change.opened(problem.plain_total(design)).clipped,
-            strict=True,
-        )
+        zip((f"{n}_um" for n in names), problem.change.opened(problem.plain_total(design)).clipped, strict=True)
     )
 
 

@@ -60,10 +60,7 @@ def _inflation(values: Mapping[str, float], _: ContactGeometry) -> Change:
 
 def _gap(values: Mapping[str, float], _: ContactGeometry) -> Change:
     """Both halves of a gap that is crossed when the torque changes its sign."""
-    return Change(
-        bearing=values.get("bearing_clearance_um", 0.0),
-        effective=2.0 * values.get("half_width_arcmin", 0.0),
-    )
+    return Change(bearing=values.get("bearing_clearance_um", 0.0), effective=2.0 * values.get("half_width_arcmin", 0.0))
 
 
 _OF_A_GAP = "both halves of the gap add {effective:.4g} arcmin of backlash"
@@ -99,8 +96,5 @@ def sentence(active: Active, geometry: ContactGeometry) -> str:
         return ""
     text = _IN_BEARINGS if change.bearing else COUNTERPARTS[active.effect.name][1]
     return text.format(
-        circle=change.circle,
-        bearing=change.bearing,
-        effective=change.effective,
-        growth=100.0 * change.growth,
+        circle=change.circle, bearing=change.bearing, effective=change.effective, growth=100.0 * change.growth
     )

@@ -49,8 +49,7 @@ def _share(name: str, meaning: str) -> Parameter:
         name,
         0.0,
         "",
-        f"share of the variance of {meaning} that one unit has in "
-        "common; no value is the worst case",
+        f"share of the variance of {meaning} that one unit has in common; no value is the worst case",
         _A,
         assumed=True,
         low=0.0,
@@ -58,9 +57,7 @@ def _share(name: str, meaning: str) -> Parameter:
     )
 
 
-def _count(
-    name: str, default: int, meaning: str, low: int, high: int, need: Need | None = None
-) -> Parameter:
+def _count(name: str, default: int, meaning: str, low: int, high: int, need: Need | None = None) -> Parameter:
     return Parameter(name, default, "", meaning, "", low=low, high=high, need=need)
 
 
@@ -71,18 +68,11 @@ READINGS = Need("reading", bytes=40.0)
 
 
 OWN: tuple[Parameter, ...] = (
-    Parameter(
-        "involute_stage",
-        True,
-        "",
-        "whether there is an involute stage before the cycloid stage",
-        "",
-    ),
+    Parameter("involute_stage", True, "", "whether there is an involute stage before the cycloid stage", ""),
     _count(
         "positions",
         61,
-        "positions of a turn of the output at which a unit is measured; the "
-        "largest backlash grows with them",
+        "positions of a turn of the output at which a unit is measured; the largest backlash grows with them",
         1,
         100_003,
     ),
@@ -101,14 +91,7 @@ OWN: tuple[Parameter, ...] = (
         choices=INTERFERENCE,
     ),
     Parameter(
-        "overlap_arcmin",
-        0.3,
-        "arcmin",
-        "overlap beyond which a unit interferes",
-        _A,
-        assumed=True,
-        low=0.0,
-        high=60.0,
+        "overlap_arcmin", 0.3, "arcmin", "overlap beyond which a unit interferes", _A, assumed=True, low=0.0, high=60.0
     ),
     Parameter(
         "preload_percent_of_rated",
@@ -121,11 +104,7 @@ OWN: tuple[Parameter, ...] = (
         high=1e3,
     ),
     Parameter(
-        "allow_interference",
-        False,
-        "",
-        "whether a search may go without a limit on interference or preload",
-        "",
+        "allow_interference", False, "", "whether a search may go without a limit on interference or preload", ""
     ),
     Parameter(
         "te_torque_Nm",
@@ -136,13 +115,7 @@ OWN: tuple[Parameter, ...] = (
         low=0.0,
         high=1e7,
     ),
-    _count(
-        "te_positions",
-        251,
-        "positions of a turn at which the transmission error is measured",
-        8,
-        10_007,
-    ),
+    _count("te_positions", 251, "positions of a turn at which the transmission error is measured", 8, 10_007),
     _count(
         "search_units",
         0,
@@ -151,21 +124,8 @@ OWN: tuple[Parameter, ...] = (
         1_048_576,
         UNITS,
     ),
-    _count(
-        "search_positions",
-        0,
-        "positions that are searched on; 0: those that are reported",
-        0,
-        100_003,
-    ),
-    _count(
-        "report_units",
-        4096,
-        "fresh units on which every reported point is tested",
-        64,
-        4_194_304,
-        UNITS,
-    ),
+    _count("search_positions", 0, "positions that are searched on; 0: those that are reported", 0, 100_003),
+    _count("report_units", 4096, "fresh units on which every reported point is tested", 64, 4_194_304, UNITS),
     _count("elastic_units", 256, "units whose contact is solved under load", 16, 65_536, UNITS),
 )
 
@@ -198,9 +158,7 @@ def _new(name: str, unit: str, low: float, high: float, meaning: str) -> Variabl
 
 VARIABLES: tuple[Variable, ...] = (
     *(replace(v, high=0.4) if v.name == "stagger_arcmin" else v for v in document.VARIABLES),
-    _new(
-        "circle_offset_um", "um", 0.5, 10.0, "offset of the pin circle from the axis of the carrier"
-    ),
+    _new("circle_offset_um", "um", 0.5, 10.0, "offset of the pin circle from the axis of the carrier"),
     _new("bore_um", "um", 0.5, 10.0, "position of the crank bores in a disc, either direction"),
     _new("crank_phase_mrad", "mrad", 0.3, 10.0, "phase of each journal of a crankshaft"),
 )

@@ -43,12 +43,7 @@ MEASURES = {
 }
 """The measure of each sampled output."""
 SCALE = {"yield_percent": 100.0}
-VARIABLE = {
-    "stagger": "stagger_arcmin",
-    "dr_rp": "dr_rp_mm",
-    "dr_p": "dr_p_mm",
-    "crank_phase": "crank_phase_mrad",
-}
+VARIABLE = {"stagger": "stagger_arcmin", "dr_rp": "dr_rp_mm", "dr_p": "dr_p_mm", "crank_phase": "crank_phase_mrad"}
 """Variables of derivatives whose names do not end in `_um`."""
 BY_GRADE = 0.5 * log(2.0)
 """Derivative of ln(phi_1) by the ISO grade."""
@@ -174,8 +169,7 @@ class Evaluation:
             measure, drawn = self.measures[MEASURES[name]], self.drawn.rigid
             slopes = measure.slopes(self.turn, drawn.alike() if alike else drawn.slopes)
         return {
-            VARIABLE.get(error, f"{error}_um"): float(slope)
-            for error, slope in zip(NAMES, scale * slopes, strict=True)
+            VARIABLE.get(error, f"{error}_um"): float(slope) for error, slope in zip(NAMES, scale * slopes, strict=True)
         }
 
     # ---------------------------------------------------------------- statistics
@@ -187,9 +181,7 @@ class Evaluation:
     def _statistic(self, name: str) -> Statistic:
         if name not in self._statistics:
             under_load = self._under_load(name)
-            self._statistics[name] = (
-                self._loaded(name) if under_load else self.measures[MEASURES[name]].statistic
-            )
+            self._statistics[name] = self._loaded(name) if under_load else self.measures[MEASURES[name]].statistic
         return self._statistics[name]
 
     def _loaded(self, name: str) -> Statistic:

@@ -9,11 +9,7 @@ from ...declarations import Value, number
 from ...errors import Fault
 from ...models.rv_reducer.contact.faults import interference, shape_faults
 from ...models.rv_reducer.contact.geometry import ContactGeometry
-from ...models.rv_reducer.population.lattice import (
-    nearest_prime,
-    shares_a_factor,
-    spreads_evenly,
-)
+from ...models.rv_reducer.population.lattice import nearest_prime, shares_a_factor, spreads_evenly
 from ...units import MM
 from ..declaration import Interval
 from ..settings import Bound, Settings
@@ -33,12 +29,7 @@ def faults(geometry: ContactGeometry, given: Settings, ends: Mapping[str, Interv
     """Every fault of the geometry; `ends` [mm] of `dr_rp_mm` and `dr_p_mm` are their ranges."""
     (_, most), (least, _) = ends["dr_rp_mm"], ends["dr_p_mm"]
     opened = replace(geometry, dr_rp=most * MM, dr_p=least * MM)
-    shape = [
-        *shape_faults(opened),
-        *_ratio(geometry, given.parameters),
-        *_cranks(geometry),
-        *_unused(geometry, given),
-    ]
+    shape = [*shape_faults(opened), *_ratio(geometry, given.parameters), *_cranks(geometry), *_unused(geometry, given)]
     return shape or [*interference(opened, "variables.dr_p_mm")]
 
 
@@ -77,9 +68,7 @@ def _unused(geometry: ContactGeometry, given: Settings) -> Iterator[Fault]:
 # ---------------------------------------------------------------- warnings
 
 
-def warnings(
-    geometry: ContactGeometry, parameters: Mapping[str, Value], radial_gap: Bound
-) -> Iterator[str]:
+def warnings(geometry: ContactGeometry, parameters: Mapping[str, Value], radial_gap: Bound) -> Iterator[str]:
     """Warnings about geometries that are computed but questionable."""
     yield from _gears(geometry)
     for name in LATTICES:
@@ -123,7 +112,4 @@ def _lattice(geometry: ContactGeometry, name: str, positions: int) -> Iterator[s
             "the same phases of the mesh are met again and again"
         )
     better = nearest_prime(positions, geometry)
-    yield (
-        f"{name}: {positions} positions {why}, and the greatest backlash comes out too low; "
-        f"take {better}"
-    )
+    yield (f"{name}: {positions} positions {why}, and the greatest backlash comes out too low; take {better}")

@@ -34,13 +34,7 @@ GEARS = (
 )
 STIFFNESS = ("normal_stiffness_N_per_mm", "series_stiffness_Nm_per_arcmin")
 TORQUES = ("rated_torque_Nm", "momentary_torque_Nm")
-OF_THE_STAGE = (
-    "reduction_ratio",
-    "sun_pitch_radius_mm",
-    "pressure_angle_deg",
-    *GEARS,
-    "involute_grade",
-)
+OF_THE_STAGE = ("reduction_ratio", "sun_pitch_radius_mm", "pressure_angle_deg", *GEARS, "involute_grade")
 """What means nothing without an involute stage."""
 DEFAULTS = {p.name: p.default for p in PARAMETERS}
 
@@ -48,9 +42,7 @@ DEFAULTS = {p.name: p.default for p in PARAMETERS}
 def changed(parameters: Mapping[str, Value]) -> tuple[str, ...]:
     """Parameters of the geometry that are not the RV-40E-121's."""
     without = () if parameters["involute_stage"] else OF_THE_STAGE
-    return tuple(
-        name for name in GEOMETRY if name not in without and parameters[name] != DEFAULTS[name]
-    )
+    return tuple(name for name in GEOMETRY if name not in without and parameters[name] != DEFAULTS[name])
 
 
 def still_default(given: Settings, parameters: Mapping[str, Value]) -> tuple[str, ...]:
@@ -69,9 +61,7 @@ def still_default(given: Settings, parameters: Mapping[str, Value]) -> tuple[str
 def _groups(given: Settings, stage: bool) -> Iterator[str]:
     values = given.parameters
     mids = [name for name in DEFAULTS if name.endswith("_mid_um")]
-    yield from _inherited_names(
-        "", (n for n in (*GEOMETRY[:-1], "pressure_angle_deg")), values, stage
-    )
+    yield from _inherited_names("", (n for n in (*GEOMETRY[:-1], "pressure_angle_deg")), values, stage)
     yield from _inherited_names("gear deviations", GEARS, values, stage)
     yield from _inherited_names("mid-limits", mids, values, stage)
     yield from _inherited_names("", (*STIFFNESS, *TORQUES), values, stage)
@@ -81,9 +71,7 @@ def _groups(given: Settings, stage: bool) -> Iterator[str]:
     yield from _inherited_names("costs", DEFAULT_COSTS, given.costs, stage)
 
 
-def _inherited_names(
-    group: str, names: Iterable[str], given: Mapping[str, object], stage: bool
-) -> Iterator[str]:
+def _inherited_names(group: str, names: Iterable[str], given: Mapping[str, object], stage: bool) -> Iterator[str]:
     """The names that are not given, all of a group by its name alone."""
     every = [name for name in names if stage or name not in OF_THE_STAGE]
     unstated = [name for name in every if name not in given]

@@ -12,8 +12,7 @@ MEASURED = {
 """What rigid units show, by output: each has a quantile, a mean and a standard deviation."""
 ELASTIC = {
     "lost_motion_arcmin": "rotation between -3 % and +3 % of the rated torque, mean over the turn",
-    "transmission_error_arcsec": "half the peak-to-peak transmission error over a turn, under "
-    "te_torque_Nm",
+    "transmission_error_arcsec": "half the peak-to-peak transmission error over a turn, under te_torque_Nm",
     "preload_torque_Nm": "torque of the preloaded flanks without load, mean over the turn",
     "peak_pin_force_N": "largest force on a pin over the turn at the rated torque",
 }
@@ -34,17 +33,8 @@ def _unit(name: str) -> str:
 
 RIGID: tuple[Output, ...] = (
     Output("cost", "", "relative manufacturing cost, sum of the cost curves", low=0.0),
-    *(
-        output
-        for name, meaning in MEASURED.items()
-        for output in _spread(name, _unit(name), meaning)
-    ),
-    Output(
-        "backlash_rms_arcmin",
-        "arcmin",
-        "root mean square of the backlash over units and positions",
-        low=0.0,
-    ),
+    *(output for name, meaning in MEASURED.items() for output in _spread(name, _unit(name), meaning)),
+    Output("backlash_rms_arcmin", "arcmin", "root mean square of the backlash over units and positions", low=0.0),
     Output(
         "yield_percent",
         "%",
@@ -57,8 +47,7 @@ RIGID: tuple[Output, ...] = (
     Output(
         "interference_probability",
         "",
-        "probability of interference, as the parameter "
-        "interference defines it; play of the crank bearings included",
+        "probability of interference, as the parameter interference defines it; play of the crank bearings included",
         low=0.0,
         high=1.0,
     ),
@@ -69,37 +58,17 @@ RIGID: tuple[Output, ...] = (
         low=0.0,
         high=1.0,
     ),
-    Output(
-        "overlap_p95_arcmin",
-        "arcmin",
-        "overlap that 95 % of the units stay below at every position",
-        low=0.0,
-    ),
+    Output("overlap_p95_arcmin", "arcmin", "overlap that 95 % of the units stay below at every position", low=0.0),
     Output("phi_1_arcmin", "arcmin", "mean backlash of the involute stage", low=0.0),
-    Output(
-        "radial_gap_mm",
-        "mm",
-        "clearance at tooth tip and root, dr_rp - dr_p",
-        0.03,
-        larger_is_better=True,
-    ),
-    Output(
-        "modification_backlash_arcmin",
-        "arcmin",
-        "backlash that the modification itself leaves (first order)",
-    ),
+    Output("radial_gap_mm", "mm", "clearance at tooth tip and root, dr_rp - dr_p", 0.03, larger_is_better=True),
+    Output("modification_backlash_arcmin", "arcmin", "backlash that the modification itself leaves (first order)"),
 )
 UNDER_LOAD: tuple[Output, ...] = (
-    *(
-        output
-        for name, meaning in ELASTIC.items()
-        for output in _spread(name, _unit(name), meaning)
-    ),
+    *(output for name, meaning in ELASTIC.items() for output in _spread(name, _unit(name), meaning)),
     Output(
         "preload_torque_Nm_max",
         "Nm",
-        "torque of the preloaded flanks without load, largest "
-        "over the turn: one-sided quantile over units",
+        "torque of the preloaded flanks without load, largest over the turn: one-sided quantile over units",
         low=0.0,
     ),
 )

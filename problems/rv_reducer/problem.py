@@ -29,13 +29,7 @@ from .counterparts import changes_of, sentence
 from .declared import DISC_TO_DISC, PARAMETERS, VARIABLES
 from .evaluation import Evaluation, Populations, is_unit_statistic
 from .inherited import changed, still_default
-from .outputs import (
-    DEFAULT_LIMITS,
-    DEFAULT_OBJECTIVES,
-    OUTPUTS,
-    SAMPLED,
-    SAMPLED_UNDER_LOAD,
-)
+from .outputs import DEFAULT_LIMITS, DEFAULT_OBJECTIVES, OUTPUTS, SAMPLED, SAMPLED_UNDER_LOAD
 from .promised import add_gradient
 from .promising import PromisingUnits
 from .references import REFERENCES
@@ -96,9 +90,7 @@ class RvReducer(PromisingUnits, Machined, Accuracy, Documented, Comparison, With
         },
     )
     machinable = frozenset(MACHINABLE)
-    _drawn_again = frozenset(
-        ("_searched", "_reported", "_recent", "_verdicts", "_mixed", "_promised_units")
-    )
+    _drawn_again = frozenset(("_searched", "_reported", "_recent", "_verdicts", "_mixed", "_promised_units"))
 
     def __init__(self, settings: Settings | None = None) -> None:
         super().__init__(settings)
@@ -116,9 +108,7 @@ class RvReducer(PromisingUnits, Machined, Accuracy, Documented, Comparison, With
 
     def _variable(self, variable: Variable, given: VariableSetting | None) -> VariableSetting:
         fixed = DISC_TO_DISC.get(variable.name)
-        if variable.name == "involute_grade" and not self.given.parameters.get(
-            "involute_stage", True
-        ):
+        if variable.name == "involute_grade" and not self.given.parameters.get("involute_stage", True):
             fixed = variable.document
         given = given or VariableSetting()
         if fixed is not None and given.value is None and given.low is None and given.high is None:
@@ -176,9 +166,7 @@ class RvReducer(PromisingUnits, Machined, Accuracy, Documented, Comparison, With
         """Variables by name with the scatter of good parts, and the offsets of their means [um]."""
         effective = self.effective(design[None, :])[0]
         row = {v.name: float(effective[at]) for at, v in enumerate(VARIABLES)}
-        means = {
-            stem(name): float(mean[0]) for name, (_, mean) in self.as_made(design[None, :]).items()
-        }
+        means = {stem(name): float(mean[0]) for name, (_, mean) in self.as_made(design[None, :]).items()}
         return row, means
 
     def populations(self, searching: bool) -> Populations:
@@ -224,16 +212,14 @@ class RvReducer(PromisingUnits, Machined, Accuracy, Documented, Comparison, With
         nominal = self.model.geometry.nominal
         return {
             "radial_gap_mm": (pair[0] - pair[1]) / MM,
-            "modification_backlash_arcmin": modification.modification_backlash(nominal, *pair)
-            / ARCMIN,
+            "modification_backlash_arcmin": modification.modification_backlash(nominal, *pair) / ARCMIN,
         }
 
     def gradient(self, designs: Array) -> dict[str, Array]:
         names = self._sampled_outputs
         gradients = {name: np.zeros_like(designs) for name in names}
         by_mean = {
-            name: {tolerance: np.zeros(len(designs)) for tolerance in self.machined_tolerances}
-            for name in names
+            name: {tolerance: np.zeros(len(designs)) for tolerance in self.machined_tolerances} for name in names
         }
         for at, design in enumerate(designs):
             evaluation = self.evaluation(design, searching=True)
@@ -356,9 +342,7 @@ class RvReducer(PromisingUnits, Machined, Accuracy, Documented, Comparison, With
 
     def validity(self) -> tuple[str, ...]:
         given = [setting.distribution for setting in self.settings.variables.values()]
-        return validity(
-            self.settings.parameters, all(d is None or isinstance(d, Uniform) for d in given)
-        )
+        return validity(self.settings.parameters, all(d is None or isinstance(d, Uniform) for d in given))
 
     def shown_limit(self) -> tuple[str, float] | None:
         return "backlash_max_arcmin", number(self.settings.parameters["backlash_limit_arcmin"])

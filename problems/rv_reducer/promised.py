@@ -33,10 +33,7 @@ POSITION = "pin_position"
 def shifting(problem: PromisingUnits) -> NDArray[np.bool_]:
     """Which means (k,) of measured errors move the outputs of the units."""
     return np.array(
-        [
-            problem.settings.variables[name].mid is not None and stem(name) != POSITION
-            for name in problem.known
-        ],
+        [problem.settings.variables[name].mid is not None and stem(name) != POSITION for name in problem.known],
         dtype=bool,
     )
 
@@ -52,9 +49,7 @@ def deviations(problem: PromisingUnits, row: Mapping[str, float]) -> Array:
     )
 
 
-def evaluation_at(
-    problem: PromisingUnits, design: Array, scale: Array, shift: Array, searching: bool
-) -> Evaluation:
+def evaluation_at(problem: PromisingUnits, design: Array, scale: Array, shift: Array, searching: bool) -> Evaluation:
     """A full design (all,) at one state (k,) of the processes."""
     row, means = problem.as_built(design)
     moved = shift * deviations(problem, row) * problem.shifting
@@ -64,9 +59,7 @@ def evaluation_at(
     return Evaluation(problem.promised_model, problem.populations(searching), row, means)
 
 
-def slopes_at(
-    problem: PromisingUnits, design: Array, evaluation: Evaluation, name: str
-) -> tuple[Array, Array]:
+def slopes_at(problem: PromisingUnits, design: Array, evaluation: Evaluation, name: str) -> tuple[Array, Array]:
     """Derivatives (k,) of an output by scales and shifts, at the state of an evaluation."""
     row, _ = problem.as_built(design)
     slopes, means = evaluation.gradient(name), evaluation.slopes_of_means(name)
@@ -75,9 +68,7 @@ def slopes_at(
     return by_scale, by_mean * deviations(problem, row) * problem.shifting
 
 
-def shortfall(
-    problem: PromisingUnits, design: Array, scales: Array, shifts: Array, searching: bool
-) -> Shortfall:
+def shortfall(problem: PromisingUnits, design: Array, scales: Array, shifts: Array, searching: bool) -> Shortfall:
     """Quantiles [arcmin] above the limit of the backlash."""
     limit, moving = problem.model.conditions.limit, problem.shifting
     values, slopes, error = np.empty(len(scales)), [], 0.0
@@ -91,10 +82,7 @@ def shortfall(
 
 
 def add_gradient(
-    problem: PromisingUnits,
-    designs: Array,
-    gradients: dict[str, Array],
-    by_mean: dict[str, dict[str, Array]],
+    problem: PromisingUnits, designs: Array, gradients: dict[str, Array], by_mean: dict[str, dict[str, Array]]
 ) -> None:
     """Add derivatives of the promised yield to those of the other outputs: by variables, and by the
     means of errors that machines make. The processes of an assured yield are held fixed.
@@ -102,18 +90,11 @@ def add_gradient(
     promise = problem.settings.promise
     if promise is None or promise.statement == PLUG_IN:
         return
-    rows, means = (
-        [],
-        {tolerance: np.zeros(len(designs)) for tolerance in problem.machined_tolerances},
-    )
+    rows, means = ([], {tolerance: np.zeros(len(designs)) for tolerance in problem.machined_tolerances})
     for at, design in enumerate(designs):
         state, evaluation = problem.promised_units(design)
         slopes = evaluation.gradient(YIELD)
-        by_means = (
-            evaluation.slopes_of_means(YIELD)
-            if np.any(problem.shifting) or problem.machined_tolerances
-            else {}
-        )
+        by_means = evaluation.slopes_of_means(YIELD) if np.any(problem.shifting) or problem.machined_tolerances else {}
         row, _ = problem.as_built(design)
         moved = state[1] * deviations(problem, row) * problem.shifting
         for name, wider, more in zip(problem.known, state[0], moved, strict=True):
@@ -137,14 +118,10 @@ def mixed(problem: PromisingUnits, drawn: Populations, stream: int) -> Populatio
             law = problem.settings.variables[name].distribution
             off = error * law.sigma * problem.shifting[at]  # type: ignore[union-attr]
             for key in (
-                error
-                for error in z
-                if error.removesuffix("_radial").removesuffix("_tangential") == stem(name)
+                error for error in z if error.removesuffix("_radial").removesuffix("_tangential") == stem(name)
             ):
                 z[key] = z[key] * np.sqrt(variance) + off
         sample = replace(population.sample, z=z)
-        return replace(
-            population, sample=sample, slopes=Slopes.of(population.lattice.geometry, sample)
-        )
+        return replace(population, sample=sample, slopes=Slopes.of(population.lattice.geometry, sample))
 
     return Populations(draw, drawn.sizes)

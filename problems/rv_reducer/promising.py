@@ -67,9 +67,7 @@ class PromisingUnits(ProcessProblem):
             for stream, searching in enumerate((True, False), 1)
         }
 
-    def shortfall(
-        self, design: Array, scales: Array, shifts: Array, searching: bool = False
-    ) -> Shortfall:
+    def shortfall(self, design: Array, scales: Array, shifts: Array, searching: bool = False) -> Shortfall:
         return promised.shortfall(self, design, scales, shifts, searching)
 
     def steepness(self, design: Array, searching: bool) -> tuple[Array, Array]:

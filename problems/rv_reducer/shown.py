@@ -22,8 +22,7 @@ BINS = 80
 """Steps of the distribution over units."""
 INTERFERENCE = {
     "turn_mean": "the mean of the cycloid stage's backlash over the turn is below zero",
-    "share_of_turn": "the cycloid stage's backlash is below zero, counted as the share of all "
-    "positions of all units",
+    "share_of_turn": "the cycloid stage's backlash is below zero, counted as the share of all positions of all units",
     "overlap": "the flanks overlap by more than {overlap:g} arcmin at one of the positions",
     "preload": "the flanks are preloaded by more than {preload:g} % of the rated torque",
 }
@@ -88,9 +87,7 @@ def _population(evaluation: Evaluation) -> pd.DataFrame:
     )
 
 
-def _words(
-    evaluation: Evaluation, parameters: Mapping[str, Value], turn: pd.DataFrame
-) -> tuple[str, ...]:
+def _words(evaluation: Evaluation, parameters: Mapping[str, Value], turn: pd.DataFrame) -> tuple[str, ...]:
     conditions, drawn = evaluation.model.conditions, evaluation.drawn.rigid
     positions, percent = drawn.lattice.shape[0], 100.0 * conditions.coverage
     measured = turn.loc[turn["measured"], "backlash_arcmin"].max()

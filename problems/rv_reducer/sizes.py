@@ -16,13 +16,6 @@ def size_faults(count: Callable[[str], int], kept: int) -> list[Fault]:
     """
     positions = count("positions")
     searched = count("search_positions") or positions
-    per = {
-        "search_units": (kept + 1) * searched,
-        "report_units": positions,
-        "elastic_units": count("te_positions"),
-    }
-    messages = {
-        name: too_many(count(name), READINGS, number, "units x positions")
-        for name, number in per.items()
-    }
+    per = {"search_units": (kept + 1) * searched, "report_units": positions, "elastic_units": count("te_positions")}
+    messages = {name: too_many(count(name), READINGS, number, "units x positions") for name, number in per.items()}
     return [Fault(f"parameters.{name}", text) for name, text in messages.items() if text]

@@ -30,22 +30,13 @@ class UnitModel(UnitBasis):
 
     @classmethod
     def of(
-        cls,
-        parameters: Mapping[str, Value],
-        variables: Mapping[str, VariableSetting],
-        coverage: float,
+        cls, parameters: Mapping[str, Value], variables: Mapping[str, VariableSetting], coverage: float
     ) -> UnitModel:
         """The model of completed settings."""
         inputs: dict[str, Distribution] = {
-            stem(name): setting.distribution
-            for name, setting in variables.items()
-            if setting.distribution
+            stem(name): setting.distribution for name, setting in variables.items() if setting.distribution
         }
-        mids = {
-            stem(name): setting.centre
-            for name, setting in variables.items()
-            if setting.centre is not None
-        }
+        mids = {stem(name): setting.centre for name, setting in variables.items() if setting.centre is not None}
         conditions = Conditions(
             coverage,
             number(parameters["backlash_limit_arcmin"]),

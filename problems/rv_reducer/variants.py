@@ -19,10 +19,7 @@ FEW = {"report_units": 64}
 SHARES = {
     "share_pins": ("share of the variance of pins and holes common to a unit", (0.0, 0.5, 1.0)),
     "share_discs": ("share of the variance of the discs common to a unit", (0.0, 0.5, 1.0)),
-    "planet_share": (
-        "share of the variance of the planets' clearances common to a unit",
-        (0.0, 1.0),
-    ),
+    "planet_share": ("share of the variance of the planets' clearances common to a unit", (0.0, 1.0)),
 }
 COUNTED = ("turn_mean", "share_of_turn", "overlap")
 """Definitions of interference that rigid units show."""

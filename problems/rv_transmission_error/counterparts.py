@@ -61,9 +61,7 @@ class Waves:
 def departures_with(departures: Departures, effects: Iterable[Active]) -> Departures:
     """The departures of the assembly with those of the effects."""
     values = [effect.values for effect in effects]
-    gain, coupling, springback = (
-        sum(by_name.get(name, 0.0) for by_name in values) for name in ACTING
-    )
+    gain, coupling, springback = (sum(by_name.get(name, 0.0) for by_name in values) for name in ACTING)
     return Departures(
         gain_error=departures.gain_error + gain,
         coupling=departures.coupling + coupling,
@@ -78,9 +76,7 @@ def waves_of(effects: Iterable[Active], torque: float, speed: float) -> Waves:
     wave = complex(2.0 * lines[ORDER] / SAMPLES)
     lines[ORDER] = 0.0
     rest = float(0.5 * np.ptp(np.fft.irfft(lines, SAMPLES)))
-    return Waves(
-        wave * ARCSEC if abs(wave) > SMALLEST else 0j, rest * ARCSEC if rest > SMALLEST else 0.0
-    )
+    return Waves(wave * ARCSEC if abs(wave) > SMALLEST else 0j, rest * ARCSEC if rest > SMALLEST else 0.0)
 
 
 def _over_turn(active: Active, torque: float, speed: float) -> Array:
@@ -120,14 +116,10 @@ def sentence(active: Active, torque: float, speed: float) -> str:
     waves = waves_of([active], torque, speed)
     size, rest = abs(waves.wave) / ARCSEC, waves.half_range_of_others / ARCSEC
     if size > 0.0:
-        sentences.append(
-            f"every unit has {size:.4g} arcsec of order 40, which adds to that of the "
-            "angles as a vector"
-        )
+        sentences.append(f"every unit has {size:.4g} arcsec of order 40, which adds to that of the angles as a vector")
     if rest > 0.0:
         sentences.append(
-            f"every unit has {rest:.4g} arcsec (half peak to peak) of other orders, which "
-            "adds in full: an upper bound"
+            f"every unit has {rest:.4g} arcsec (half peak to peak) of other orders, which adds in full: an upper bound"
         )
     if not sentences:
         return ""

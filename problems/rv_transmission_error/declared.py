@@ -69,9 +69,7 @@ VARIABLES: tuple[Variable, ...] = (
 
 
 def _assumed(name: str, default: float, meaning: str, high: float) -> Parameter:
-    return Parameter(
-        name, default, "", meaning, "assumed", assumed=True, low=0.0, high=high, open_low=True
-    )
+    return Parameter(name, default, "", meaning, "assumed", assumed=True, low=0.0, high=high, open_low=True)
 
 
 _OURS = "assumed: the document does not print how angles act on the mesh"
@@ -109,25 +107,9 @@ PARAMETERS: tuple[Parameter, ...] = (
         high=1e4,
     ),
     Parameter(
-        "disc_distance_mm",
-        13.0,
-        "mm",
-        "distance of the disc mid-planes",
-        "assumed",
-        assumed=True,
-        low=0.0,
-        high=1e3,
+        "disc_distance_mm", 13.0, "mm", "distance of the disc mid-planes", "assumed", assumed=True, low=0.0, high=1e3
     ),
-    Parameter(
-        "face_width_mm",
-        12.0,
-        "mm",
-        "face width of the discs",
-        "assumed",
-        assumed=True,
-        low=0.0,
-        high=1e3,
-    ),
+    Parameter("face_width_mm", 12.0, "mm", "face width of the discs", "assumed", assumed=True, low=0.0, high=1e3),
     Parameter(
         "torque_Nm",
         412.0,
@@ -150,23 +132,11 @@ PARAMETERS: tuple[Parameter, ...] = (
         high=1e4,
     ),
     _assumed("normal_stiffness_N_per_um", 200.0, "stiffness [N/um] of a pin contact", 1e6),
-    _assumed(
-        "series_stiffness_Nm_per_arcmin",
-        58.5,
-        "stiffness [N m/arcmin] between a disc and the carrier",
-        1e6,
-    ),
+    _assumed("series_stiffness_Nm_per_arcmin", 58.5, "stiffness [N m/arcmin] between a disc and the carrier", 1e6),
     _assumed("input_inertia_kgm2", 8e-4, "inertia at the input shaft [kg m^2]", 1e6),
     _assumed("load_inertia_kgm2", 4.216, "inertia at the output [kg m^2]", 1e6),
     _assumed("damping_ratio", 0.04, "damping ratio of the first mode", 0.999),
-    Parameter(
-        "adjustment_gain_error",
-        0.0,
-        "",
-        "achieved over commanded adjustment, less one",
-        low=-1.0,
-        high=1.0,
-    ),
+    Parameter("adjustment_gain_error", 0.0, "", "achieved over commanded adjustment, less one", low=-1.0, high=1.0),
     Parameter(
         "chain_coupling",
         0.0,
@@ -175,14 +145,7 @@ PARAMETERS: tuple[Parameter, ...] = (
         low=-1.0,
         high=1.0,
     ),
-    Parameter(
-        "springback",
-        0.0,
-        "",
-        "share of the total adjustment that returns at the end",
-        low=0.0,
-        high=1.0,
-    ),
+    Parameter("springback", 0.0, "", "share of the total adjustment that returns at the end", low=0.0, high=1.0),
 )
 
 OUTPUTS: tuple[Output, ...] = (
@@ -191,8 +154,7 @@ OUTPUTS: tuple[Output, ...] = (
     Output(
         "te_amplitude_arcsec",
         "arcsec",
-        "half peak to peak of the transmission error over an "
-        "output turn, its one-sided quantile at the coverage",
+        "half peak to peak of the transmission error over an output turn, its one-sided quantile at the coverage",
         low=0.0,
     ),
     Output(
@@ -214,8 +176,7 @@ OUTPUTS: tuple[Output, ...] = (
     Output(
         "te_error_percent",
         "%",
-        "by how much the influence coefficients overstate the "
-        "amplitude (full model at units at the quantile)",
+        "by how much the influence coefficients overstate the amplitude (full model at units at the quantile)",
         error_of="te_amplitude_arcsec",
     ),
     Output("force_error_percent", "%", "the same of the peak force", error_of="peak_mesh_force_N"),
@@ -229,9 +190,7 @@ COSTS: Mapping[str, CostCurve] = {name: Reciprocal(0.0, REFERENCE_MRAD) for name
 
 def transmission(parameters: Mapping[str, Value]) -> Transmission:
     """The full model (SI) of parameters by declared name; left-out ones keep their defaults."""
-    p: dict[str, Any] = {parameter.name: parameter.default for parameter in PARAMETERS} | dict(
-        parameters
-    )
+    p: dict[str, Any] = {parameter.name: parameter.default for parameter in PARAMETERS} | dict(parameters)
     contact = LoadedContact(
         normal_stiffness=p["normal_stiffness_N_per_um"] / UM,
         series_stiffness=p["series_stiffness_Nm_per_arcmin"] / ARCMIN,
@@ -251,8 +210,4 @@ def transmission(parameters: Mapping[str, Value]) -> Transmission:
 def departures(parameters: Mapping[str, Value]) -> Departures:
     """The linear departures of the assembly from the ideal one."""
     p: dict[str, Any] = dict(parameters)
-    return Departures(
-        gain_error=p["adjustment_gain_error"],
-        coupling=p["chain_coupling"],
-        springback=p["springback"],
-    )
+    return Departures(gain_error=p["adjustment_gain_error"], coupling=p["chain_coupling"], springback=p["springback"])

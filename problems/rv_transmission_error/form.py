@@ -96,6 +96,5 @@ def _relaxed(problem: RvTransmissionError) -> tuple[str, ...]:
     return tuple(
         limit.name
         for limit in problem.limits
-        if limit.name not in {*known, *DOCUMENT_MRAD}
-        or (limit.name in known and np.isfinite(limit.low))
+        if limit.name not in {*known, *DOCUMENT_MRAD} or (limit.name in known and np.isfinite(limit.low))
     )

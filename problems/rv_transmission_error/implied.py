@@ -39,9 +39,7 @@ def implied_costs(tolerances: Array, influence: Array, exponent: float = 1.0) ->
     return np.asarray(costs / costs.mean())
 
 
-def optimal_allocation(
-    costs: Array, influence: Array, limit: float, exponent: float = 1.0
-) -> Array:
+def optimal_allocation(costs: Array, influence: Array, limit: float, exponent: float = 1.0) -> Array:
     """Tolerances v (n,) of least cost sum a/v^b with sqrt(sum J^2 v^2) = `limit`."""
     shape = (costs / influence**2) ** (1.0 / (exponent + 2.0))
     return np.asarray(limit * shape / np.linalg.norm(influence * shape))
@@ -65,19 +63,14 @@ class Claim:
 def crankshafts_against_gears() -> Claim:
     """Document A's claim against its own table."""
     printed = np.reshape(list(DOCUMENT_MRAD.values()), (len(PARTS), len(AXES)))
-    ratios = {
-        f"chain {at + 1}": tuple((printed[2 * at] / printed[2 * at + 1]).tolist()) for at in (0, 1)
-    }
+    ratios = {f"chain {at + 1}": tuple((printed[2 * at] / printed[2 * at + 1]).tolist()) for at in (0, 1)}
     expected = {}
     for composite in COMPOSITES:
         free = optimal_allocation(np.ones(printed.size), sensitivities(composite), 1.0)
         expected[composite] = float(free[0] / free[len(AXES)])
     tightest = PARTS[int(np.argmin(printed.mean(axis=1)))]
     holds = all(max(by_axis) < 1.0 for by_axis in ratios.values())
-    shown = "; ".join(
-        f"{name}: {', '.join(f'{ratio:.2f}' for ratio in by_axis)}"
-        for name, by_axis in ratios.items()
-    )
+    shown = "; ".join(f"{name}: {', '.join(f'{ratio:.2f}' for ratio in by_axis)}" for name, by_axis in ratios.items())
     return Claim(
         ratios,
         expected,

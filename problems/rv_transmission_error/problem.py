@@ -91,9 +91,7 @@ class RvTransmissionError(ToleranceProblem, Provable, Documented, WithEffects, P
         """The full model, with the waves that effects add to every unit."""
         transmission = declared.transmission(self.settings.parameters)
         waves = waves_of(self.settings.effects, *self._operating)
-        mapping = replace(
-            transmission.mapping, floor=transmission.mapping.floor + waves.half_range_of_others
-        )
+        mapping = replace(transmission.mapping, floor=transmission.mapping.floor + waves.half_range_of_others)
         return replace(transmission, mapping=mapping, wave=waves.wave)
 
     @property
@@ -177,9 +175,7 @@ class RvTransmissionError(ToleranceProblem, Provable, Documented, WithEffects, P
             count = min(count, SEARCH_SAMPLE if wanted else SEARCH_SAMPLE // 8)
         sample = self._sample(count)
         coverage = self.settings.propagation.coverage
-        return sample_quantile(
-            loads @ covariance @ loads.T, sample, self.influence.peak_of, coverage
-        )
+        return sample_quantile(loads @ covariance @ loads.T, sample, self.influence.peak_of, coverage)
 
     def _sample(self, count: int) -> Array:
         return normals(count, len(self.influence.force), self.settings.seed)
@@ -203,18 +199,13 @@ class RvTransmissionError(ToleranceProblem, Provable, Documented, WithEffects, P
     def _corners(self) -> Array:
         """Tightest and loosest tolerances, each with the least and the largest precision weight."""
         rows = np.repeat(super()._corners(), 2, axis=0)
-        rows[:, self.names.index(declared.PRECISION)] = [
-            *super().interval(declared.PRECISION),
-        ] * 2
+        rows[:, self.names.index(declared.PRECISION)] = [*super().interval(declared.PRECISION)] * 2
         return rows
 
     def references(self) -> dict[str, Array]:
         """Document A's twelve tolerances, at each of its precision weights."""
         printed = list(declared.DOCUMENT_MRAD.values())
-        return {
-            f"document A, Q = {weight:g}": np.array([*printed, weight])
-            for weight in declared.PRECISION_WEIGHTS
-        }
+        return {f"document A, Q = {weight:g}": np.array([*printed, weight]) for weight in declared.PRECISION_WEIGHTS}
 
     def least_cost(self) -> tuple[str, RvTransmissionError]:
         """Least cost at the transmission error of document A's allocation, without adjustment."""

@@ -48,9 +48,7 @@ def _error(
 ) -> Array:
     sample = normals(SAMPLE, spread.shape[-1])
     parts = [slice(at, at + TOGETHER) for at in range(0, len(spread), TOGETHER)]
-    units = np.concatenate(
-        [_nearest(estimate, sample @ np.swapaxes(spread[p], 1, 2), quantile[p]) for p in parts]
-    )
+    units = np.concatenate([_nearest(estimate, sample @ np.swapaxes(spread[p], 1, 2), quantile[p]) for p in parts])
     exact = value(full.turn(units.reshape(-1, 4, 3))).reshape(len(spread), UNITS)
     more = np.mean(exact - estimate(units), axis=1)
     return np.asarray(-100.0 * more / (quantile + more))

@@ -95,9 +95,7 @@ class Definition(definition.Definition):
     @cached_property
     def gearings(self) -> dict[int, Gearing]:
         """Joints with a reducer, from 0."""
-        return {
-            at: joint.gearing for at, joint in enumerate(self.joints) if joint.gearing is not None
-        }
+        return {at: joint.gearing for at, joint in enumerate(self.joints) if joint.gearing is not None}
 
     @property
     def drives(self) -> tuple[Drive, ...]:
@@ -148,10 +146,7 @@ class Definition(definition.Definition):
         table = {**completed(chain_parameters, {}), **self.table, "joints": count}
         chain = [replace(p, default=table[p.name], source="") for p in chain_parameters]
         chain = [replace(p, low=count, high=count) if p.name == "joints" else p for p in chain]
-        return (
-            *chain,
-            *(replace(p, default=PAYLOAD) if p.name == "payload_kg" else p for p in OF_ROBOTS),
-        )
+        return (*chain, *(replace(p, default=PAYLOAD) if p.name == "payload_kg" else p for p in OF_ROBOTS))
 
     @property
     def near(self) -> Array:
@@ -161,9 +156,7 @@ class Definition(definition.Definition):
     @property
     def ends(self) -> tuple[Array, Array]:
         """Ranges (k,) of the joints' angles [rad]."""
-        return np.array([joint.low for joint in self.joints]), np.array(
-            [joint.high for joint in self.joints]
-        )
+        return np.array([joint.low for joint in self.joints]), np.array([joint.high for joint in self.joints])
 
     def of_joints(self, name: str, parameters: Mapping[str, Value], parameter: str) -> Array:
         """A number (geared,) of the reducers, the parameter's where a joint has none."""
@@ -174,6 +167,4 @@ class Definition(definition.Definition):
 
 def _drive(key: str, gearing: Gearing) -> Drive:
     te = gearing.backlash_factor if gearing.te_factor is None else gearing.te_factor
-    return Drive(
-        key, gearing.reducer, gearing.cost_factor, gearing.backlash_factor, te, gearing.group
-    )
+    return Drive(key, gearing.reducer, gearing.cost_factor, gearing.backlash_factor, te, gearing.group)

@@ -36,9 +36,7 @@ class ArmMachine(Machine):
     @property
     def columns(self) -> list[list[int]]:
         every = [
-            declared.error(kind, at)
-            for at in range(1, len(self.definition.joints) + 1)
-            for kind in declared.ERRORS
+            declared.error(kind, at) for at in range(1, len(self.definition.joints) + 1) for kind in declared.ERRORS
         ]
         return [[every.index(name)] for name in self.definition.links]
 
@@ -109,9 +107,7 @@ class ArmMachine(Machine):
         maps = (move[:, :, order], (to_tool @ turn)[:, :, order], by_move, to_tool @ by_turn)
         # in one order in memory, so that a copy in another process rounds alike
         by_joint, turned, moved, rotated = (np.ascontiguousarray(array) for array in maps)
-        return Places(
-            Drives(weight, by_joint, turned), np.ascontiguousarray(torque), moved, rotated
-        )
+        return Places(Drives(weight, by_joint, turned), np.ascontiguousarray(torque), moved, rotated)
 
 
 def _corrected(move: Array, turn: Array, by_move: Array, by_turn: Array) -> tuple[Array, Array]:

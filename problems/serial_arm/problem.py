@@ -27,11 +27,7 @@ NAMED = 5
 """Most poses that are named; the others are counted."""
 
 
-OWN: dict[str, Any] = {
-    "model": "serial_arm",
-    "tables": ("joint", "base", "tool", "cell"),
-    "reducers_in": "joint",
-}
+OWN: dict[str, Any] = {"model": "serial_arm", "tables": ("joint", "base", "tool", "cell"), "reducers_in": "joint"}
 
 
 class SerialArmAllocation(RobotProblem, Written):
@@ -90,12 +86,7 @@ class SerialArmAllocation(RobotProblem, Written):
                     "points": millimetres([origin[at]]),
                 }
             )
-        tool = {
-            "name": "tool",
-            "kind": "tool",
-            "shares": [],
-            "points": millimetres([origin[-1], now.tool[middle]]),
-        }
+        tool = {"name": "tool", "kind": "tool", "shares": [], "points": millimetres([origin[-1], now.tool[middle]])}
         return {"parts": [*parts, tool], "poses": millimetres(list(now.tool))}
 
     # ---------------------------------------------------------------- faults and assumptions
@@ -115,11 +106,7 @@ class SerialArmAllocation(RobotProblem, Written):
 
     def _singular(self) -> list[Fault]:
         alike = singular(self.machine.chain, self.machine.frames)
-        messages = [
-            (at, f"is singular: joints {text} move the tool alike")
-            for at, text in enumerate(alike)
-            if text
-        ]
+        messages = [(at, f"is singular: joints {text} move the tool alike") for at, text in enumerate(alike) if text]
         return self._at_poses(messages, "move the cell, or give another posture (near_deg)")
 
     def _at_poses(self, messages: list[tuple[int, str]], remedy: str) -> list[Fault]:
@@ -157,28 +144,16 @@ class SerialArmAllocation(RobotProblem, Written):
 
     def assumptions(self) -> tuple[Assumption, ...]:
         definition, cell = self.definition, self.definition.cell
-        assumed = (
-            [Assumption("joint", definition.shipped, "", "no table is given")]
-            if definition.shipped
-            else []
-        )
+        assumed = [Assumption("joint", definition.shipped, "", "no table is given")] if definition.shipped else []
         if not cell.listed:
             shown = f"{cell.kind} of {1e3 * cell.side:g} mm"
             assumed.append(Assumption("cell", shown, "", "poses that the means are over"))
-        for key, gearing in zip(
-            (d.key for d in definition.drives), definition.gearings.values(), strict=True
-        ):
+        for key, gearing in zip((d.key for d in definition.drives), definition.gearings.values(), strict=True):
             for name in ("cost_factor", "backlash_factor"):
                 if (value := getattr(gearing, name)) != 1.0:
                     reason = f"of the reducer of joint {key}, against the one it is priced by"
                     assumed.append(
-                        Assumption(
-                            f"joint[{int(key) - 1}].reducer.{name}",
-                            value,
-                            "",
-                            reason,
-                            "configuration",
-                        )
+                        Assumption(f"joint[{int(key) - 1}].reducer.{name}", value, "", reason, "configuration")
                     )
         return (*super().assumptions(), *assumed)
 

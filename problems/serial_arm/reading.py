@@ -40,8 +40,7 @@ def read_definition(top: Section) -> Definition | None:
             if joint.gearing is not None and not joint.gearing.reducer.proven:
                 top.item("joint", at).fault(
                     "reducer",
-                    "nested = false needs a reducer with "
-                    "tolerances of its own: name a configuration of rv_backlash",
+                    "nested = false needs a reducer with tolerances of its own: name a configuration of rv_backlash",
                 )
     if faults.new or cell is None:
         return None
@@ -70,8 +69,7 @@ def _joint(section: Section) -> Joint:
     heavy = "mass_kg" in section or "mass" in section
     if heavy and "centre_of_mass_mm" not in section and mass != 0.0:
         section.fault(
-            "centre_of_mass_mm",
-            "is missing: a mass needs its centre [mm] in the frame after the joint, as [x, y, z]",
+            "centre_of_mass_mm", "is missing: a mass needs its centre [mm] in the frame after the joint, as [x, y, z]"
         )
     if not heavy and "centre_of_mass_mm" in section:
         section.fault("mass_kg", "is missing: a centre of mass needs the mass")

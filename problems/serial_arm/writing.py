@@ -18,30 +18,22 @@ from .definition import Definition, Gearing, Joint, LinkError
 def definition_tables(definition: Definition, parameters: Mapping[str, Value]) -> dict[str, Any]:
     """`[[joint]]`, `[base]`, `[tool]`, `[cell]`, and the other parameters."""
     rows = [_joint(parameters, at, joint) for at, joint in enumerate(definition.joints, 1)]
-    frames = {
-        stem: _frame(stem, axes, parameters)
-        for stem, axes in (("base", declared.BASE), ("tool", declared.TOOL))
-    }
+    frames = {stem: _frame(stem, axes, parameters) for stem, axes in (("base", declared.BASE), ("tool", declared.TOOL))}
     remaining = {
-        name: value
-        for name, value in parameters.items()
-        if not name.startswith("nominal_") and name != "joints"
+        name: value for name, value in parameters.items() if not name.startswith("nominal_") and name != "joints"
     }
     return {"parameters": remaining, "joint": rows, **frames, "cell": _cell(definition.cell)}
 
 
 def _joint(parameters: Mapping[str, Value], at: int, joint: Joint) -> dict[str, Any]:
     table: dict[str, Any] = {
-        f"{column}_{unit}": parameters[declared.nominal(column, at)]
-        for column, (unit, _) in declared.TABLE.items()
+        f"{column}_{unit}": parameters[declared.nominal(column, at)] for column, (unit, _) in declared.TABLE.items()
     }
     if joint.mass is not None:
         table |= {"mass_kg": joint.mass, "centre_of_mass_mm": _scaled(joint.centre, MM)}
     table["range_deg"] = _scaled((joint.low, joint.high), declared.DEG)
     table["reducer"] = "none" if joint.gearing is None else _gearing(joint.gearing)
-    return table | {
-        f"{kind}_{declared.ERRORS[kind][0]}": _error(error) for kind, error in joint.errors
-    }
+    return table | {f"{kind}_{declared.ERRORS[kind][0]}": _error(error) for kind, error in joint.errors}
 
 
 def _gearing(gearing: Gearing) -> dict[str, Any]:
@@ -68,17 +60,11 @@ def _error(error: LinkError | None) -> dict[str, Any] | str:
 
 def _frame(stem: str, axes: tuple[str, ...], parameters: Mapping[str, Value]) -> dict[str, Any]:
     units = {axis: "deg" if axis[0] == "r" else "mm" for axis in axes}
-    return {
-        f"{axis}_{unit}": parameters[f"nominal_{stem}_{axis}_{unit}"]
-        for axis, unit in units.items()
-    }
+    return {f"{axis}_{unit}": parameters[f"nominal_{stem}_{axis}_{unit}"] for axis, unit in units.items()}
 
 
 def _cell(cell: Cell) -> dict[str, Any]:
-    table: dict[str, Any] = {
-        "at": "tool" if cell.of_tool else "flange",
-        "turn_deg": _scaled(cell.turn, declared.DEG),
-    }
+    table: dict[str, Any] = {"at": "tool" if cell.of_tool else "flange", "turn_deg": _scaled(cell.turn, declared.DEG)}
     if cell.near:
         table["near_deg"] = _scaled(cell.near, declared.DEG)
     if not cell.listed:

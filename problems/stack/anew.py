@@ -26,9 +26,7 @@ def with_statement(stack: Stack, statement: str) -> Stack:
 def promising(stack: Stack, promise: Promise) -> Stack:
     """The stack with a promise, whose limits take the place of those of the promise before."""
     limits = {
-        name: bound
-        for name, bound in stack.given.limits.items()
-        if not name.split(".")[-1].endswith("yield_percent")
+        name: bound for name, bound in stack.given.limits.items() if not name.split(".")[-1].endswith("yield_percent")
     }
     definition = replace(stack.definition, promise=promise)
     return type(stack)(replace(stack.given, definition=definition, limits=limits))
@@ -43,12 +41,8 @@ def cheapest_at(stack: Stack, levels: Mapping[str, float]) -> Stack:
 def with_knowledge(stack: Stack, known: Mapping[str, Knowledge]) -> Stack:
     """The stack with other knowledge of the processes of some measured parts, means included."""
     definition = stack.definition
-    parts = tuple(
-        _part(part, known[part.name]) if part.name in known else part for part in definition.parts
-    )
-    mechanisms = tuple(
-        _mechanism(mechanism, definition.parts, parts) for mechanism in definition.mechanisms
-    )
+    parts = tuple(_part(part, known[part.name]) if part.name in known else part for part in definition.parts)
+    mechanisms = tuple(_mechanism(mechanism, definition.parts, parts) for mechanism in definition.mechanisms)
     anew = replace(definition, parts=parts, mechanisms=mechanisms)
     return type(stack)(replace(stack.given, definition=anew))
 
@@ -60,21 +54,13 @@ def _part(part: Part, known: Knowledge) -> Part:
     return replace(part, sample=sample, distribution=sample.distribution)
 
 
-def _mechanism(
-    mechanism: Mechanism, before: tuple[Part, ...], parts: tuple[Part, ...]
-) -> Mechanism:
+def _mechanism(mechanism: Mechanism, before: tuple[Part, ...], parts: tuple[Part, ...]) -> Mechanism:
     """A mechanism of other processes: what a mean moves is taken to be linear."""
     moved = [new.mean - old.mean for old, new in zip(before, parts, strict=True)]
-    shift = sum(
-        slope * moved[at]
-        for slope, at in zip(mechanism.sensitivities, mechanism.owner, strict=True)
-    )
+    shift = sum(slope * moved[at] for slope, at in zip(mechanism.sensitivities, mechanism.owner, strict=True))
     mids = mechanism.mids
     if mids is not None and mechanism.scale is not None:
         mids = mids + mechanism.scale * [moved[at] for at in mechanism.owner]
     return replace(
-        mechanism,
-        inputs=tuple(part.distribution for part in parts),
-        centre=mechanism.centre + float(shift),
-        mids=mids,
+        mechanism, inputs=tuple(part.distribution for part in parts), centre=mechanism.centre + float(shift), mids=mids
     )

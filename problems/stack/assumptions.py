@@ -8,9 +8,7 @@ from ..assumptions import SAMPLED, process_assumption
 from .build import nominal_sum
 from .definition import Definition
 
-UNMEASURED = (
-    "no part is measured: its scatter counts as known, and as normal where yields are promised"
-)
+UNMEASURED = "no part is measured: its scatter counts as known, and as normal where yields are promised"
 
 
 def assumptions_of(definition: Definition) -> tuple[Assumption, ...]:
@@ -21,22 +19,16 @@ def assumptions_of(definition: Definition) -> tuple[Assumption, ...]:
         if part.sample is not None:
             known = part.sample.statement(part.unit)
             assumptions.append(
-                Assumption(
-                    f"part.{part.name}.measured", known, "", process_assumption(definition.promise)
-                )
+                Assumption(f"part.{part.name}.measured", known, "", process_assumption(definition.promise))
             )
         elif not part.sampled and process_assumption(definition.promise) == SAMPLED:
             assumptions.append(
-                Assumption(
-                    f"part.{part.name}.process", type(part.distribution).__name__, "", UNMEASURED
-                )
+                Assumption(f"part.{part.name}.process", type(part.distribution).__name__, "", UNMEASURED)
             )
         for machine, sample in samples_of(part.machines):
             place = f"part.{part.name}.machine.{machine}.measured"
             assumptions.append(
-                Assumption(
-                    place, sample.statement(part.unit), "", process_assumption(definition.promise)
-                )
+                Assumption(place, sample.statement(part.unit), "", process_assumption(definition.promise))
             )
         for key, why in part.assumed.items():
             value = values.get(key) or str(part.stated.get(key, ""))

@@ -18,16 +18,11 @@ Array = NDArray[np.float64]
 
 
 def mechanisms_of(
-    requirements: Sequence[Requirement],
-    parts: Sequence[Part],
-    correlations: Sequence[Correlation],
-    faults: list[Fault],
+    requirements: Sequence[Requirement], parts: Sequence[Part], correlations: Sequence[Correlation], faults: list[Fault]
 ) -> tuple[Mechanism, ...]:
     """The mechanism of each requirement; fewer, and every fault, where the parts make none."""
     correlation = _matrix(parts, correlations, faults)
-    candidates = [
-        _mechanism(requirement, parts, correlation, faults) for requirement in requirements
-    ]
+    candidates = [_mechanism(requirement, parts, correlation, faults) for requirement in requirements]
     mechanisms = tuple(mechanism for mechanism in candidates if mechanism is not None)
     if requirements[0].key and len(mechanisms) == len(requirements):
         used = np.any([mechanism.sensitivities != 0.0 for mechanism in mechanisms], axis=0)
@@ -37,10 +32,7 @@ def mechanisms_of(
 
 
 def _mechanism(
-    requirement: Requirement,
-    parts: Sequence[Part],
-    correlation: Array | None,
-    faults: list[Fault],
+    requirement: Requirement, parts: Sequence[Part], correlation: Array | None, faults: list[Fault]
 ) -> Mechanism | None:
     """The mechanism of one requirement; None and every fault where the parts do not make one."""
     owner = tuple(at for at, part in enumerate(parts) for _ in part.pieces)
@@ -58,9 +50,7 @@ def _mechanism(
     return kind(bare, requirement, parts, faults)
 
 
-def _matrix(
-    parts: Sequence[Part], correlations: Sequence[Correlation], faults: list[Fault]
-) -> Array | None:
+def _matrix(parts: Sequence[Part], correlations: Sequence[Correlation], faults: list[Fault]) -> Array | None:
     """The correlation matrix of the pieces, None where all are independent."""
     if not correlations:
         return None
@@ -91,9 +81,7 @@ def _with_sensitivities(
     nominal = requirement.nominal
     if nominal is None:
         missing = [
-            part.name
-            for part, slope in zip(parts, slopes, strict=True)
-            if part.nominal is None and slope != 0.0
+            part.name for part, slope in zip(parts, slopes, strict=True) if part.nominal is None and slope != 0.0
         ]
         if missing and bare.bounded:
             text = "is missing: lower and upper need it, or the nominal of every part (not given: "

@@ -25,10 +25,7 @@ def level_of(requirements: Sequence[Measured], promise: Promise, seed: int) -> L
     """The level of the norm; None where no sampled process is chosen among others, or no assurance
     is asked for. A stated level is taken as it is.
     """
-    parts, bounded = (
-        requirements[0].parts,
-        [measured for measured in requirements if measured.mechanism.bounded],
-    )
+    parts, bounded = (requirements[0].parts, [measured for measured in requirements if measured.mechanism.bounded])
     if promise.statement != ASSURED or not bounded or not chosen_by_sample(parts):
         return None
     if promise.level_percent is not None:
@@ -45,10 +42,7 @@ def level_of(requirements: Sequence[Measured], promise: Promise, seed: int) -> L
                 n.append(np.inf if known is None else known.n)
     ways = [_ways(part, at, bounded, owners) for at, part in enumerate(parts)]
     level = calibrated(
-        ways,
-        Processes(np.array(df), np.array(n)),
-        _aim(bounded, promise),
-        np.random.default_rng([seed, len(parts)]),
+        ways, Processes(np.array(df), np.array(n)), _aim(bounded, promise), np.random.default_rng([seed, len(parts)])
     )
     return level if level.sure else Level(NEVER, level.kept_fraction, level.without, sure=False)
 
@@ -73,9 +67,7 @@ def _aim(bounded: Sequence[Measured], promise: Promise) -> Aim:
     return Aim(promise.share, promise.confidence, ends, quantile)
 
 
-def _ways(
-    part: Part, at: int, bounded: Sequence[Measured], owners: Sequence[tuple[int, str]]
-) -> Ways:
+def _ways(part: Part, at: int, bounded: Sequence[Measured], owners: Sequence[tuple[int, str]]) -> Ways:
     """All processes of a part, at points of their ranges."""
     cost, owner, spread, mean = [], [], [], []
     for number, process in enumerate(part.processes):
@@ -90,10 +82,7 @@ def _ways(
     spreads, means = np.concatenate(spread), np.concatenate(mean)
     variance = np.array([measured.linear.covariance[at, at] for measured in bounded])
     squares = np.array(
-        [
-            np.sum(measured.mechanism.sensitivities[measured.mechanism.owners == at] ** 2)
-            for measured in bounded
-        ]
+        [np.sum(measured.mechanism.sensitivities[measured.mechanism.owners == at] ** 2) for measured in bounded]
     )
     slope = np.array([measured.linear.slope[at] for measured in bounded])
     moving = np.array([measured.linear.mean[at] for measured in bounded])

@@ -42,9 +42,7 @@ def form_of(stack: Stack, gaussian: bool = False) -> Form | None:
     left_out = _omitted_limits(stack, {row.output for row in rows})
     independent = np.array_equal(within, np.eye(len(kept)))
     quantiles = tuple(quantile_of(row, kept, settled, t) for row in rows)
-    rooted = [
-        0.0 if row.probability else _square(row.spread, t, correlation, settled) for row in rows
-    ]
+    rooted = [0.0 if row.probability else _square(row.spread, t, correlation, settled) for row in rows]
     surpluses = tuple(surplus_of(row, kept, settled, t) for row in rows)
     names = [row.output for row in rows if row.most < np.inf and not row.promised]
     limited = any(row.most < np.inf for row in rows)
@@ -100,8 +98,7 @@ def possible(stack: Stack) -> bool:
     """Whether every part has a process within the limits."""
     ends = [(part, *range_of(stack, part)) for part in stack.definition.parts]
     return all(
-        any(max(process.low, low) <= min(process.high, high) for process in part.processes)
-        for part, low, high in ends
+        any(max(process.low, low) <= min(process.high, high) for process in part.processes) for part, low, high in ends
     )
 
 
@@ -143,9 +140,7 @@ def range_of(stack: Stack, part: Part) -> tuple[float, float]:
     return low, min((limit.high for limit in limits), default=np.inf)
 
 
-def _feature(
-    part: Part, rows: list[Row], at: int, ends: tuple[float, float]
-) -> tuple[Feature, bool]:
+def _feature(part: Part, rows: list[Row], at: int, ends: tuple[float, float]) -> tuple[Feature, bool]:
     """The processes of a part as ways, and whether these are exact."""
     ways: list[Way] = []
     whole = True
@@ -201,8 +196,7 @@ def _omitted_limits(stack: Stack, rows: set[str]) -> tuple[str, ...]:
     return tuple(
         limit.name
         for limit in stack.limits
-        if limit.name not in tolerances | tested
-        and (limit.name not in {*rows, "cost"} or _drops_a_side(limit))
+        if limit.name not in tolerances | tested and (limit.name not in {*rows, "cost"} or _drops_a_side(limit))
     )
 
 

@@ -134,10 +134,7 @@ class Part:
     @property
     def ends(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Tightest and loosest half-width of each process."""
-        return (
-            np.array([p.low for p in self.processes]),
-            np.array([p.high for p in self.processes]),
-        )
+        return (np.array([p.low for p in self.processes]), np.array([p.high for p in self.processes]))
 
     @property
     def free_of_charge(self) -> bool:

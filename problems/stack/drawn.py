@@ -21,10 +21,7 @@ def drawn(part: Part) -> dict[str, str]:
 
 def labels_of(requirement: Requirement) -> dict[str, object]:
     """Labels of a requirement for readers: name, limits and their unit, description, drawing."""
-    labels = {
-        key: getattr(requirement, key)
-        for key in ("name", "lower", "upper", "unit", "description", "drawing")
-    }
+    labels = {key: getattr(requirement, key) for key in ("name", "lower", "upper", "unit", "description", "drawing")}
     return {key: value for key, value in labels.items() if value not in (None, "")}
 
 

@@ -36,9 +36,7 @@ def faults_of(stack: Stack, inherited: Callable[[], list[Fault]]) -> list[Fault]
     return faults or domain_faults(stack)
 
 
-def unit_faults(
-    requirements: Sequence[Requirement], objectives: Sequence[str], limits: Sequence[str]
-) -> list[Fault]:
+def unit_faults(requirements: Sequence[Requirement], objectives: Sequence[str], limits: Sequence[str]) -> list[Fault]:
     """Objectives and limits over requirements whose units differ."""
     if not requirements[0].key or common_unit(requirements) is not None:
         return []
@@ -66,10 +64,7 @@ def yield_faults(stack: Stack) -> list[Fault]:
     """Yields that are asked for of requirements without limits."""
     faults = []
     for measured in stack.measured:
-        if (
-            measured.name("yield_percent") in stack.required_outputs
-            and not measured.mechanism.bounded
-        ):
+        if measured.name("yield_percent") in stack.required_outputs and not measured.mechanism.bounded:
             place = measured.requirement.place
             text = f"needs {place}.lower, {place}.upper or both: without them there is none"
             faults.append(Fault(f"limits.{measured.name('yield_percent')}", text))

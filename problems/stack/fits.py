@@ -37,9 +37,7 @@ def read_fits(top: Section, faults: list[Fault]) -> dict[str, str]:
 
 def _check(section: Section, names: list[str], known: list[str], by_part: dict[str, str]) -> None:
     if len(names) != 2 or names[0] == names[1]:
-        section.fault(
-            "parts", f"must name two different parts, the hole first, got {', '.join(names)}"
-        )
+        section.fault("parts", f"must name two different parts, the hole first, got {', '.join(names)}")
     for name in names:
         if name not in known:
             section.fault("parts", f'"{name}" is not a part{nearest(name, known)}')

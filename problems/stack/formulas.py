@@ -40,16 +40,12 @@ def with_formula(
     ]
     if len(faults) > before:
         return None
-    gain, scale = _units(
-        requirement, [part for part, is_used in zip(parts, used, strict=True) if is_used]
-    )
+    gain, scale = _units(requirement, [part for part, is_used in zip(parts, used, strict=True) if is_used])
     scales = np.ones(len(parts))
     scales[used] = scale
     nominals = scales * np.array([part.nominal or 0.0 for part in parts])
     mids = nominals + scales * np.array([part.mean for part in parts])
-    mechanism = replace(
-        bare, formula=formula, mids=mids[bare.owners], scale=scales[bare.owners], gain=gain
-    )
+    mechanism = replace(bare, formula=formula, mids=mids[bare.owners], scale=scales[bare.owners], gain=gain)
     if why := _undefined(mechanism, nominals[bare.owners], parts):
         faults.append(Fault(place, why))
         return None
@@ -57,9 +53,7 @@ def with_formula(
     faults += _slope_faults(mechanism, parts, requirement)
     faults += _nominal_faults(requirement, gain * _at(formula, mechanism, nominals[bare.owners]))
     loosest = np.array([[part.high for part in parts]])
-    return replace(
-        mechanism, undefined=_outside(mechanism, loosest[0], least_margin(mechanism, loosest)[0])
-    )
+    return replace(mechanism, undefined=_outside(mechanism, loosest[0], least_margin(mechanism, loosest)[0]))
 
 
 def _at(formula: Formula, mechanism: Mechanism, x: Array) -> float:
@@ -147,9 +141,7 @@ def _outside(mechanism: Mechanism, loosest: Array, margin: float) -> str:
     return why or ("some function leaves its domain" if margin < 0.0 else "")
 
 
-def _slope_faults(
-    mechanism: Mechanism, parts: Sequence[Part], requirement: Requirement
-) -> list[Fault]:
+def _slope_faults(mechanism: Mechanism, parts: Sequence[Part], requirement: Requirement) -> list[Fault]:
     """Pieces of the formula on which it does not depend, or depends without bound."""
     place = f"{requirement.place}.formula"
     names = mechanism.formula.names if mechanism.formula else {}

@@ -21,23 +21,12 @@ def common_unit(requirements: Sequence[Requirement]) -> str | None:
     return units.pop() if len(units) == 1 else None
 
 
-def joint_variations(
-    requirements: Sequence[Measured], values: Mapping[str, Array]
-) -> dict[str, Array]:
+def joint_variations(requirements: Sequence[Measured], values: Mapping[str, Array]) -> dict[str, Array]:
     """The largest weighted variation (n,) of several requirements of one unit, by kind."""
-    if (
-        not requirements[0].requirement.key
-        or common_unit([measured.requirement for measured in requirements]) is None
-    ):
+    if not requirements[0].requirement.key or common_unit([measured.requirement for measured in requirements]) is None:
         return {}
     return {
-        kind: np.max(
-            [
-                measured.requirement.weight * values[measured.name(kind)]
-                for measured in requirements
-            ],
-            axis=0,
-        )
+        kind: np.max([measured.requirement.weight * values[measured.name(kind)] for measured in requirements], axis=0)
         for kind in VARIATIONS
     }
 
@@ -50,33 +39,19 @@ def joint_slopes(
     for kind, largest in joint_variations(requirements, values).items():
         if not all(measured.name(kind) in slopes for measured in requirements):
             continue
-        weighted = [
-            measured.requirement.weight * values[measured.name(kind)] for measured in requirements
-        ]
+        weighted = [measured.requirement.weight * values[measured.name(kind)] for measured in requirements]
         at = np.argmax(np.array(weighted) == largest, axis=0)
-        whole = np.stack(
-            [measured.requirement.weight * slopes[measured.name(kind)] for measured in requirements]
-        )
+        whole = np.stack([measured.requirement.weight * slopes[measured.name(kind)] for measured in requirements])
         largest_slopes[kind] = whole[at, np.arange(len(at))]
     return largest_slopes
 
 
-def joint_intervals(
-    requirements: Sequence[Measured], intervals: Mapping[str, Interval]
-) -> dict[str, Interval]:
+def joint_intervals(requirements: Sequence[Measured], intervals: Mapping[str, Interval]) -> dict[str, Interval]:
     """Proven ends of `joint_variations` from those of the requirements."""
     joint = {}
     for kind in VARIATIONS if requirements[0].requirement.key else ():
-        ends = [
-            (measured.requirement.weight, intervals.get(measured.name(kind)))
-            for measured in requirements
-        ]
-        known = [
-            (weight * low, weight * high)
-            for weight, pair in ends
-            if pair is not None
-            for low, high in [pair]
-        ]
+        ends = [(measured.requirement.weight, intervals.get(measured.name(kind))) for measured in requirements]
+        known = [(weight * low, weight * high) for weight, pair in ends if pair is not None for low, high in [pair]]
         if len(known) == len(requirements):
             joint[kind] = max(low for low, _ in known), max(high for _, high in known)
     return joint

@@ -90,10 +90,7 @@ def _moved(row: Row, at: int, t: Array, mean: Array) -> Array:
 def _moves(process: Process, rows: list[Row], at: int) -> bool:
     """Whether a row contains more of a part than its spread."""
     off_centre = process.machine is not None and process.machine.mean != 0.0
-    return any(
-        row.linear[at] != 0.0 or (off_centre and (row.bias_of(at) or row.shift_of(at)))
-        for row in rows
-    )
+    return any(row.linear[at] != 0.0 or (off_centre and (row.bias_of(at) or row.shift_of(at))) for row in rows)
 
 
 def _below(

@@ -103,10 +103,7 @@ class Measured:
 
         The derivative of a sampled yield, a step function, is the normal linear model's.
         """
-        worst, rss = (
-            np.broadcast_to(self.linear.worst, spread_of(t).shape),
-            self.linear.rss_slopes(t),
-        )
+        worst, rss = (np.broadcast_to(self.linear.worst, spread_of(t).shape), self.linear.rss_slopes(t))
         by_output = {"worst_case": worst, "rss": rss}
         method, law = self.requirement.method, self.law
         if method != "monte_carlo":
@@ -204,10 +201,7 @@ class Measured:
         """Bounds of the root sum square; exact unless contributions compensate each other."""
         adding = np.maximum(self.linear.covariance, 0.0)
         taking = np.minimum(self.linear.covariance, 0.0)
-        ends = (
-            low @ adding @ low + high @ taking @ high,
-            high @ adding @ high + low @ taking @ low,
-        )
+        ends = (low @ adding @ low + high @ taking @ high, high @ adding @ high + low @ taking @ low)
         least, most = SIGMAS * np.sqrt(np.maximum(ends, 0.0))
         return float(least), float(most)
 
@@ -215,6 +209,4 @@ class Measured:
 def measured(definition: Definition) -> tuple[Measured, ...]:
     """Every requirement of a stack."""
     pairs = zip(definition.requirements, definition.mechanisms, strict=True)
-    return tuple(
-        Measured(requirement, mechanism, definition.parts) for requirement, mechanism in pairs
-    )
+    return tuple(Measured(requirement, mechanism, definition.parts) for requirement, mechanism in pairs)

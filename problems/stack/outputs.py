@@ -77,20 +77,13 @@ def _joint(requirements: Sequence[Requirement]) -> list[Output]:
     unit, outputs = common_unit(requirements), []
     if unit is not None:
         outputs = [
-            Output(
-                kind,
-                unit,
-                f"largest {kind.replace('_', ' ')} of all requirements, each times its weight",
-                low=0.0,
-            )
+            Output(kind, unit, f"largest {kind.replace('_', ' ')} of all requirements, each times its weight", low=0.0)
             for kind in VARIATIONS
         ]
     return outputs + _yields("yield_percent", "units that keep every requirement within its limits")
 
 
-def _of_requirement(
-    requirement: Requirement, measured: Measured | None, parts: Sequence[Part]
-) -> list[Output]:
+def _of_requirement(requirement: Requirement, measured: Measured | None, parts: Sequence[Part]) -> list[Output]:
     """Outputs of one requirement."""
     unit, name = requirement.unit, requirement.name or "the requirement"
     of_what = "worst case" if requirement.method == "worst_case" else "variance"
@@ -108,8 +101,7 @@ def _of_requirement(
             Output(
                 qualified("domain_margin"),
                 "",
-                f"distance of {name} from the edge of its "
-                "formula's domain, in units of that at the mid-limits",
+                f"distance of {name} from the edge of its formula's domain, in units of that at the mid-limits",
                 larger_is_better=True,
             )
         )

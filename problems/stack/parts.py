@@ -29,9 +29,7 @@ SOBOL = 21_201
 """Most pieces of all parts, even with --force: dimensions of a Sobol sequence (Joe, Kuo)."""
 
 
-def read_parts(
-    top: Section, requirements: Sequence[Requirement], faults: list[Fault]
-) -> list[Part | None]:
+def read_parts(top: Section, requirements: Sequence[Requirement], faults: list[Fault]) -> list[Part | None]:
     """The parts, None for each that is faulty."""
     parts = []
     length_unit, fits = _length(requirements), read_fits(top, faults)
@@ -43,8 +41,7 @@ def read_parts(
         parts.append(_read(section, length_unit, requirements, fit))
         section.finish()
         faults += [
-            Fault(f.place, f"{f.message} (part {name})" if isinstance(name, str) else f.message)
-            for f in part_faults
+            Fault(f.place, f"{f.message} (part {name})" if isinstance(name, str) else f.message) for f in part_faults
         ]
     known = [part for part in parts if part is not None]
     faults += [*_duplicates(known), *_too_many(known)]
@@ -66,9 +63,7 @@ def _length(requirements: Sequence[Requirement]) -> str:
     return units.pop() if len(units) == 1 and family(min(units))[0] == "meter" else ""
 
 
-def _read(
-    section: Section, length_unit: str, requirements: Sequence[Requirement], fit: str
-) -> Part | None:
+def _read(section: Section, length_unit: str, requirements: Sequence[Requirement], fit: str) -> Part | None:
     name = _name(section)
     unit, assumed = _unit(section, length_unit)
     count = section.integer("count", Range(1, MOST))
@@ -82,16 +77,13 @@ def _read(
     zone = read_tolerance(section, unit, nominal, fit)
     if name is None or zone is None or distribution is None:
         return None
-    if distribution.one_sided and (
-        conflicting := [key for key in ("limits", "fit") if key in section]
-    ):
+    if distribution.one_sided and (conflicting := [key for key in ("limits", "fit") if key in section]):
         text = f"a radius lies between 0 and its tolerance: leave out {', '.join(conflicting)}"
         section.fault("distribution", text)
         return None
     if zone.machines and not (isinstance(distribution, Normal) and distribution.shift == 0.0):
         section.fault(
-            "distribution",
-            "must be normal and centred where machines are stated: state mean in [[part.machine]]",
+            "distribution", "must be normal and centred where machines are stated: state mean in [[part.machine]]"
         )
         return None
     sample = None
@@ -104,25 +96,17 @@ def _read(
     elif "distribution" not in section and not zone.machines:
         assumed["distribution"] = "normal; the configuration names none"
     part = _part(name, unit, distribution, zone, nominal, count, sensitivities, assumed)
-    return replace(
-        part, geometry=labels[0], drawing=labels[1], characteristic=labels[2], sample=sample
-    )
+    return replace(part, geometry=labels[0], drawing=labels[1], characteristic=labels[2], sample=sample)
 
 
-def _sample(
-    section: Section, unit: str, nominal: float | None, zone: Tolerance
-) -> PartSample | None:
+def _sample(section: Section, unit: str, nominal: float | None, zone: Tolerance) -> PartSample | None:
     """The sample of measured parts, None and faults where it does not apply."""
     stated = [key for key in ("distribution", "cp", "cpk", "shift") if key in section]
     for key in stated:
-        section.fault(
-            key, "is stated in addition to [part.measured], from which it follows: keep one"
-        )
+        section.fault(key, "is stated in addition to [part.measured], from which it follows: keep one")
     if zone.machines or len(zone.processes) != 1:
         section.fault(
-            "measured",
-            "is of one process: a part with several takes its scatter from "
-            "its machines or distribution",
+            "measured", "is of one process: a part with several takes its scatter from its machines or distribution"
         )
         return None
     (process,) = zone.processes
@@ -160,11 +144,7 @@ def _part(
 
 def _labels(section: Section) -> tuple[str, str, str]:
     """Geometrical characteristic, number of the drawing, number of the characteristic on it."""
-    return (
-        section.text("geometry", SYMBOLS) or "",
-        _number(section, "drawing"),
-        _number(section, "characteristic"),
-    )
+    return (section.text("geometry", SYMBOLS) or "", _number(section, "drawing"), _number(section, "characteristic"))
 
 
 def _number(section: Section, key: str) -> str:
@@ -182,9 +162,7 @@ def _name(section: Section) -> str | None:
             section.fault("name", "is missing: name the part")
         return None
     if not _NAME.fullmatch(name):
-        section.fault(
-            "name", f'must be letters, digits and _, and begin with a letter, got "{name}"'
-        )
+        section.fault("name", f'must be letters, digits and _, and begin with a letter, got "{name}"')
         return None
     if name in FUNCTIONS or name in CONSTANTS:
         section.fault("name", f"{name} means something in formulas; choose another name")
@@ -215,9 +193,7 @@ def _duplicates(parts: Sequence[Part]) -> list[Fault]:
     for part in parts:
         for piece in dict.fromkeys((part.name, *part.pieces)):
             if piece in owners:
-                text = (
-                    f'"{piece}" is already a name of part {owners[piece]}; rename part {part.name}'
-                )
+                text = f'"{piece}" is already a name of part {owners[piece]}; rename part {part.name}'
                 faults.append(Fault("part", text))
             owners[piece] = part.name
     return faults

@@ -19,9 +19,7 @@ Array = NDArray[np.float64]
 def processes_of(offers: Sequence[Offer]) -> tuple[Process, ...]:
     """Each machine, with and without inspection, as a process."""
     return tuple(
-        Process(way.low, way.high, way.curve, way.label, way.machine)
-        for offer in offers
-        for way in offer.ways()
+        Process(way.low, way.high, way.curve, way.label, way.machine) for offer in offers for way in offer.ways()
     )
 
 
@@ -61,9 +59,7 @@ def as_made(parts: Sequence[Part], t: Array, chosen: NDArray[np.int64]) -> Toler
 def ends_as_made(parts: Sequence[Part]) -> tuple[Tolerances, Tolerances]:
     """Least and largest limit, spread and size of the mean of each part, (1, p) each."""
     ends = [_ends(part) for part in parts]
-    low, high = (
-        np.array([[pair[side] for pair in part_ends] for part_ends in ends]) for side in (0, 1)
-    )
+    low, high = (np.array([[pair[side] for pair in part_ends] for part_ends in ends]) for side in (0, 1))
     if not any(part.by_machine for part in parts):
         return low[:, 0].reshape(1, -1), high[:, 0].reshape(1, -1)
     return (

@@ -34,10 +34,7 @@ class Posterior:
     def _drawn(self, chosen: tuple[int, ...]) -> Draws:
         """Draws of the processes that make the parts."""
         none = np.ones(self.draws), np.zeros(self.draws)
-        pairs = [
-            self._drawn_processes.get((at, self._source(at, number)), none)
-            for at, number in enumerate(chosen)
-        ]
+        pairs = [self._drawn_processes.get((at, self._source(at, number)), none) for at, number in enumerate(chosen)]
         variance, error = zip(*pairs, strict=True)
         return Draws(np.stack(variance, axis=1), np.stack(error, axis=1))
 
@@ -65,10 +62,7 @@ class Posterior:
         if made is None or not any(part.machines for part in self.parts if part.sampled):
             return [((0,) * len(self.parts), np.arange(len(t)))]
         ways, owner = np.unique(made, axis=0, return_inverse=True)
-        return [
-            (tuple(choice), np.flatnonzero(owner.ravel() == at))
-            for at, choice in enumerate(ways.tolist())
-        ]
+        return [(tuple(choice), np.flatnonzero(owner.ravel() == at)) for at, choice in enumerate(ways.tolist())]
 
     def assurance(self, of: Sequence[Measured], t: Tolerances, share: float) -> tuple[Array, Array]:
         """Probability [percent] (n,) that a fraction of units keeps every requirement, its error.
@@ -77,9 +71,7 @@ class Posterior:
         """
         kept = np.empty(len(t))
         for chosen, rows in self._portions(t):
-            every = np.all(
-                [self._yields(measured, t[rows], chosen) >= share for measured in of], axis=0
-            )
+            every = np.all([self._yields(measured, t[rows], chosen) >= share for measured in of], axis=0)
             kept[rows] = every.mean(axis=1)
         return assured_percent(kept, self.draws)
 

@@ -19,16 +19,7 @@ from ...models.stack import Linear, Tolerances
 from ...section import Section
 from ..declaration import ConfiguredProblem, Declaration, Interval
 from ..forms import Form
-from ..interfaces import (
-    Accuracy,
-    Checks,
-    Differentiable,
-    Documented,
-    Drawing,
-    Page,
-    Provable,
-    Written,
-)
+from ..interfaces import Accuracy, Checks, Differentiable, Documented, Drawing, Page, Provable, Written
 from ..promise import Promise, read_promise
 from ..settings import Settings
 from ..tolerance_problem import ToleranceProblem
@@ -57,9 +48,7 @@ from .yields import Yields
 Array = NDArray[np.float64]
 
 
-class Stack(
-    ToleranceProblem, Provable, Differentiable, Accuracy, Documented, Drawing, Checks, Written, Page
-):
+class Stack(ToleranceProblem, Provable, Differentiable, Accuracy, Documented, Drawing, Checks, Written, Page):
     """Any mechanism written in its configuration: cost of its tolerances against its variation.
 
     Keys, definitions and formulas: docs/stack.md. It is made from `Settings.definition`, which
@@ -74,9 +63,7 @@ class Stack(
         self.measured: tuple[Measured, ...] = measured(definition)
         self.declaration = _declared(
             variables_of(definition.parts),
-            outputs_of(
-                definition.requirements, definition.parts, self.measured, definition.promise
-            ),
+            outputs_of(definition.requirements, definition.parts, self.measured, definition.promise),
         )
         super().__init__(settings)
 
@@ -89,8 +76,7 @@ class Stack(
         for fault in faults:
             top.fault(fault.place, fault.message)
         known = [
-            part or stand_in(table, at)
-            for at, (part, table) in enumerate(zip(parts, top.tables("part"), strict=True))
+            part or stand_in(table, at) for at, (part, table) in enumerate(zip(parts, top.tables("part"), strict=True))
         ]
         mechanisms = measured(definition) if definition is not None else ()
         outputs = outputs_of(requirements, known, mechanisms, read_promise(top))
@@ -144,11 +130,7 @@ class Stack(
         return {
             f"{part.name}_t": wrong
             for part in self._parts
-            if (
-                wrong := out_of_process(
-                    part, self.column(designs, f"{part.name}_t"), self._chosen(designs, part)
-                )
-            )
+            if (wrong := out_of_process(part, self.column(designs, f"{part.name}_t"), self._chosen(designs, part)))
         }
 
     # ---------------------------------------------------------------- outputs
@@ -226,8 +208,7 @@ class Stack(
 
     def mechanism(self) -> dict[str, object]:
         requirements = [
-            labels_of(measured.requirement) | {"centre": measured.mechanism.centre}
-            for measured in self.measured
+            labels_of(measured.requirement) | {"centre": measured.mechanism.centre} for measured in self.measured
         ]
         return super().mechanism() | {"requirements": requirements}
 
@@ -262,14 +243,10 @@ class Stack(
         for requirement in self.measured:
             derivatives |= requirement.slopes(t, self.required_outputs, coverage)
             values |= requirement.variations(t)
-        derivatives |= (
-            self.promises.slopes(t, self.required_outputs) if self.promises is not None else {}
-        )
+        derivatives |= self.promises.slopes(t, self.required_outputs) if self.promises is not None else {}
         if all(requirement.name("variation") in values for requirement in self.measured):
             derivatives |= joint_slopes(self.measured, values, derivatives)
-        derivatives = by_limit(self, designs, derivatives) | {
-            "cost": self._by_part(designs, slope=True)
-        }
+        derivatives = by_limit(self, designs, derivatives) | {"cost": self._by_part(designs, slope=True)}
         at = [self.names.index(f"{part.name}_t") for part in self._parts]
         wide = {name: np.zeros_like(designs) for name in derivatives}
         for name, slopes in derivatives.items():
@@ -314,10 +291,7 @@ class Stack(
     @cached_property
     def ends_of_t(self) -> tuple[Array, Array]:
         """Tightest and loosest half-width (parts,)."""
-        return (
-            np.array([part.low for part in self._parts]),
-            np.array([part.high for part in self._parts]),
-        )
+        return (np.array([part.low for part in self._parts]), np.array([part.high for part in self._parts]))
 
     @cached_property
     def ends_as_made(self) -> tuple[Tolerances, Tolerances]:
@@ -327,9 +301,7 @@ class Stack(
     @property
     def negative(self) -> bool:
         """Whether deviations of parts may compensate each other."""
-        return any(
-            bool(np.any(requirement.linear.covariance < 0.0)) for requirement in self.measured
-        )
+        return any(bool(np.any(requirement.linear.covariance < 0.0)) for requirement in self.measured)
 
     @cached_property
     def _cost_interval(self) -> Interval:

@@ -17,14 +17,11 @@ Array = NDArray[np.float64]
 def out_of_process(part: Part, t: Array, chosen: NDArray[np.int64]) -> dict[int, str]:
     """Messages by row where tolerances (n,) of a part do not suit the processes (n,) chosen."""
     messages = {}
-    for row, (half_width, at) in (
-        enumerate(zip(t, chosen, strict=True)) if part.alternatives else ()
-    ):
+    for row, (half_width, at) in enumerate(zip(t, chosen, strict=True)) if part.alternatives else ():
         process = part.processes[at]
         if not process.low <= half_width <= process.high:
             messages[row] = (
-                f"process {process.name} holds {process.low:g} to {process.high:g} "
-                f"{part.unit}, got {half_width:g}"
+                f"process {process.name} holds {process.low:g} to {process.high:g} {part.unit}, got {half_width:g}"
             )
     return messages
 

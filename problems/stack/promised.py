@@ -41,10 +41,7 @@ class Promised:
         alone = np.divide(variances, squares, out=np.zeros_like(variances), where=squares > 0.0)
         return tuple(
             norm_of(
-                [
-                    part.knowledge_of(min(number, len(part.processes) - 1))
-                    for part in measured.parts
-                ],
+                [part.knowledge_of(min(number, len(part.processes) - 1)) for part in measured.parts],
                 variances,
                 measured.linear.slope**2 * alone,
                 self.promise.confidence,
@@ -60,8 +57,7 @@ class Promised:
             return self.norms[0]
         at = t.chosen, np.arange(t.chosen.shape[1])
         even, own, shared = (
-            np.array([getattr(norm, name) for norm in self.norms])[at]
-            for name in ("even", "own", "shared")
+            np.array([getattr(norm, name) for norm in self.norms])[at] for name in ("even", "own", "shared")
         )
         errors = [norm.error for norm in self.norms if norm.error is not None]
         return Norm(even, own, shared, np.array(errors)[at] if errors else None)
@@ -70,10 +66,7 @@ class Promised:
     def sides(self) -> list[tuple[float, float]]:
         """Direction and distance of each limit from the mean that does not move with t."""
         mechanism = self.measured.mechanism
-        ends = [
-            (1.0, mechanism.upper - mechanism.centre),
-            (-1.0, mechanism.centre - mechanism.lower),
-        ]
+        ends = [(1.0, mechanism.upper - mechanism.centre), (-1.0, mechanism.centre - mechanism.lower)]
         return [(side, room) for side, room in ends if np.isfinite(room)]
 
     @property
@@ -100,9 +93,7 @@ class Promised:
         nearest, spread = np.argmin(room, axis=0), self._spread(t)
         side = np.array([side for side, _ in self.sides])[nearest]
         z = room.min(axis=0) / spread
-        rise = -side[:, None] * self.measured.linear.mean - z[:, None] * self.norm(t).slopes(
-            spread_of(t)
-        )
+        rise = -side[:, None] * self.measured.linear.mean - z[:, None] * self.norm(t).slopes(spread_of(t))
         bell = np.exp(-0.5 * z**2) / np.sqrt(2.0 * np.pi) * (1.0 + (len(self.sides) == 2))
         return np.asarray(100.0 * (bell / spread)[:, None] * rise)
 

@@ -30,15 +30,9 @@ def promise_outputs(promise: Promise | None, requirements: Sequence[Requirement]
     if promise is None:
         return []
     bounded = [
-        requirement
-        for requirement in requirements
-        if requirement.lower is not None or requirement.upper is not None
+        requirement for requirement in requirements if requirement.lower is not None or requirement.upper is not None
     ]
-    outputs = [
-        output
-        for requirement in bounded
-        for output in outputs_of_promise(promise, requirement.output(""))
-    ]
+    outputs = [output for requirement in bounded for output in outputs_of_promise(promise, requirement.output(""))]
     joint = bool(requirements[0].key) and bool(bounded)
     return outputs + (list(assurances(ASSURANCE)) if joint else [])
 
@@ -62,8 +56,7 @@ def promise_faults(definition: Definition, given: Mapping[str, Bound]) -> list[F
         return []
     faults = contradictions(promise, given)
     if not any(
-        requirement.lower is not None or requirement.upper is not None
-        for requirement in definition.requirements
+        requirement.lower is not None or requirement.upper is not None for requirement in definition.requirements
     ):
         text = "is of no requirement: none has lower or upper, without which there is no yield"
         faults.append(Fault("promise", text))
@@ -94,9 +87,7 @@ class Promises:
         """The promise of each requirement with limits."""
         bounded = [measured for measured in self.measured if measured.mechanism.bounded]
         level = self.level.confidence if self.level is not None else None
-        return tuple(
-            Promised(measured, self.promise, self.posterior, level) for measured in bounded
-        )
+        return tuple(Promised(measured, self.promise, self.posterior, level) for measured in bounded)
 
     @cached_property
     def level(self) -> Level | None:
@@ -110,10 +101,7 @@ class Promises:
             name = promised.measured.name(PROMISED)
             asked = not searching or name in wanted
             by_output[name] = promised.promised(t) if asked else np.full(len(t), np.nan)
-        groups = {
-            promised.measured.name(ASSURANCE): [promised.measured]
-            for promised in self.requirement_promises
-        }
+        groups = {promised.measured.name(ASSURANCE): [promised.measured] for promised in self.requirement_promises}
         if self.measured[0].requirement.key:
             groups[ASSURANCE] = [promised.measured for promised in self.requirement_promises]
         for name, group in groups.items():
@@ -141,18 +129,10 @@ class Promises:
             proven = self.promise.statement == ASSURED and still and len(promised.norms) == 1
             most = max(0.0, float(promised.promised(tightest)[0])) if proven else 100.0
             by_output[promised.measured.name(PROMISED)] = 0.0, most
-        return by_output | {
-            promised.measured.name(ASSURANCE): (0.0, 100.0)
-            for promised in self.requirement_promises
-        }
+        return by_output | {promised.measured.name(ASSURANCE): (0.0, 100.0) for promised in self.requirement_promises}
 
     def row(self, output: str) -> Promised | None:
         """The promise that an output is of."""
         return next(
-            (
-                promised
-                for promised in self.requirement_promises
-                if promised.measured.name(PROMISED) == output
-            ),
-            None,
+            (promised for promised in self.requirement_promises if promised.measured.name(PROMISED) == output), None
         )

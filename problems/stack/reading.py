@@ -49,9 +49,7 @@ def read_definition(
     return parts, requirements, definition
 
 
-def _correlations(
-    top: Section, parts: list[Part], complete: bool, faults: list[Fault]
-) -> tuple[Correlation, ...]:
+def _correlations(top: Section, parts: list[Part], complete: bool, faults: list[Fault]) -> tuple[Correlation, ...]:
     """`[[correlation]]`: parts = ["a", "b"], coefficient."""
     owners = {piece: part for part in parts for piece in part.pieces}
     correlations: list[Correlation] = []
@@ -86,10 +84,7 @@ def _uncorrelated(name: str, owners: dict[str, Part], parts: list[Part]) -> str:
     if name not in owners:
         return f'"{name}" is not a part{nearest(name, owners)}'
     if owners[name].by_machine:
-        return (
-            f"{name} is made by machines: only parts whose scatter follows their tolerance can "
-            "be correlated"
-        )
+        return f"{name} is made by machines: only parts whose scatter follows their tolerance can be correlated"
     if not isinstance(owners[name].distribution, Normal):
         return f"{name} is not normal: only normal parts can be correlated"
     return ""
@@ -99,16 +94,10 @@ def _either(requirement: Requirement, top: Section, parts: list[Part | None]) ->
     """A formula, or a sensitivity for every part, never both."""
     tables = top.tables("part")
     given = ["sensitivity" in table for table in tables]
-    names = [
-        f" (part {name})" if isinstance(name := table.get("name"), str) else "" for table in tables
-    ]
+    names = [f" (part {name})" if isinstance(name := table.get("name"), str) else "" for table in tables]
     if requirement.formula:
         text = "is given in addition to requirement.formula: keep one of them"
-        return [
-            Fault(f"part[{at}].sensitivity", text + names[at])
-            for at, is_stated in enumerate(given)
-            if is_stated
-        ]
+        return [Fault(f"part[{at}].sensitivity", text + names[at]) for at, is_stated in enumerate(given) if is_stated]
     section = top.section("requirement")
     if not any(given):
         if "formula" in section and section.take("formula") != "":
@@ -116,8 +105,4 @@ def _either(requirement: Requirement, top: Section, parts: list[Part | None]) ->
         text = "is missing: give a formula, or a sensitivity for every part"
         return [Fault("requirement.formula", text)]
     text = "is missing: without a formula every part has one"
-    return [
-        Fault(f"part[{at}].sensitivity", text + names[at])
-        for at, is_stated in enumerate(given)
-        if not is_stated
-    ]
+    return [Fault(f"part[{at}].sensitivity", text + names[at]) for at, is_stated in enumerate(given) if not is_stated]

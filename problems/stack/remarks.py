@@ -40,10 +40,7 @@ def warnings_of(stack: Stack) -> tuple[str, ...]:
         if key in ("grade", "fit")
     ]
     sentences += [text for part in stack.definition.parts if (text := _impossible(part))]
-    remarks = [
-        price_remark(part.name, part.processes, part.stated.get("price", {}))
-        for part in stack.definition.parts
-    ]
+    remarks = [price_remark(part.name, part.processes, part.stated.get("price", {})) for part in stack.definition.parts]
     sentences += [remark for remark in remarks if remark]
     for part in stack.definition.parts:
         for process in part.processes:
@@ -60,15 +57,10 @@ def warnings_of(stack: Stack) -> tuple[str, ...]:
             unit = f" {measured.requirement.unit}".rstrip()
             sample = stack.yields.drawn(WARNING_SAMPLES)
             warnings = linearity_warnings(
-                measured.mechanism,
-                measured.linear,
-                *_loosest_feasible(stack, measured),
-                unit,
-                sample,
+                measured.mechanism, measured.linear, *_loosest_feasible(stack, measured), unit, sample
             )
             sentences += [
-                f"{measured.requirement.key}: {text}" if measured.requirement.key else text
-                for text in warnings
+                f"{measured.requirement.key}: {text}" if measured.requirement.key else text for text in warnings
             ]
     return tuple(sentences)
 

@@ -34,10 +34,7 @@ def read_requirements(top: Section, faults: list[Fault]) -> tuple[Requirement, .
     if not tables:
         faults.append(Fault("requirement", "must list at least one [[requirement]] table"))
         return (Requirement("", ""),)
-    requirements = [
-        _read(top.item("requirement", at, faults), f"requirement[{at}]", True)
-        for at in range(len(tables))
-    ]
+    requirements = [_read(top.item("requirement", at, faults), f"requirement[{at}]", True) for at in range(len(tables))]
     faults += _twice(requirements)
     return tuple(requirements)
 
@@ -80,9 +77,7 @@ def _key(section: Section, place: str) -> str:
     """The name of one of several requirements; a stand-in where it has none that is valid."""
     name, stand_in = section.text("name"), place.replace("[", "_").replace("]", "")
     if "name" not in section:
-        section.fault(
-            "name", "is missing: outputs of several requirements are distinguished by their names"
-        )
+        section.fault("name", "is missing: outputs of several requirements are distinguished by their names")
     if name is None:
         return stand_in
     if not _NAME.fullmatch(name):
@@ -101,8 +96,7 @@ def _twice(requirements: list[Requirement]) -> list[Fault]:
     return [
         Fault(
             f"{requirement.place}.name",
-            f'"{requirement.key}" is already the name of '
-            f"requirement[{names.index(requirement.key)}]",
+            f'"{requirement.key}" is already the name of requirement[{names.index(requirement.key)}]',
         )
         for at, requirement in enumerate(requirements)
         if requirement.key in names[:at]

@@ -88,11 +88,7 @@ def rows_of(stack: Stack, gaussian: bool) -> list[Row]:
                 rows += _row(stack, kind, measured, kind, measured.requirement.weight, gaussian)
     if not several and not any(row.output == "variation" for row in rows):
         return []
-    rows = [
-        row
-        for row in rows
-        if not several or row.output not in VARIATIONS or _complete(row, rows, stack)
-    ]
+    rows = [row for row in rows if not several or row.output not in VARIATIONS or _complete(row, rows, stack)]
     rows += _yield_rows(stack) + _promise_rows(stack, gaussian)
     first = stack.measured[0]
     return rows or _row(stack, first.name("rss"), first, "rss", 1.0, gaussian)
@@ -103,9 +99,7 @@ def _complete(row: Row, rows: list[Row], stack: Stack) -> bool:
     return sum(other.output == row.output for other in rows) == len(stack.measured)
 
 
-def _row(
-    stack: Stack, output: str, measured: Measured, kind: str, weight: float, gaussian: bool
-) -> list[Row]:
+def _row(stack: Stack, output: str, measured: Measured, kind: str, weight: float, gaussian: bool) -> list[Row]:
     """The row of a kind of variation of one requirement; none where it has no convex form."""
     method = measured.requirement.method if kind == "variation" else kind
     if method == "monte_carlo":
@@ -219,9 +213,7 @@ def _least(doubts: list[Surplus]) -> Surplus | None:
         return None
     own, shared, error = (_of_all(doubts, name) for name in ("own", "shared", "error"))
     return Surplus(
-        np.min(own, axis=0),
-        np.min(shared, axis=0),
-        error=None if doubts[0].error is None else np.min(error, axis=0),
+        np.min(own, axis=0), np.min(shared, axis=0), error=None if doubts[0].error is None else np.min(error, axis=0)
     )
 
 
@@ -320,9 +312,7 @@ def shortfall(stack: Stack, row: str, designs: Array, outputs: Mapping[str, Arra
     laws = [
         measured.law
         for measured in stack.measured
-        if isinstance(measured.law, Law)
-        and measured.mechanism.bounded
-        and row in (YIELD, measured.name(YIELD))
+        if isinstance(measured.law, Law) and measured.mechanism.bounded and row in (YIELD, measured.name(YIELD))
     ]
     if not laws or least <= 0.0:
         return np.zeros(len(designs))

@@ -11,9 +11,7 @@ from ...units import family
 from .definition import Part, Requirement
 
 
-def read_sensitivities(
-    section: Section, unit: str | None, requirements: Sequence[Requirement]
-) -> dict[str, float]:
+def read_sensitivities(section: Section, unit: str | None, requirements: Sequence[Requirement]) -> dict[str, float]:
     """d requirement / d part by the key of the requirement; `unit` is that of the part."""
     if "sensitivity" not in section:
         section.accept(("sensitivity",))
@@ -55,9 +53,7 @@ def _quotient(unit: str, per: str | None) -> str:
     return "" if same and unit == (per or "") else f"{unit or '1'}/{per}" if per else unit
 
 
-def sensitivity_faults(
-    requirements: Sequence[Requirement], tables: Sequence[Mapping[str, Any]]
-) -> list[Fault]:
+def sensitivity_faults(requirements: Sequence[Requirement], tables: Sequence[Mapping[str, Any]]) -> list[Fault]:
     """A formula or sensitivities for each requirement, never both, and no part that is for nothing.
 
     `tables` are those of the parts, faulty ones included.

@@ -14,9 +14,5 @@ def stand_in(table: Mapping[str, Any], at: int) -> Part:
     name = table.get("name")
     processes = (Process(0.0, 1.0), Process(0.0, 1.0))
     return Part(
-        name if isinstance(name, str) else f"part_{at}",
-        "",
-        processes,
-        Normal(),
-        alternatives="process" in table,
+        name if isinstance(name, str) else f"part_{at}", "", processes, Normal(), alternatives="process" in table
     )

@@ -11,17 +11,7 @@ from ...models.costs.extras import dearer, read_extras_by
 from ...models.costs.reading import read_curve
 from ...models.costs.reciprocal import Reciprocal
 from ...models.inputs import Zone
-from ...models.iso286 import (
-    GRADES,
-    SYMBOLS,
-    UNVERIFIED,
-    Fit,
-    angle_rad,
-    geometrical_mm,
-    grade_um,
-    linear_mm,
-    zone,
-)
+from ...models.iso286 import GRADES, SYMBOLS, UNVERIFIED, Fit, angle_rad, geometrical_mm, grade_um, linear_mm, zone
 from ...section import Range, Section
 from ...units import family
 from .definition import Process
@@ -35,9 +25,7 @@ COSTS = ("cost", "setup", "inspection")
 FEATURES = ("length", "radius")
 
 
-def standard(
-    section: Section, key: str, text: str, unit: str, nominal: float | None
-) -> tuple[Zone, dict[str, Any]]:
+def standard(section: Section, key: str, text: str, unit: str, nominal: float | None) -> tuple[Zone, dict[str, Any]]:
     """The zone of an ISO 286 grade (symmetric) or fit, or of a general tolerance of ISO 2768, in
     the unit of the part, with its nominal and what is assumed.
 
@@ -58,9 +46,7 @@ def standard(
     return scaled, {"nominal": nominal, "assumed": _unverified(key, [fit.grade])}
 
 
-def searched_grades(
-    section: Section, unit: str, nominal: float | None
-) -> tuple[Process, ...] | None:
+def searched_grades(section: Section, unit: str, nominal: float | None) -> tuple[Process, ...] | None:
     """`grade = ["IT5", "IT8"]`: each grade from the first to the second as a process of its own.
 
     Each costs its `price`, or the `cost` at its half-width, plus its part of a set-up and its
@@ -70,10 +56,7 @@ def searched_grades(
     curve = read_curve(section.section("cost")) if "cost" in section else None
     prices = _prices(section, grades or ())
     if ("cost" in section) == ("price" in section):
-        section.fault(
-            "cost",
-            "give a cost curve of t, or price = { IT6 = 12.0, IT7 = 8.5 } by grade, one of them",
-        )
+        section.fault("cost", "give a cost curve of t, or price = { IT6 = 12.0, IT7 = 8.5 } by grade, one of them")
     t = _half_widths(section, grades or (), unit, nominal)
     more = read_extras_by(section, grades or ())
     if grades is None or t is None or (curve is None) == (prices is None):
@@ -88,15 +71,9 @@ def searched_grades(
 
 def price_remark(name: str, processes: tuple[Process, ...], prices: dict[str, Any]) -> str:
     """A remark that a coarser grade is more expensive than a finer one, empty where none is."""
-    listed = [
-        (process.name, float(prices[process.name]))
-        for process in processes
-        if process.name in prices
-    ]
+    listed = [(process.name, float(prices[process.name])) for process in processes if process.name in prices]
     inverted = [
-        f"{coarse} costs {more:g}, {fine} {less:g}"
-        for (fine, less), (coarse, more) in pairwise(listed)
-        if more > less
+        f"{coarse} costs {more:g}, {fine} {less:g}" for (fine, less), (coarse, more) in pairwise(listed) if more > less
     ]
     if not inverted:
         return ""
@@ -117,23 +94,16 @@ def _range(section: Section) -> tuple[str, ...] | None:
         return None
     unknown = [name for name in names if name not in GRADES]
     for name in unknown:
-        section.fault(
-            "grade", f'"{name}" is not a grade{nearest(name, GRADES)}; one of {", ".join(GRADES)}'
-        )
+        section.fault("grade", f'"{name}" is not a grade{nearest(name, GRADES)}; one of {", ".join(GRADES)}')
     if unknown:
         return None
     if len(names) != 2 or GRADES.index(names[0]) >= GRADES.index(names[1]):
-        section.fault(
-            "grade",
-            f'must be two grades, the finer one first, like ["IT5", "IT8"]; got {", ".join(names)}',
-        )
+        section.fault("grade", f'must be two grades, the finer one first, like ["IT5", "IT8"]; got {", ".join(names)}')
         return None
     return GRADES[GRADES.index(names[0]) : GRADES.index(names[1]) + 1]
 
 
-def _half_widths(
-    section: Section, grades: tuple[str, ...], unit: str, nominal: float | None
-) -> list[float] | None:
+def _half_widths(section: Section, grades: tuple[str, ...], unit: str, nominal: float | None) -> list[float] | None:
     try:
         to_mm = _to_mm(unit)
         if nominal is None:

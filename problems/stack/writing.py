@@ -48,16 +48,8 @@ def _part(part: Part) -> dict[str, Any]:
         table["nominal"] = part.nominal
     if part.sensitivities:
         table["sensitivity"] = part.sensitivities.get("", dict(part.sensitivities))
-    table |= (
-        written(part.distribution)
-        if part.sample is None
-        else {"measured": dict(part.sample.stated)}
-    )
-    labels = {
-        "drawing": part.drawing,
-        "characteristic": part.characteristic,
-        "geometry": part.geometry,
-    }
+    table |= written(part.distribution) if part.sample is None else {"measured": dict(part.sample.stated)}
+    labels = {"drawing": part.drawing, "characteristic": part.characteristic, "geometry": part.geometry}
     table |= {key: value for key, value in labels.items() if value}
     if part.machines:
         processes = [{"name": p.name} | _range(p) for p in part.processes if p.machine is None]

@@ -41,16 +41,12 @@ class Yields:
             if measured.requirement.method == "monte_carlo":
                 by_output |= self._half_width(measured, t, searching, needed)
             with_limits = [measured] if measured.mechanism.bounded else []
-            by_output |= self._yield(
-                measured.name("yield_percent"), with_limits, t, searching, needed
-            )
+            by_output |= self._yield(measured.name("yield_percent"), with_limits, t, searching, needed)
         if self.measured[0].requirement.key:
             by_output |= self._yield("yield_percent", bounded, t, searching, needed)
         return by_output
 
-    def _half_width(
-        self, measured: Measured, t: Tolerances, searching: bool, needed: bool
-    ) -> dict[str, Array]:
+    def _half_width(self, measured: Measured, t: Tolerances, searching: bool, needed: bool) -> dict[str, Array]:
         name = measured.name("variation")
         if needed and not self.required_outputs & {name, "variation"}:
             return {name: np.full(len(t), np.nan)}
@@ -63,12 +59,7 @@ class Yields:
         return self.searching if searching else self.reported
 
     def _yield(
-        self,
-        name: str,
-        bounded: Sequence[Measured],
-        t: Tolerances,
-        searching: bool,
-        needed: bool,
+        self, name: str, bounded: Sequence[Measured], t: Tolerances, searching: bool, needed: bool
     ) -> dict[str, Array]:
         """A yield and its error over requirements with limits."""
         names = (name, f"{name}_error")

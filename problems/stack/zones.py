@@ -43,9 +43,7 @@ class Tolerance:
     machines: tuple[Offer, ...] = ()
 
 
-def read_tolerance(
-    section: Section, unit: str, nominal: float | None, fit: str = ""
-) -> Tolerance | None:
+def read_tolerance(section: Section, unit: str, nominal: float | None, fit: str = "") -> Tolerance | None:
     """The zone that the table of a part states, None and faults where it states none.
 
     `fit` is its tolerance class by a `[[fit]]` of two parts, empty where it is in none.
@@ -55,9 +53,7 @@ def read_tolerance(
     if fit and not given:
         section, given = section.having("fit", fit), ["fit"]
     elif fit:
-        section.fault(
-            given[0], f"is a second statement in addition to {fit} of its [[fit]]: keep one"
-        )
+        section.fault(given[0], f"is a second statement in addition to {fit} of its [[fit]]: keep one")
         return None
     if set(given) in MADE:
         return _alternatives(section, unit, nominal)
@@ -72,9 +68,7 @@ def read_tolerance(
         if grades is None:
             return None
         costs = {key: section.take(key) for key in COSTS if key in section}
-        return Tolerance(
-            grades, alternatives=True, stated=stated_of(section) | costs, assumed=assumed_of(grades)
-        )
+        return Tolerance(grades, alternatives=True, stated=stated_of(section) | costs, assumed=assumed_of(grades))
     if given == ["t_min"]:
         process = _process(section, unit)
         return None if process is None else Tolerance((process,))
@@ -96,9 +90,7 @@ def _process(section: Section, unit: str, name: str = "") -> Process | None:
             section.fault(key, "is missing: a tolerance is searched from t_min to t_max")
     if "cost" not in section:
         section.fault(
-            "cost",
-            'is missing: give one, like { model = "reciprocal", a = 1.0, b = 0.1 '
-            "}, or fix the tolerance",
+            "cost", 'is missing: give one, like { model = "reciprocal", a = 1.0, b = 0.1 }, or fix the tolerance'
         )
         curve = None
     else:
@@ -114,9 +106,7 @@ def _process(section: Section, unit: str, name: str = "") -> Process | None:
     return Process(low, high, curve, name, note=note)
 
 
-def _narrowed(
-    low: float, high: float, curve: CostCurve | None, unit: str
-) -> tuple[float, float, str]:
+def _narrowed(low: float, high: float, curve: CostCurve | None, unit: str) -> tuple[float, float, str]:
     """A range within the tolerances that a table of costs spans, and a note on it."""
     if not isinstance(curve, Table):
         return low, high, ""
@@ -144,9 +134,7 @@ def _check_cost(section: Section, key: str, curve: CostCurve | None, t: float, u
         cost = float(curve.cost(np.array([t]))[0])
     if not math.isfinite(cost):
         section.fault(
-            key,
-            f"must have a finite cost, but {t:g} {unit} costs {cost:g} by its cost "
-            f"curve ({name_of(curve)})",
+            key, f"must have a finite cost, but {t:g} {unit} costs {cost:g} by its cost curve ({name_of(curve)})"
         )
 
 
@@ -178,9 +166,7 @@ def _alternatives(section: Section, unit: str, nominal: float | None) -> Toleran
     )
 
 
-def _fixed(
-    section: Section, key: str, unit: str, nominal: float | None
-) -> tuple[Zone, dict[str, Any]] | None:
+def _fixed(section: Section, key: str, unit: str, nominal: float | None) -> tuple[Zone, dict[str, Any]] | None:
     """The zone about the nominal that a bought-in part has."""
     if key == "tolerance":
         value = section.number("tolerance", unit, Range(low=0.0))

@@ -14,14 +14,7 @@ from ...models.rv_reducer.geometry import RvGeometry
 from ...units import ARCMIN, MM, UM
 from ..settings import Bound
 
-_SIZES = (
-    "pin_circle_radius_mm",
-    "pin_radius_mm",
-    "eccentricity_mm",
-    "cycloid_teeth",
-    "pins",
-    "reduction_ratio",
-)
+_SIZES = ("pin_circle_radius_mm", "pin_radius_mm", "eccentricity_mm", "cycloid_teeth", "pins", "reduction_ratio")
 _LOADED = ("normal_stiffness_N_per_mm", "series_stiffness_Nm_per_arcmin", "discs")
 PARAMETERS: tuple[Parameter, ...] = (
     *(parameter for parameter in reducer.PARAMETERS if parameter.name in _SIZES),
@@ -40,27 +33,9 @@ PARAMETERS: tuple[Parameter, ...] = (
 
 VARIABLES: tuple[Variable, ...] = (
     Variable(
-        "dr_rp_mm",
-        "mm",
-        Kind.NOMINAL,
-        -0.08,
-        0.0,
-        "equidistance modification",
-        -0.040,
-        valid_low=-0.2,
-        valid_high=0.0,
+        "dr_rp_mm", "mm", Kind.NOMINAL, -0.08, 0.0, "equidistance modification", -0.040, valid_low=-0.2, valid_high=0.0
     ),
-    Variable(
-        "dr_p_mm",
-        "mm",
-        Kind.NOMINAL,
-        -0.12,
-        0.0,
-        "shift modification",
-        -0.070,
-        valid_low=-0.2,
-        valid_high=0.0,
-    ),
+    Variable("dr_p_mm", "mm", Kind.NOMINAL, -0.12, 0.0, "shift modification", -0.070, valid_low=-0.2, valid_high=0.0),
 )
 
 OUTPUTS: tuple[Output, ...] = (
@@ -70,12 +45,7 @@ OUTPUTS: tuple[Output, ...] = (
         "backlash of rigid parts at the output, mean over a pin pitch, by exact contact",
         0.1,
     ),
-    Output(
-        "peak_mesh_force_N",
-        "N",
-        "largest force on a pin over a pin pitch, under the torque",
-        low=0.0,
-    ),
+    Output("peak_mesh_force_N", "N", "largest force on a pin over a pin pitch, under the torque", low=0.0),
     Output("mean_peak_force_N", "N", "mean over the pitch of the largest force on a pin", low=0.0),
     Output("pins_loaded", "", "pins of a disc that bear, mean over the pitch", low=0.0),
     Output(
@@ -91,21 +61,9 @@ OUTPUTS: tuple[Output, ...] = (
         "backlash by the formula 2 (dr_rp - dr_p sqrt(1-k1^2))/(e z_c) (g4)",
         0.1,
     ),
-    Output(
-        "radial_gap_mm",
-        "mm",
-        "clearance at tooth tip and root, dr_rp - dr_p (g3)",
-        0.03,
-        larger_is_better=True,
-    ),
+    Output("radial_gap_mm", "mm", "clearance at tooth tip and root, dr_rp - dr_p (g3)", 0.03, larger_is_better=True),
     Output("clearance_min_mm", "mm", "least raw flank clearance", 0.03, larger_is_better=True),
-    Output(
-        "conjugate_clearance_min_mm",
-        "mm",
-        "least clearance after first contact (g5)",
-        0.03,
-        larger_is_better=True,
-    ),
+    Output("conjugate_clearance_min_mm", "mm", "least clearance after first contact (g5)", 0.03, larger_is_better=True),
 )
 
 COSTS: Mapping[str, CostCurve] = {}
@@ -138,9 +96,7 @@ def one_disc(parameters: Mapping[str, Value]) -> LoadedContact:
     p = {name: number(value) for name, value in given.items()}
     nominal = geometry_of(p)
     return LoadedContact(
-        geometry=ContactGeometry(
-            nominal, nominal.flank * SHIFT + OPEN, SHIFT, discs=1, true_levers=False
-        ),
+        geometry=ContactGeometry(nominal, nominal.flank * SHIFT + OPEN, SHIFT, discs=1, true_levers=False),
         normal_stiffness=p["normal_stiffness_N_per_mm"] / MM,
         series_stiffness=p["series_stiffness_Nm_per_arcmin"] / ARCMIN,
         rated_torque=p["torque_Nm"] / p["discs"],

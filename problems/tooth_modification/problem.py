@@ -129,9 +129,7 @@ class ToothModification(ToleranceProblem, Documented):
         ends = np.array([super(ToothModification, self).interval(name) for name in self.names])
         largest = -ends[1, 0]
         gaps = [gap] if gap > 0.0 else [0.0, largest * (1.0 - self.geometry.flank)]
-        pairs = [
-            modification.zero_backlash_pair(self.geometry, least_gap * MM) for least_gap in gaps
-        ]
+        pairs = [modification.zero_backlash_pair(self.geometry, least_gap * MM) for least_gap in gaps]
         tight = np.array(pairs) / MM
         rows = np.vstack([tight, [[0.0, -least_gap] for least_gap in gaps]])
         return np.asarray(np.clip(rows, ends[:, 0], ends[:, 1]))

@@ -25,8 +25,7 @@ MEANING = (
 def claims_page(result: ClaimsResult) -> str:
     """The whole page; every text that comes from outside is escaped."""
     drawn = {
-        named.name: picture(named.name.replace(".", "_"), named.figure, named.caption)
-        for named in figures(result)
+        named.name: picture(named.name.replace(".", "_"), named.figure, named.caption) for named in figures(result)
     }
     parts = [section("Verdicts", f"<p>{escape(MEANING)}</p>\n{_counts(result)}")]
     # tables in `detail` have their whole height: their reasons are long
@@ -73,15 +72,11 @@ def _document(source: Document, claims: pd.DataFrame) -> str:
             "quantity": rows["quantity"],
             "printed": [_printed(row) for row in rows.to_dict("records")],
             "computed": rows["computed"].map(_numbers),
-            "standard error": [
-                _numbers(errors) if any(errors) else "" for errors in rows["standard_error"]
-            ],
+            "standard error": [_numbers(errors) if any(errors) else "" for errors in rows["standard_error"]],
             "deviation": rows["deviation"].map(_numbers),
             "unit": rows["unit"],
             "tolerance": [
-                f"{shown(row['tolerance'])}: {row['tolerance_reason']}"
-                if row["tolerance_reason"]
-                else ""
+                f"{shown(row['tolerance'])}: {row['tolerance_reason']}" if row["tolerance_reason"] else ""
                 for row in rows.to_dict("records")
             ],
             "verdict": rows["verdict"],
@@ -107,9 +102,7 @@ def _numbers(values: Sequence[float]) -> str:
 
 
 def _calculation(computed: ComputedTable, drawn: str) -> str:
-    frame = pd.DataFrame(
-        {axis.name: values for axis, values in zip(computed.columns, computed.values, strict=True)}
-    )
+    frame = pd.DataFrame({axis.name: values for axis, values in zip(computed.columns, computed.values, strict=True)})
     rest = len(frame) - MOST
     more = f"<p>{rest} more rows are in the file.</p>" if rest > 0 else ""
     return f"<p>{escape(computed.meaning)}</p>\n{drawn}\n{table(frame.head(MOST))}{more}"

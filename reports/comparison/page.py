@@ -53,9 +53,7 @@ def _content(result: Comparison, per_run: int) -> dict[str, Any]:
             {
                 "label": run.label,
                 "aims": [
-                    run.front.reset_index(drop=True)
-                    .iloc[thinned(run.front, names, [], per_run)][n]
-                    .tolist()
+                    run.front.reset_index(drop=True).iloc[thinned(run.front, names, [], per_run)][n].tolist()
                     for n in names
                 ],
             }
@@ -65,8 +63,4 @@ def _content(result: Comparison, per_run: int) -> dict[str, Any]:
 
 
 def _axis(axis: Axis) -> dict[str, str]:
-    return {
-        "name": axis.name,
-        "label": split_unit(axis.name)[0].replace("_", " "),
-        "unit": axis.unit,
-    }
+    return {"name": axis.name, "label": split_unit(axis.name)[0].replace("_", " "), "unit": axis.unit}

@@ -26,15 +26,7 @@ def distribution_figure(result: GapResult, output: Axis) -> Figure | None:
     grid = figure.add_gridspec(1, 2, width_ratios=(3.0, 1.4))
     axes, distance_axes = (figure.add_subplot(grid[0, at]) for at in range(2))
     for name, label, colour, style, width in LINES:
-        axes.step(
-            rows[name],
-            rows["share"],
-            where="mid",
-            color=colour,
-            linestyle=style,
-            linewidth=width,
-            label=label,
-        )
+        axes.step(rows[name], rows["share"], where="mid", color=colour, linestyle=style, linewidth=width, label=label)
     axes.set_xlabel(words(output.name, output.unit))
     axes.set_ylabel("fraction of units below")
     axes.legend(frameon=False, fontsize="small")
@@ -47,9 +39,7 @@ def _distances(axes: Axes, result: GapResult, output: Axis) -> None:
     """The distance of the units from the model before and after, and what chance reaches."""
     far = (result.gap_before[output.name], result.gap_after[output.name])
     axes.bar(["before", "after"], far, width=0.5, color=[BEFORE.colour, AFTER.colour])
-    axes.axhline(
-        result.noise_floor[output.name], color="black", linestyle=":", linewidth=1.4, label="chance"
-    )
+    axes.axhline(result.noise_floor[output.name], color="black", linestyle=":", linewidth=1.4, label="chance")
     axes.set_ylabel(words("distance from the population", output.unit))
     axes.legend(frameon=False, fontsize="small")
     style_axes(axes)

@@ -17,8 +17,7 @@ def drawing_section(drawing: Drawing | None) -> str:
         return ""
     sentences = [drawing.assumed] if drawing.assumed else []
     sentences.append(
-        f"Model {drawing.model}; geometry from {drawing.geometry_from}; allocation from "
-        f"{drawing.allocation_from}."
+        f"Model {drawing.model}; geometry from {drawing.geometry_from}; allocation from {drawing.allocation_from}."
     )
     if drawing.effects:
         sentences.append(f"Effects in the simulated units: {', '.join(drawing.effects)}.")

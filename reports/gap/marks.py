@@ -42,15 +42,7 @@ def words(name: str, unit: str = "") -> str:
 def shade(axes: Axes, low: float, high: float, label: str = "located here") -> None:
     """Marks the part of an axis where the gap was located: coloured and hatched."""
     axes.axvspan(
-        low,
-        high,
-        facecolor=REGION,
-        edgecolor="#8a6d00",
-        hatch="//",
-        alpha=0.45,
-        linewidth=0.0,
-        zorder=0,
-        label=label,
+        low, high, facecolor=REGION, edgecolor="#8a6d00", hatch="//", alpha=0.45, linewidth=0.0, zorder=0, label=label
     )
 
 
@@ -61,10 +53,7 @@ def legend(figure: Figure, panels: Iterable[Axes]) -> None:
         for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
             handles.setdefault(label, handle)
     states = [mark.word for mark in (BEFORE, AFTER, TAKEN)]
-    labels = sorted(
-        handles,
-        key=lambda label: (label not in states, states.index(label) if label in states else 0),
-    )
+    labels = sorted(handles, key=lambda label: (label not in states, states.index(label) if label in states else 0))
     figure.legend(
         [handles[label] for label in labels],
         labels,

@@ -49,25 +49,10 @@ def _scatter(axes: Axes, old: pd.DataFrame, new: pd.DataFrame, names: list[str])
     at = new.groupby(names).size().reset_index(name="count")
     flat = pd.Series(0.0, index=old.index), pd.Series(1.0, index=at.index)
     heights = (old[names[1]], at[names[1]]) if len(names) > 1 else flat
-    axes.plot(
-        old[names[0]],
-        heights[0],
-        linestyle="none",
-        marker=".",
-        markersize=4.0,
-        color=OLD,
-        label="record",
-    )
+    axes.plot(old[names[0]], heights[0], linestyle="none", marker=".", markersize=4.0, color=OLD, label="record")
     size = 22.0 * at["count"] ** 0.8
     axes.scatter(
-        at[names[0]],
-        heights[1],
-        s=size,
-        marker="D",
-        facecolor="none",
-        edgecolor=NEW,
-        linewidth=1.2,
-        label="next",
+        at[names[0]], heights[1], s=size, marker="D", facecolor="none", edgecolor=NEW, linewidth=1.2, label="next"
     )
 
 

@@ -26,15 +26,7 @@ from .spectrum import spectrum_figure
 
 NONE = table(pd.DataFrame())
 """A section that holds nothing else is left out."""
-FOLDED = frozenset(
-    {
-        "Summary",
-        "Configuration",
-        "Corrected configuration",
-        "Detection limits",
-        "What was simulated",
-    }
-)
+FOLDED = frozenset({"Summary", "Configuration", "Corrected configuration", "Detection limits", "What was simulated"})
 """Sections that are folded until a reader opens them."""
 VERDICTS = {
     "no_gap": "No gap: the residual between model and measurement is noise.",
@@ -136,27 +128,16 @@ def _before_after(result: GapResult, name: str) -> str:
     floor = result.noise_floor.get(name)
     noise = f"; noise alone leaves {shown(floor)}" if floor is not None else ""
     measure = str(result.summary.get("gap_is", RMSE))
-    return (
-        f"{name.replace('_', ' ')}: {shown(before)} before, {shown(after)} after [{unit}] "
-        f"({measure}{noise})."
-    )
+    return f"{name.replace('_', ' ')}: {shown(before)} before, {shown(after)} after [{unit}] ({measure}{noise})."
 
 
 def _drawn(result: GapResult) -> Iterator[Drawn]:
-    kinds = (
-        ("residuals", residuals_figure),
-        ("spectrum", spectrum_figure),
-        ("distribution", distribution_figure),
-    )
+    kinds = (("residuals", residuals_figure), ("spectrum", spectrum_figure), ("distribution", distribution_figure))
     for output in result.outputs:
         for kind, draw in kinds:
             figure = draw(result, output)
             if figure is not None:
-                yield (
-                    f"{kind}_{_file_part(output.name)}",
-                    figure,
-                    CAPTIONS[kind].format(output.name),
-                )
+                yield (f"{kind}_{_file_part(output.name)}", figure, CAPTIONS[kind].format(output.name))
     points = next_figure(result)
     if points is not None:
         yield "next_measurement", points, CAPTION
@@ -249,14 +230,7 @@ def _effects(result: GapResult) -> str:
 
 def _effect(effect: FoundEffect) -> str:
     rows = [
-        {
-            "parameter": p.name,
-            "value": p.value,
-            "90 % from": p.low,
-            "to": p.high,
-            "unit": p.unit,
-            "meaning": p.meaning,
-        }
+        {"parameter": p.name, "value": p.value, "90 % from": p.low, "to": p.high, "unit": p.unit, "meaning": p.meaning}
         for p in effect.parameters
     ]
     evidence = [
@@ -307,13 +281,11 @@ def _rival(rival: Rival) -> str:
     lines = [f"fits worse by {shown(rival.distance)} (likelihood, and ln n per further parameter)"]
     if rival.correlation == rival.correlation:
         lines.append(
-            f"their contributions on these rows, given all else that is fitted, correlate by "
-            f"{rival.correlation:.3f}"
+            f"their contributions on these rows, given all else that is fitted, correlate by {rival.correlation:.3f}"
         )
     lines.append(f"next measurement: {rival.measurement}")
     lines += [
-        f"vary {name} from {shown(low)} to {shown(high)}"
-        for name, (low, high) in rival.measurement.inputs.items()
+        f"vary {name} from {shown(low)} to {shown(high)}" for name, (low, high) in rival.measurement.inputs.items()
     ]
     if rival.measurement.readings:
         lines.append(f"measurements that separate them: {rival.measurement.readings}")

@@ -58,11 +58,7 @@ def path_figure(result: GapResult) -> Figure | None:
             label="not accepted",
         )
     axes.axvline(
-        1.0,
-        color="black",
-        linestyle=":",
-        linewidth=1.4,
-        label="what a step must gain" if batch else "noise floor",
+        1.0, color="black", linestyle=":", linewidth=1.4, label="what a step must gain" if batch else "noise floor"
     )
     axes.set_yticks(places, [_label(step) for step in steps], fontsize="small")
     axes.invert_yaxis()

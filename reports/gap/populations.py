@@ -10,9 +10,7 @@ from ...gap_population_records import Attribution
 from ...gap_records import GapResult
 from ..tables import table
 
-CAPTION = (
-    "Simulated and measured units, with the model before correction and with the effects in it."
-)
+CAPTION = "Simulated and measured units, with the model before correction and with the effects in it."
 
 
 def population_table(result: GapResult) -> str:

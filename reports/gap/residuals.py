@@ -69,15 +69,11 @@ def _regions(where: Sequence[Region], output: str, variable: str) -> list[Region
     return [
         region
         for region in where
-        if region.output == output
-        and region.variable == variable
-        and isfinite(region.low + region.high)
+        if region.output == output and region.variable == variable and isfinite(region.low + region.high)
     ]
 
 
-def _panel(
-    axes: Axes, frame: pd.DataFrame, axis: Axis, output: Axis, mark: Mark, regions: list[Region]
-) -> None:
+def _panel(axes: Axes, frame: pd.DataFrame, axis: Axis, output: Axis, mark: Mark, regions: list[Region]) -> None:
     for region in regions:
         shade(axes, region.low, region.high)
     places, ticks = _places(frame[axis.name])

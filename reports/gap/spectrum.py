@@ -27,11 +27,7 @@ def spectrum_figure(result: GapResult, output: Axis) -> Figure | None:
         return None
     figure = new_figure(height=4.4)
     panels = figure.subplots(2, 1, sharex=True, sharey=True)
-    located = [
-        region.order
-        for region in result.where
-        if region.output == output.name and isfinite(region.order)
-    ]
+    located = [region.order for region in result.where if region.output == output.name and isfinite(region.order)]
     for axes, mark in zip(panels, (BEFORE, AFTER), strict=True):
         for order in located:
             shade(axes, order - WIDE, order + WIDE)
@@ -45,9 +41,7 @@ def spectrum_figure(result: GapResult, output: Axis) -> Figure | None:
                 linewidth=1.2,
                 label="largest amplitude of noise alone",
             )
-        _label_peaks(
-            axes, rows["order"].tolist(), rows[mark.word].tolist(), rows["threshold"].tolist()
-        )
+        _label_peaks(axes, rows["order"].tolist(), rows[mark.word].tolist(), rows["threshold"].tolist())
         axes.set_ylabel(f"{mark.word} [{output.unit}]" if output.unit else mark.word)
     panels[1].set_xlabel("order [waves per turn]")
     legend(figure, panels)
@@ -59,11 +53,7 @@ def spectrum_figure(result: GapResult, output: Axis) -> Figure | None:
 def _label_peaks(axes: Axes, orders: list[float], sizes: list[float], limits: list[float]) -> None:
     """The highest local peaks above the threshold."""
     inner = range(len(sizes))
-    peaks = [
-        at
-        for at in inner
-        if sizes[at] > limits[at] and sizes[at] == max(sizes[max(0, at - 4) : at + 5])
-    ]
+    peaks = [at for at in inner if sizes[at] > limits[at] and sizes[at] == max(sizes[max(0, at - 4) : at + 5])]
     for at in sorted(peaks, key=lambda peak: -sizes[peak])[:HIGHEST]:
         axes.annotate(
             f"{orders[at]:g}",

@@ -29,13 +29,7 @@ def course_figure(result: StudyResult, key: str) -> Figure:
             alpha=0.22,
             linewidth=0,
         )
-        axes.plot(
-            part["generation"],
-            part["median"],
-            color=colour,
-            linewidth=1.3,
-            label=f"{short(key)} {level(name)}",
-        )
+        axes.plot(part["generation"], part["median"], color=colour, linewidth=1.3, label=f"{short(key)} {level(name)}")
     _draw_optimum(axes, course)
     low, high = course["median"].min(), course["median"].max()
     axes.set_yscale("log" if wide(low, high) else "linear")
@@ -49,13 +43,7 @@ def course_figure(result: StudyResult, key: str) -> Figure:
 def _draw_optimum(axes: Axes, course: pd.DataFrame) -> None:
     known = np.unique(course["optimum"].dropna())
     for at, value in enumerate(known):
-        axes.axhline(
-            value,
-            color="black",
-            linestyle="--",
-            linewidth=1.0,
-            label="exact optimum" if not at else None,
-        )
+        axes.axhline(value, color="black", linestyle="--", linewidth=1.0, label="exact optimum" if not at else None)
 
 
 def course_caption(result: StudyResult, key: str) -> str:

@@ -30,11 +30,7 @@ def figures(result: StudyResult) -> list[Named]:
         for key in result.courses["key"].unique()
     ]
     drawn += [
-        Named(
-            f"response_{stem(response.name)}",
-            response_figure(result, response),
-            response_caption(result, response),
-        )
+        Named(f"response_{stem(response.name)}", response_figure(result, response), response_caption(result, response))
         for response in result.responses
     ]
     if len(result.sensitivity):

@@ -45,12 +45,8 @@ def study_page(result: StudyResult) -> str:
         section("Sensitivities", _sensitivities(result, drawn)) if len(result.sensitivity) else "",
         section("Tests", _tests(result.tests)),
         section("Medians", folded("Table", _medians(result))),
-        section("Failed runs", _failed(result.table))
-        if (result.table["status"] == "failed").any()
-        else "",
-        section(
-            "Configuration", folded("study.toml", f"<pre>{escape(result.configuration)}</pre>")
-        ),
+        section("Failed runs", _failed(result.table)) if (result.table["status"] == "failed").any() else "",
+        section("Configuration", folded("study.toml", f"<pre>{escape(result.configuration)}</pre>")),
     ]
     body = "\n".join(part for part in parts if part)
     scripts = (package_scripts("common.js", "study.js"),) if len(result.medians) else ()
@@ -59,9 +55,7 @@ def study_page(result: StudyResult) -> str:
 
 def _head(result: StudyResult) -> str:
     """What is recommended, and how sure that is."""
-    about = "".join(
-        f"<p>{escape(line)}</p>\n" for line in mechanism_lines({"mechanism": result.mechanism})
-    )
+    about = "".join(f"<p>{escape(line)}</p>\n" for line in mechanism_lines({"mechanism": result.mechanism}))
     if not result.recommendations:
         return f'{about}<p class="asked">No setting is recommended.</p>'
     lines = "".join(
@@ -77,18 +71,12 @@ def _settings(result: StudyResult) -> str:
         return ""
     names = [response.name for response in result.responses]
     keys = [str(name) for name in result.design.columns][:KEYS]
-    rows = {
-        (str(row["response"]), int(row["point"])): row for row in result.medians.to_dict("records")
-    }
+    rows = {(str(row["response"]), int(row["point"])): row for row in result.medians.to_dict("records")}
     points = sorted({point for _, point in rows})[:POINTS]
     content = {
         "keys": [{"name": key, "label": short(key)} for key in keys],
         "responses": [
-            {
-                "name": response.name,
-                "label": response.name.replace("_", " "),
-                "larger": response.larger_is_better,
-            }
+            {"name": response.name, "label": response.name.replace("_", " "), "larger": response.larger_is_better}
             for response in result.responses
         ],
         "points": [

@@ -38,9 +38,7 @@ def response_figure(result: StudyResult, response: Response) -> Figure:
     return figure
 
 
-def _draw(
-    axes: Axes, result: StudyResult, response: Response, key: Varied, medians: pd.DataFrame
-) -> None:
+def _draw(axes: Axes, result: StudyResult, response: Response, key: Varied, medians: pd.DataFrame) -> None:
     points = _points(result, key)
     places, labels = _places(result.design.loc[points, key.key], key)
     if len(result.design) <= MOST:
@@ -70,9 +68,7 @@ def _draw(
         linewidth=1.1,
         color=COLOUR,
     )
-    axes.plot(
-        places.loc[order], some.loc[order, "median"], linestyle=joined, linewidth=0.9, color=COLOUR
-    )
+    axes.plot(places.loc[order], some.loc[order, "median"], linestyle=joined, linewidth=0.9, color=COLOUR)
     if some["median"].isna().any():
         axes.text(
             0.5,
@@ -104,8 +100,7 @@ def _points(result: StudyResult, key: Varied) -> pd.Index:
         return result.design.index
     others = [varied for varied in result.varied if varied.key != key.key]
     same = pd.DataFrame(
-        {varied.key: result.design[varied.key] == varied.base for varied in others},
-        index=result.design.index,
+        {varied.key: result.design[varied.key] == varied.base for varied in others}, index=result.design.index
     )
     return result.design.index[same.all(axis=1)]
 
@@ -125,6 +120,5 @@ def response_caption(result: StudyResult, response: Response) -> str:
     confidence = 100 * result.medians["level"].iloc[0]
     keys = ", ".join(varied.key for varied in result.varied)
     return (
-        f"{response.name} against {keys}: {runs}circles are medians with {confidence:.0f} % "
-        f"bootstrap intervals{best}."
+        f"{response.name} against {keys}: {runs}circles are medians with {confidence:.0f} % bootstrap intervals{best}."
     )

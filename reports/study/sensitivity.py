@@ -23,14 +23,7 @@ TITLES = MappingProxyType(
 )
 FIRST, SECOND, NOISE = "#1f5fa8", "#c4501b", "#666666"
 COLOURS = MappingProxyType(
-    {
-        "S1": FIRST,
-        "ST": SECOND,
-        "mu_star": FIRST,
-        "sigma": SECOND,
-        "anova_share": FIRST,
-        "noise_share": NOISE,
-    }
+    {"S1": FIRST, "ST": SECOND, "mu_star": FIRST, "sigma": SECOND, "anova_share": FIRST, "noise_share": NOISE}
 )
 HEIGHT = 0.3
 """Height [inch] of a row."""
@@ -43,9 +36,7 @@ def sensitivity_figure(result: StudyResult) -> Figure:
     figure = new_figure(height=1.0 + sum(0.6 + HEIGHT * int(rows[name]) for name in names))
     panels = figure.subplots(len(names), 1, squeeze=False, height_ratios=[rows[n] for n in names])
     for axes, name in zip(panels.flat, names, strict=True):
-        sensitivities = result.sensitivity[result.sensitivity["response"] == name].reset_index(
-            drop=True
-        )
+        sensitivities = result.sensitivity[result.sensitivity["response"] == name].reset_index(drop=True)
         for statistic, part in sensitivities.groupby("statistic", sort=False):
             sides = np.abs(part[["low", "high"]].to_numpy().T - part["value"].to_numpy())
             axes.errorbar(
@@ -59,9 +50,7 @@ def sensitivity_figure(result: StudyResult) -> Figure:
                 label=TITLES[str(statistic)],
             )
         axes.set_yticks(
-            range(len(sensitivities)),
-            [short(key) or "noise" for key in sensitivities["key"]],
-            fontsize="small",
+            range(len(sensitivities)), [short(key) or "noise" for key in sensitivities["key"]], fontsize="small"
         )
         axes.axvline(0.0, color="black", linewidth=0.8)
         axes.invert_yaxis()

@@ -14,8 +14,7 @@ def batches(objectives: int) -> list[np.ndarray]:
     rng = np.random.default_rng(3)
     sizes = [0, 25, 1, 0, *rng.integers(1, 40, 40)]
     return [
-        np.round(rng.random((int(size), objectives)) ** (0.5 + 0.02 * at) * 1.8, 2)
-        for at, size in enumerate(sizes)
+        np.round(rng.random((int(size), objectives)) ** (0.5 + 0.02 * at) * 1.8, 2) for at, size in enumerate(sizes)
     ]
 
 

@@ -22,10 +22,7 @@ from tolevo.problems.rv_backlash import RvBacklash
 from tolevo.problems.settings import Bound, PropagationSetting, Settings
 from tolevo.sealed import sealed
 
-SMALL = Settings(
-    propagation=PropagationSetting(method="moments"),
-    limits={"interference_probability": Bound(high=0.5)},
-)
+SMALL = Settings(propagation=PropagationSetting(method="moments"), limits={"interference_probability": Bound(high=0.5)})
 CASES = [
     (NSGA2(population=20), "pymoo"),
     (NSGA2(population=20), "array"),
@@ -36,11 +33,7 @@ CASES = [
 
 
 def found(
-    settings: AlgorithmSettings,
-    engine: str,
-    budget: Budget,
-    keeper: Checkpoint | None = None,
-    report: Any = None,
+    settings: AlgorithmSettings, engine: str, budget: Budget, keeper: Checkpoint | None = None, report: Any = None
 ) -> SearchResult:
     return search(RvBacklash(SMALL), settings, budget, 3, report, engine, keeper)
 
@@ -58,10 +51,7 @@ def assert_equal(one: SearchResult, other: SearchResult) -> None:
 @pytest.mark.parametrize(("settings", "engine"), CASES)
 @pytest.mark.parametrize(
     ("budget", "larger"),
-    [
-        (Budget(generations=4), Budget(generations=9)),
-        (Budget(evaluations=73), Budget(evaluations=151)),
-    ],
+    [(Budget(generations=4), Budget(generations=9)), (Budget(evaluations=73), Budget(evaluations=151))],
     ids=["generations", "evaluations"],
 )
 def test_a_larger_budget_goes_on_as_if_unbroken(
@@ -158,9 +148,7 @@ def test_a_state_that_does_not_fit_starts_anew(tmp_path: Path) -> None:
 
 
 def test_tables_come_back_as_they_were(tmp_path: Path) -> None:
-    table = pd.DataFrame(
-        {"a": [0.1, np.nan], "grade": [4, 5], "knee": [True, False], "name": ["x", "y"]}
-    )
+    table = pd.DataFrame({"a": [0.1, np.nan], "grade": [4, 5], "knee": [True, False], "name": ["x", "y"]})
     kept = Checkpoint(tmp_path / "c.npz", "[algorithm]\n")
     kept.keep("one", table)
     kept.keep("none", pd.DataFrame(columns=["a", "b"]))

@@ -19,13 +19,7 @@ from scipy.stats import ks_2samp, mannwhitneyu
 
 from tolevo import registry
 from tolevo.algorithms.engine import ENGINES, GDE3Engine, NSGA2Engine, Space
-from tolevo.algorithms.engine.operators import (
-    crossover,
-    different,
-    differential,
-    mutate,
-    tournament,
-)
+from tolevo.algorithms.engine.operators import crossover, different, differential, mutate, tournament
 from tolevo.algorithms.engine.ordering import ranks
 from tolevo.algorithms.engine.pymoo_algorithm import ArrayGDE3, ArrayNSGA2
 from tolevo.algorithms.engine.survival import crowding_distances, survivors
@@ -159,9 +153,7 @@ def test_every_point_takes_part_in_as_many_tournaments() -> None:
     f = np.column_stack([np.arange(10.0), np.arange(10.0)])
     winners = tournament(f, np.zeros(10), ranks(f), np.zeros(10), 10, np.random.default_rng(0))
     assert np.bincount(winners, minlength=10)[[0, 9]].tolist() == [2, 0]
-    by_violation = tournament(
-        f, np.arange(10.0)[::-1], ranks(f), np.zeros(10), 10, np.random.default_rng(0)
-    )
+    by_violation = tournament(f, np.arange(10.0)[::-1], ranks(f), np.zeros(10), 10, np.random.default_rng(0))
     assert np.bincount(by_violation, minlength=10)[[0, 9]].tolist() == [0, 2]
     flat = np.column_stack([np.arange(10.0), -np.arange(10.0)])
     crowded = np.r_[np.inf, np.arange(8.0), np.inf]
@@ -220,10 +212,7 @@ def test_restored_engine_goes_on_equally(kind: Any) -> None:
             lambda: ArrayNSGA2(60, mutation=(0.1, 20.0)),
             lambda: PymooNSGA2(60, mutation=PM(prob=1.0, prob_var=0.1, eta=20.0)),
         ),
-        (
-            lambda: ArrayGDE3(60, CR=0.9),
-            lambda: PymooGDE3(60, CR=0.9, sampling=FloatRandomSampling()),
-        ),
+        (lambda: ArrayGDE3(60, CR=0.9), lambda: PymooGDE3(60, CR=0.9, sampling=FloatRandomSampling())),
     ],
     ids=["nsga2", "gde3"],
 )
@@ -231,10 +220,7 @@ def test_hypervolume_is_that_of_pymoo(ours: Any, theirs: Any) -> None:
     """15 seeds each: medians within the spread over seeds, no difference by Mann-Whitney."""
     problem, box = CostAndSpread(), (np.array([37.5, 0.0]), np.array([500.0, 0.5]))
     one, other = (
-        [
-            hypervolume(minimize(problem, make(), ("n_eval", 2400), seed=seed).F, *box)
-            for seed in range(15)
-        ]
+        [hypervolume(minimize(problem, make(), ("n_eval", 2400), seed=seed).F, *box) for seed in range(15)]
         for make in (ours, theirs)
     )
     assert mannwhitneyu(one, other).pvalue > 0.01

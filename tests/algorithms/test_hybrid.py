@@ -32,10 +32,7 @@ HIGH = [[0.4, 0.15, 0.05], [0.4, 0.15, 0.05], [0.4, 0.1], [0.4, 0.1]]
 
 def mixed(method: str = "rss", **settings: Any) -> Stack:
     """Four parts with 36 sets of processes."""
-    text = (
-        f'[requirement]\nunit = "mm"\nnominal = 0.0\nlower = -0.2\nupper = 0.2\n'
-        f'method = "{method}"\n'
-    )
+    text = f'[requirement]\nunit = "mm"\nnominal = 0.0\nlower = -0.2\nupper = 0.2\nmethod = "{method}"\n'
     for at, count in enumerate(WAYS):
         text += f'[[part]]\nname = "p{at}"\nsensitivity = {S[at]}\n'
         for way in range(count):
@@ -53,8 +50,7 @@ def cheapest(limit: float) -> float:
     best = np.inf
     for ways in product(*(range(count) for count in WAYS)):
         a, b, low, high = (
-            np.array([row[way] for row, way in zip(table, ways, strict=True)])
-            for table in (A, B, LOW, HIGH)
+            np.array([row[way] for row, way in zip(table, ways, strict=True)]) for table in (A, B, LOW, HIGH)
         )
         if np.linalg.norm(S * low) > limit:
             continue
@@ -106,9 +102,7 @@ def test_proven_optimum_without_the_closed_form_in_ten_seeds() -> None:
 def test_yield_limit_is_met_at_full_accuracy_near_the_optimum() -> None:
     """A yield of 99.73 % within +- 0.2 is an rss of 0.2 for normal parts of a linear stack."""
     limits = {"yield_percent": Bound(low=99.73)}
-    problem = mixed(
-        objectives=("cost",), limits=limits, propagation=PropagationSetting(samples=16_384)
-    )
+    problem = mixed(objectives=("cost",), limits=limits, propagation=PropagationSetting(samples=16_384))
     best = cheapest(3.0 * 0.2 / float(norm.ppf(0.5 + 0.5 * 0.9973)))
     found = search(problem, Hybrid(), Budget(generations=20), seed=0)
     x = found.x[[int(np.argmin(found.f[:, 0]))]]
@@ -128,18 +122,13 @@ def test_half_width_by_monte_carlo_is_minimised_with_processes() -> None:
 
 
 @pytest.mark.slow
-def test_small_budget_on_rv_backlash_is_not_worse_than_gde3(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_small_budget_on_rv_backlash_is_not_worse_than_gde3(monkeypatch: pytest.MonkeyPatch) -> None:
     """With a few solved points to begin from: the front of the relaxation takes its time."""
     monkeypatch.setattr(hybrid, "RELAXED", 4)
     limits = {"interference_probability": Bound(high=0.5)}
     problem = RvBacklash(Settings(propagation=PropagationSetting(method="moments"), limits=limits))
     reached = {
-        name: [
-            search(problem, settings, Budget(evaluations=400), seed).history[-1].hypervolume
-            for seed in range(3)
-        ]
+        name: [search(problem, settings, Budget(evaluations=400), seed).history[-1].hypervolume for seed in range(3)]
         for name, settings in (("hybrid", Hybrid()), ("gde3", GDE3()))
     }
     assert np.median(reached["hybrid"]) >= np.median(reached["gde3"])

@@ -16,10 +16,7 @@ from tolevo.problems.rv_backlash import RvBacklash
 from tolevo.problems.settings import Bound, PropagationSetting, Settings
 from tolevo.testing import AlgorithmContract
 
-SMALL = Settings(
-    propagation=PropagationSetting(method="moments"),
-    limits={"interference_probability": Bound(high=0.5)},
-)
+SMALL = Settings(propagation=PropagationSetting(method="moments"), limits={"interference_probability": Bound(high=0.5)})
 ONE = Settings(
     propagation=PropagationSetting(method="moments"),
     objectives=("cost",),
@@ -115,8 +112,7 @@ def test_engines_find_different_designs_of_one_distribution() -> None:
     """The engine is part of what a result depends on; both start from the same kind of sample."""
     budget = Budget(evaluations=400)
     one, other = (
-        search(RvBacklash(SMALL), NSGA2(population=40), budget, 0, engine=engine)
-        for engine in ("pymoo", "array")
+        search(RvBacklash(SMALL), NSGA2(population=40), budget, 0, engine=engine) for engine in ("pymoo", "array")
     )
     assert one.evaluations == other.evaluations == 400
     assert not np.array_equal(one.x, other.x)

@@ -15,10 +15,7 @@ from tolevo.problems.rv_backlash import RvBacklash
 from tolevo.problems.settings import Bound, PropagationSetting, Settings
 from tolevo.testing import AlgorithmContract
 
-SMALL = Settings(
-    propagation=PropagationSetting(method="moments"),
-    limits={"interference_probability": Bound(high=0.5)},
-)
+SMALL = Settings(propagation=PropagationSetting(method="moments"), limits={"interference_probability": Bound(high=0.5)})
 
 
 @dataclass(frozen=True, slots=True)

@@ -25,9 +25,7 @@ def result() -> tolevo.Run:
     return tolevo.run(tolevo.read(CLUTCH, SMALL))
 
 
-def test_a_run_returns_frames_and_writes_what_the_command_writes(
-    result: tolevo.Run, tmp_path: Path
-) -> None:
+def test_a_run_returns_frames_and_writes_what_the_command_writes(result: tolevo.Run, tmp_path: Path) -> None:
     assert result.status == "done"
     assert {"cost", "variation", "hub_t"} <= set(result.front)
     assert result.write(tmp_path / "door") == tmp_path / "door"
@@ -43,14 +41,10 @@ def test_a_run_returns_frames_and_writes_what_the_command_writes(
     assert again.exit_code == 0, again.output
 
 
-def test_nothing_is_written_without_being_told(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_nothing_is_written_without_being_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     states: list[int] = []
-    found = tolevo.run(
-        CLUTCH, settings=SMALL, progress=lambda state: states.append(state.generation)
-    )
+    found = tolevo.run(CLUTCH, settings=SMALL, progress=lambda state: states.append(state.generation))
     assert states
     assert states[-1] == 5
     assert "<html" in found.page
@@ -136,8 +130,6 @@ def test_the_door_lists_what_is_public() -> None:
 
 
 def test_importing_the_package_imports_nothing_else() -> None:
-    code = (
-        "import sys, tolevo; print(*(m for m in sys.modules if m in ('numpy', 'pandas', 'pymoo')))"
-    )
+    code = "import sys, tolevo; print(*(m for m in sys.modules if m in ('numpy', 'pandas', 'pymoo')))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == ""

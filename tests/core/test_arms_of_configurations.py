@@ -185,9 +185,7 @@ class TestBadInput:
 
     def test_singular_pose(self) -> None:
         """The wrist stretched out: axes 4 and 6 are one line."""
-        found = faults(
-            changed(cell={"joints_deg": [[0, -84, 21, 0, 0, 0], [0, -84, 21, 0, 60, 0]]})
-        )
+        found = faults(changed(cell={"joints_deg": [[0, -84, 21, 0, 0, 0], [0, -84, 21, 0, 60, 0]]}))
         assert list(found) == ["cell.joints_deg[0]"]
         assert "joints 4 and 6 move the tool alike" in found["cell.joints_deg[0]"]
 

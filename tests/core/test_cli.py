@@ -44,9 +44,7 @@ def tolevo(*arguments: object) -> Result:
 def fake_run(monkeypatch: pytest.MonkeyPatch, status: str) -> list[Any]:
     plans: list[Any] = []
 
-    def run(
-        plan: Any, out: Path, workers: int, progress: Any, resume: bool, overwrite: bool
-    ) -> Any:
+    def run(plan: Any, out: Path, workers: int, progress: Any, resume: bool, overwrite: bool) -> Any:
         plans.append(SimpleNamespace(plan=plan, workers=workers, progress=progress, resume=resume))
         if progress is not None:
             progress(Progress(1, 2, 8, None, 0.5, 0.5, 0.25, 1.0))
@@ -58,9 +56,7 @@ def fake_run(monkeypatch: pytest.MonkeyPatch, status: str) -> list[Any]:
     return plans
 
 
-@pytest.mark.parametrize(
-    ("status", "code"), [("done", 0), ("no_feasible_point", 1), ("interrupted", 130)]
-)
+@pytest.mark.parametrize(("status", "code"), [("done", 0), ("no_feasible_point", 1), ("interrupted", 130)])
 def test_run_returns_what_became_of_it(
     config: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, status: str, code: int
 ) -> None:
@@ -74,18 +70,14 @@ def test_run_returns_what_became_of_it(
     assert tomllib.loads(calls[0].plan.configuration)["seed"] == 7
 
 
-def test_quiet_keeps_stderr_empty(
-    config: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_quiet_keeps_stderr_empty(config: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     calls = fake_run(monkeypatch, "done")
     result = tolevo("run", config, "--out", tmp_path / "o", "--quiet")
     assert (result.exit_code, result.stderr) == (0, "")
     assert calls[0].progress is None
 
 
-def test_a_run_that_fails_or_is_interrupted(
-    config: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_run_that_fails_or_is_interrupted(config: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for error, code in ((RunError("lost"), 1), (KeyboardInterrupt(), 130), (OSError("full"), 1)):
 
         def run(*_: object, error: BaseException = error) -> None:
@@ -97,9 +89,7 @@ def test_a_run_that_fails_or_is_interrupted(
         assert "Traceback" not in result.output
 
 
-def test_every_fault_is_on_its_own_line_and_nothing_is_written(
-    config: Path, tmp_path: Path
-) -> None:
+def test_every_fault_is_on_its_own_line_and_nothing_is_written(config: Path, tmp_path: Path) -> None:
     full = tmp_path / "full"
     full.mkdir()
     (full / "kept.txt").write_text("kept", encoding="utf-8")
@@ -200,9 +190,7 @@ def test_warnings_of_a_model_are_lines(tmp_path: Path) -> None:
     words = ["simulate", str(tmp_path / "m.toml"), str(tmp_path / "t.csv"), "--quiet", "--out"]
     command = [sys.executable, "-m", "tolevo", *words, str(tmp_path / "o.csv")]
     result = subprocess.run(command, capture_output=True, text=True, check=True)
-    assert result.stderr.splitlines() == [
-        "warning: torque 5000 N m is beyond the momentary torque 2058 N m"
-    ]
+    assert result.stderr.splitlines() == ["warning: torque 5000 N m is beyond the momentary torque 2058 N m"]
 
 
 def test_list_names_what_is_installed() -> None:

@@ -81,9 +81,7 @@ def test_a_german_export_prices_parts_processes_machines_and_grades(tmp_path: Pa
     problem: Any = read(written(tmp_path, STACK)).problem
     pin, bore, cap = problem.definition.parts
     share = 120.0 / 50 + 0.4
-    assert pin.processes[0].curve == Table(
-        (0.005, 0.01, 0.02), (9.5 + share, 6 + share, 6.5 + share)
-    )
+    assert pin.processes[0].curve == Table((0.005, 0.01, 0.02), (9.5 + share, 6 + share, 6.5 + share))
     assert (pin.low, pin.high) == (0.005, 0.02)
     assert [one.name for one in bore.processes] == ["IT6", "IT7", "IT8"]
     assert [float(one.curve.cost(np.array([1.0]))[0]) for one in bore.processes] == [12.0, 8.5, 7.0]
@@ -142,9 +140,7 @@ def test_a_file_of_one_part(tmp_path: Path) -> None:
         (("cap;lathe;;", "cap;lathe;10;"), "costs.file", "machine lathe has one price"),
     ],
 )  # fmt: skip
-def test_faults_of_a_file_are_placed(
-    tmp_path: Path, change: tuple[str, str], place: str, message: str
-) -> None:
+def test_faults_of_a_file_are_placed(tmp_path: Path, change: tuple[str, str], place: str, message: str) -> None:
     assert change[0] in COSTS
     found = faults(written(tmp_path, STACK, COSTS.replace(*change)))
     assert message in found[place] and len(found) == 1, found
@@ -247,9 +243,7 @@ def graded(more: str) -> str:
         ("setup = { price = { IT6 = 90.0, IT7 = 60.0, IT8 = 0.0 }, lot = 30 }", (3.0, 2.0, 0.0)),
     ],
 )
-def test_grades_bear_their_share_of_a_set_up(
-    more: str, added: tuple[float, ...], tmp_path: Path
-) -> None:
+def test_grades_bear_their_share_of_a_set_up(more: str, added: tuple[float, ...], tmp_path: Path) -> None:
     path = written(tmp_path, graded(more))
     configuration = read(path)
     problem: Any = configuration.problem

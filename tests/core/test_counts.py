@@ -163,9 +163,7 @@ def test_every_command_that_reads_counts_takes_force(command: str) -> None:
 def test_nothing_is_written_where_a_count_is_refused(tmp_path: Path) -> None:
     path, out = tmp_path / "c.toml", tmp_path / "out"
     path.write_text(RUN, encoding="utf-8")
-    result = CliRunner().invoke(
-        app, ["run", str(path), "--out", str(out), "--set", "algorithm.population=100000000"]
-    )
+    result = CliRunner().invoke(app, ["run", str(path), "--out", str(out), "--set", "algorithm.population=100000000"])
     assert result.exit_code == 2
     assert not out.exists()
 
@@ -237,9 +235,7 @@ def test_a_plugin_declares_its_own_need() -> None:
     )
 
 
-@pytest.mark.parametrize(
-    "need", [PLAIN, PAIRED, EVALUATIONS, Need("x", bytes=1e3, seconds=10.0, bytes_per_pair=8.0)]
-)
+@pytest.mark.parametrize("need", [PLAIN, PAIRED, EVALUATIONS, Need("x", bytes=1e3, seconds=10.0, bytes_per_pair=8.0)])
 def test_the_most_is_just_within_the_budgets(need: Need) -> None:
     """Rounded down to two digits, which is 10 % at most."""
     assert need.memory(need.most) <= MEMORY
@@ -270,8 +266,7 @@ def test_processes_are_bounded_by_the_cores(monkeypatch: pytest.MonkeyPatch) -> 
     monkeypatch.setattr("os.cpu_count", lambda: 4)
     assert too_many_workers(64) == ""
     assert too_many_workers(65) == (
-        "65 processes would need about 12.1 GiB of memory, and the cores are 4: give at most 64, "
-        "or add --force"
+        "65 processes would need about 12.1 GiB of memory, and the cores are 4: give at most 64, or add --force"
     )
     np.testing.assert_allclose(65 * PROCESS / 2.0**30, 12.1, rtol=1e-2)
     with forced():

@@ -26,19 +26,7 @@ FORMULAS = [
     "'=1+1",  # had an apostrophe already: the file must tell it from the first
     "''@x",
 ]
-KEPT = [
-    "-0.5",
-    "+1e-3",
-    "-.5",
-    "-0.5; 0.25",
-    "-inf",
-    "",
-    "housing",
-    "25 H7",
-    "a=b",
-    "'quoted'",
-    "'",
-]
+KEPT = ["-0.5", "+1e-3", "-.5", "-0.5; 0.25", "-inf", "", "housing", "25 H7", "a=b", "'quoted'", "'"]
 
 
 @pytest.mark.parametrize("text", FORMULAS)

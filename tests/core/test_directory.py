@@ -70,9 +70,7 @@ def test_the_manifest_is_the_same_for_the_same_files(out: Path, tmp_path: Path) 
 
 
 @pytest.mark.parametrize(("resume", "overwrite"), [(False, True), (True, False), (False, False)])
-def test_the_second_owner_is_refused_and_nothing_is_written(
-    out: Path, resume: bool, overwrite: bool
-) -> None:
+def test_the_second_owner_is_refused_and_nothing_is_written(out: Path, resume: bool, overwrite: bool) -> None:
     with owned(out, "gap"):
         before = content(out)
         with pytest.raises(InputError) as caught, owned(out, "run", resume, overwrite):
@@ -80,9 +78,7 @@ def test_the_second_owner_is_refused_and_nothing_is_written(
         assert content(out) == before
     (fault,) = caught.value.faults
     assert fault.place == "--out"
-    assert f"is in use by `tolevo gap` (process {os.getpid()} on {socket.gethostname()}" in str(
-        fault
-    )
+    assert f"is in use by `tolevo gap` (process {os.getpid()} on {socket.gethostname()}" in str(fault)
     assert holders(out) == ""
     assert LOCK not in names(out)
 
@@ -91,10 +87,7 @@ def test_an_owner_that_changes_nothing_leaves_no_trace(out: Path, tmp_path: Path
     before = content(out)
     with owned(out, "run", resume=True):
         pass
-    with (
-        pytest.raises(InputError, match="holds the result of `tolevo run`"),
-        owned(out, "study", resume=True),
-    ):
+    with pytest.raises(InputError, match="holds the result of `tolevo run`"), owned(out, "study", resume=True):
         pass
     assert content(out) == before
     with owned(tmp_path / "deep" / "new", "run"):
@@ -105,10 +98,7 @@ def test_an_owner_that_changes_nothing_leaves_no_trace(out: Path, tmp_path: Path
 def test_what_is_not_to_be_replaced_is_looked_for_under_the_lock(out: Path) -> None:
     """A second start whose look at the directory came before the first one's end."""
     before = content(out)
-    with (
-        pytest.raises(InputError, match="is not empty; name another directory"),
-        owned(out, "run", overwrite=False),
-    ):
+    with pytest.raises(InputError, match="is not empty; name another directory"), owned(out, "run", overwrite=False):
         pass
     assert content(out) == before
 
@@ -138,26 +128,18 @@ def test_a_lock_file_that_was_taken_away_is_no_lock(tmp_path: Path) -> None:
 # ---------------------------------------------------------------- those that share
 
 
-def test_helpers_share_and_the_last_one_completes(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_helpers_share_and_the_last_one_completes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(ownership, "READY", 0.0)
     out = tmp_path / "out"
     with owned(out, "study", resume=True, shared=True) as one:
         one.begin()
         made(one, "study.sqlite")
-        with (
-            pytest.raises(InputError, match="is in use"),
-            owned(out, "study", resume=True, shared=True),
-        ):
+        with pytest.raises(InputError, match="is in use"), owned(out, "study", resume=True, shared=True):
             pass  # not yet: the first one is still getting it ready
         one.share()
         with owned(out, "study", resume=True, shared=True) as two:
             assert two.joined
-            with (
-                pytest.raises(InputError, match="is in use"),
-                owned(out, "study", overwrite=True, shared=True),
-            ):
+            with pytest.raises(InputError, match="is in use"), owned(out, "study", overwrite=True, shared=True):
                 pass
             with pytest.raises(InputError, match="is in use"), owned(out, "run", resume=True):
                 pass
@@ -315,10 +297,7 @@ def test_a_file_of_another_result_is_a_fault(out: Path) -> None:
     assert first.startswith(f"{out}/front.csv: is not the file that this result was completed with")
     assert second.startswith(f"{out}/choices.csv: does not belong to this result")
     assert all("remove manifest.json" in one for one in (first, second))
-    with (
-        pytest.raises(InputError, match=r"front\.csv: is not the file"),
-        owned(out, "run", resume=True),
-    ):
+    with pytest.raises(InputError, match=r"front\.csv: is not the file"), owned(out, "run", resume=True):
         pass
     assert LOCK not in names(out)
 
@@ -337,9 +316,7 @@ def test_a_file_that_is_gone_is_no_mixture(out: Path) -> None:
 
 
 @pytest.mark.parametrize("name", [MANIFEST, UNFINISHED])
-@pytest.mark.parametrize(
-    "text", ["", "{", "[]", '{"command": "run"}', "\xff", "[" * 100_000, '{"sha256": "0"}']
-)
+@pytest.mark.parametrize("text", ["", "{", "[]", '{"command": "run"}', "\xff", "[" * 100_000, '{"sha256": "0"}'])
 def test_a_damaged_mark_is_refused_not_believed(out: Path, name: str, text: str) -> None:
     (out / MANIFEST).unlink()
     (out / name).write_bytes(text.encode("latin-1"))

@@ -228,8 +228,7 @@ def test_a_radius_needs_a_half_width(read_text: Read) -> None:
     ]
     text = '[variables.runout_um]\ndistribution = "rayleigh"\nlimits = "+2/0"'
     assert faults_of(lambda: read_text(BASE + text)) == [
-        "variables.runout_um.limits: do not apply: the input is a radius, from mid to mid + t. "
-        "Give value and mid"
+        "variables.runout_um.limits: do not apply: the input is a radius, from mid to mid + t. Give value and mid"
     ]
 
 

@@ -139,9 +139,7 @@ def test_simulate_has_the_effects_in_it(tmp_path: Path) -> None:
 def test_lots_are_named_by_their_labels(tmp_path: Path) -> None:
     table = "unit,lot\na,1\nb,2\nc,2\nd,A-1"
     plain = simulated(tmp_path, "", table)
-    found = simulated(
-        tmp_path, one("lot_offset", "offset_2_arcmin = 0.5, offset_A-1_arcmin = 1.0"), table
-    )
+    found = simulated(tmp_path, one("lot_offset", "offset_2_arcmin = 0.5, offset_A-1_arcmin = 1.0"), table)
     np.testing.assert_allclose(found - plain, [0.0, 0.5, 0.5, 1.0], atol=1e-12)
 
 
@@ -149,9 +147,7 @@ def test_effect_whose_column_is_missing_is_refused(tmp_path: Path) -> None:
     (tmp_path / "units.csv").write_text("unit\na\n")
     path = config(tmp_path, one("lot_offset", "offset_A_arcmin = 1"))
     out = tmp_path / "out.csv"
-    result = CliRunner().invoke(
-        app, ["simulate", str(path), str(tmp_path / "units.csv"), "--out", str(out)]
-    )
+    result = CliRunner().invoke(app, ["simulate", str(path), str(tmp_path / "units.csv"), "--out", str(out)])
     assert result.exit_code == 2
     assert "units.csv: the effect lot_offset needs a column of lot" in result.output
     assert not out.exists()

@@ -32,16 +32,7 @@ FORMULAS = (
     "((a + b) * (c - d))**2 / (1e-3 + abs(e))",
     "min(a, b, max(c, 2.5e-7)) + pi*atan2(d, e)",
 )
-UNITS = (
-    "2 um",
-    "15 1/min",
-    "58.5 Nm/'",
-    "11.5 um/(m K)",
-    "2 kg cm^2",
-    "90 km/h",
-    "5 arcmin/(N m)",
-    "3 mrad**2",
-)
+UNITS = ("2 um", "15 1/min", "58.5 Nm/'", "11.5 um/(m K)", "2 kg cm^2", "90 km/h", "5 arcmin/(N m)", "3 mrad**2")
 OF_UNITS = ("um", "rpm", "Nm_per_arcmin", "1/K", "kg m^2", "m/s", "arcsec/Nm", "mrad**2", "percent")
 
 
@@ -51,14 +42,7 @@ def damaged(whole: bytes, rng: np.random.Generator) -> bytes:
         at, size = int(rng.integers(len(whole) + 1)), int(rng.integers(1, 40))
         sign = SIGNS[rng.integers(len(SIGNS))].encode()
         flipped = bytes([rng.integers(256)])
-        new = (
-            b"",
-            whole[at : at + size] * 2,
-            sign,
-            flipped,
-            sign * 300,
-            whole[at : at + size][::-1],
-        )
+        new = (b"", whole[at : at + size] * 2, sign, flipped, sign * 300, whole[at : at + size][::-1])
         whole = whole[:at] + new[rng.integers(len(new))] + whole[at + size :]
     return whole or b"\n"
 
@@ -120,9 +104,7 @@ def as_parquet(rng: np.random.Generator) -> bytes:
 
 
 @pytest.mark.parametrize("chunk", range(CHUNKS))
-@pytest.mark.parametrize(
-    ("name", "made", "percent"), [("t.csv", as_csv, 14), ("t.parquet", as_parquet, 6)]
-)
+@pytest.mark.parametrize(("name", "made", "percent"), [("t.csv", as_csv, 14), ("t.parquet", as_parquet, 6)])
 def test_a_damaged_table_is_refused_or_taken(
     folder: Path, name: str, made: Callable[[np.random.Generator], bytes], percent: int, chunk: int
 ) -> None:
@@ -148,9 +130,7 @@ def test_what_is_fuzzed_is_valid() -> None:
 
 
 def test_a_fuzzed_formula_is_refused_or_evaluated() -> None:
-    values = {
-        name: np.array([0.5, 1.5]) for name in ("hub", "roller_1", "roller_2", "cage", *"abcde")
-    }
+    values = {name: np.array([0.5, 1.5]) for name in ("hub", "roller_1", "roller_2", "cage", *"abcde")}
     taken = 0
     for number in range(share(10)):
         rng = np.random.default_rng((SEED, 3, number))

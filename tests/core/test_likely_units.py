@@ -39,9 +39,7 @@ reading = "printed"
 
 
 def test_parameters_and_ranges_in_another_unit_are_warned_of(tmp_path: Path) -> None:
-    text = REDUCER.format(
-        parameter="pin_circle_radius_mm = 2.5197", variable="high = 0.01\nlow = 0.001"
-    )
+    text = REDUCER.format(parameter="pin_circle_radius_mm = 2.5197", variable="high = 0.01\nlow = 0.001")
     done = checked(tmp_path, text.replace("[parameters]", "[parameters]\neccentricity_mm = 0.05"))
     assert done.exit_code == 0, done.output
     said = "2.5197 mm is far from what is usual (64 mm) (was in meant? "
@@ -96,10 +94,7 @@ def test_designs_in_another_unit(tmp_path: Path) -> None:
         assert words in done.output and ("another unit" in done.output) == bool(words)
 
 
-@pytest.mark.parametrize(
-    ("text", "decimal"),
-    [("a_t;b\n0.05;1\n0.06;2\n", ","), ("a_t;b\n0,05;1\n0,06;2\n", ".")],
-)
+@pytest.mark.parametrize(("text", "decimal"), [("a_t;b\n0.05;1\n0.06;2\n", ","), ("a_t;b\n0,05;1\n0,06;2\n", ".")])
 def test_a_table_in_the_wrong_language_of_decimals(text: str, decimal: str, tmp_path: Path) -> None:
     config, table, out = tmp_path / "c.toml", tmp_path / "d.csv", tmp_path / "o.csv"
     config.write_text(STACK.format(low=0.01, high=0.1), encoding="utf-8")
@@ -107,6 +102,4 @@ def test_a_table_in_the_wrong_language_of_decimals(text: str, decimal: str, tmp_
     arguments = ["evaluate", str(config), str(table), "--out", str(out), "--decimal", decimal]
     done = CliRunner().invoke(app, arguments)
     assert done.exit_code == 2 and not out.exists()
-    assert (
-        f'd.csv: column a_t: its numbers have decimal signs that are not "{decimal}"' in done.output
-    )
+    assert f'd.csv: column a_t: its numbers have decimal signs that are not "{decimal}"' in done.output

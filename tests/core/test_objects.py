@@ -111,8 +111,7 @@ def test_a_class_is_named_by_its_path(tmp_path: Path, monkeypatch: pytest.Monkey
     [
         RvBacklash(
             Settings(
-                propagation=PropagationSetting(method="moments"),
-                limits={"interference_probability": Bound(high=0.3)},
+                propagation=PropagationSetting(method="moments"), limits={"interference_probability": Bound(high=0.3)}
             )
         ),
         PoseAccuracy(),
@@ -196,9 +195,7 @@ def test_a_loop_of_ones_own_finds_what_run_finds(engine: str) -> None:
     result = told(search, problem, 8)
     front = tolevo.run(table, algorithm=SMALL, seed=4).front
     assert result.evaluations == 8 * 20
-    pd.testing.assert_frame_equal(
-        result.front[problem.names].reset_index(drop=True), front[problem.names]
-    )
+    pd.testing.assert_frame_equal(result.front[problem.names].reset_index(drop=True), front[problem.names])
 
 
 def test_a_search_begins_with_given_designs() -> None:

@@ -32,7 +32,5 @@ def test_quiet_shows_nothing() -> None:
 
 def test_a_reproduction_says_what_is_left() -> None:
     """9 claims in 30 s after 20 of an earlier time: 10 more take some 33 s."""
-    assert describe_claims(ClaimsProgress(29, 39, 30.0, "a1", 20)) == (
-        "claims 29/39 checked, 30 s, some 33 s left, a1"
-    )
+    assert describe_claims(ClaimsProgress(29, 39, 30.0, "a1", 20)) == ("claims 29/39 checked, 30 s, some 33 s left, a1")
     assert "all of them take some minutes" in describe_claims(ClaimsProgress(0, 39, 0.0))

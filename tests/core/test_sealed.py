@@ -41,13 +41,7 @@ def test_a_record_belongs_to_what_it_was_sealed_for() -> None:
     assert unsealed_record(again, of="one analysis") == {"number": 3, "values": [0.1, 2.5e-300]}
     text = 'one analysis\n{"number": 3, "values": [0.1, 2.5e-300]}'
     assert record["sha256"] == hashlib.sha256(text.encode()).hexdigest()
-    others: tuple[Any, ...] = (
-        {**again, "number": 4},
-        {**again, "more": 1},
-        {"number": 3},
-        [],
-        None,
-    )
+    others: tuple[Any, ...] = ({**again, "number": 4}, {**again, "more": 1}, {"number": 3}, [], None)
     for other in others:
         with pytest.raises(ValueError, match="digest"):
             unsealed_record(other, of="one analysis")

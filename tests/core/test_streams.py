@@ -63,9 +63,7 @@ def test_text_without_a_reader_is_no_error(unread: int) -> None:
     assert (ended.returncode, ended.stderr) == (0, "")
 
 
-def test_a_run_whose_progress_nobody_reads_goes_on(
-    whole: Path, unread: int, tmp_path: Path
-) -> None:
+def test_a_run_whose_progress_nobody_reads_goes_on(whole: Path, unread: int, tmp_path: Path) -> None:
     command = [*COMMAND, "run", str(whole / "c.toml"), "--out", str(tmp_path / "out")]
     ended = subprocess.run(command, stdout=unread, stderr=unread)
     assert ended.returncode == 0

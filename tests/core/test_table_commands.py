@@ -30,9 +30,7 @@ def tolevo(*arguments: object) -> Result:
 def simulated(folder: Path, config: str, table: bytes, *options: str) -> Result:
     (folder / "c.toml").write_text(config, encoding="utf-8")
     (folder / "in.csv").write_bytes(table)
-    return tolevo(
-        "simulate", folder / "c.toml", folder / "in.csv", "--out", folder / "o.csv", *options
-    )
+    return tolevo("simulate", folder / "c.toml", folder / "in.csv", "--out", folder / "o.csv", *options)
 
 
 def test_a_german_export_needs_no_hand_edit(tmp_path: Path) -> None:
@@ -40,9 +38,7 @@ def test_a_german_export_needs_no_hand_edit(tmp_path: Path) -> None:
     assert done.exit_code == 0, done.stderr
     assert pd.read_csv(tmp_path / "o.csv")["torque_Nm"].tolist() == [100.0, -200.0]
     first = done.stderr.splitlines()
-    assert first[0].startswith(
-        "read: in.csv: 2 rows; utf-8-sig, delimiter semicolon, decimal comma"
-    )
+    assert first[0].startswith("read: in.csv: 2 rows; utf-8-sig, delimiter semicolon, decimal comma")
     assert "read: not used: Seriennr., Datum" in first
 
 
@@ -50,10 +46,7 @@ def test_a_german_export_needs_no_hand_edit(tmp_path: Path) -> None:
     ("config", "said"),
     [
         ('[columns]\nSpiel = "twist"', '"twist" is no column of the model'),
-        (
-            '[columns]\nSpiel = { role = "payload" }',
-            'no column of the model has the role "payload"',
-        ),
+        ('[columns]\nSpiel = { role = "payload" }', 'no column of the model has the role "payload"'),
         ('[columns]\nSpiel = { role = "measured", unit = "kg" }', "cannot be stated in arcmin"),
         ("[columns]\nSpiel = 3", "must be a name of a column of the model"),
         ('[columns]\nSpitzel = { role = "measured" }', "did you mean `Spiel`"),
@@ -75,9 +68,7 @@ def test_what_is_ambiguous_names_the_option_that_decides(tmp_path: Path) -> None
     assert pd.read_csv(tmp_path / "o.csv")["torque_Nm"].tolist() == [1.234, 1.235]
 
 
-@pytest.mark.parametrize(
-    "option", [("--encoding", "nonsense"), ("--delimiter", "x"), ("--decimal", ";")]
-)
+@pytest.mark.parametrize("option", [("--encoding", "nonsense"), ("--delimiter", "x"), ("--decimal", ";")])
 def test_options_that_cannot_be(tmp_path: Path, option: tuple[str, str]) -> None:
     done = simulated(tmp_path, 'model = "rv_lost_motion"\n', EXPORT.encode(), *option)
     assert done.exit_code == 2
@@ -118,9 +109,7 @@ DATED = (
     "Datum;Drehmoment [N mm];Drehrichtung\n"
     "01.03.2026 08:00:10;100000;1\n01.03.2026 08:00:00;50000;1\n02.03.2026 08:00:00,5;-200000;-1\n"
 )
-CLOCK = COLUMNS.replace(
-    'Spiel = { role = "measured", unit = "arcsec" }', 'Datum = { role = "time" }'
-)
+CLOCK = COLUMNS.replace('Spiel = { role = "measured", unit = "arcsec" }', 'Datum = { role = "time" }')
 
 
 def test_a_column_of_dates_is_a_time(tmp_path: Path) -> None:

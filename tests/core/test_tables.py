@@ -56,10 +56,7 @@ def test_broken_parquet(tmp_path: Path) -> None:
 
 def test_every_ragged_row_is_named(tmp_path: Path) -> None:
     found = faults_of_form(csv(tmp_path, "a,b\n1\n1,2\n1,2,3\n"))
-    assert [fault.split(": 2 cells")[0] for fault in found] == [
-        "designs.csv: row 2",
-        "designs.csv: row 4",
-    ]
+    assert [fault.split(": 2 cells")[0] for fault in found] == ["designs.csv: row 2", "designs.csv: row 4"]
 
 
 def test_every_fault_of_content_at_once(tmp_path: Path) -> None:

@@ -317,8 +317,7 @@ def test_check_places_a_fault_of_a_unit(tmp_path: Path, text: str) -> None:
     result = CliRunner().invoke(app, ["check", str(path)])
     assert result.exit_code == 2
     assert result.stderr == (
-        "variables.pitch_um.value: must be a number or a string with a unit of um, "
-        f'got "{text}": {UNIT_FAULTS[text]}\n'
+        f'variables.pitch_um.value: must be a number or a string with a unit of um, got "{text}": {UNIT_FAULTS[text]}\n'
     )
 
 

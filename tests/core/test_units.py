@@ -99,9 +99,7 @@ def test_constants() -> None:
         ([np.pi], "rad/s", "rpm", [30.0]),
     ],
 )
-def test_arrays_are_converted(
-    values: list[float], unit: str, to: str, expected: list[float]
-) -> None:
+def test_arrays_are_converted(values: list[float], unit: str, to: str, expected: list[float]) -> None:
     np.testing.assert_allclose(converted(np.array(values), unit, to), expected, atol=1e-12)
 
 

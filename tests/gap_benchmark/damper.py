@@ -74,10 +74,7 @@ class Jenkins(MeasurableModel):
         self.stiffness, self.slip, self.start = (number(given[name]) for name in names)
 
     def predict(
-        self,
-        table: Mapping[str, NDArray[Any]],
-        rng: np.random.Generator,
-        changes: Mapping[str, Array] = NO_CHANGES,
+        self, table: Mapping[str, NDArray[Any]], rng: np.random.Generator, changes: Mapping[str, Array] = NO_CHANGES
     ) -> dict[str, Array]:
         width = float(np.max(changes.get("bearing_clearance_in", np.zeros(1))))
         path = np.asarray(table["displacement_in"], dtype=float)

@@ -111,9 +111,7 @@ def test_the_gap_is_located_at_small_force(result: GapResult) -> None:
     assert -0.1 * largest < region.low < 0.0 < region.high < 0.1 * largest
 
 
-def test_the_record_that_was_not_fitted_is_predicted_better(
-    result: GapResult, plain: Array
-) -> None:
+def test_the_record_that_was_not_fitted_is_predicted_better(result: GapResult, plain: Array) -> None:
     """Half the amplitude, its beginning free: by all that was named the error falls by half."""
     after = {one.name: one.after for one in result.gate.recalibrated}
     corrected = np.array([after[name] for name in PLAIN])

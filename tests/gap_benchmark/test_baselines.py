@@ -52,10 +52,7 @@ def shown() -> list[tuple[Record, Scored]]:
     """Records with what can be told of each; nothing said yet."""
     found = [one for group, size in COUNTS.items() for one in islice(short(group), size)]
     empty = verdict({"verdict": "no_gap", "effects": [], "alternatives": []})
-    return [
-        (one, Scored(truth, tuple(told(truth, each) for each in truth.hidden), empty))
-        for one, truth in found
-    ]
+    return [(one, Scored(truth, tuple(told(truth, each) for each in truth.hidden), empty)) for one, truth in found]
 
 
 def of(name: str, shown: list[tuple[Record, Scored]]) -> Mapping[str, Figure]:
@@ -65,10 +62,7 @@ def of(name: str, shown: list[tuple[Record, Scored]]) -> Mapping[str, Figure]:
 
 @pytest.mark.parametrize(
     "name",
-    [
-        pytest.param(name, marks=pytest.mark.slow) if name in ("LassoCV", "plain BIC") else name
-        for name in BASELINES
-    ],
+    [pytest.param(name, marks=pytest.mark.slow) if name in ("LassoCV", "plain BIC") else name for name in BASELINES],
 )
 def test_gates_that_each_fails(name: str, shown: list[tuple[Record, Scored]]) -> None:
     """Clean records are given names, causes outside the library are never left `unnamed`."""
@@ -130,9 +124,7 @@ def test_held_out_error_of_a_constant_is_that_by_hand() -> None:
     found = next(one for one, truth in short("clean") if truth.noise == "white")
     given = seen(found)
     parts = np.array_split(given.left, 5)
-    errors = [
-        parts[k] - np.concatenate(parts[:k] + parts[k + 1 :]).mean() for k in range(len(parts))
-    ]
+    errors = [parts[k] - np.concatenate(parts[:k] + parts[k + 1 :]).mean() for k in range(len(parts))]
     by_hand = np.sqrt(np.mean(np.concatenate(errors) ** 2))
     assert held_out(lambda rows: given.free, given.left) == pytest.approx(by_hand, rel=1e-12)
 

@@ -14,14 +14,7 @@ from benchmarks.gap.generator.hysteresis import LOCKED
 from benchmarks.gap.generator.mechanisms import ROTATING
 from benchmarks.gap.generator.noise import NOISES
 from benchmarks.gap.generator.outside import OUTSIDE, SINCE_INSIDE
-from benchmarks.gap.generator.records import (
-    BENCH_GROUPS,
-    LEAST_LAMBDA,
-    TIMED,
-    Truth,
-    orthogonal,
-    record,
-)
+from benchmarks.gap.generator.records import BENCH_GROUPS, LEAST_LAMBDA, TIMED, Truth, orthogonal, record
 from benchmarks.gap.generator.tables import POOR, points
 from benchmarks.gap.scoring.rivals import RIVALS, least_left
 from benchmarks.gap.scoring.told import UNTOLD
@@ -63,9 +56,7 @@ def test_grid_is_that_of_the_notes(many: list[Truth]) -> None:
     assert {name for one in many for name in one.names} == {*ROTATING, *LOCKED}
     rows = [len(one.points) for one in many]
     assert 60 <= min(rows) < 100 and 2000 < max(rows) <= 2400
-    snr = [
-        np.sqrt(np.mean(orthogonal(one.free, one.hidden[0].added) ** 2)) / one.sigma for one in many
-    ]
+    snr = [np.sqrt(np.mean(orthogonal(one.free, one.hidden[0].added) ** 2)) / one.sigma for one in many]
     assert 0.2 <= min(snr) < 0.25 and 2.5 < max(snr) <= 3.0 + 1e-9
 
 
@@ -77,9 +68,7 @@ def test_causes_outside_the_library_are_told_from_every_name_of_it() -> None:
         left = orthogonal(free, cause(np.random.default_rng(1), at).added)
         left = 2.0 * left / np.sqrt(np.mean(left**2))
         own = SINCE_INSIDE.get(name, "")
-        least = min(
-            least_left(one, at, free, left)[0] for one in RIVALS["rotating"] if one.name != own
-        )
+        least = min(least_left(one, at, free, left)[0] for one in RIVALS["rotating"] if one.name != own)
         assert least > UNTOLD, name
     assert not {*OUTSIDE} & {*ROTATING, *LOCKED}
 

@@ -40,9 +40,7 @@ def answer(tmp_path_factory: pytest.TempPathFactory) -> tuple[Ending, str]:
     return end, "\n".join(lines_of(result_of(plan, data, end)))
 
 
-def test_an_answer_that_predicts_no_better_than_the_model_is_seen(
-    answer: tuple[Ending, str],
-) -> None:
+def test_an_answer_that_predicts_no_better_than_the_model_is_seen(answer: tuple[Ending, str]) -> None:
     end, said = answer
     assert violated(end, said) == []
     worse = replace(end.before, white=1.01 * end.before.white)

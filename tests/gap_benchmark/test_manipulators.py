@@ -9,15 +9,7 @@ import pytest
 
 from benchmarks.gap.generator import manipulators, robot
 from benchmarks.gap.generator.kinds import KINDS
-from benchmarks.gap.generator.manipulators import (
-    MANIPULATOR,
-    OUTPUTS,
-    OUTSIDE_POSES,
-    SCALES,
-    Poses,
-    errors,
-    poses,
-)
+from benchmarks.gap.generator.manipulators import MANIPULATOR, OUTPUTS, OUTSIDE_POSES, SCALES, Poses, errors, poses
 from benchmarks.gap.generator.records import LEAST_LAMBDA, orthogonal, record
 from benchmarks.gap.generator.robot import ARMS, JOINTS, LINES, ORIGINS, RODS, SEATS, Robot
 from benchmarks.gap.generator.tables import Array
@@ -83,10 +75,7 @@ def test_height_follows_drives_and_rods_as_differences_say(at: Poses) -> None:
         for side in range(2):
             longer = np.zeros((3, 2))
             longer[chain, side] = h
-            one, other = (
-                robot.at(Robot(rods=RODS[:, None] + s * longer), at.r, at.z).place[:, 2]
-                for s in (1.0, -1.0)
-            )
+            one, other = (robot.at(Robot(rods=RODS[:, None] + s * longer), at.r, at.z).place[:, 2] for s in (1.0, -1.0))
             np.testing.assert_allclose(rods[:, chain, side], (one - other) / (2.0 * h), atol=1e-7)
 
 

@@ -15,27 +15,11 @@ from benchmarks.gap.generator.hysteresis import LOCKED
 from benchmarks.gap.generator.mechanisms import ROTATING
 from benchmarks.gap.generator.noise import NOISES
 from benchmarks.gap.generator.outside import OUTSIDE
-from benchmarks.gap.generator.records import (
-    BENCH_GROUPS,
-    Hidden,
-    Record,
-    Truth,
-    orthogonal,
-    record,
-)
+from benchmarks.gap.generator.records import BENCH_GROUPS, Hidden, Record, Truth, orthogonal, record
 from benchmarks.gap.generator.tables import POOR
 from benchmarks.gap.namers.baselines import BASELINES
 from benchmarks.gap.page import BEGIN, END, figure_table, parts_of, written
-from benchmarks.gap.scoring.breakdown import (
-    SINGLE,
-    design,
-    levels,
-    misses,
-    of_single,
-    rows,
-    signal,
-    signal_to_noise,
-)
+from benchmarks.gap.scoring.breakdown import SINGLE, design, levels, misses, of_single, rows, signal, signal_to_noise
 from benchmarks.gap.scoring.scorer import Scored, rightly, verdict
 from benchmarks.gap.scoring.told import Told
 from benchmarks.gap.trial import lines
@@ -117,9 +101,7 @@ def test_a_namer_that_is_none(name: str, capsys: pytest.CaptureFixture[str]) -> 
     assert "plain BIC" in capsys.readouterr().err
 
 
-def test_a_page_without_a_place_is_refused_before_the_run(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_page_without_a_place_is_refused_before_the_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     page = tmp_path / "page.md"
     page.write_text(f"{END}\n{BEGIN}\n", encoding="utf-8")
     with pytest.raises(SystemExit):
@@ -193,9 +175,7 @@ def test_misses_are_those_that_were_left_unnamed(half: list[Scored]) -> None:
     assert {one.said for one in found} == {"unnamed"}
     assert sum(len(one.records) for one in found) == 20
     assert all(number % 2 == 1 for one in found for _, number in one.records)
-    assert [len(one.records) for one in found] == sorted(
-        (len(one.records) for one in found), reverse=True
-    )
+    assert [len(one.records) for one in found] == sorted((len(one.records) for one in found), reverse=True)
 
 
 def test_table_of_figures_shows_the_shares(half: list[Scored]) -> None:

@@ -17,9 +17,7 @@ Known = list[tuple[Truth, tuple[Told, ...]]]
 COUNTS = {"clean": 60, "good": 8, "poor": 8, "pair": 3, "outside": 5, "size": 4, "delay": 3}
 
 
-def said(
-    word: str, names: tuple[str, ...], others: frozenset[str] = frozenset(), after: float = 1.0
-) -> dict[str, Any]:
+def said(word: str, names: tuple[str, ...], others: frozenset[str] = frozenset(), after: float = 1.0) -> dict[str, Any]:
     """What a `gap.json` holds."""
     alternatives = [{"names": sorted(others), "separating_measurement": ""}] if others else []
     effects: list[dict[str, Any]] = [{"name": name} for name in names]
@@ -69,13 +67,7 @@ def test_who_knows_the_truth_meets_every_figure(known: Known) -> None:
     assert {name: one.word for name, one in found.items()} == dict.fromkeys(found, "met")
 
 
-@pytest.mark.parametrize(
-    ("word", "failed"),
-    [
-        ("unnamed", set()),
-        ("no_gap", {"outside the library, not `unnamed`"}),
-    ],
-)
+@pytest.mark.parametrize(("word", "failed"), [("unnamed", set()), ("no_gap", {"outside the library, not `unnamed`"})])
 def test_who_never_names_fails(word: str, failed: set[str], known: Known) -> None:
     """It is right of clean records, and of nothing that hides."""
     found = judged(known, word)

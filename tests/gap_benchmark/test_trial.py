@@ -46,15 +46,11 @@ def clean() -> list[Scored]:
 
 @pytest.fixture(scope="module")
 def hiding() -> list[Scored]:
-    return [
-        one for group, size in COUNTS.items() for one in named(group, size, LONGEST.get(group, FEW))
-    ]
+    return [one for group, size in COUNTS.items() for one in named(group, size, LONGEST.get(group, FEW))]
 
 
 @pytest.mark.parametrize("groups", [("uneven good",), ("assembly good", "assembly poor")])
-def test_intervals_hold_the_truth_under_uneven_noise_and_in_assemblies(
-    groups: tuple[str, ...],
-) -> None:
+def test_intervals_hold_the_truth_under_uneven_noise_and_in_assemblies(groups: tuple[str, ...]) -> None:
     """Of 90 % intervals 80 to 95 % shall: not refuted by what is named in 12 records."""
     found = [one for group in groups for one in named(group, 12 // len(groups), FEW)]
     least, most = coverage([hit for one in found for hit in covered(one)])

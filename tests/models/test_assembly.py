@@ -22,17 +22,12 @@ from tolevo.models.assembly import (
 
 Array = NDArray[np.float64]
 PRINTED_F = np.array([[1.0, 0, 0, 0], [1, 1, 0, 0], [0, 0, 1, 0], [0, 0, 1, 1]])
-PRINTED_R = np.array(
-    [[5.0, 1000, 1000, 1000], [10, 5, 1000, 1000], [10, 5, 5, 1000], [10, 5, 10, 5]]
-)
+PRINTED_R = np.array([[5.0, 1000, 1000, 1000], [10, 5, 1000, 1000], [10, 5, 5, 1000], [10, 5, 10, 5]])
 PART_ERRORS = np.array([-1.6, 5.3, 5.8, 3.2])
 
 
 def final(
-    precision: float,
-    reading: str = "printed",
-    insertion: str = "before",
-    process: Process | None = None,
+    precision: float, reading: str = "printed", insertion: str = "before", process: Process | None = None
 ) -> Array:
     """Final state of the document's four parts."""
     process = process or plane_process()
@@ -111,9 +106,7 @@ def test_final_states_of_the_printed_reading(precision: float, state: tuple[floa
         ("consistent", "after", True, (84.0, 91.0)),
     ],
 )
-def test_fall_of_the_final_error(
-    reading: str, insertion: str, combined: bool, drops: tuple[float, float]
-) -> None:
+def test_fall_of_the_final_error(reading: str, insertion: str, combined: bool, drops: tuple[float, float]) -> None:
     seen = plane_process().observation if combined else np.eye(4)
     norms = [np.linalg.norm(seen @ final(q, reading, insertion)) for q in (0.0, 5.0, 10.0)]
     falls = [100.0 * (1.0 - one / norms[0]) for one in norms[1:]]
@@ -225,13 +218,9 @@ def test_space_is_three_planes_with_parallel_axes() -> None:
     rng = np.random.default_rng(3)
     plane, space, errors = plane_process(), space_process(), rng.normal(size=(4, 3))
     assert space.transition.shape == (4, 12, 12)
-    found = assemble(
-        space, gains(space, terminal_weight(space, 5.0)), errors.ravel(), "after"
-    ).state.reshape(4, 3)
+    found = assemble(space, gains(space, terminal_weight(space, 5.0)), errors.ravel(), "after").state.reshape(4, 3)
     single = gains(plane, terminal_weight(plane, 5.0))
-    np.testing.assert_allclose(
-        found.T, assemble(plane, single, errors.T, "after").state, rtol=1e-12
-    )
+    np.testing.assert_allclose(found.T, assemble(plane, single, errors.T, "after").state, rtol=1e-12)
 
 
 def test_turned_parts_move_the_housing_axes() -> None:
@@ -280,9 +269,7 @@ def test_departures_by_hand() -> None:
 def test_chain_coupling_by_hand() -> None:
     """Without adjustment chain 1 takes a share of what chain 2's parts bring."""
     process = plane_process()
-    state = assemble(
-        process, np.zeros((4, 4, 4)), PART_ERRORS, departures=Departures(coupling=0.1)
-    ).state
+    state = assemble(process, np.zeros((4, 4, 4)), PART_ERRORS, departures=Departures(coupling=0.1)).state
     np.testing.assert_allclose(state, [-1.6 + 0.58, 3.7 + 0.58 + 0.32, 5.8, 9.0])
 
 

@@ -47,9 +47,7 @@ def test_document_is_reproduced_under_the_stated_mappings(mapping: int) -> None:
         assert 0.0 < second - first < first, "diminishing returns from 5 to 10"
 
 
-@pytest.mark.parametrize(
-    ("mapping", "te", "force"), [(0, (38.3, 53.1), (17.8, 21.2)), (1, (40.4, 51.4), (19.3, 23.0))]
-)
+@pytest.mark.parametrize(("mapping", "te", "force"), [(0, (38.3, 53.1), (17.8, 21.2)), (1, (40.4, 51.4), (19.3, 23.0))])
 def test_table_agrees_with_an_earlier_contact_model(
     mapping: int, te: tuple[float, float], force: tuple[float, float]
 ) -> None:
@@ -111,9 +109,7 @@ def test_period_of_order_40_is_the_whole_turn() -> None:
     turn = 2.0 * np.pi * 39.0 * np.arange(64 * 40) / (64 * 40)
     balance = full.contact.equilibrium(errors, turn, -full.torque)
     once = full.turn(states)
-    np.testing.assert_allclose(
-        -balance.rotation, np.tile(once.error, 40), atol=1e-9 * np.abs(once.error).max()
-    )
+    np.testing.assert_allclose(-balance.rotation, np.tile(once.error, 40), atol=1e-9 * np.abs(once.error).max())
     assert full.peak(once)[0] == pytest.approx(balance.pin_forces.max(), rel=1e-9)
 
 
@@ -128,9 +124,7 @@ class OnePeriod:
 
     def torque(self, twist: Array) -> tuple[Array, Array]:
         found = [self.mesh.torque(-one[None]) for one in twist.reshape(-1, self.samples)]
-        torque, stiffness = (
-            np.concatenate(part).reshape(twist.shape) for part in zip(*found, strict=True)
-        )
+        torque, stiffness = (np.concatenate(part).reshape(twist.shape) for part in zip(*found, strict=True))
         return -torque, stiffness
 
     def equilibrium(self, torque: Array) -> Array:
@@ -162,9 +156,7 @@ def test_floor_and_absorption() -> None:
     states = about_z(np.array([[0.0, 0.0, 0.5, 0.0]])) * MRAD
     plain, floored = Transmission(), Transmission(mapping=AngleMapping(floor=2.0 * ARCSEC))
     half = Transmission(mapping=AngleMapping(absorption=0.5))
-    assert floored.amplitude(floored.turn(states)) == pytest.approx(
-        plain.amplitude(plain.turn(states)) + 2.0 * ARCSEC
-    )
+    assert floored.amplitude(floored.turn(states)) == pytest.approx(plain.amplitude(plain.turn(states)) + 2.0 * ARCSEC)
     np.testing.assert_allclose(half.turn(2.0 * states).error, plain.turn(states).error)
 
 
@@ -207,9 +199,7 @@ def test_force_follows_a_difference_of_the_discs_exactly() -> None:
     full = Transmission()
     expected = full.peak(full.turn(states))
     assert expected[-1] > 2.0 * expected[0] / 1.5
-    np.testing.assert_allclose(
-        coefficients().peak_force(states.reshape(5, 12)), expected, rtol=0.01
-    )
+    np.testing.assert_allclose(coefficients().peak_force(states.reshape(5, 12)), expected, rtol=0.01)
 
 
 # ---------------------------------------------------------------- quantiles
@@ -254,8 +244,6 @@ def test_root_of_rows_in_units_far_apart() -> None:
 def test_sample_quantile_of_a_norm() -> None:
     """The length of a Gaussian vector is chi distributed; chunks change nothing."""
     covariance = np.repeat(4.0 * np.eye(3)[None], 3, axis=0)
-    found = sample_quantile(
-        covariance, normals(2**18, 3), lambda x: np.linalg.norm(x, axis=-1), 0.9973
-    )
+    found = sample_quantile(covariance, normals(2**18, 3), lambda x: np.linalg.norm(x, axis=-1), 0.9973)
     np.testing.assert_allclose(found, 2.0 * stats.chi(3).ppf(0.9973), rtol=2e-3)
     assert np.all(found == found[0])

@@ -8,14 +8,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from tolevo.models.capability import (
-    Gauge,
-    Prior,
-    capability,
-    distribution_type,
-    findings,
-    knowledge_of,
-)
+from tolevo.models.capability import Gauge, Prior, capability, distribution_type, findings, knowledge_of
 from tolevo.models.capability.knowledge import upper_of_difference
 
 
@@ -103,8 +96,7 @@ def test_lots_without_names_are_found_by_what_follows_what() -> None:
 
 
 @pytest.mark.parametrize(
-    ("kind", "letter"),
-    [("drift", "C3"), ("lots", "C1"), ("outlier", "A1"), ("shape", "A2"), ("scatter", "B")],
+    ("kind", "letter"), [("drift", "C3"), ("lots", "C1"), ("outlier", "A1"), ("shape", "A2"), ("scatter", "B")]
 )
 def test_departures_are_named(kind: str, letter: str) -> None:
     rng = np.random.default_rng(4)

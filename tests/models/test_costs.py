@@ -103,9 +103,7 @@ BENT = Table((0.5, 1.0, 2.0, 3.0, 4.0), (9.0, 8.5, 5.0, 4.9, 1.0))
 
 @pytest.mark.parametrize("prices", PRICES)
 @pytest.mark.parametrize("curve", [*SMOOTH, TABLE, BENT], ids=repr)
-def test_best_tolerance_is_that_of_a_dense_grid(
-    curve: CostCurve, prices: tuple[float, float]
-) -> None:
+def test_best_tolerance_is_that_of_a_dense_grid(curve: CostCurve, prices: tuple[float, float]) -> None:
     low, high = 1.1, 3.7
     t = np.linspace(low, high, 200_001)
 

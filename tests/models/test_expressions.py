@@ -25,13 +25,7 @@ SMOOTH = [
 
 def python(text: str, **names: complex) -> Any:
     """The value by another route: numpy, on complex numbers as well."""
-    known: dict[str, Any] = {
-        "asin": np.arcsin,
-        "acos": np.arccos,
-        "atan": np.arctan,
-        "max": largest,
-        "min": least,
-    }
+    known: dict[str, Any] = {"asin": np.arcsin, "acos": np.arccos, "atan": np.arctan, "max": largest, "min": least}
     known |= {name: getattr(np, name) for name in ("sin", "cos", "tan", "sqrt", "exp", "log")}
     return eval(text, {"__builtins__": {}}, known | {"pi": math.pi} | names)
 
@@ -77,11 +71,7 @@ def test_batches_are_vectorised() -> None:
     rng = np.random.default_rng(0)
     x = {"a": rng.random((4, 1)), "b": rng.random((4, 7)), "c": np.asarray(2.0)}
     np.testing.assert_allclose(formula.value(x), x["a"] * np.sin(x["b"]) + 2.0)
-    assert {name: slope.shape for name, slope in formula.gradient(x).items()} == {
-        "a": (4, 7),
-        "b": (4, 7),
-        "c": (4, 7),
-    }
+    assert {name: slope.shape for name, slope in formula.gradient(x).items()} == {"a": (4, 7), "b": (4, 7), "c": (4, 7)}
 
 
 @given(st.recursive(

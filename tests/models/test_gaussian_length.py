@@ -12,9 +12,7 @@ COVERAGES = [0.5, 0.9, 0.9973, 1.0 - 1e-6]
 
 @pytest.mark.parametrize("components", [1, 2, 3])
 @pytest.mark.parametrize("coverage", COVERAGES)
-def test_equal_components_are_half_normal_rayleigh_and_maxwell(
-    components: int, coverage: float
-) -> None:
+def test_equal_components_are_half_normal_rayleigh_and_maxwell(components: int, coverage: float) -> None:
     variances = np.where(np.arange(3) < components, 0.09, 0.0)
     expected = 0.3 * chi.ppf(coverage, components)
     # the angles resolve the length of two equal components worst: 1e-7 of the share at the median

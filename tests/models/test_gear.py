@@ -21,9 +21,7 @@ def turns_of_rv(pins: int, discs: int, sun: int, planet: int) -> dict[str, Fract
     return {"crank": crank, "sun": sun_turns}
 
 
-@pytest.mark.parametrize(
-    ("pins", "discs", "sun", "planet"), [(40, 39, 12, 36), (46, 45, 15, 39), (30, 28, 11, 41)]
-)
+@pytest.mark.parametrize(("pins", "discs", "sun", "planet"), [(40, 39, 12, 36), (46, 45, 15, 39), (30, 28, 11, 41)])
 def test_an_rv_reducer_turns_as_its_wheels_roll(pins: int, discs: int, sun: int, planet: int
                                                 ) -> None:  # fmt: skip
     teeth = {"pins": pins, "cycloid_teeth": discs, "sun_teeth": sun, "planet_teeth": planet}

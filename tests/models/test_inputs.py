@@ -156,9 +156,7 @@ def test_inspection_does_nothing_to_a_capable_process() -> None:
     z = np.linspace(-0.6, 0.6, 7)
     inspected, free = TruncatedNormal(cp=3.0, shift=0.1), Normal(cp=3.0, shift=0.1)
     np.testing.assert_allclose(inspected.raw_moments(8), free.raw_moments(8), rtol=1e-10)
-    np.testing.assert_allclose(
-        inspected.partial_moments(z), free.partial_moments(z), rtol=1e-10, atol=1e-12
-    )
+    np.testing.assert_allclose(inspected.partial_moments(z), free.partial_moments(z), rtol=1e-10, atol=1e-12)
 
 
 def test_incapable_process_after_inspection_is_uniform() -> None:
@@ -303,9 +301,7 @@ BAD: list[tuple[Distribution, str, str]] = [
 
 
 @pytest.mark.parametrize(("case", "parameter", "message"), BAD, ids=lambda one: repr(one)[:40])
-def test_a_parameter_outside_of_its_range_is_a_fault(
-    case: Distribution, parameter: str, message: str
-) -> None:
+def test_a_parameter_outside_of_its_range_is_a_fault(case: Distribution, parameter: str, message: str) -> None:
     assert case.faults() == [(parameter, message)]
 
 

@@ -290,9 +290,7 @@ def test_same_in_all_directions_but_for_base_fixed_sources(machine: Manipulator)
 def test_yaw_of_m1_is_that_of_m2_in_the_follow_up_plane() -> None:
     r, z, phi = poses(50)
     one, two = first_order(M1, r, z, phi), first_order(M2, r, z, phi)
-    np.testing.assert_allclose(
-        two.orientation[:, 2] - two.follow_up, one.orientation[:, 2], rtol=1e-14, atol=1e-14
-    )
+    np.testing.assert_allclose(two.orientation[:, 2] - two.follow_up, one.orientation[:, 2], rtol=1e-14, atol=1e-14)
     np.testing.assert_array_equal(two.orientation[:, :2], one.orientation[:, :2])
 
 
@@ -322,8 +320,7 @@ def test_condition_numbers_of_the_ring() -> None:
 
 
 @pytest.mark.parametrize(
-    ("index", "squareness", "yaw"),
-    [("plane", 1.4345e-2, 5.095e-3), ("volume", 1.4389e-2, 5.037e-3)],
+    ("index", "squareness", "yaw"), [("plane", 1.4345e-2, 5.095e-3), ("volume", 1.4389e-2, 5.037e-3)]
 )
 def test_indices_of_the_notes(index: str, squareness: float, yaw: float) -> None:
     found = sensitivity(M1, RING, index, orientation_combinations())  # type: ignore[arg-type]
@@ -333,9 +330,7 @@ def test_indices_of_the_notes(index: str, squareness: float, yaw: float) -> None
     assert found.yaw[at["rod_length_1"]] * MM == pytest.approx(yaw, rel=1e-4)
     if index == "plane":
         assert found.yaw[at["rod_length_3"]] * MM == pytest.approx(1.1383e-2, rel=half)
-    assert found.squareness[at["rod_length_2"]] == pytest.approx(
-        found.squareness[at["rod_length_1"]], rel=1e-12
-    )
+    assert found.squareness[at["rod_length_2"]] == pytest.approx(found.squareness[at["rod_length_1"]], rel=1e-12)
 
 
 @pytest.mark.parametrize("geometry", range(-1, len(OTHERS)))
@@ -392,9 +387,7 @@ def test_unit_effects_are_the_maps_of_the_kinds() -> None:
     assert np.abs(third).max() < 1e-15  # about itself a joint line does nothing
     through = split(M1, r, z).through_orientation
     np.testing.assert_allclose(
-        effects.position["joint_distance_1"][..., 0],
-        through[..., at["joint_distance_platform_1_um"]],
-        atol=1e-12,
+        effects.position["joint_distance_1"][..., 0], through[..., at["joint_distance_platform_1_um"]], atol=1e-12
     )
 
 
@@ -411,9 +404,7 @@ def test_quadrature_of_means() -> None:
         assert weight @ z == pytest.approx((bottom + top) / 2.0, rel=1e-14)
 
 
-@pytest.mark.parametrize(
-    ("weight", "cost", "limit"), [("rms_plane", 12.590, 2.0e-4), ("rms_volume", 12.599, 2.0e-4)]
-)
+@pytest.mark.parametrize(("weight", "cost", "limit"), [("rms_plane", 12.590, 2.0e-4), ("rms_volume", 12.599, 2.0e-4)])
 def test_notes_allocation_meets_its_limits(weight: str, cost: float, limit: float) -> None:
     """Section 6: squareness and yaw of the optimum printed there are 0.2 mrad, to its digits."""
     ref = [1e-5] * 3 + [2e-5] * 3 + [1e-4] * 3

@@ -23,11 +23,7 @@ from tolevo.models.manipulator.sources import NAMES
 from tolevo.units import MM
 
 POSES = "r_mm,z_mm,phi_deg\n400,200,0\n500,150,30\n350,280,-170\n"
-TABLE = {
-    "r_mm": np.array([400.0, 500.0]),
-    "z_mm": np.array([200.0, 150.0]),
-    "phi_deg": np.array([0.0, 30.0]),
-}
+TABLE = {"r_mm": np.array([400.0, 500.0]), "z_mm": np.array([200.0, 150.0]), "phi_deg": np.array([0.0, 30.0])}
 
 
 def configured(folder: Path, text: str) -> Path:
@@ -127,8 +123,7 @@ def test_every_fault_of_lists_and_tables(tmp_path: Path) -> None:
         "parameters.joint_distance_mm[1]: must lie in (0, 1000000], got -1",
         "parameters.joint_distance_mm[2]: must be a number or a string with a unit of mm",
         "parameters.ring_r_mm[1]: must be a number or a string with a unit of mm, got true",
-        "parameters.elementary_errors.arm_lenght_1_um: is not a known key"
-        " (did you mean `arm_length_1_um`?)",
+        "parameters.elementary_errors.arm_lenght_1_um: is not a known key (did you mean `arm_length_1_um`?)",
         "parameters.elementary_errors.rod_length_1a_um: must be a number or a string",
         "parameters.follow_up: must be one of fixed, rod",
     ):

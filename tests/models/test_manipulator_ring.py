@@ -7,12 +7,7 @@ import pytest
 from scipy.special import erfc
 
 from tolevo.models.gaussian_length import exceedance, quantile
-from tolevo.models.manipulator.fields import (
-    Field,
-    worst_deviation,
-    worst_exceedance,
-    worst_quantile,
-)
+from tolevo.models.manipulator.fields import Field, worst_deviation, worst_exceedance, worst_quantile
 from tolevo.models.manipulator.geometry import Manipulator, TaskRing
 from tolevo.models.manipulator.indices import grid
 from tolevo.models.manipulator.maps import first_order

@@ -21,13 +21,7 @@ def capabilities(values: Array) -> dict[str, Array]:
     """Of samples (samples, n), by numpy."""
     mean, s = values.mean(axis=1), values.std(axis=1, ddof=1)
     upper, lower = (UPPER - mean) / (3.0 * s), (mean - LOWER) / (3.0 * s)
-    return {
-        "mean": mean,
-        "std": s,
-        "cp": (UPPER - LOWER) / (6.0 * s),
-        "cpk": np.minimum(upper, lower),
-        "upper": upper,
-    }
+    return {"mean": mean, "std": s, "cp": (UPPER - LOWER) / (6.0 * s), "cpk": np.minimum(upper, lower), "upper": upper}
 
 
 def stated(sums: PowerSums) -> dict[str, tuple[float, float]]:

@@ -41,9 +41,7 @@ def designs(n: int, seed: int) -> ClippedSum:
     """Random sums of nine clipped and two free terms, one of them bent, of unlike scales."""
     rng = np.random.default_rng(seed)
     laws = [Uniform(), Normal(1.0, 0.1), TruncatedNormal(0.6, -0.3)]
-    clipped = [
-        Term(laws[i % 3], rng.uniform(-0.3, 0.3, n), rng.uniform(-1.0, 1.0, n)) for i in range(8)
-    ]
+    clipped = [Term(laws[i % 3], rng.uniform(-0.3, 0.3, n), rng.uniform(-1.0, 1.0, n)) for i in range(8)]
     bent = Term(Uniform(), np.zeros(n), rng.uniform(-0.3, 0.3, n), rng.uniform(-1.0, 1.0, n))
     free = [Term(Uniform(), rng.uniform(0.0, 2.0, n), rng.uniform(0.1, 1.0, n)) for _ in range(2)]
     return ClippedSum(tuple(free), (*clipped, bent))
@@ -53,17 +51,13 @@ def monte_carlo(samples: int, seed: int = 0) -> MonteCarlo:
     return MonteCarlo.draw(samples, 11, np.random.default_rng(seed))
 
 
-def propagated(
-    clipped: list[Term], free: list[Term], coverage: float, limit: float, points: int = 4096
-) -> Propagated:
+def propagated(clipped: list[Term], free: list[Term], coverage: float, limit: float, points: int = 4096) -> Propagated:
     """A single design by convolution."""
     total = ClippedSum(tuple(free), tuple(clipped))
     return Convolution(points).propagate(total, coverage, limit)
 
 
-def one(
-    clipped: list[Term], free: list[Term], coverage: float, limit: float, points: int = 4096
-) -> dict[str, float]:
+def one(clipped: list[Term], free: list[Term], coverage: float, limit: float, points: int = 4096) -> dict[str, float]:
     """The statistics of a single design by convolution."""
     found = propagated(clipped, free, coverage, limit, points)
     return {name: float(getattr(found, name).value[0]) for name in ESTIMATES}
@@ -140,13 +134,10 @@ def test_interference_of_a_normal_sum() -> None:
 
 
 @pytest.mark.parametrize(
-    ("linear", "quadratic"),
-    [(0.3, -1.2), (0.3, 1.2), (-0.055, -1.26), (1.0, 0.1), (0.0, 0.8), (0.0, -0.8), (0.7, 0.0)],
+    ("linear", "quadratic"), [(0.3, -1.2), (0.3, 1.2), (-0.055, -1.26), (1.0, 0.1), (0.0, 0.8), (0.0, -0.8), (0.7, 0.0)]
 )
 @pytest.mark.parametrize("law", [Uniform(), Normal(1.0, 0.2), TruncatedNormal(0.5, -0.4)], ids=repr)
-def test_bent_contribution_is_that_of_quadrature(
-    law: Distribution, linear: float, quadratic: float
-) -> None:
+def test_bent_contribution_is_that_of_quadrature(law: Distribution, linear: float, quadratic: float) -> None:
     """X = max(0, a + b z + c z^2 + w) for a uniform w: moments over z by quadrature."""
     width, constant, limit = 0.25, 0.1, 0.4
 
@@ -225,8 +216,7 @@ def test_clipped_part_far_from_zero(shift: float) -> None:
 def test_lattice_error_falls_with_the_square_of_the_points() -> None:
     variance = 0.5 * (1.0 - 1.0 / pi) * 0.25  # of max(0, x), x ~ N(0, 0.5)
     errors = [
-        abs(one([term(UNIT, 0.0, 0.5)], [NOTHING], 0.9, 1.0, n)["std"] - sqrt(variance))
-        for n in (256, 512, 1024, 2048)
+        abs(one([term(UNIT, 0.0, 0.5)], [NOTHING], 0.9, 1.0, n)["std"] - sqrt(variance)) for n in (256, 512, 1024, 2048)
     ]
     orders = np.log2(np.array(errors[:-1]) / np.array(errors[1:]))
     np.testing.assert_allclose(orders, 2.0, atol=0.2)
@@ -260,9 +250,7 @@ def test_geometric_mean_and_spread_are_exact(method: Propagation) -> None:
     np.testing.assert_allclose(found.geometric_std, np.sqrt(variance), rtol=1e-12)
 
 
-def distance(
-    found: Propagated, other: Propagated, name: str
-) -> tuple[NDArray[np.float64], Estimate, Estimate]:
+def distance(found: Propagated, other: Propagated, name: str) -> tuple[NDArray[np.float64], Estimate, Estimate]:
     a, b = getattr(found, name), getattr(other, name)
     return np.abs(a.value - b.value), a, b
 
@@ -272,9 +260,7 @@ def distance(
 def test_monte_carlo_agrees_with_convolution(name: str, seed: int) -> None:
     total = designs(20, seed)
     exact = Convolution().propagate(total, 0.99, 3.0)
-    away, sampled, stated = distance(
-        monte_carlo(1 << 16, seed).propagate(total, 0.99, 3.0), exact, name
-    )
+    away, sampled, stated = distance(monte_carlo(1 << 16, seed).propagate(total, 0.99, 3.0), exact, name)
     assert np.all(away <= 4.0 * sampled.error + stated.error + 1e-6)
 
 
@@ -299,9 +285,7 @@ def test_stated_error_of_the_convolution_covers_a_finer_lattice(name: str) -> No
 
 def all_normal(n: int, seed: int) -> ClippedSum:
     rng = np.random.default_rng(seed)
-    clipped = [
-        Term(Normal(), rng.uniform(-0.3, 0.3, n), rng.uniform(-1.0, 1.0, n)) for _ in range(8)
-    ]
+    clipped = [Term(Normal(), rng.uniform(-0.3, 0.3, n), rng.uniform(-1.0, 1.0, n)) for _ in range(8)]
     free = [Term(Normal(), rng.uniform(0.0, 2.0, n), rng.uniform(0.1, 1.0, n)) for _ in range(2)]
     return ClippedSum(tuple(free), tuple(clipped))
 
@@ -323,9 +307,7 @@ def test_search_without_errors_states_that_they_are_unknown() -> None:
     total = designs(3, 5)
     with_errors, without = (Convolution(1024, e).propagate(total, 0.9, 2.0) for e in (True, False))
     for name in ESTIMATES:
-        np.testing.assert_array_equal(
-            getattr(with_errors, name).value, getattr(without, name).value
-        )
+        np.testing.assert_array_equal(getattr(with_errors, name).value, getattr(without, name).value)
         assert np.all(np.isnan(getattr(without, name).error))
 
 

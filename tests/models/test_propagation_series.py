@@ -11,13 +11,7 @@ from scipy import stats
 
 from tolevo.models.inputs import Beta, Normal, Uniform
 from tolevo.models.propagation import ClippedSum, Convolution, Moments, Term
-from tolevo.models.propagation.even import (
-    Even,
-    EvenBeta,
-    EvenNormal,
-    EvenPlateau,
-    EvenTruncatedNormal,
-)
+from tolevo.models.propagation.even import Even, EvenBeta, EvenNormal, EvenPlateau, EvenTruncatedNormal
 from tolevo.models.propagation.sums import cumulants_of
 from tolevo.models.propagation.symmetric_sum import SymmetricSum
 
@@ -150,6 +144,4 @@ def test_envelope_of_a_cut_normal_falls_to_the_jump_at_its_ends(sigma: float) ->
     """phi(w) tends to 2 f(1) sin(w)/w: f(1), the density where it is cut, by scipy."""
     edge = float(stats.truncnorm(-1.0 / sigma, 1.0 / sigma, scale=sigma).pdf(1.0))
     w = 1e5
-    assert float(EvenTruncatedNormal(sigma).envelope(np.array(w))[0]) * w / 2.0 == pytest.approx(
-        edge, rel=1e-3
-    )
+    assert float(EvenTruncatedNormal(sigma).envelope(np.array(w))[0]) * w / 2.0 == pytest.approx(edge, rel=1e-3)

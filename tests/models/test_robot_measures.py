@@ -14,13 +14,7 @@ from tolevo.models.manipulator.indices import grid
 from tolevo.models.manipulator.sources import NAMES
 from tolevo.models.robot.drives import Drives
 from tolevo.models.robot.joints import GRAVITY, GearedJoint
-from tolevo.models.robot.manipulator import (
-    drives,
-    drives_over,
-    emptying_acceleration,
-    gravity_torque,
-    links,
-)
+from tolevo.models.robot.manipulator import drives, drives_over, emptying_acceleration, gravity_torque, links
 from tolevo.models.robot.measures import (
     bidirectional,
     multi_directional_variation,
@@ -77,9 +71,7 @@ class TestPerArcminMaps:
     def test_yaw(self, machine: Drives) -> None:
         yaw = 1e3 * ARCMIN * np.sqrt(machine.mean(machine.turn[:, 2] ** 2))
         np.testing.assert_allclose(yaw, [0.1454, 0.1454, 0.0], atol=6e-5)
-        assert rms(machine, machine.turn[:, 2, :2].sum(axis=1) ** 2) == pytest.approx(
-            0.2909, abs=5e-5
-        )
+        assert rms(machine, machine.turn[:, 2, :2].sum(axis=1) ** 2) == pytest.approx(0.2909, abs=5e-5)
         assert np.abs(machine.turn[:, :2]).max() < 1e-12
 
     def test_iso_variation(self, machine: Drives, over: Drives) -> None:
@@ -155,9 +147,7 @@ class TestMeasuresOfIso9283:
 
     rng = np.random.default_rng(3)
 
-    def attained(
-        self, joint: GearedJoint, side: float, torque: float, repeats: int = 30
-    ) -> np.ndarray:
+    def attained(self, joint: GearedJoint, side: float, torque: float, repeats: int = 30) -> np.ndarray:
         angle = joint.displacement(np.full(repeats, side), torque)
         return np.column_stack([angle, 0.0 * angle, 0.0 * angle])
 

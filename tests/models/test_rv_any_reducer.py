@@ -46,11 +46,7 @@ def shipped(name: str) -> RvReducer:
 
 
 def fitted(
-    geometry: ContactGeometry,
-    psi: float,
-    disc: int,
-    journals: NDArray[np.complex128],
-    bores: NDArray[np.complex128],
+    geometry: ContactGeometry, psi: float, disc: int, journals: NDArray[np.complex128], bores: NDArray[np.complex128]
 ) -> tuple[complex, float]:
     """Displacement [um] and forward turn [arcmin] of a disc by least squares over its bearings.
 
@@ -83,16 +79,12 @@ def test_cranks_place_a_disc_as_a_rigid_body(cranks: int) -> None:
     z, ahead = sample.z, 1e-3 * geometry.nominal.eccentricity / UM
     for at, angle in enumerate(psi):
         for disc in range(geometry.discs):
-            eccentric, own, crank = (
-                one[at, disc] for one in (axes.eccentric, axes.disc, axes.crank)
-            )
+            eccentric, own, crank = (one[at, disc] for one in (axes.eccentric, axes.disc, axes.crank))
             for unit in range(sample.units):
                 one = (slice(None), disc, unit)
                 journals = 3.0 * z["eccentricity"][one] + 1.5j * ahead * z["crank_phase"][one]
                 bores = 2.0 * (z["bore_radial"][one] + 1j * z["bore_tangential"][one])
-                centre, turn = fitted(
-                    geometry, float(angle), disc, journals, np.asarray(bores, dtype=np.complex128)
-                )
+                centre, turn = fitted(geometry, float(angle), disc, journals, np.asarray(bores, dtype=np.complex128))
                 pair = units.turning[disc, unit] * eccentric + units.offset[disc, unit] * own
                 moved = units.ahead[disc, unit] - np.imag(units.around[disc, unit] * crank)
                 np.testing.assert_allclose([pair, moved], [centre, turn], atol=1e-9)
@@ -135,9 +127,7 @@ def test_backlash_with_the_input_held(involute_stage: bool, psi: float) -> None:
     than with the cranks held, 0.02' here.
     """
     nominal = RvGeometry(0.05, 0.003, 0.0012, 29, 30, 61.0 if involute_stage else 29.0)
-    geometry = ContactGeometry(
-        nominal, -60e-6, -100e-6, discs=1, true_levers=True, involute_stage=involute_stage
-    )
+    geometry = ContactGeometry(nominal, -60e-6, -100e-6, discs=1, true_levers=True, involute_stage=involute_stage)
     rolling = 1.0 + 1.0 / ((61.0 - 1.0) / 30.0) if involute_stage else 0.0
     far = 5.0 * ARCMIN
 

@@ -26,9 +26,7 @@ PRINTED: dict[str, Value] = {"reading": "printed"}
 
 
 def expected(
-    designs: dict[str, float],
-    inputs: dict[str, Normal],
-    parameters: Mapping[str, Value] = CONSISTENT,
+    designs: dict[str, float], inputs: dict[str, Normal], parameters: Mapping[str, Value] = CONSISTENT
 ) -> Propagated:
     at = {v.name: float(v.document or 0.0) for v in declared.VARIABLES} | designs
     model = declared.backlash_model(parameters, None, inputs)
@@ -45,9 +43,7 @@ def expected(
         ({}, {"involute_grade": Normal()}),
     ],
 )
-def test_sample_agrees_with_convolution(
-    designs: dict[str, float], inputs: dict[str, Normal]
-) -> None:
+def test_sample_agrees_with_convolution(designs: dict[str, float], inputs: dict[str, Normal]) -> None:
     model = RvBatch(DOCUMENT, designs, inputs={f"{name}_um": law for name, law in inputs.items()})
     table = {"unit": np.arange(UNITS)}
     sample = model.predict(table, np.random.default_rng(3))["backlash_arcmin"]

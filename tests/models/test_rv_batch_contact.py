@@ -74,9 +74,7 @@ def test_units_by_the_exact_nearest_point() -> None:
     model = RvBatch({"involute_stage": False, "positions": 31})
     assert model.contact is not None
     basis, design = model.contact.basis, model.contact.design
-    sample = BaseSample.draw(
-        basis.geometry, 16, np.random.default_rng(3), basis.hierarchy, "random"
-    )
+    sample = BaseSample.draw(basis.geometry, 16, np.random.default_rng(3), basis.hierarchy, "random")
     contact = LoadedContact(modified(basis.geometry, design), exact=True)
     errors = part_errors(basis.geometry, sample, design)
     play = performance.backlash(contact, errors, turn_lattice(31, 39)) / ARCMIN
@@ -95,10 +93,7 @@ def test_rows_of_a_unit_at_angles_hold_its_largest_backlash() -> None:
     """At the positions of the turn, a unit's largest reading is what it shows over the turn."""
     model, positions, count = RvBatch({"positions": 5}), 5, 40
     angles = np.rad2deg(turn_lattice(positions, 39)) / 39.0
-    table = {
-        "unit": np.repeat(np.arange(count), positions),
-        "output_angle_deg": np.tile(angles, count),
-    }
+    table = {"unit": np.repeat(np.arange(count), positions), "output_angle_deg": np.tile(angles, count)}
     read = model.predict(table, np.random.default_rng(3))[BACKLASH].reshape(count, positions)
     np.testing.assert_allclose(read.max(axis=1), units(model, count), rtol=0.0, atol=1e-5)
     mean = units(RvBatch({"positions": 5, "measured": "mean"}), count)

@@ -112,9 +112,7 @@ def test_what_does_not_change_opens_nothing() -> None:
     model = RvBatch({"model": "document"})
     assert opening(model.model, {}) == 0.0
     disc_alone = opening(model.model, {"disc_temperature_K": np.array([1.0])})
-    both = opening(
-        model.model, {"disc_temperature_K": np.array([1.0]), "housing_temperature_K": np.zeros(1)}
-    )
+    both = opening(model.model, {"disc_temperature_K": np.array([1.0]), "housing_temperature_K": np.zeros(1)})
     np.testing.assert_array_equal(disc_alone, both)
 
 

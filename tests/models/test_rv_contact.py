@@ -10,11 +10,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from tolevo.models.rv_reducer.contact import performance
-from tolevo.models.rv_reducer.contact.contact import (
-    LoadedContact,
-    OverloadWarning,
-    turn_angles,
-)
+from tolevo.models.rv_reducer.contact.contact import LoadedContact, OverloadWarning, turn_angles
 from tolevo.models.rv_reducer.contact.declared import PARAMETERS, loaded_contact
 from tolevo.models.rv_reducer.contact.errors import PartErrors
 from tolevo.models.rv_reducer.contact.geometry import ContactGeometry
@@ -63,9 +59,7 @@ def one_pin(error: float, discs: int) -> Array:
         (21.0, 2e5, 199.0, 159.0, 2.09, 0.112),
     ],
 )
-def test_table_of_section_4(
-    torque: float, k_n: float, most: float, mean: float, loaded: float, wind_up: float
-) -> None:
+def test_table_of_section_4(torque: float, k_n: float, most: float, mean: float, loaded: float, wind_up: float) -> None:
     found = one_disc(k_n).equilibrium(PERFECT, PITCH, 0.55 * torque * RATIO)
     peak = found.pin_forces.max(axis=(0, 2, 3))
     np.testing.assert_allclose(peak.max(), most, atol=1.0)
@@ -136,10 +130,7 @@ def test_stiffness_of_the_mesh_alone_of_section_4() -> None:
     Of the lever arms of the unmodified profile.
     """
     mesh = replace(RIGID, geometry=ContactGeometry(true_levers=False)).mesh(PERFECT, PITCH)
-    found = [
-        1.0 / np.mean(1.0 / mesh.torque(mesh.rotation(torque))[1]) / RATIO**2 * ARCMIN
-        for torque in (12.0, 412.0)
-    ]
+    found = [1.0 / np.mean(1.0 / mesh.torque(mesh.rotation(torque))[1]) / RATIO**2 * ARCMIN for torque in (12.0, 412.0)]
     np.testing.assert_allclose(found, [434.0, 1456.0], rtol=4e-3)
 
 
@@ -178,8 +169,7 @@ def test_perfect_unit_shows_the_cycloid_mesh_only() -> None:
 @pytest.mark.parametrize("torque", [21.0, 412.0])
 def test_pin_on_one_disc_is_order_39_and_full_length_order_78(torque: float) -> None:
     single, full = (
-        amplitudes(UNIT.rotation(PartErrors(pin_radius=one_pin(3e-6, discs)), TURN, torque))
-        for discs in (2, 1)
+        amplitudes(UNIT.rotation(PartErrors(pin_radius=one_pin(3e-6, discs)), TURN, torque)) for discs in (2, 1)
     )
     assert single[39] > 0.3
     assert full[39] < 1e-9
@@ -258,9 +248,7 @@ def test_phase_of_an_eccentric_per_disc_of_section_5() -> None:
 
 def test_levers_of_the_modified_profile_take_less_than_a_percent_off() -> None:
     nominal = replace(UNIT, geometry=ContactGeometry(true_levers=False))
-    ours, theirs = (
-        performance.loading(one, PERFECT, PITCH, 412.0).mean_peak for one in (UNIT, nominal)
-    )
+    ours, theirs = (performance.loading(one, PERFECT, PITCH, 412.0).mean_peak for one in (UNIT, nominal))
     np.testing.assert_allclose(ours / theirs, 0.993, atol=0.002)
 
 
@@ -270,9 +258,7 @@ def test_levers_of_the_modified_profile_take_less_than_a_percent_off() -> None:
 def sensitivity(contact: LoadedContact, angles: Array, **errors: Array) -> float:
     """Change of mean backlash against the mesh, times e z_c, per micrometre of 0.1 um of error."""
     small = {name: 1e-7 * value for name, value in errors.items()}
-    moved, still = (
-        performance.backlash(contact, one, angles).mean() for one in (PartErrors(**small), PERFECT)
-    )
+    moved, still = (performance.backlash(contact, one, angles).mean() for one in (PartErrors(**small), PERFECT))
     return float((moved - still) * RATIO * LEVER / 1e-7)
 
 
@@ -298,13 +284,9 @@ def test_linear_backlash_is_the_small_error_average(
 def test_pitch_and_runout_of_a_disc_change_backlash_along_the_turn_but_not_on_average() -> None:
     """Document B lets them add k1 and 0.5 to backlash: both are bounds, none is an average."""
     angles = turn_angles(39 * 160)
-    for errors in (
-        PartErrors(pitch=np.array([[2e-6]])),
-        PartErrors(disc_offset=np.array([[1e-6]])),
-    ):
+    for errors in (PartErrors(pitch=np.array([[2e-6]])), PartErrors(disc_offset=np.array([[1e-6]]))):
         moved, still = (
-            performance.backlash(one_disc(), one, angles) * RATIO * LEVER / 2e-6
-            for one in (errors, PERFECT)
+            performance.backlash(one_disc(), one, angles) * RATIO * LEVER / 2e-6 for one in (errors, PERFECT)
         )
         np.testing.assert_allclose((moved - still).mean(), 0.0, atol=5e-3)
         assert np.max(moved - still) < 0.8125
@@ -334,9 +316,7 @@ def test_independent_pins_follow_the_tightest() -> None:
     turn; on two discs about 0, and half the turn interferes. The linear model knows neither."""
     rng = np.random.default_rng(1)
     errors = PartErrors(pin_radius=1e-6 * rng.standard_normal((200, 1, 40)))
-    single, double = (
-        performance.backlash(one, errors, CRANK) * RATIO / ARCMIN for one in (one_disc(), UNIT)
-    )
+    single, double = (performance.backlash(one, errors, CRANK) * RATIO / ARCMIN for one in (one_disc(), UNIT))
     np.testing.assert_allclose(single.mean(), 0.055, atol=0.003)
     assert single.std(axis=1).mean() > 0.05
     np.testing.assert_allclose(double.mean(), 0.0, atol=0.01)
@@ -503,8 +483,7 @@ def test_declared_parameters_make_the_contact() -> None:
     default = LoadedContact()
     assert found.geometry.nominal == default.geometry.nominal
     np.testing.assert_allclose(
-        [found.geometry.dr_rp, found.geometry.dr_p],
-        [default.geometry.dr_rp, default.geometry.dr_p],
+        [found.geometry.dr_rp, found.geometry.dr_p], [default.geometry.dr_rp, default.geometry.dr_p]
     )
     for name in ("normal_stiffness", "series_stiffness", "rated_torque", "momentary_torque"):
         np.testing.assert_allclose(getattr(found, name), getattr(default, name), rtol=1e-14)

@@ -94,33 +94,21 @@ def random_errors(size: float) -> PartErrors:
 
 def drawn_gaps(errors: PartErrors, psi: float, disc: int) -> Array:
     """The same errors put into the drawing."""
-    e = {
-        name: np.asarray(getattr(errors, name))[0]
-        for name in errors.__slots__
-        if np.ndim(getattr(errors, name))
-    }
+    e = {name: np.asarray(getattr(errors, name))[0] for name in errors.__slots__ if np.ndim(getattr(errors, name))}
     alpha = 2.0 * np.pi * np.arange(40) / 40
     radius = R + e["circle_radius"] + e["radial_position"][disc]
     pins = radius * np.exp(1j * (alpha + e["tangential_position"][disc] / R))
     pins = pins + e["circle_offset"] * np.exp(1j * e["circle_phase"])
     own = np.pi * disc - psi / 39
-    cranks = (E + e["eccentricity"][:, disc]) * np.exp(
-        1j * (psi + np.pi * disc + e["crank_phase"][:, disc])
-    )
-    centre = cranks.mean() + e["disc_offset"][disc] * np.exp(
-        1j * (own + e["disc_offset_phase"][disc])
-    )
+    cranks = (E + e["eccentricity"][:, disc]) * np.exp(1j * (psi + np.pi * disc + e["crank_phase"][:, disc]))
+    centre = cranks.mean() + e["disc_offset"][disc] * np.exp(1j * (own + e["disc_offset_phase"][disc]))
     bore = e["bore_radial"][:, disc] + 1j * e["bore_tangential"][:, disc]
     centre -= np.mean(bore * np.exp(1j * (np.array([0.0, np.pi]) - psi / 39)))  # as the cranks lie
     # the teeth facing a pin are displaced as one body
     tooth = 0.5 * e["pitch"][disc] / R * np.cos(alpha - own - e["pitch_phase"][disc])
     about = E * np.exp(1j * (psi + np.pi * disc))
-    pins = (
-        centre + (pins - centre - (housing() - about)) + (housing() - about) * np.exp(-1j * tooth)
-    )
-    distance = distances(
-        pins, complex(centre), own, -40e-6 + e["equidistance"][disc], -70e-6 + e["shift"][disc]
-    )
+    pins = centre + (pins - centre - (housing() - about)) + (housing() - about) * np.exp(-1j * tooth)
+    distance = distances(pins, complex(centre), own, -40e-6 + e["equidistance"][disc], -70e-6 + e["shift"][disc])
     return np.asarray(distance - 3e-3 - e["pin_radius"][disc] + e["hole_radius"][disc])
 
 
@@ -151,8 +139,7 @@ def test_lever_is_the_gap_closed_by_turning_forward(geometry: ContactGeometry) -
     psi, step = 0.3, 1e-6
     centre = complex(E * np.exp(1j * psi))
     before, after = (
-        distances(housing(), centre, -psi / 39 - turn, geometry.dr_rp, geometry.dr_p)
-        for turn in (-step, step)
+        distances(housing(), centre, -psi / 39 - turn, geometry.dr_rp, geometry.dr_p) for turn in (-step, step)
     )
     found = gaps(geometry, PartErrors(), np.array([psi])).lever[0, 0]
     away = np.cos(psi - 2.0 * np.pi * np.arange(40) / 40) < np.cos(np.radians(12.0))
@@ -195,22 +182,15 @@ def test_bores_place_a_disc_as_a_rigid_body(cranks: int) -> None:
 # Bad input.
 
 
-@pytest.mark.parametrize(
-    ("dr_rp", "dr_p", "angle"),
-    [(-40e-6, -60e-6, 35.66), (-10e-6, 0.0, 0.0), (20e-6, 50e-6, 0.0)],
-)
-def test_interfering_modification_is_named_with_its_angle(
-    dr_rp: float, dr_p: float, angle: float
-) -> None:
+@pytest.mark.parametrize(("dr_rp", "dr_p", "angle"), [(-40e-6, -60e-6, 35.66), (-10e-6, 0.0, 0.0), (20e-6, 50e-6, 0.0)])
+def test_interfering_modification_is_named_with_its_angle(dr_rp: float, dr_p: float, angle: float) -> None:
     with pytest.raises(InputError) as caught:
         LoadedContact(replace(GEOMETRY, dr_rp=dr_rp, dr_p=dr_p))
     (fault,) = caught.value.faults
     assert fault.place == "parameters.dr_p_mm"
     assert "interferes" in fault.message
     named = float(fault.message.split("angle of ")[1].split(" deg")[0])
-    np.testing.assert_allclose(
-        named, angle, atol=2.0
-    )  # first order: the angle where contact starts
+    np.testing.assert_allclose(named, angle, atol=2.0)  # first order: the angle where contact starts
 
 
 def cusps(pin: float) -> bool:
@@ -228,9 +208,7 @@ def test_undercut_is_named_where_the_outline_turns_back(pin: float) -> None:
     geometry = ContactGeometry(RvGeometry(pin_radius=pin), dr_rp=0.0, dr_p=0.0)
     found = [fault for fault in faults(geometry) if "undercut" in fault.message]
     assert bool(found) == cusps(pin)
-    assert all(
-        fault.place == "parameters.pin_radius_mm" and "deg" in fault.message for fault in found
-    )
+    assert all(fault.place == "parameters.pin_radius_mm" and "deg" in fault.message for fault in found)
 
 
 def test_other_faults_of_the_geometry() -> None:

@@ -68,9 +68,7 @@ class AnalyticMesh:
 
 def waves(**amplitude: float) -> Errors:
     """Sum of cosines, k40=1e-6 for order 40 [rad]."""
-    return lambda angle: np.asarray(
-        sum(size * np.cos(int(name[1:]) * angle + 0.3) for name, size in amplitude.items())
-    )
+    return lambda angle: np.asarray(sum(size * np.cos(int(name[1:]) * angle + 0.3) for name, size in amplitude.items()))
 
 
 def varying(**amplitude: float) -> Errors:

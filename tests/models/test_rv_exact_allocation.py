@@ -119,8 +119,7 @@ def test_change_of_the_turn_mean(rows: Mapping[str, Array], row: str, change: fl
 
 
 @pytest.mark.parametrize(
-    ("row", "mean", "least", "most"),
-    [("pitch 10", -0.007, -0.305, 0.296), ("circle offset 5", -0.428, -0.657, -0.033)],
+    ("row", "mean", "least", "most"), [("pitch 10", -0.007, -0.305, 0.296), ("circle offset 5", -0.428, -0.657, -0.033)]
 )
 def test_change_of_mean_and_extremes(
     rows: Mapping[str, Array], row: str, mean: float, least: float, most: float

@@ -19,12 +19,7 @@ from tolevo.models.rv_reducer.contact import performance
 from tolevo.models.rv_reducer.contact.contact import LoadedContact
 from tolevo.models.rv_reducer.contact.geometry import ContactGeometry
 from tolevo.models.rv_reducer.population.design import UnitDesign
-from tolevo.models.rv_reducer.population.lattice import (
-    Lattice,
-    nearest_prime,
-    spreads_evenly,
-    turn_lattice,
-)
+from tolevo.models.rv_reducer.population.lattice import Lattice, nearest_prime, spreads_evenly, turn_lattice
 from tolevo.models.rv_reducer.population.part_errors import modified, part_errors
 from tolevo.models.rv_reducer.population.sample import BaseSample
 from tolevo.models.rv_reducer.population.scaled import Scaled
@@ -68,15 +63,11 @@ def allocated(tolerances: tuple[float, ...], dr_rp_mm: float, dr_p_mm: float) ->
 
 
 LEAST_COST = replace(
-    allocated(
-        (1.427, 1.123, 1.080, 0.496, 2.566, 1.505, 4.849, 0.665, 0.939, 0.834), -0.03874, -0.0814
-    ),
+    allocated((1.427, 1.123, 1.080, 0.496, 2.566, 1.505, 4.849, 0.665, 0.939, 0.834), -0.03874, -0.0814),
     stagger=2.0 * 0.1961,
 )
 """The least cost of the document's model, as version 0.1 found it: 18.08."""
-EQUAL = allocated(
-    (1.423, 1.275, 1.092, 0.469, 2.430, 1.454, 4.683, 0.618, 0.882, 0.839), -0.0474, -0.0863
-)
+EQUAL = allocated((1.423, 1.275, 1.092, 0.469, 2.430, 1.454, 4.683, 0.618, 0.882, 0.839), -0.0474, -0.0863)
 """Its equal by that model at stagger 0 (note on proofs, section 4)."""
 OPTIMUM = allocated((1.49, 2.94, 2.38, 1.53, 5.4, 3.1, 2.6, 0.75, 1.01, 2.4), -0.0373, -0.0673)
 """The optimum by contact, cost 12.40, to the digits that the note prints."""
@@ -154,9 +145,7 @@ def test_document_b() -> None:
         (OPTIMUM, 99.71, 0.1, 0.046),
     ],
 )
-def test_share_within_1_arcmin(
-    design: UnitDesign, within: float, give: float, interfering: float
-) -> None:
+def test_share_within_1_arcmin(design: UnitDesign, within: float, give: float, interfering: float) -> None:
     """Percent of units within 1' at 61 positions, and the share whose turn mean interferes.
 
     Three standard errors of 4096 units, more where the note's own sample adds to them.
@@ -181,9 +170,7 @@ def test_share_within_1_arcmin(
         (OPTIMUM, 1.003, 1.056),
     ],
 )
-def test_quantile_over_part_of_the_turn_and_all_of_it(
-    design: UnitDesign, over_61: float, over_1021: float
-) -> None:
+def test_quantile_over_part_of_the_turn_and_all_of_it(design: UnitDesign, over_61: float, over_1021: float) -> None:
     """1024 units here, 4096 in the note: their standard errors are 0.02' and 0.01'.
 
     16,384 units have 1.597' and 1.652' for the least cost of the document's model, 0.996' and
@@ -207,18 +194,14 @@ def whole_turn() -> tuple[BaseSample, Array]:
     [(16, -0.12), (31, -0.085), (61, -0.065), (127, -0.049), (251, -0.026), (503, -0.020),
      (1021, -0.009)],
 )  # fmt: skip
-def test_greatest_over_few_positions(
-    whole_turn: tuple[BaseSample, Array], positions: int, bias: float
-) -> None:
+def test_greatest_over_few_positions(whole_turn: tuple[BaseSample, Array], positions: int, bias: float) -> None:
     """Against 4097 positions; the standard error of the mean over 256 units is 0.003'."""
     sample, greatest = whole_turn
     y = cycloid(with_errors_between_discs(DOCUMENT_B), sample, turn_lattice(positions, 39))
     assert np.mean(y.max(axis=0) - greatest) == pytest.approx(bias, abs=0.01)
 
 
-@pytest.mark.parametrize(
-    ("positions", "bias", "good"), [(156, -0.10, 151), (312, -0.07, 317), (157, -0.06, 163)]
-)
+@pytest.mark.parametrize(("positions", "bias", "good"), [(156, -0.10, 151), (312, -0.07, 317), (157, -0.06, 163)])
 def test_positions_that_do_not_spread_miss_the_greatest(
     whole_turn: tuple[BaseSample, Array], positions: int, bias: float, good: int
 ) -> None:
@@ -227,9 +210,7 @@ def test_positions_that_do_not_spread_miss_the_greatest(
     assert not spreads_evenly(positions, GEOMETRY)
     assert nearest_prime(positions, GEOMETRY) == good
     design = with_errors_between_discs(DOCUMENT_B)
-    poor, even = (
-        cycloid(design, sample, turn_lattice(count, 39)).max(axis=0) for count in (positions, good)
-    )
+    poor, even = (cycloid(design, sample, turn_lattice(count, 39)).max(axis=0) for count in (positions, good))
     assert np.mean(poor - greatest) == pytest.approx(bias, abs=0.01)
     assert np.mean(even - greatest) > -0.04
 

@@ -73,9 +73,7 @@ def touching(
     return table, found, found.cycloid(lattice.geometry.output_ratio).astype(float)
 
 
-def by_contact(
-    geometry: ContactGeometry, sample: BaseSample, design: UnitDesign, angles: Array, exact: bool
-) -> Array:
+def by_contact(geometry: ContactGeometry, sample: BaseSample, design: UnitDesign, angles: Array, exact: bool) -> Array:
     """The same y by the loaded contact, (positions, units)."""
     contact = LoadedContact(modified(geometry, design), exact=exact)
     errors = part_errors(geometry, sample, design)
@@ -125,9 +123,7 @@ def test_part_errors_are_the_same_units() -> None:
         ContactGeometry(true_levers=True, discs=1),
         ContactGeometry(RvGeometry(cycloid_teeth=38, pins=39), true_levers=True, discs=3, cranks=3),
         ContactGeometry(RvGeometry(cycloid_teeth=29, pins=30), true_levers=True),
-        ContactGeometry(
-            RvGeometry(0.0825, 0.004, 0.0022, 29, 30, 81.0, 0.012, 0.05), true_levers=True, discs=3
-        ),
+        ContactGeometry(RvGeometry(0.0825, 0.004, 0.0022, 29, 30, 81.0, 0.012, 0.05), true_levers=True, discs=3),
     ],
     ids=["3 cranks", "1 disc", "38 teeth, 3 discs and cranks", "29 teeth", "larger, 3 discs"],
 )
@@ -231,9 +227,7 @@ def weights(y: Array, kind: str) -> Array:
 
 @pytest.mark.parametrize("kind", ["mean", "greatest", "random"])
 @pytest.mark.parametrize("name", NAMES)
-def test_slopes_are_central_differences(
-    drawn: tuple[Lattice, BaseSample, Slopes], name: str, kind: str
-) -> None:
+def test_slopes_are_central_differences(drawn: tuple[Lattice, BaseSample, Slopes], name: str, kind: str) -> None:
     """Within 0.5 %, and 0.0003'/um for the units that change their contacts over the step."""
     lattice, sample, slopes = drawn
     table, contacts, y = touching(lattice, sample, DOCUMENT)
@@ -267,9 +261,7 @@ def test_slopes_of_the_quantile() -> None:
         if name == "stagger":
             continue  # at 0 either flank may lead: a kink
         step = 4.0 * STEPS.get(name, 0.002)
-        high, low = (
-            measure(stepped(design, name, one))[1].statistic.value for one in (step, -step)
-        )
+        high, low = (measure(stepped(design, name, one))[1].statistic.value for one in (step, -step))
         expected = (high - low) / (2.0 * step)
         if abs(expected) > 0.05:
             large.add(name)
@@ -290,10 +282,7 @@ def test_slopes_of_rarer_geometries() -> None:
     found = pull_back(lattice, table, contacts, Slopes.of(geometry, sample), weight)
     for name, slope in zip(NAMES, found, strict=True):
         step = 10.0 * STEPS.get(name, 0.002)
-        high, low = (
-            touching(lattice, sample, stepped(DOCUMENT, name, one))[2].mean()
-            for one in (step, -step)
-        )
+        high, low = (touching(lattice, sample, stepped(DOCUMENT, name, one))[2].mean() for one in (step, -step))
         expected = (high - low) / (2.0 * step)
         assert slope == pytest.approx(expected, rel=5e-3, abs=3e-4), name
 
@@ -312,10 +301,7 @@ def test_compiled_and_arrays_agree(drawn: tuple[Lattice, BaseSample, Slopes]) ->
     same = (compiled.ahead == arrays.ahead) & (compiled.behind == arrays.behind)
     assert np.mean(same) > 0.9999  # ties apart
     slopes, weight = Slopes.of(GEOMETRY, sample), weights(y, "random")
-    found, wanted = (
-        pull_back(lattice, table, compiled, slopes, weight, engine)
-        for engine in ("numba", "arrays")
-    )
+    found, wanted = (pull_back(lattice, table, compiled, slopes, weight, engine) for engine in ("numba", "arrays"))
     np.testing.assert_allclose(found, wanted, rtol=1e-5, atol=1e-6)
 
 

@@ -48,11 +48,7 @@ class Case:
     """Units of a design at positions of a turn."""
 
     def __init__(
-        self,
-        design: UnitDesign,
-        units: int,
-        positions: int = 31,
-        geometry: ContactGeometry = GEOMETRY,
+        self, design: UnitDesign, units: int, positions: int = 31, geometry: ContactGeometry = GEOMETRY
     ) -> None:
         self.design, self.geometry = design, geometry
         self.lattice = Lattice.of(geometry, turn_lattice(positions, 39))
@@ -156,9 +152,7 @@ def test_both_engines_agree(design: UnitDesign, series: float, discs: int) -> No
     loading = Loading(series_stiffness=series)
     compiled, plain = (case.elastic(loading, engine=engine) for engine in ("numba", "arrays"))
     for name, tolerance in zip(OUTPUTS, (1e-6, 1e-3, 2e-3, 1e-2, 2e-4), strict=True):
-        np.testing.assert_allclose(
-            compiled.values[name], plain.values[name], atol=tolerance, err_msg=name
-        )
+        np.testing.assert_allclose(compiled.values[name], plain.values[name], atol=tolerance, err_msg=name)
     slopes = Slopes.of(case.geometry, case.sample)
     weight = np.random.default_rng(3).random(130)
     for name in OUTPUTS:
@@ -186,10 +180,7 @@ def test_stiff_units_lose_their_backlash() -> None:
 def test_soft_springs_add_their_wind_up() -> None:
     """A unit without play turns by what springs and meshes do, and the springs' part is T/(2 K)."""
     case, none = Case(UnitDesign({}), units=1), UnitDesign({})
-    shares = [
-        case.built(none, Loading(series_stiffness=k / ARCMIN), outputs=("peak_pin_force",))
-        for k in (1.0, 0.5)
-    ]
+    shares = [case.built(none, Loading(series_stiffness=k / ARCMIN), outputs=("peak_pin_force",)) for k in (1.0, 0.5)]
     turned = [one.rotation("rated") for one in shares]
     # the discs do not share evenly at every position: the mesh is 1000 times stiffer, so by 1e-3
     np.testing.assert_allclose(turned[1] - turned[0], 412.0 / 2.0 / RATIO**2, rtol=2e-3)
@@ -208,10 +199,7 @@ SIZE = np.array([{"dr_rp": 2e-3, "dr_p": 2e-3, "stagger": 0.05}.get(one, 1.0) fo
 def differences(case: Case, output: str) -> Array:
     """Central differences (names, units) of an output by changes of `SIZE`."""
     ends = [
-        [
-            case.built(moved(case.design, name, sign * by), outputs=(output,)).values[output]
-            for sign in (1.0, -1.0)
-        ]
+        [case.built(moved(case.design, name, sign * by), outputs=(output,)).values[output] for sign in (1.0, -1.0)]
         for name, by in zip(NAMES, 0.005 * SIZE, strict=True)
     ]
     return np.array([(ahead - behind) / 0.01 for ahead, behind in ends])
@@ -226,9 +214,7 @@ def test_derivatives_against_differences(output: str) -> None:
     """
     case = Case(replace(STAGGERED, stagger=0.03), units=48)
     found, slopes = case.elastic(outputs=(output,)), Slopes.of(GEOMETRY, case.sample)
-    ours = (
-        np.array([found.pull_back(slopes, {output: one}) for one in np.eye(48)]).T * SIZE[:, None]
-    )
+    ours = np.array([found.pull_back(slopes, {output: one}) for one in np.eye(48)]).T * SIZE[:, None]
     theirs = differences(case, output)
     largest = np.abs(theirs).max(axis=0)
     close = np.abs(ours - theirs) <= 5e-3 * largest + NOISE[output]
@@ -258,9 +244,7 @@ def moved(design: UnitDesign, name: str, step: float) -> UnitDesign:
 def test_derivatives_of_several_outputs_add() -> None:
     case = Case(DOCUMENT, units=32)
     found, slopes = case.elastic(), Slopes.of(GEOMETRY, case.sample)
-    weights: Mapping[str, Array] = {
-        name: np.random.default_rng(at).random(32) for at, name in enumerate(OUTPUTS)
-    }
+    weights: Mapping[str, Array] = {name: np.random.default_rng(at).random(32) for at, name in enumerate(OUTPUTS)}
     apart = sum(found.pull_back(slopes, {name: weight}) for name, weight in weights.items())
     np.testing.assert_allclose(found.pull_back(slopes, weights), apart, rtol=1e-5, atol=1e-4)
 

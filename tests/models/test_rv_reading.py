@@ -60,20 +60,11 @@ UNIT_ERRORS = {
     "holes": (PartErrors(hole_radius=full(UM, 1, 1, 1)), {"pin_hole_radius": 1.0}),
     "equidistance": (PartErrors(equidistance=full(UM, 1, 1)), {"equidistance": 1.0}),
     "shift": (PartErrors(shift=full(UM, 1, 1)), {"shift": 1.0}),
-    "position of all pins": (
-        PartErrors(tangential_position=full(5.0 * UM, 1, 1, 1)),
-        {"pin_position": 5.0},
-    ),
+    "position of all pins": (PartErrors(tangential_position=full(5.0 * UM, 1, 1, 1)), {"pin_position": 5.0}),
     "bearings": (PartErrors(bearing_clearance=full(2.0 * UM, 1, 1, 1)), {"crank_bearing_um": 2.0}),
-    "stagger": (
-        PartErrors(angle=0.2 * ARCMIN * np.array([[1.0, -1.0]])),
-        {"stagger_arcmin": 0.2},
-    ),
+    "stagger": (PartErrors(angle=0.2 * ARCMIN * np.array([[1.0, -1.0]])), {"stagger_arcmin": 0.2}),
     "eccentricity": (PartErrors(eccentricity=full(5.0 * UM, 1, 1, 1)), {"eccentricity": 5.0}),
-    "eccentricity, smaller": (
-        PartErrors(eccentricity=full(-5.0 * UM, 1, 1, 1)),
-        {"eccentricity": -5.0},
-    ),
+    "eccentricity, smaller": (PartErrors(eccentricity=full(-5.0 * UM, 1, 1, 1)), {"eccentricity": -5.0}),
 }
 
 
@@ -101,9 +92,7 @@ def test_consistent_reading_is_the_exact_contact_of_a_common_error(case: str) ->
         ({"stagger_arcmin": 0.2}, -0.3868),
     ],
 )
-def test_figures_of_section_7_of_the_note_on_exact_allocation(
-    design: dict[str, float], change: float
-) -> None:
+def test_figures_of_section_7_of_the_note_on_exact_allocation(design: dict[str, float], change: float) -> None:
     """Changes of the turn mean; the note's stagger of 0.1' is delta', half the turn of a disc."""
     found = cycloid(**design) - cycloid()
     assert found == pytest.approx(change, rel=7e-3, abs=8e-3 if "pitch" in design else 5e-4)

@@ -218,9 +218,7 @@ def test_constraints_of_the_documents_optimum() -> None:
 RADIUS, ECCENTRICITY, PINS, TEETH = 64.0, 1.3, 40, 39
 
 
-def exact_gap(
-    phi: Array, turn: float, dr_rp: float, dr_p: float, circle: float = 0.0, pin: float = 0.0
-) -> Array:
+def exact_gap(phi: Array, turn: float, dr_rp: float, dr_p: float, circle: float = 0.0, pin: float = 0.0) -> Array:
     """Gap [mm] of the pins at profile angle phi with the disc turned about its centre by `turn`."""
     u = phi / TEETH
     centre = (RADIUS + circle) * np.exp(1j * u) - ECCENTRICITY * np.exp(1j * PINS * u)

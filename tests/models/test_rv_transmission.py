@@ -229,9 +229,7 @@ def closed_form(model: RvTransmission, number: float, rpm: float, torque: float)
 
 @pytest.mark.parametrize("rpm", [5.0, 30.0, 41.5, 82.0])
 @pytest.mark.parametrize("direction", [1.0, -1.0])
-def test_every_order_is_amplified_by_its_transfer_function(
-    real: RvTransmission, rpm: float, direction: float
-) -> None:
+def test_every_order_is_amplified_by_its_transfer_function(real: RvTransmission, rpm: float, direction: float) -> None:
     static = spectrum(te(real, 200.0))
     moving = spectrum(te(real, 200.0, output_speed_rpm=rpm, direction=direction))
     for number in (39, 40, 78, 120):
@@ -304,9 +302,7 @@ def test_wind_up_can_be_removed() -> None:
 
 @pytest.mark.parametrize("change", CHANGES, ids=lambda change: str(change.name))
 @pytest.mark.parametrize("torque", [60.0, 412.0])
-def test_changes_are_the_recomputed_contact(
-    uneven: RvLostMotion, change: Any, torque: float
-) -> None:
+def test_changes_are_the_recomputed_contact(uneven: RvLostMotion, change: Any, torque: float) -> None:
     """First order, for changes of the size of a tolerance: within 10 % (rms), or 0.05 arcsec."""
     amount = {"pin_circle_radius_um": 2.0, "equidistance_um": 1.0, "crank_bearing_um": 2.0,
               "sharing_percent": 5.0, "series_stiffness_percent": 2.0,
@@ -347,9 +343,7 @@ def test_changes_act_row_by_row(real: RvTransmission) -> None:
     ({"output_speed_rpm": -5.0}, "output_speed_rpm"),
     ({"direction": 0.5}, "direction"),
 ])  # fmt: skip
-def test_readings_that_are_none(
-    perfect: RvTransmission, columns: Mapping[str, float], named: str
-) -> None:
+def test_readings_that_are_none(perfect: RvTransmission, columns: Mapping[str, float], named: str) -> None:
     table = {"output_angle_deg": np.zeros(3)}
     table |= {name: np.array([1.0, value, 1.0]) for name, value in columns.items()}
     with pytest.raises(InputError, match=f"{named}, row 2"):
@@ -380,9 +374,7 @@ def test_units_that_do_not_exist(parameters: Mapping[str, float], named: str) ->
     ({"pin_circle": 1.0}, "pin_circle: is not changeable"),
     ({"sharing_percent": np.nan}, "sharing_percent"),
 ])  # fmt: skip
-def test_changes_that_are_none(
-    perfect: RvTransmission, changes: Mapping[str, Any], named: str
-) -> None:
+def test_changes_that_are_none(perfect: RvTransmission, changes: Mapping[str, Any], named: str) -> None:
     with pytest.raises(InputError, match=named):
         perfect.predict({"output_angle_deg": np.zeros(2)}, RNG, changes)
 

@@ -51,9 +51,7 @@ def test_chain_is_the_product_of_its_matrices() -> None:
 
 def test_rotation_vector() -> None:
     vector = np.array([0.3, -1.1, 0.4])
-    np.testing.assert_allclose(
-        rotation(vector), Rotation.from_rotvec(vector).as_matrix(), atol=1e-14
-    )
+    np.testing.assert_allclose(rotation(vector), Rotation.from_rotvec(vector).as_matrix(), atol=1e-14)
     np.testing.assert_array_equal(rotation(np.zeros(3)), np.eye(3))
 
 

@@ -129,8 +129,7 @@ def bodies(arm: Arm, payload: float) -> mujoco.MjModel:
         own = '<joint type="hinge" axis="0 0 1"/>' + inertia(float(arm.mass[at]), centre)
         text = f"<body {place(here)}>{own}{text}</body>"
     return mujoco.MjModel.from_xml_string(
-        f'<mujoco><compiler angle="radian"/><option gravity="0 0 {-GRAVITY!r}"/>'
-        f"<worldbody>{text}</worldbody></mujoco>"
+        f'<mujoco><compiler angle="radian"/><option gravity="0 0 {-GRAVITY!r}"/><worldbody>{text}</worldbody></mujoco>'
     )
 
 

@@ -10,13 +10,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from tolevo.models.inputs import Beta, SkewNormal, Trapezoid, Triangular, TruncatedNormal, Uniform
-from tolevo.models.propagation.even import (
-    EvenBeta,
-    EvenNormal,
-    EvenPlateau,
-    EvenTruncatedNormal,
-    even_law,
-)
+from tolevo.models.propagation.even import EvenBeta, EvenNormal, EvenPlateau, EvenTruncatedNormal, even_law
 from tolevo.models.propagation.symmetric_sum import SymmetricSum
 
 LAWS = [
@@ -84,9 +78,7 @@ def test_gradient_by_differences() -> None:
 def test_normal_sum_and_single_terms() -> None:
     normals = SymmetricSum([EvenNormal(0.5), EvenNormal(1.0)])
     found = normals.quantile(np.array([[2.0, 1.0], [0.0, 3.0], [0.0, 0.0]]), 0.9)
-    assert_allclose(
-        found.value, 1.2815515655446004 * np.array([np.sqrt(2.0), 3.0, 0.0]), rtol=1e-12
-    )
+    assert_allclose(found.value, 1.2815515655446004 * np.array([np.sqrt(2.0), 3.0, 0.0]), rtol=1e-12)
 
 
 def test_probability_and_density_fit_the_quantile() -> None:

@@ -57,9 +57,7 @@ def test_sample_of_units(planets: int, share: float) -> None:
     assert abs(z.mean() - moments[1]) < 4.0 * error
     assert abs((z**2).mean() - moments[2]) < 4.0 * np.sqrt((moments[4] - moments[2] ** 2) / units)
     at = np.linspace(-0.9, 0.9, 19)
-    assert np.max(np.abs((z[:, None] <= at).mean(axis=0) - law.cdf(at))) < 4.0 * 0.5 / np.sqrt(
-        units
-    )
+    assert np.max(np.abs((z[:, None] <= at).mean(axis=0) - law.cdf(at))) < 4.0 * 0.5 / np.sqrt(units)
 
 
 @pytest.mark.parametrize("share", [0.0, 0.5, 0.95])
@@ -71,9 +69,7 @@ def test_table_agrees_with_itself(share: float) -> None:
     p = np.linspace(0.0, 1.0, 1001)
     assert_allclose(law.cdf(law.quantile(p)), p, atol=1e-12)
     assert_allclose(law.quantile(np.array([0.0, 1.0])), [-1.0, 1.0])
-    assert_allclose(
-        [m[()] for m in law.partial_moments(np.array(2.0))], law.raw_moments(2), atol=1e-13
-    )
+    assert_allclose([m[()] for m in law.partial_moments(np.array(2.0))], law.raw_moments(2), atol=1e-13)
     assert_allclose(law.partial_moments(np.array([-2.0])), 0.0, atol=1e-15)
 
 

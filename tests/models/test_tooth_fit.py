@@ -8,12 +8,7 @@ from numpy.typing import NDArray
 
 from tolevo.models.rv_reducer import clearance_targets as targets
 from tolevo.models.rv_reducer.geometry import RvGeometry
-from tolevo.models.rv_reducer.modification import (
-    clearance,
-    contact_angle,
-    modification_backlash,
-    raw_clearance,
-)
+from tolevo.models.rv_reducer.modification import clearance, contact_angle, modification_backlash, raw_clearance
 from tolevo.models.rv_reducer.printed_clearance import printed_clearance
 from tolevo.models.rv_reducer.tooth_fit import CLEARANCES, Programme, fit
 from tolevo.units import ARCMIN
@@ -57,16 +52,12 @@ def test_printed_clearance_at_first_contact_by_hand() -> None:
     np.testing.assert_allclose(found, wanted, rtol=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("film", "low", "high"), [(1.0, 30, 45), (1.9, 20, 60), (3.5, 20, 90), (6.1, 0, 180)]
-)
+@pytest.mark.parametrize(("film", "low", "high"), [(1.0, 30, 45), (1.9, 20, 60), (3.5, 20, 90), (6.1, 0, 180)])
 def test_films_that_bring_the_printed_optimum(film: float, low: float, high: float) -> None:
     found = fit(GEOMETRY, targets.film(PHI, film * 1e-6, band(low, high)), GAP)
     assert found.dr_p == pytest.approx(-70e-6, abs=0.2e-6)
     assert found.dr_rp - found.dr_p == pytest.approx(GAP, rel=1e-9)
-    assert float(modification_backlash(GEOMETRY, *PRINTED) / ARCMIN) == pytest.approx(
-        0.11, abs=0.005
-    )
+    assert float(modification_backlash(GEOMETRY, *PRINTED) / ARCMIN) == pytest.approx(0.11, abs=0.005)
 
 
 @pytest.mark.parametrize(
@@ -89,10 +80,7 @@ def test_after_contact_the_printed_pair_comes_of_a_turn_chosen_for_it() -> None:
     """Near-conjugate at 2.0', not at 1.2' (no equidistance) nor at 2.2' (no backlash)."""
     found = [
         fit(
-            GEOMETRY,
-            targets.near_conjugate(GEOMETRY, PHI, turn * ARCMIN, GAP, band(20, 120)),
-            GAP,
-            "after_contact",
+            GEOMETRY, targets.near_conjugate(GEOMETRY, PHI, turn * ARCMIN, GAP, band(20, 120)), GAP, "after_contact"
         ).dr_rp
         for turn in (1.2, 2.0, 2.2)
     ]
@@ -138,9 +126,7 @@ def test_free_gap_recovers_the_pair_whose_clearance_is_wanted(kind: str) -> None
 def test_free_gap_is_the_best_of_a_grid() -> None:
     target = targets.near_conjugate(GEOMETRY, PHI, 0.5 * ARCMIN, GAP, band(20, 120))
     found = fit(GEOMETRY, target, None)
-    dr_rp, dr_p = (
-        one.ravel() for one in np.meshgrid(np.linspace(-30e-6, 0, 121), np.linspace(-60e-6, 0, 241))
-    )
+    dr_rp, dr_p = (one.ravel() for one in np.meshgrid(np.linspace(-30e-6, 0, 121), np.linspace(-60e-6, 0, 241)))
     allowed = dr_rp - np.sqrt(1 - K1**2) * dr_p >= 0.0
     grid = sum_of_deviations("raw", target, dr_rp[allowed], dr_p[allowed])
     assert found.deviation <= grid.min() * (1.0 + 1e-9)

@@ -10,13 +10,7 @@ import pytest
 from tolevo.models.propagation.sums import total_cumulants
 from tolevo.models.rv_reducer import declared
 from tolevo.models.rv_reducer.cycloid import LINEAR_ERRORS, EccentricityLaw, coefficients
-from tolevo.models.rv_reducer.zone_optimum import (
-    ERRORS,
-    Stage,
-    equal_shares,
-    least,
-    least_clipped,
-)
+from tolevo.models.rv_reducer.zone_optimum import ERRORS, Stage, equal_shares, least, least_clipped
 from tolevo.units import ARCMIN
 
 UNIT = 2.0 / 0.0507
@@ -36,17 +30,13 @@ def by_the_model(errors: dict[str, float]) -> float:
 
 
 def stage(offset_arcmin: float = 0.0, quadratic: float = -12.6e3) -> Stage:
-    return Stage(
-        law=EccentricityLaw(quadratic=quadratic, factor=2.0), offset=offset_arcmin * ARCMIN
-    )
+    return Stage(law=EccentricityLaw(quadratic=quadratic, factor=2.0), offset=offset_arcmin * ARCMIN)
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_backlash_is_that_of_the_model(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    errors = {
-        name: float(one) for name, one in zip(ERRORS, rng.uniform(-5e-6, 5e-6, 9), strict=True)
-    }
+    errors = {name: float(one) for name, one in zip(ERRORS, rng.uniform(-5e-6, 5e-6, 9), strict=True)}
     own = stage(by_the_model(dict.fromkeys(ERRORS, 0.0)) / ARCMIN)
     assert own.backlash(errors) == pytest.approx(by_the_model(errors), rel=1e-9)
     assert own.offset / ARCMIN == pytest.approx(0.1095, abs=1e-4)

@@ -70,17 +70,12 @@ def test_a_tolerance_has_them_about_its_mid_limit(mean: str, tmp_path: Path) -> 
     assert machine.mean == pytest.approx(expected, rel=1e-6)
     moved = problem_of(tmp_path, reducer(GRINDER | {"measured": measured}, mid=0.5))
     by = 0.0 if mean == "corrected" else -1.5
-    assert moved.machined_tolerances["pin_radius_um"].ways[
-        0
-    ].machine.mean - machine.mean == pytest.approx(by)
+    assert moved.machined_tolerances["pin_radius_um"].ways[0].machine.mean - machine.mean == pytest.approx(by)
 
 
 def test_what_is_known_is_said_and_written(tmp_path: Path) -> None:
     drifting = (VALUES + np.linspace(0.0, 8.0, len(VALUES))).round(3).tolist()
-    for given, place in (
-        (stack, "part.shaft.machine"),
-        (reducer, "variables.pin_radius_um.machine"),
-    ):
+    for given, place in ((stack, "part.shaft.machine"), (reducer, "variables.pin_radius_um.machine")):
         table = given(GRINDER | {"measured": {"values": drifting}})
         (tmp_path / "c.toml").write_text(tomli_w.dumps(table), encoding="utf-8")
         configuration = read(tmp_path / "c.toml")

@@ -95,9 +95,7 @@ def test_a_standard_deviation_is_that_of_the_parts(tmp_path: Path) -> None:
 def sigma_of(folder: Path, problem: str) -> str:
     """A link's standard deviation of a robot."""
     free = problem_of(folder, {"problem": problem}).free
-    return next(
-        str(v.name) for v in free if v.kind == "standard deviation" and v.name.endswith("mrad")
-    )
+    return next(str(v.name) for v in free if v.kind == "standard deviation" and v.name.endswith("mrad"))
 
 
 def test_errors_without_a_mid_limit_are_centred(tmp_path: Path) -> None:

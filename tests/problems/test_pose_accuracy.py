@@ -44,11 +44,7 @@ def optimum(problem: PoseAccuracy) -> tuple[float, np.ndarray, float]:
 
 
 # physics/manipulator.md, section 6
-PUBLISHED = [
-    ("rms_plane", 12.590, 5e-4),
-    ("rms_volume", 12.599, 5e-4),
-    ("every_pose", 17.679, 2e-3),
-]
+PUBLISHED = [("rms_plane", 12.590, 5e-4), ("rms_volume", 12.599, 5e-4), ("every_pose", 17.679, 2e-3)]
 
 
 @pytest.mark.parametrize(("index", "cost", "within"), PUBLISHED)
@@ -151,9 +147,7 @@ def test_a_grouping_of_ones_own(tmp_path: Path) -> None:
     own = np.array([[dict(zip(nine.names, design[0], strict=True)).get(n, 5.0)
                      for n in problem.names]])  # fmt: skip
     for name in ("squareness_mrad", "yaw_mrad", "position_mm"):
-        np.testing.assert_allclose(
-            problem.outputs_of(own)[name], nine.outputs_of(design)[name], rtol=1e-12
-        )
+        np.testing.assert_allclose(problem.outputs_of(own)[name], nine.outputs_of(design)[name], rtol=1e-12)
     again = tmp_path / "again.toml"
     again.write_text(read(tmp_path / "c.toml").toml(), encoding="utf-8")
     assert read(again).toml() == read(tmp_path / "c.toml").toml()
@@ -207,9 +201,7 @@ def test_effects_move_the_mean_of_machines_and_not_their_spread(name: str) -> No
         "r_mm": np.full(count, 450.0), "z_mm": np.full(count, 200.0), "phi_deg": np.zeros(count),
         "payload_kg": np.full(count, 10.0), "temperature_C": np.full(count, 30.0),
     }  # fmt: skip
-    drawn = {
-        one.name: rng.normal(0.0, 0.1 if one.unit == "mrad" else 20.0, count) for one in ELEMENTARY
-    }
+    drawn = {one.name: rng.normal(0.0, 0.1 if one.unit == "mrad" else 20.0, count) for one in ELEMENTARY}
     one = Active(registry.load("effects", name)(), EFFECTS[name])
     target = target_of(model, "manipulator_pose", table)
     added = changes_of(acting([one], readings_of(target.columns, table), target))

@@ -36,9 +36,7 @@ OUTER = {"r_mm": 650.0, "z_mm": 300.0}
 MACHINES = 100_000
 
 
-def problem_of(
-    limits: dict[str, Bound] | None = None, samples: int = 65_536, **parameters: Value
-) -> PoseAccuracy:
+def problem_of(limits: dict[str, Bound] | None = None, samples: int = 65_536, **parameters: Value) -> PoseAccuracy:
     return PoseAccuracy(
         Settings(
             parameters={"index": "rms_plane", **parameters},
@@ -137,9 +135,7 @@ def test_what_is_which() -> None:
         ring = found[f"{name}_ring_quantile_{unit}"]
         assert np.all(found[f"{name}_pose_quantile_{unit}"] <= ring)
     half_normal = 2.99997699  # the two-sided standard normal quantile at 0.9973
-    np.testing.assert_allclose(
-        found["yaw_pose_quantile_mrad"], half_normal * found["yaw_pose_mrad"]
-    )
+    np.testing.assert_allclose(found["yaw_pose_quantile_mrad"], half_normal * found["yaw_pose_mrad"])
     for name in ("squareness", "yaw"):
         ring = found[f"{name}_ring_yield_percent"]
         assert np.all(ring <= found[f"{name}_pose_yield_percent"] + 1e-9)
@@ -245,10 +241,7 @@ name = "exact"
 """
 BAD = [
     ("[parameters.pose]\nr_mm = 650\n", "parameters.pose.z_mm: is missing"),
-    (
-        "[parameters.pose]\nr_mm = 700\nz_mm = 400\n",
-        r"pose.r_mm: must lie in the ring, \[300, 650\]",
-    ),
+    ("[parameters.pose]\nr_mm = 700\nz_mm = 400\n", r"pose.r_mm: must lie in the ring, \[300, 650\]"),
     ("[parameters.pose]\nr_mm = 700\nz_mm = 400\n", "pose.z_mm: must lie in the ring"),
     ("[parameters.pose]\nr = 650\nz_mm = 300\n", "pose.r"),
     ("[parameters]\nsquareness_limit_mrad = 0\n", "squareness_limit_mrad: must be above 0"),

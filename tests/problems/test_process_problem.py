@@ -28,10 +28,7 @@ class Chain(ProcessProblem):
     """A sum of three normal errors below a limit, evaluated as if it had no closed form."""
 
     declaration = Declaration(
-        tuple(
-            Variable(name, "um", Kind.HALF_WIDTH, 1.0, 20.0, "tolerance", mid=0.0, random=True)
-            for name in NAMES
-        ),
+        tuple(Variable(name, "um", Kind.HALF_WIDTH, 1.0, 20.0, "tolerance", mid=0.0, random=True) for name in NAMES),
         (Output("cost", "", "cost", low=0.0), Output("yield_percent", "%", "units", 100.0)),
         costs={name: Reciprocal(0.1, 1.0) for name in NAMES},
         objectives=("cost",),
@@ -61,9 +58,7 @@ class Chain(ProcessProblem):
         assert slopes is not None
         return slopes[0, :3], slopes[0, 3:]
 
-    def yield_at(
-        self, design: np.ndarray, scale: np.ndarray, shift: np.ndarray, searching: bool
-    ) -> float:
+    def yield_at(self, design: np.ndarray, scale: np.ndarray, shift: np.ndarray, searching: bool) -> float:
         own = self.each(design)
         z = (LIMIT - shift @ own) / np.linalg.norm(scale * own)
         return 100.0 * float(stats.norm.cdf(z))

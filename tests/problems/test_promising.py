@@ -136,9 +136,7 @@ def test_no_search_keeps_a_promise_by_interference(statement: str, tmp_path: Pat
 
 
 @pytest.mark.parametrize("limit", [0.01, 0.05, 1.0])
-def test_a_point_of_the_form_is_corrected_until_it_keeps_its_limits(
-    limit: float, tmp_path: Path
-) -> None:
+def test_a_point_of_the_form_is_corrected_until_it_keeps_its_limits(limit: float, tmp_path: Path) -> None:
     """Five rounds leave the yield 3e-6 % short where nearly all units interfere."""
     problem = built(tmp_path, text("plug_in", LIMITED.format(limit=limit)))
     least = cheapest(problem)
@@ -238,10 +236,7 @@ class Shafts(Promising):
     """End play of two shafts: a problem of one's own that gives variances."""
 
     declaration = Declaration(
-        tuple(
-            Variable(name, "um", Kind.HALF_WIDTH, 1.0, 20.0, "tolerance")
-            for name in ("a_um", "b_um")
-        ),
+        tuple(Variable(name, "um", Kind.HALF_WIDTH, 1.0, 20.0, "tolerance") for name in ("a_um", "b_um")),
         (Output("cost", "", "cost", low=0.0), Output("yield_percent", "%", "units", 100.0)),
         costs={name: Reciprocal(0.1, 1.0) for name in ("a_um", "b_um")},
         objectives=("cost",),

@@ -114,9 +114,7 @@ class TestLeastCost:
         for _ in range(300):
             t = limited.low * (limited.high / limited.low) ** rng.uniform(size=(40, 10))
             near = rng.uniform(size=(40, 1)) ** 2  # also close to the best
-            t = np.exp(
-                (1 - near) * np.log(np.column_stack([own.t, own.bearing])) + near * np.log(t)
-            )
+            t = np.exp((1 - near) * np.log(np.column_stack([own.t, own.bearing])) + near * np.log(t))
             s = limited.least_shift(*limited.of_phi_2(t[:, :-1]))
             value = limited.cost(t[:, :-1], t[:, -1], grade)
             value += kappa * limited.backlash(t[:, :-1], t[:, -1], grade, s).value
@@ -155,9 +153,7 @@ class TestFront:
         np.testing.assert_allclose(np.sqrt(own.square), rms, rtol=1e-9)
         for at, place in enumerate(grade):
             curve = front.curves[place]
-            assert own.cost[at] - curve.cost(rms[at : at + 1])[0] == pytest.approx(
-                curve.margin, abs=1e-7
-            )
+            assert own.cost[at] - curve.cost(rms[at : at + 1])[0] == pytest.approx(curve.margin, abs=1e-7)
 
     def test_best_is_the_minimum_and_slope_the_derivative(self, front: ReducerFront) -> None:
         curve = front.curves[1]

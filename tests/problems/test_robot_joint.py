@@ -166,9 +166,7 @@ class TestLeastCosts:
         assert outputs(problem, design, "cost")[0] == pytest.approx(41.79, rel=5e-4)
         assert design[21] == pytest.approx(problem.xu[21])
 
-    @pytest.mark.parametrize(
-        ("calibrated", "without", "with_it"), [("none", 66.9, 79.4), ("position", 52.3, 59.4)]
-    )
+    @pytest.mark.parametrize(("calibrated", "without", "with_it"), [("none", 66.9, 79.4), ("position", 52.3, 59.4)])
     def test_hysteresis_counts(self, calibrated: str, without: float, with_it: float) -> None:
         """0.27' at +-3 % torque raises the cost of A = 0.15 mm, with c = 2.55."""
         costs = []
@@ -283,9 +281,7 @@ class TestNestedEqualsJoint:
         small, one, _ = optimum(0.05)
         whole, other, _ = optimum(0.05, nested=False)
         names = ("cost", "pose_rms_mm", "yaw_mrad", "backlash_rms_arcmin", "path_te_mm")
-        np.testing.assert_allclose(
-            outputs(small, one, *names), outputs(whole, other, *names), rtol=1e-6
-        )
+        np.testing.assert_allclose(outputs(small, one, *names), outputs(whole, other, *names), rtol=1e-6)
 
     def test_prices_of_squares_against_the_programme(self) -> None:
         """Newton's method in the dual and SLSQP in the tolerances, with one way each."""
@@ -344,9 +340,7 @@ class TestMonteCarloOfTheExactPose:
         [(0.0597, "none", "free", 0.1497), (0.0579, "position", "free", 0.1517),
          (0.05, "none", "held", None)],
     )  # fmt: skip
-    def test_rms_and_accuracy(
-        self, rms: float, calibrated: str, flanks: str, accuracy: float | None
-    ) -> None:
+    def test_rms_and_accuracy(self, rms: float, calibrated: str, flanks: str, accuracy: float | None) -> None:
         """As built, calibrated, and with flanks held, where backlash is a zero of the drive."""
         problem, design, _ = optimum(rms, calibrated, flanks)
         n, rng = 30_000, np.random.default_rng(7)
@@ -363,17 +357,12 @@ class TestMonteCarloOfTheExactPose:
         wave = problem.gears.wave.covariance(angles)[0]
         for drive in (1, 2):
             play = nested.backlashes(made, rng.uniform(size=(n, nested.dimensions)))
-            parts, phase = (
-                rng.multivariate_normal(np.zeros(2), wave, n),
-                rng.uniform(0, 2 * np.pi, n),
-            )
+            parts, phase = (rng.multivariate_normal(np.zeros(2), wave, n), rng.uniform(0, 2 * np.pi, n))
             te = parts[:, 0] * np.cos(phase) + parts[:, 1] * np.sin(phase)
             side = rng.choice([-1.0, 1.0], n) if flanks == "free" else np.zeros(n)
             arcmin = 0.5 * side * play + te
             errors[:, NAMES.index(f"drive_zero_{drive}_mrad")] = arcmin * np.pi / 10800.0
-        found = 1e3 * np.linalg.norm(
-            exact_pose(problem.machine_of(), r, z, 0.0, errors).position, axis=1
-        )
+        found = 1e3 * np.linalg.norm(exact_pose(problem.machine_of(), r, z, 0.0, errors).position, axis=1)
         reported = problem._by_monte_carlo(design[None, :], np.array([rms]))["pose_accuracy_mm"][0]
         assert np.sqrt(np.mean(found**2)) == pytest.approx(rms, rel=1e-2)
         quantile = np.quantile(found, 0.9973)

@@ -72,9 +72,7 @@ def square(t: Array, grade: Array) -> Array:
     v = v + bent**2 * error**4 * (1.0 / 5.0 - 1.0 / 9.0)
     above = 0.5 * (1.0 + erf(m / np.sqrt(2.0 * v)))
     density = np.sqrt(v) * np.exp(-0.5 * m * m / v) / np.sqrt(2.0 * np.pi)
-    return np.asarray(
-        a * a + w + 2.0 * a * (m * above + density) + (m * m + v) * above + m * density
-    )
+    return np.asarray(a * a + w + 2.0 * a * (m * above + density) + (m * m + v) * above + m * density)
 
 
 @dataclass(frozen=True)
@@ -186,9 +184,7 @@ def manipulator(calibrated: bool) -> Machine:
 class TestManipulator:
     """R 0.05 mm. The note has 75.524343 and 55.982930: the least costs are lower by 0.04 %."""
 
-    @pytest.mark.parametrize(
-        ("calibrated", "grade", "noted"), [("none", 4, 75.524343), ("position", 5, 55.982930)]
-    )
+    @pytest.mark.parametrize(("calibrated", "grade", "noted"), [("none", 4, 75.524343), ("position", 5, 55.982930)])
     def test_least_cost_of_every_tolerance(self, calibrated: str, grade: int, noted: float) -> None:
         """From three starts the same, below the note, limits kept; other grades are dearer."""
         own = manipulator(calibrated == "position")

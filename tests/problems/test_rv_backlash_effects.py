@@ -80,9 +80,7 @@ def test_warm_disc_is_a_change_of_phi_2() -> None:
     """-0.0582 arcmin/K of the disc, 117/121 of it at the carrier; interference grows."""
     plain, warm = outputs(), outputs(active("differential_thermal_expansion",
                                             temperature_difference_K=2.0))  # fmt: skip
-    assert warm["phi_2_arcmin"] - plain["phi_2_arcmin"] == pytest.approx(
-        -0.1164 * 117 / 121, abs=1e-4
-    )
+    assert warm["phi_2_arcmin"] - plain["phi_2_arcmin"] == pytest.approx(-0.1164 * 117 / 121, abs=1e-4)
     assert warm["interference_probability"] > plain["interference_probability"]
     assert warm["cost"] == plain["cost"]
 
@@ -134,12 +132,8 @@ def test_effects_without_a_counterpart_are_named() -> None:
     found = problem(*effects)
     notes = found.effect_notes()
     assert [bool(one) for one in found.counterparts()] == [False, False, True]
-    assert (
-        notes[0] == "effect gauge_bias has no counterpart in this problem: it changes nothing here"
-    )
+    assert notes[0] == "effect gauge_bias has no counterpart in this problem: it changes nothing here"
     assert "changes by -0.15 arcmin" in notes[2]
     assert not found.without_effects().settings.effects
     assert found.reported().settings.effects == effects
-    assert WithEffects.of(
-        PoseAccuracy(Settings(effects=(active("drift", rate_mm_per_s=1.0),)))
-    ).counterparts() == ("",)
+    assert WithEffects.of(PoseAccuracy(Settings(effects=(active("drift", rate_mm_per_s=1.0),)))).counterparts() == ("",)

@@ -35,16 +35,11 @@ def feasible(problem: RvBacklash, count: int) -> tuple[np.ndarray, dict[str, np.
 
 
 NORMAL = {"pin_radius_um": VariableSetting(distribution=Normal(cp=1.0, shift=0.4))}
-FIXED = {
-    "involute_grade": VariableSetting(value=6.0),
-    "eccentricity_um": VariableSetting(value=1.0),
-}
+FIXED = {"involute_grade": VariableSetting(value=6.0), "eccentricity_um": VariableSetting(value=1.0)}
 
 
 @pytest.mark.parametrize("variables", [{}, NORMAL, FIXED], ids=["uniform", "shifted", "fixed"])
-def test_no_admissible_design_costs_less_than_its_bound(
-    variables: dict[str, VariableSetting],
-) -> None:
+def test_no_admissible_design_costs_less_than_its_bound(variables: dict[str, VariableSetting]) -> None:
     problem = problem_of(variables=variables)
     designs, values = feasible(problem, 400)
     assert len(designs) > 50
@@ -125,7 +120,5 @@ def test_geometric_backlash_is_mean_and_normal_quantile() -> None:
     problem = problem_of()
     _, values = feasible(problem, 20)
     k = NormalDist().inv_cdf(0.9973)
-    expected = (
-        values["backlash_geometric_mean_arcmin"] + k * values["backlash_geometric_std_arcmin"]
-    )
+    expected = values["backlash_geometric_mean_arcmin"] + k * values["backlash_geometric_std_arcmin"]
     np.testing.assert_allclose(values["backlash_geometric_arcmin"], expected, rtol=1e-9)

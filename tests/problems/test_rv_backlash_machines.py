@@ -54,11 +54,7 @@ def test_good_parts_enter_as_normal_ones_with_their_own_mean_and_scatter() -> No
     found = problem.outputs_of(designs)
     mid = problem.settings.variables["pin_radius_um"].mid or 0.0
     for row, way in enumerate((0, 1, 3)):
-        good = (
-            problem.machined_tolerances["pin_radius_um"]
-            .ways[way]
-            .machine.good_parts(designs[row : row + 1, at])
-        )
+        good = problem.machined_tolerances["pin_radius_um"].ways[way].machine.good_parts(designs[row : row + 1, at])
         own = {"value": float(3.0 * good.std[0]), "mid": mid + float(good.mean[0]),
                "distribution": "normal"}  # fmt: skip
         plain = reducer(table() | {"variables": {"pin_radius_um": own}})
@@ -79,10 +75,7 @@ def test_means_enter_as_mid_limits_do(name: str) -> None:
     machines: dict[str, Any] = {name: {"machine": OFF_CENTRE}}
     problem = reducer(table(**machines))
     design = designs_of(problem, 1)
-    at, way = (
-        problem.names.index(name),
-        problem.names.index(problem.machined_tolerances[name].choice),
-    )
+    at, way = (problem.names.index(name), problem.names.index(problem.machined_tolerances[name].choice))
     design[:, [at, way]] = 1.1, 1.0
     good = problem.machined_tolerances[name].ways[1].machine.good_parts(np.array([1.1]))
     assert good.mean[0] > 0.1
@@ -125,9 +118,7 @@ def test_front_of_the_geometric_backlash_is_proven() -> None:
 
 @pytest.mark.parametrize("output", ["backlash_geometric_arcmin", "backlash_arcmin"])
 def test_no_design_costs_less_than_its_bound(output: str) -> None:
-    cranks: dict[str, Any] = (
-        {"eccentricity_um": {"machine": OFF_CENTRE}} if "geometric" in output else {}
-    )
+    cranks: dict[str, Any] = {"eccentricity_um": {"machine": OFF_CENTRE}} if "geometric" in output else {}
     problem = reducer(table(output, **cranks))
     designs = designs_of(problem, 60)
     values = problem.outputs_of(designs, searching=True)

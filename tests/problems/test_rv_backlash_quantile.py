@@ -26,10 +26,7 @@ BEST_OF_THE_NOTE = 17.9902
 
 
 def problem_of(limits: dict[str, Bound] | None = None, **kwargs: Any) -> RvBacklash:
-    given: dict[str, Any] = {
-        "parameters": PRINTED,
-        "limits": INTERFERENCE | (limits or {}),
-    } | kwargs
+    given: dict[str, Any] = {"parameters": PRINTED, "limits": INTERFERENCE | (limits or {})} | kwargs
     return RvBacklash(Settings(**given))
 
 

@@ -35,12 +35,8 @@ def values(design: tuple[float, ...], **parameters: str) -> dict[str, float]:
     return {name: float(value[0]) for name, value in found.items()}
 
 
-@pytest.mark.parametrize(
-    ("design", "cost"), [(LEAST_COST_OF_0_1, 18.077), (OPTIMUM_OF_THE_PROOF, 17.990)]
-)
-def test_optima_of_version_0_1_and_of_the_quantile_proof(
-    design: tuple[float, ...], cost: float
-) -> None:
+@pytest.mark.parametrize(("design", "cost"), [(LEAST_COST_OF_0_1, 18.077), (OPTIMUM_OF_THE_PROOF, 17.990)])
+def test_optima_of_version_0_1_and_of_the_quantile_proof(design: tuple[float, ...], cost: float) -> None:
     """Both keep 1' and 5 % as far as printed: 0.05 um of dr_p is 0.003' of phi_2, 0.2 %."""
     found = values(design, reading="printed")
     assert found["cost"] == pytest.approx(cost, abs=0.01)
@@ -160,9 +156,4 @@ def test_a_turn_that_all_share_moves_no_unit(error: str) -> None:
 
     assert change() == (0.0, 0.0)
     assert min(change(reading="printed")) > 1.0
-    assert (
-        next(
-            s for s in RvBatch({"model": "document"}).sources().inputs if s.name == f"{error}_um"
-        ).moves
-        is False
-    )
+    assert next(s for s in RvBatch({"model": "document"}).sources().inputs if s.name == f"{error}_um").moves is False

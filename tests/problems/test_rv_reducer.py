@@ -158,9 +158,7 @@ def test_more_positions_find_more(one: RvReducer) -> None:
     name = "backlash_max_arcmin_mean"
     # section 2: the bias of the unit's maximum is 0.085' at 31 and 0.065' at 61 positions
     np.testing.assert_allclose(b.value(name) - a.value(name), 0.020, atol=0.012)
-    np.testing.assert_allclose(
-        b.value("backlash_mean_arcmin_mean"), a.value("backlash_mean_arcmin_mean"), atol=0.003
-    )
+    np.testing.assert_allclose(b.value("backlash_mean_arcmin_mean"), a.value("backlash_mean_arcmin_mean"), atol=0.003)
 
 
 @pytest.mark.parametrize(
@@ -181,16 +179,12 @@ def test_a_search_needs_a_limit_on_interference(limits: dict[str, Bound], allowe
 
 
 def test_an_error_between_discs_that_is_searched_needs_a_cost() -> None:
-    searched = {
-        name: VariableSetting(low=0.5, high=8.0) for name in ("bore_um", "crank_phase_mrad")
-    }
+    searched = {name: VariableSetting(low=0.5, high=8.0) for name in ("bore_um", "crank_phase_mrad")}
     priced = {"bore_um": Reciprocal(a=0.0, b=1.0)}
     assert [f.place for f in small(variables=searched).faults()] == [
         "costs.bore_um", "costs.crank_phase_mrad",
     ]  # fmt: skip
-    assert [f.place for f in small(variables=searched, costs=priced).faults()] == [
-        "costs.crank_phase_mrad"
-    ]
+    assert [f.place for f in small(variables=searched, costs=priced).faults()] == ["costs.crank_phase_mrad"]
     assert not small().faults()
 
 

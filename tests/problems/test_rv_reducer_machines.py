@@ -47,10 +47,7 @@ def test_good_parts_are_units_with_their_scatter_and_mean() -> None:
     plain: dict[str, Any] = {}
     same, expected_cost = design[:, : len(type(problem).declaration.variables)].copy(), 0.0
     for name, mean in OFF.items():
-        at, way = (
-            problem.names.index(name),
-            problem.names.index(problem.machined_tolerances[name].choice),
-        )
+        at, way = (problem.names.index(name), problem.names.index(problem.machined_tolerances[name].choice))
         design[:, [at, way]] = 1.2, 1.0
         good = problem.machined_tolerances[name].ways[1].machine.good_parts(np.array([1.2]))
         assert abs(good.mean[0]) > 0.2 * abs(mean)
@@ -74,10 +71,7 @@ def test_derivatives_by_limits_are_those_of_differences() -> None:
     problem = reducer(table(**{name: off_centre(name) for name in OFF}))
     design = problem.starts()[2:3]
     for name in OFF:
-        at, way = (
-            problem.names.index(name),
-            problem.names.index(problem.machined_tolerances[name].choice),
-        )
+        at, way = (problem.names.index(name), problem.names.index(problem.machined_tolerances[name].choice))
         design[:, [at, way]] = 1.2, 1.0
     slopes = problem.gradient(design)["backlash_max_arcmin"][0]
     for name in OFF:

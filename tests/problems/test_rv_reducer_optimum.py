@@ -41,10 +41,7 @@ def least_cost(between_discs: bool) -> tuple[RvReducer, Array]:
     variables |= {"involute_grade": VariableSetting(value=4.0)}
     variables |= {"dr_rp_mm": VariableSetting(low=-0.06, high=-0.02)}
     variables |= {"dr_p_mm": VariableSetting(low=-0.09, high=-0.05)}
-    limits = {
-        "interference_probability": Bound(high=0.05),
-        "backlash_max_arcmin": Bound(high=1.0),
-    }
+    limits = {"interference_probability": Bound(high=0.05), "backlash_max_arcmin": Bound(high=1.0)}
     given = {"involute_cosine": False}
     settings = Settings(given, variables, objectives=("cost",), limits=limits, seed=1)
     problem = RvReducer(settings)

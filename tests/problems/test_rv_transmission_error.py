@@ -52,9 +52,7 @@ class TestRvTransmissionError(ProblemContract):
 def test_names_are_those_of_the_contract() -> None:
     problem = plain()
     assert problem.names == [
-        f"{part}_{axis}_mrad"
-        for part in ("crankshaft_1", "gear_1", "crankshaft_2", "gear_2")
-        for axis in "xyz"
+        f"{part}_{axis}_mrad" for part in ("crankshaft_1", "gear_1", "crankshaft_2", "gear_2") for axis in "xyz"
     ] + ["precision_weight"]
     outputs = {one.name for one in problem.outputs}
     assert outputs >= {"cost", "adjustment_effort", "te_amplitude_arcsec", "peak_mesh_force_N"}
@@ -76,9 +74,7 @@ def test_angles_without_adjustment_add_in_squares() -> None:
     assert found["adjustment_effort"][0] == 0.0
 
 
-@pytest.mark.parametrize(
-    "parameters", [{}, {"insertion": "after", "reading": "consistent"}, {"springback": 0.3}]
-)
+@pytest.mark.parametrize("parameters", [{}, {"insertion": "after", "reading": "consistent"}, {"springback": 0.3}])
 def test_spread_and_effort_against_drawn_assemblies(parameters: dict[str, str | float]) -> None:
     """50,000 assemblies drawn step by step, within 5 standard errors."""
     problem, count = RvTransmissionError(Settings(parameters=parameters)), 50_000
@@ -86,9 +82,7 @@ def test_spread_and_effort_against_drawn_assemblies(parameters: dict[str, str | 
     rng = np.random.default_rng(0)
     errors = DOCUMENT / 3.0 * MRAD * rng.standard_normal((count, 12))
     control = problem._gains(np.array([5.0]))[0]
-    drawn = assemble(
-        problem.process, control, errors, str(given["insertion"]), declared.departures(given)
-    )
+    drawn = assemble(problem.process, control, errors, str(given["insertion"]), declared.departures(given))
     found = searched(problem, design(5.0))
     std = [found[f"kc_{at}_{a}_std_mrad"][0] for at in (1, 2, 3, 4) for a in "xyz"]
     rtol = 5.0 / np.sqrt(2.0 * count)

@@ -71,9 +71,7 @@ def test_assemblies_drawn_with_the_effect(name: str, values: dict[str, float]) -
 
 
 def test_effects_and_parameters_of_the_assembly_add_up() -> None:
-    given = RvTransmissionError(Settings(parameters={"springback": 0.3})).outputs_of(
-        design(5.0), errors=False
-    )
+    given = RvTransmissionError(Settings(parameters={"springback": 0.3})).outputs_of(design(5.0), errors=False)
     half = Settings(parameters={"springback": 0.1}, effects=(active("springback", springback=0.2),))
     found = RvTransmissionError(half).outputs_of(design(5.0), errors=False)
     assert found[TE] == pytest.approx(given[TE], rel=1e-12)
@@ -111,9 +109,7 @@ WAVES: dict[str, tuple[list[Active], Array, float]] = {
     "order 40 twice": (
         [
             active("eccentric_error", cos_40_arcsec=20.0),
-            active(
-                "structural_resonance", cos_arcsec=-20.0, frequency_Hz=1e6, damping=0.1, order=40.0
-            ),
+            active("structural_resonance", cos_arcsec=-20.0, frequency_Hz=1e6, damping=0.1, order=40.0),
         ],
         np.zeros(4800),
         0.04,
@@ -123,11 +119,7 @@ WAVES: dict[str, tuple[list[Active], Array, float]] = {
         6.0 * np.cos(THETA) + 8.0 * np.sin(THETA),
         0.04,
     ),
-    "order 39": (
-        [active("pin_circle_runout", sin_39_arcsec=9.0)],
-        9.0 * np.sin(39 * THETA),
-        0.04,
-    ),
+    "order 39": ([active("pin_circle_runout", sin_39_arcsec=9.0)], 9.0 * np.sin(39 * THETA), 0.04),
     "order 78 by the torque": (
         [active("load_sharing", cos_78_arcsec_per_Nm=8.0 / 412.0)],
         8.0 * np.cos(78 * THETA),
@@ -149,10 +141,7 @@ def test_quantile_against_waveforms_over_the_turn(name: str) -> None:
     [
         ([active("two_disc_error", cos_80_arcsec=5.0)], 5.0 * np.cos(80 * THETA), 5.0),
         (
-            [
-                active("output_eccentricity", cos_1_arcsec=5.0),
-                active("pin_circle_runout", sin_39_arcsec=6.0),
-            ],
+            [active("output_eccentricity", cos_1_arcsec=5.0), active("pin_circle_runout", sin_39_arcsec=6.0)],
             5.0 * np.cos(THETA) + 6.0 * np.sin(39 * THETA),
             11.0,
         ),
@@ -171,9 +160,7 @@ def test_orders_whose_crests_do_not_meet_are_bounded_from_above(
 
 def test_pulse_adds_half_of_its_height() -> None:
     one = active("pitch_defect", height_arcsec=-7.0, position_deg=40.0, width=0.05)
-    assert te_of(problem(one), design(5.0)) == pytest.approx(
-        te_of(problem(), design(5.0)) + 3.5, rel=2e-3
-    )
+    assert te_of(problem(one), design(5.0)) == pytest.approx(te_of(problem(), design(5.0)) + 3.5, rel=2e-3)
 
 
 def test_round_scatter_about_a_wave_is_a_rice_distribution() -> None:
@@ -196,10 +183,7 @@ def test_resonance_is_read_at_the_speed_of_the_problem() -> None:
 
 def test_stated_error_holds_with_waves() -> None:
     """Angles too small to matter: the full model has the wave too, and nothing else."""
-    effects = [
-        active("eccentric_error", cos_40_arcsec=30.0),
-        active("pin_circle_runout", sin_39_arcsec=6.0),
-    ]
+    effects = [active("eccentric_error", cos_40_arcsec=30.0), active("pin_circle_runout", sin_39_arcsec=6.0)]
     found = problem(*effects).outputs_of(design(0.0, 0.02))
     assert found[TE][0] == pytest.approx(36.0, rel=0.05)
     assert abs(found["te_error_percent"][0]) < 1.0

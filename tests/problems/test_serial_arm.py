@@ -180,13 +180,7 @@ class TestLeastCosts:
          ("held", (2, 3, 5), 77.5, 120.6, 105.9, (0.29, None, None, 0.89, None))],
     )  # fmt: skip
     def test_calibrated(
-        self,
-        case: str,
-        held: tuple[int, ...],
-        cost: float,
-        alike: float,
-        in_two: float,
-        rms: tuple[float | None, ...],
+        self, case: str, held: tuple[int, ...], cost: float, alike: float, in_two: float, rms: tuple[float | None, ...]
     ) -> None:
         """With reducers equal everywhere, and equal in joints 1 to 3 and 4 to 6."""
         own = arm(held=held)
@@ -216,9 +210,7 @@ class TestLeastCosts:
             problem = problem_of(own, nested=False, calibrated=calibrated)
             design = next(iter(problem.references().values()))[None, :]
             rms = problem.first_order(design)["pose_rms_mm"]
-            found.append(
-                {name: float(one[0]) for name, one in problem._prices(design, rms).items()}
-            )
+            found.append({name: float(one[0]) for name, one in problem._prices(design, rms).items()})
         assert found[0]["price_reducer_1_involute_grade"] == pytest.approx(20.5, rel=0.04)
         assert found[0]["price_reducer_2_involute_grade"] == pytest.approx(16.0, rel=0.04)
         assert found[0]["price_reducer_1_crank_bearing_um"] == pytest.approx(12.4, rel=0.04)
@@ -259,9 +251,7 @@ class TestMonteCarloOfTheExactChain:
         assert reported / 0.08 == pytest.approx(c, rel=2e-2)
 
 
-def made(
-    nominal: Chain, problem: SerialArmAllocation, design: np.ndarray, rng: np.random.Generator
-) -> Chain:
+def made(nominal: Chain, problem: SerialArmAllocation, design: np.ndarray, rng: np.random.Generator) -> Chain:
     """A unit of the chain with errors drawn to a design."""
     parts = {name: getattr(nominal, name).copy() for name in ("zero", "d", "a", "alpha", "beta")}
     for name, sigma in zip(problem.link_names, design, strict=False):

@@ -444,9 +444,7 @@ def test_proven_intervals_hold_and_are_reached(method: str, output: str) -> None
 
 
 def test_interval_holds_where_correlation_compensates() -> None:
-    text = LINEAR.format(method="rss", a="", b="") + (
-        '[[correlation]]\nparts = ["a", "b"]\ncoefficient = 0.95\n'
-    )
+    text = LINEAR.format(method="rss", a="", b="") + ('[[correlation]]\nparts = ["a", "b"]\ncoefficient = 0.95\n')
     problem = stack(text.replace("t_min = 0.01", "t_min = 0.05"))
     low, high = problem.interval("rss")
     x = np.random.default_rng(0).uniform(problem.xl, problem.xu, size=(500, 2))
@@ -481,9 +479,7 @@ def by_form(problem: Stack, designs: np.ndarray) -> tuple[np.ndarray, np.ndarray
 @pytest.mark.parametrize("correlated", [False, True])
 @pytest.mark.parametrize("bought_in", [False, True])
 def test_the_convex_form_is_the_problem(method: str, correlated: bool, bought_in: bool) -> None:
-    text = CLUTCH.format(method=method).replace(
-        'name = "hub"', 'name = "hub"\ncp = 1.1\nshift = 0.2'
-    )
+    text = CLUTCH.format(method=method).replace('name = "hub"', 'name = "hub"\ncp = 1.1\nshift = 0.2')
     if bought_in:
         text = text.replace("t_min = 0.01\nt_max = 0.03", "tolerance = 0.02")
     if correlated:

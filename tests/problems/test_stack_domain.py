@@ -94,9 +94,7 @@ def test_margin_by_hand(tmp_path: Path) -> None:
     assert margin.min() < 0.0 < margin.max()
 
 
-def test_designs_beyond_the_edge_are_infeasible_where_the_formula_is_sampled(
-    tmp_path: Path,
-) -> None:
+def test_designs_beyond_the_edge_are_infeasible_where_the_formula_is_sampled(tmp_path: Path) -> None:
     problem = clutch(tmp_path, 'requirement.method="monte_carlo"', "propagation.samples=4096")
     x = np.random.default_rng(0).uniform(problem.xl, problem.xu, (30, problem.n_var))
     designs = problem.complete(x)

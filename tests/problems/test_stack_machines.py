@@ -76,9 +76,7 @@ def enumerated(limit: float, inspected: bool = True) -> float:
     return min(_at_prices(limit, inspected, near * np.geomspace(0.3, 3.0, 3000), min(coarse)))
 
 
-def _at_prices(
-    limit: float, inspected: bool, price: np.ndarray, known: float = np.inf
-) -> dict[float, float]:
+def _at_prices(limit: float, inspected: bool, price: np.ndarray, known: float = np.inf) -> dict[float, float]:
     """Least cost of each combination, and its price; of those within 3 % of a known cost alone."""
     tau = np.linspace(0.3, 6.0, 3001)
     law = truncnorm(-tau, tau)
@@ -93,10 +91,7 @@ def _at_prices(
             if not inspected:
                 continue
             kept = (tau * sigma >= 1.0) & (tau * sigma <= 16.0)
-            square, cost = (
-                (3.0 * slope * sigma * std[kept]) ** 2,
-                (one["price"] + 0.3) / share[kept],
-            )
+            square, cost = ((3.0 * slope * sigma * std[kept]) ** 2, (one["price"] + 0.3) / share[kept])
             best = np.argmin(cost + price[:, None] * square, axis=1)
             own.append((square[best], cost[best]))
         ways.append(own)

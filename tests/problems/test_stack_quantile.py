@@ -37,8 +37,7 @@ cost = {{ model = "reciprocal", a = 1.0, b = {b} }}
 def stack(limits: str, lower: str = "", upper: str = "", laws: tuple[str, ...] = LAWS,
           method: str = "rss", more: str = "") -> Stack:  # fmt: skip
     parts = "".join(
-        PART.format(at=at, s=(-1.0) ** at * (0.5 + 0.2 * at), law=law, b=0.1 + 0.03 * at)
-        for at, law in enumerate(laws)
+        PART.format(at=at, s=(-1.0) ** at * (0.5 + 0.2 * at), law=law, b=0.1 + 0.03 * at) for at, law in enumerate(laws)
     )
     text = f"""
 problem = "stack"
@@ -104,9 +103,7 @@ def test_half_width_and_yield_are_those_of_a_sample() -> None:
 
 def test_bounds_between_solved_limits_are_near_their_own() -> None:
     """60 levels of a half-width, 12 solved first: below each's own, by 0.1 % at most."""
-    problem = stack(
-        "variation = 0.35", method="monte_carlo", more="[propagation]\ncoverage = 0.99\n"
-    )
+    problem = stack("variation = 0.35", method="monte_carlo", more="[propagation]\ncoverage = 0.99\n")
     form = problem.form()
     assert form is not None
     limits = np.linspace(0.08, 0.35, 60)[:, None]

@@ -147,9 +147,7 @@ def test_form_is_the_problem() -> None:
 
 
 def test_correlation_is_shared_by_requirements_of_other_signs() -> None:
-    text = BILL.replace('method = "worst_case"', "") + (
-        '[[correlation]]\nparts = ["a", "b"]\ncoefficient = 0.6\n'
-    )
+    text = BILL.replace('method = "worst_case"', "") + ('[[correlation]]\nparts = ["a", "b"]\ncoefficient = 0.6\n')
     text = text.replace('{ gap = "-0.001 mm/um" }', '{ gap = "-0.001 mm/um", tilt = 0.001 }')
     problem = bill(text, limits={"tilt.variation": Bound(high=0.3)})
     form = problem.form()
@@ -193,9 +191,7 @@ def test_several_read_back_as_they_were_written(tmp_path: Path) -> None:
     first = read(tmp_path / "c.toml")
     (tmp_path / "d.toml").write_text(first.toml(), encoding="utf-8")
     again = read(tmp_path / "d.toml", ["limits.gap.variation.max=0.21"])
-    assert again.toml() == first.toml().replace("max = 0.2 ", "max = 0.21 ").replace(
-        "max = 0.2\n", "max = 0.21\n"
-    )
+    assert again.toml() == first.toml().replace("max = 0.2 ", "max = 0.21 ").replace("max = 0.2\n", "max = 0.21\n")
 
 
 # ---------------------------------------------------------------- faults

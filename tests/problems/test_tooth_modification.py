@@ -46,9 +46,7 @@ def test_force_of_the_unmodified_profile_is_the_closed_form() -> None:
 
 
 def test_two_discs_are_one_with_half_the_torque() -> None:
-    contact = LoadedContact(
-        ContactGeometry(dr_rp=-30e-6, dr_p=-60e-6, true_levers=False), exact=True
-    )
+    contact = LoadedContact(ContactGeometry(dr_rp=-30e-6, dr_p=-60e-6, true_levers=False), exact=True)
     load, found = loading(contact, PartErrors(), PITCH, 412.0), outputs((-0.030, -0.060))
     assert found["peak_mesh_force_N"][0] == pytest.approx(load.peak[0], rel=1e-9)
     assert found["mean_peak_force_N"][0] == pytest.approx(load.mean_peak[0], rel=1e-9)
@@ -80,9 +78,7 @@ def test_search_and_report_agree() -> None:
 
 
 def test_force_grows_with_torque() -> None:
-    forces = [
-        outputs((-0.04, -0.07), torque_Nm=t)["peak_mesh_force_N"][0] for t in (100, 412, 1029)
-    ]
+    forces = [outputs((-0.04, -0.07), torque_Nm=t)["peak_mesh_force_N"][0] for t in (100, 412, 1029)]
     assert forces[0] < forces[1] < forces[2]
 
 
@@ -92,9 +88,7 @@ def test_front_lies_where_the_radial_gap_is_least() -> None:
     But for the end without backlash, where that of exact geometry is a few thousandths.
     """
     problem = ToothModification()
-    dr_rp, gap = (
-        one.ravel() for one in np.meshgrid(np.linspace(-0.05, 0.0, 26), np.linspace(0.03, 0.05, 11))
-    )
+    dr_rp, gap = (one.ravel() for one in np.meshgrid(np.linspace(-0.05, 0.0, 26), np.linspace(0.03, 0.05, 11)))
     designs = np.stack([dr_rp, dr_rp - gap], axis=1)
     found = problem.outputs_of(designs)
     f = problem.objective_values(found)
@@ -126,10 +120,7 @@ def test_references_are_the_printed_optimum_and_the_pair_without_backlash() -> N
 
 @pytest.mark.parametrize(
     ("parameters", "place"),
-    [
-        ({"eccentricity_mm": 1.7}, "parameters.eccentricity_mm"),
-        ({"pin_radius_mm": 20.0}, "parameters.pin_radius_mm"),
-    ],
+    [({"eccentricity_mm": 1.7}, "parameters.eccentricity_mm"), ({"pin_radius_mm": 20.0}, "parameters.pin_radius_mm")],
 )
 def test_faults(parameters: Mapping[str, Value], place: str) -> None:
     found = ToothModification(Settings(parameters=parameters)).faults()

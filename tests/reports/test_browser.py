@@ -33,8 +33,7 @@ if TYPE_CHECKING:
 
 CHROMIUM = shutil.which("chromium")
 pytestmark = pytest.mark.skipif(
-    CHROMIUM is None and not os.environ.get("CI"),
-    reason="no chromium here: apt-get install chromium",
+    CHROMIUM is None and not os.environ.get("CI"), reason="no chromium here: apt-get install chromium"
 )
 __all__ = ["claims", "gap", "study"]
 EVIL = "<script>alert(1)</script>"
@@ -176,9 +175,7 @@ def test_the_allocation_is_copied_as_csv(seen: Watched) -> None:
 
 
 @pytest.mark.parametrize(("width", "dark"), [(1280, True), (390, False)])
-def test_three_objectives_fit_and_text_stays_text(
-    browser: Browser, tmp_path: Path, width: int, dark: bool
-) -> None:
+def test_three_objectives_fit_and_text_stays_text(browser: Browser, tmp_path: Path, width: int, dark: bool) -> None:
     seen = Watched(browser, written(tmp_path, result(third=True)), width, dark)
     assert seen.page.evaluate("document.documentElement.scrollWidth") == width
     assert seen.page.locator(".plot").count() == 4  # three planes, parallel coordinates
@@ -198,9 +195,7 @@ def test_a_brush_on_an_axis_greys_what_lies_outside(browser: Browser, tmp_path: 
     seen = Watched(browser, written(tmp_path, result(third=True)))
     box = seen.page.locator("#parallel .chart").bounding_box()
     assert box is not None
-    ends = seen.page.evaluate(
-        """() => [3, 1].map((value) => tolevo.parallel.place("a_um", value))"""
-    )
+    ends = seen.page.evaluate("""() => [3, 1].map((value) => tolevo.parallel.place("a_um", value))""")
     seen.page.mouse.move(box["x"] + ends[0][0], box["y"] + ends[0][1])
     seen.page.mouse.down()
     seen.page.mouse.move(box["x"] + ends[1][0], box["y"] + ends[1][1], steps=3)
@@ -213,9 +208,7 @@ def test_a_brush_on_an_axis_greys_what_lies_outside(browser: Browser, tmp_path: 
     assert seen.wrong == []
 
 
-def test_five_thousand_points_open_in_time_and_answer_a_click(
-    browser: Browser, tmp_path: Path
-) -> None:
+def test_five_thousand_points_open_in_time_and_answer_a_click(browser: Browser, tmp_path: Path) -> None:
     one = result(5000)
     more = {f"v{at}_um": np.random.default_rng(at).random(5000) for at in range(12)}
     wide = replace(one, front=one.front.assign(**more),
@@ -279,20 +272,10 @@ MACHINE = {
     "poses": [[300.0, 0.0, 100.0], [650.0, 0.0, 100.0], [650.0, 0.0, 300.0]],
     "parts": [
         {"name": "arm 1", "kind": "link", "share": 9.0, "points": [[0, 0, 400], [300, 90, 400]]},
-        {
-            "name": f"rod {EVIL}",
-            "kind": "link",
-            "share": 0.0,
-            "points": [[300, 90, 400], [450, 0, 200]],
-        },
+        {"name": f"rod {EVIL}", "kind": "link", "share": 0.0, "points": [[300, 90, 400], [450, 0, 200]]},
         {"name": "joint 1", "kind": "joint", "share": 61.0, "points": [[0, 0, 400]]},
         {"name": "joint 2", "kind": "joint", "share": 30.0, "points": [[300, 90, 400]]},
-        {
-            "name": "platform",
-            "kind": "tool",
-            "share": 0.0,
-            "points": [[450, 0, 200], [470, 0, 180]],
-        },
+        {"name": "platform", "kind": "tool", "share": 0.0, "points": [[450, 0, 200], [470, 0, 180]]},
     ],
 }
 
@@ -375,9 +358,7 @@ def test_six_questions_are_answered_on_the_first_screen(worked: Watched, real: R
     assert worked.wrong == []
 
 
-def test_what_the_page_computes_agrees_with_the_model(
-    worked: Watched, problem: Any, real: RunResult
-) -> None:
+def test_what_the_page_computes_agrees_with_the_model(worked: Watched, problem: Any, real: RunResult) -> None:
     """Costs to rounding; a variation that is a root sum square exactly, for the page's model is
     one; the price of a change by solving the front again.
     """
@@ -448,9 +429,7 @@ def _violations(tab: Page) -> list[str]:
         pytest.param(1400, True, marks=pytest.mark.slow),
     ],
 )
-def test_axe_finds_nothing_wrong(
-    browser: Browser, tmp_path: Path, real: RunResult, width: int, dark: bool
-) -> None:
+def test_axe_finds_nothing_wrong(browser: Browser, tmp_path: Path, real: RunResult, width: int, dark: bool) -> None:
     drawing = tmp_path / "drawing.html"
     drawing.write_text(drawing_page(real) or "", encoding="utf-8")
     for path in (written(tmp_path, real), drawing):
@@ -489,9 +468,7 @@ def test_axe_finds_nothing_wrong_on_other_pages(
     assert seen.wrong == []
 
 
-def test_claims_are_filtered_by_their_verdict(
-    browser: Browser, tmp_path: Path, pages: dict[str, str]
-) -> None:
+def test_claims_are_filtered_by_their_verdict(browser: Browser, tmp_path: Path, pages: dict[str, str]) -> None:
     path = tmp_path / "p.html"
     path.write_text(pages["claims"], encoding="utf-8")
     seen = Watched(browser, path)
@@ -503,9 +480,7 @@ def test_claims_are_filtered_by_their_verdict(
     assert seen.wrong == []
 
 
-def test_settings_of_a_study_are_filtered_and_compared(
-    browser: Browser, tmp_path: Path, pages: dict[str, str]
-) -> None:
+def test_settings_of_a_study_are_filtered_and_compared(browser: Browser, tmp_path: Path, pages: dict[str, str]) -> None:
     path = tmp_path / "p.html"
     path.write_text(pages["study"], encoding="utf-8")
     seen = Watched(browser, path)

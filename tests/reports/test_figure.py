@@ -65,10 +65,7 @@ def test_references_are_distinct_and_hollow_where_infeasible(result: RunResult) 
     assert broken.get_markerfacecolor() == "white"
     legend = axes.get_legend()
     assert legend is not None
-    assert [text.get_text() for text in legend.get_texts()][2:] == [
-        "document",
-        "staggered $x$ (breaks limits)",
-    ]
+    assert [text.get_text() for text in legend.get_texts()][2:] == ["document", "staggered $x$ (breaks limits)"]
 
 
 def test_same_bytes_every_time(result: RunResult) -> None:

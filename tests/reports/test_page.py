@@ -34,9 +34,7 @@ def result() -> RunResult:
     )
     return RunResult(
         title="Backlash",
-        front=pd.DataFrame(
-            {"knee": [False, True], "cost": [12.0, 10.0], "backlash_arcmin": [1.0, 1.23456789]}
-        ),
+        front=pd.DataFrame({"knee": [False, True], "cost": [12.0, 10.0], "backlash_arcmin": [1.0, 1.23456789]}),
         references=references,
         convergence=pd.DataFrame(
             {
@@ -53,9 +51,7 @@ def result() -> RunResult:
             "seed": 0,
             "versions": {"numpy": "2.0"},
             "ideal": {"cost": 5.0, "backlash_arcmin": 0.2},
-            "assumptions": [
-                {"name": "a_0", "value": 36.0, "unit": "mm", "reason": "A", "set_by": "default"}
-            ],
+            "assumptions": [{"name": "a_0", "value": 36.0, "unit": "mm", "reason": "A", "set_by": "default"}],
         },
         objectives=(Axis("cost", ""), Axis("backlash_arcmin", "arcmin")),
         notes=("No reference dominates a point.",),
@@ -154,9 +150,7 @@ def test_same_text_every_time(result: RunResult) -> None:
 
 def test_nothing_found(result: RunResult) -> None:
     nothing = pd.DataFrame()
-    empty = replace(
-        result, front=nothing, references=nothing, convergence=nothing, summary={}, notes=()
-    )
+    empty = replace(result, front=nothing, references=nothing, convergence=nothing, summary={}, notes=())
     assert "None." in page(empty)
     parsed(page(empty))
 
@@ -193,9 +187,7 @@ def test_fronts_of_other_algorithms_are_drawn_beside(result: RunResult) -> None:
     both = replace(result, overlays={EVIL: other, "empty": other.iloc[:0]})
     found = re.search(r'<script type="application/json" id="data">(.*?)</script>', page(both))
     assert found is not None
-    assert json.loads(found[1])["overlays"] == [
-        {"label": f"{EVIL}, 2 points", "aims": [[9.0, 14.0], [1.5, 1.1]]}
-    ]
+    assert json.loads(found[1])["overlays"] == [{"label": f"{EVIL}, 2 points", "aims": [[9.0, 14.0], [1.5, 1.1]]}]
     lines = {line.get_label(): line for line in front_figure(both).axes[0].get_lines()}
     assert np.asarray(lines[f"{EVIL}, 2 points"].get_xdata()).tolist() == [9.0, 14.0]
     assert not any(str(label).startswith("empty") for label in lines)

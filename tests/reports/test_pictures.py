@@ -26,8 +26,7 @@ if TYPE_CHECKING:
     from playwright.sync_api import Page as Tab
 
 pytestmark = pytest.mark.skipif(
-    shutil.which("chromium") is None and not os.environ.get("CI"),
-    reason="no chromium here: apt-get install chromium",
+    shutil.which("chromium") is None and not os.environ.get("CI"), reason="no chromium here: apt-get install chromium"
 )
 __all__ = ["claims", "gap", "pages", "problem", "real", "study"]
 STORED = Path(__file__).parents[1] / "data" / "pictures"
@@ -122,9 +121,7 @@ BROKEN = [
 
 
 @pytest.mark.parametrize(("width", "look", "fault"), BROKEN)
-def test_a_page_that_breaks_is_seen(
-    tab: Tab, run_page: Path, width: int, look: str, fault: str
-) -> None:
+def test_a_page_that_breaks_is_seen(tab: Tab, run_page: Path, width: int, look: str, fault: str) -> None:
     broken = small(taken(tab, run_page, width, look, fault))
     stored = Image.open(STORED / f"run-{width}-{look}.png").convert("RGB")
     assert differs(broken, stored) > MOST

@@ -120,9 +120,7 @@ def test_course_has_a_band_and_a_median_per_level_and_the_optimum(result: StudyR
     assert axes.get_ylabel() == "cost"
 
 
-def test_response_shows_the_runs_of_settings_that_leave_the_other_keys_alone(
-    result: StudyResult,
-) -> None:
+def test_response_shows_the_runs_of_settings_that_leave_the_other_keys_alone(result: StudyResult) -> None:
     size, kind = drawn(result, "response_gap_percent").axes
     runs = size.lines[0]
     np.testing.assert_array_equal(runs.get_xdata(), [80, 80, 20, 20])

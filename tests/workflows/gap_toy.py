@@ -31,9 +31,7 @@ N = 100
 PENALTY = float(np.log(N))
 
 
-def member(
-    name: str, linear: int = 1, low: float = -inf, family: str = "load", **more: Any
-) -> Member:
+def member(name: str, linear: int = 1, low: float = -inf, family: str = "load", **more: Any) -> Member:
     """A name with so many coefficients, each not below `low`; `unread` and `shape` as they are."""
     numbers = tuple(EffectParameter(f"c{k}", "", "", low) for k in range(linear))
     shape = tuple(EffectParameter(one, "", "", linear=False) for one in more.get("shape", {}))
@@ -93,8 +91,7 @@ ROLES = {"speed": (Role.SPEED, "rpm"), "temperature": (Role.TEMPERATURE, "C"),
 def readings(**table: Array) -> GapData:
     """Rows of these columns, with one output `te`."""
     columns = tuple(
-        Column(name, ROLES[name][1], "", text=ROLES[name][0] is Role.LOT, role=ROLES[name][0])
-        for name in table
+        Column(name, ROLES[name][1], "", text=ROLES[name][0] is Role.LOT, role=ROLES[name][0]) for name in table
     )
     outputs = (Output("te", "arcsec", ""),)
     target = target_from("table", outputs, columns, table)

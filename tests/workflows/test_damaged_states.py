@@ -141,9 +141,7 @@ def test_a_line_of_another_analysis_is_refused(replicates: Spoilt, analysis: Pat
     words = ("gap", analysis / "gap.toml", analysis / "data.csv", "--set", "seed=3", "--quiet")
     other = path.parent.with_name("other")
     assert tolevo(*words, "--out", other, "--workers", 1).exit_code == 0
-    lines, others = (
-        one.read_text(encoding="utf-8").splitlines() for one in (path, other / path.name)
-    )
+    lines, others = (one.read_text(encoding="utf-8").splitlines() for one in (path, other / path.name))
     path.write_text("\n".join([*lines[:2], others[2], *lines[3:]]) + "\n", encoding="utf-8")
     found = resume()
     assert found.exit_code == 2
@@ -189,9 +187,7 @@ def test_a_changed_yardstick_is_found_again(finished: Path, database: Path) -> N
 
 @pytest.mark.parametrize("key", ["configuration", "points", "sha256"])
 @pytest.mark.parametrize("value", ["seeds = ", "", "\x00", b"\xff\xfe"])
-def test_a_changed_identity_is_refused(
-    finished: Path, database: Path, key: str, value: object
-) -> None:
+def test_a_changed_identity_is_refused(finished: Path, database: Path, key: str, value: object) -> None:
     changed(database, "UPDATE meta SET value = CAST(? AS TEXT) WHERE key = ?", value, key)
     with pytest.raises(InputError) as caught:
         study(read_study(finished / "study.toml"), database.parent, InProcess(), resume=True)

@@ -102,8 +102,7 @@ def test_side_searches_of_a_run(address: str, tmp_path: Path) -> None:
     """The searches beside the main one: in this process, in one beside it, and on the scheduler."""
     problem, budget = RvBacklash(), Budget(generations=2)
     searches = tuple(
-        SideSearch(f"{seed}", problem, NSGA2(population=8), budget, seed, relaxed=False)
-        for seed in range(3)
+        SideSearch(f"{seed}", problem, NSGA2(population=8), budget, seed, relaxed=False) for seed in range(3)
     )
     found = []
     for at, where in enumerate((Execution(1), Execution(2), Execution(dask=address))):
@@ -144,9 +143,7 @@ def test_gap(address: str, tmp_path: Path) -> None:
     rng = np.random.default_rng(0)
     torque = rng.uniform(-400.0, 400.0, 90)
     te = 0.25 * torque + rng.normal(0.0, 2.0, 90)
-    pd.DataFrame({"torque": torque, "te": te, "te_predicted": 0.2 * torque}).to_csv(
-        tmp_path / "data.csv", index=False
-    )
+    pd.DataFrame({"torque": torque, "te": te, "te_predicted": 0.2 * torque}).to_csv(tmp_path / "data.csv", index=False)
     (tmp_path / "gap.toml").write_text(GAP, encoding="utf-8")
     for name, where in (("a", ("--workers", 1)), ("b", ("--dask", address))):
         tolevo("gap", tmp_path / "gap.toml", tmp_path / "data.csv", "--out", tmp_path / name,
@@ -164,9 +161,7 @@ def test_reproduce(address: str, tmp_path: Path) -> None:
     assert verdicts[0] == verdicts[1]
 
 
-def test_workers_of_another_version_are_refused(
-    address: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_workers_of_another_version_are_refused(address: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Both versions are named, and nothing is written."""
     own = version("tolevo")
     monkeypatch.setattr(dask_cluster, "version", lambda name: "9.9.9")

@@ -97,9 +97,7 @@ def fill(monkeypatch: pytest.MonkeyPatch) -> Fill:
 
 
 @pytest.mark.parametrize("number", WORDS)
-def test_before_the_run_nothing_is_changed(
-    config: Path, whole: Path, tmp_path: Path, fill: Fill, number: int
-) -> None:
+def test_before_the_run_nothing_is_changed(config: Path, whole: Path, tmp_path: Path, fill: Fill, number: int) -> None:
     """Neither is a directory left behind, nor an old result touched: status 2."""
     out = tmp_path / "out"
     shutil.copytree(whole, out)
@@ -153,18 +151,14 @@ def test_in_mid_run_it_says_what_is_kept_and_goes_on(
     assert standing(out).complete
 
 
-def test_a_single_file_says_its_path_and_keeps_what_was_there(
-    config: Path, tmp_path: Path, fill: Fill
-) -> None:
+def test_a_single_file_says_its_path_and_keeps_what_was_there(config: Path, tmp_path: Path, fill: Fill) -> None:
     designs, out = tmp_path / "d.csv", tmp_path / "out.csv"
     designs.write_text("a_t\n0.1\n", encoding="utf-8")
     out.write_text("older", encoding="utf-8")
     fill(errno.ENOSPC, 0)
     failed = tolevo("evaluate", config, designs, "--out", out)
     assert failed.exit_code == 1
-    assert f"failed: {out} cannot be written: the disk is full; what was there is kept" in (
-        failed.stderr
-    )
+    assert f"failed: {out} cannot be written: the disk is full; what was there is kept" in (failed.stderr)
     assert out.read_text(encoding="utf-8") == "older"
     assert sorted(path.name for path in tmp_path.iterdir()) == ["d.csv", "out.csv"]
 
@@ -181,9 +175,7 @@ def test_leftovers_of_a_single_file_go_at_the_next_start(config: Path, tmp_path:
 
 
 @pytest.mark.parametrize("mask", [0o002, 0o077])
-def test_every_file_of_a_run_and_a_study_keeps_the_umask(
-    config: Path, tmp_path: Path, mask: int
-) -> None:
+def test_every_file_of_a_run_and_a_study_keeps_the_umask(config: Path, tmp_path: Path, mask: int) -> None:
     before = os.umask(mask)
     try:
         assert run(config, tmp_path / "run").exit_code == 0
@@ -192,11 +184,7 @@ def test_every_file_of_a_run_and_a_study_keeps_the_umask(
         assert ended.exit_code == 0, ended.stderr
     finally:
         os.umask(before)
-    modes = {
-        path.stat().st_mode & 0o777
-        for name in ("run", "study")
-        for path in (tmp_path / name).iterdir()
-    }
+    modes = {path.stat().st_mode & 0o777 for name in ("run", "study") for path in (tmp_path / name).iterdir()}
     assert modes == {0o666 & ~mask}
 
 
@@ -254,9 +242,7 @@ def test_a_full_disk_in_mid_run(config: Path, whole: Path, disk: Path) -> None:
     failed = run(config, out)
     assert failed.exit_code == 1
     assert f"{out}/" in failed.stderr
-    assert "cannot be written: the disk is full; the search as it was saved last is kept" in (
-        failed.stderr
-    )
+    assert "cannot be written: the disk is full; the search as it was saved last is kept" in (failed.stderr)
     assert "Errno" not in failed.stderr
     stuffing.unlink()
     subprocess.run(["mount", "-o", "remount,size=40m", str(disk)], check=True)

@@ -75,15 +75,11 @@ def test_wider_pin_circle(tmp_path: Path) -> None:
 
 
 def test_readings_at_angles_are_refused(tmp_path: Path) -> None:
-    frame = pd.DataFrame(
-        {"unit": np.repeat(np.arange(20), 2), "output_angle_deg": [0.0, 90.0] * 20}
-    )
+    frame = pd.DataFrame({"unit": np.repeat(np.arange(20), 2), "output_angle_deg": [0.0, 90.0] * 20})
     frame.assign(backlash_arcmin=np.linspace(0.4, 1.0, 40)).to_csv(tmp_path / "u.csv", index=False)
     (tmp_path / "gap.toml").write_text('model = "rv_batch"\n[free]\n', encoding="utf-8")
     words = ["gap", str(tmp_path / "gap.toml"), str(tmp_path / "u.csv"), "--out"]
     ended = CliRunner().invoke(app, [*words, str(tmp_path / "out"), "--quiet"])
     assert ended.exit_code == 2
-    assert "column output_angle_deg: a batch is compared by one reading of each unit" in " ".join(
-        ended.output.split()
-    )
+    assert "column output_angle_deg: a batch is compared by one reading of each unit" in " ".join(ended.output.split())
     assert not (tmp_path / "out").exists()

@@ -66,9 +66,7 @@ def readings(model: str, folder: Path) -> pd.DataFrame:
     ("model", "output", "text"),
     [("table", "te", TABLE), ("rv_transmission", "te_arcsec", 'model = "rv_transmission"\n')],
 )
-def test_simulated_it_leaves_what_the_analysis_left(
-    tmp_path: Path, model: str, output: str, text: str
-) -> None:
+def test_simulated_it_leaves_what_the_analysis_left(tmp_path: Path, model: str, output: str, text: str) -> None:
     frame = readings(model, tmp_path)
     frame.to_csv(tmp_path / "data.csv", index=False)
     (tmp_path / "gap.toml").write_text(text + LITTLE, encoding="utf-8")

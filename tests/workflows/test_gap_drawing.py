@@ -73,9 +73,7 @@ def test_units_are_those_of_the_run_and_its_allocation(folder: Path) -> None:
     ]
     laws = {one.variable: one.distribution for one in plan.drawing.zones}
     assert laws["pitch_um"].startswith("normal") and laws["runout_um"] == "uniform"
-    assert plan.drawing.assumed == "" and plan.drawing.allocation_from.startswith(
-        "built.csv, row 1 (circle"
-    )
+    assert plan.drawing.assumed == "" and plan.drawing.allocation_from.startswith("built.csv, row 1 (circle")
     zone = next(one for one in plan.drawing.zones if one.variable == "pin_radius_um")
     assert (zone.low, zone.high) == pytest.approx((0.5 - 1.3, 0.5 + 1.3), rel=1e-12)
 
@@ -119,9 +117,7 @@ def test_an_allocation_of_another_problem_is_a_fault(folder: Path) -> None:
     pd.DataFrame([transmission.DOCUMENT_MRAD]).to_csv(folder / "built.csv", index=False)
     said = faults(folder, 'run = "run.toml"\nbuilt_to = "built.csv"')
     assert "is an allocation of another problem" in said["built_to"]
-    pd.DataFrame([{**DESIGN, "gear_1_x_mrad": 2.0, "pitch_um": -1.0}]).to_csv(
-        folder / "built.csv", index=False
-    )
+    pd.DataFrame([{**DESIGN, "gear_1_x_mrad": 2.0, "pitch_um": -1.0}]).to_csv(folder / "built.csv", index=False)
     (folder / "gap.toml").write_text(GAP.format('built_to = "built.csv"'))
     both = [one.message for one in gap_plan(folder / "gap.toml")[1]]
     assert any("gear_1_x_mrad is no variable" in one for one in both)
@@ -199,9 +195,7 @@ def test_assemblies_take_the_process_of_the_run(folder: Path) -> None:
     (folder / "gap.toml").write_text(text)
     plan = read_gap(folder / "gap.toml")
     assert plan.parameters["insertion"] == "after" and plan.drawing is not None
-    assert [(one.effect.name, dict(one.values)) for one in plan.active] == [
-        ("springback", {"springback": 0.1})
-    ]
+    assert [(one.effect.name, dict(one.values)) for one in plan.active] == [("springback", {"springback": 0.1})]
     values = {one.variable: one.value for one in plan.drawing.zones}
     assert values == pytest.approx(given, rel=1e-12) and plan.drawing.assumed == ""
     (folder / "gap.toml").write_text(text + '[parameters]\ninsertion = "before"\n')
@@ -238,9 +232,7 @@ def test_assemblies_take_the_process_of_the_run(folder: Path) -> None:
     ],
     ids=["batch", "table", "arm"],
 )  # fmt: skip
-def test_every_fault_at_once_and_nothing_written(
-    folder: Path, text: str, table: str, places: tuple[str, ...]
-) -> None:
+def test_every_fault_at_once_and_nothing_written(folder: Path, text: str, table: str, places: tuple[str, ...]) -> None:
     (folder / "gap.toml").write_text(text)
     (folder / "data.csv").write_text(table)
     (folder / "other.csv").write_text("dtheta_1_um,dtheta_2_um\n1,2\n")

@@ -40,9 +40,7 @@ def bench(n: int = 240, seed: int = 0) -> pd.DataFrame:
     predicted = 0.2 * torque
     te = predicted + COMPLIANCE * torque + 3.0 + rng.normal(0.0, 2.0, n)
     warmth, clock = rng.uniform(20.0, 40.0, n), np.arange(n) * 1.0
-    return pd.DataFrame(
-        {"torque": torque, "warmth": warmth, "clock": clock, "te": te, "te_predicted": predicted}
-    )
+    return pd.DataFrame({"torque": torque, "warmth": warmth, "clock": clock, "te": te, "te_predicted": predicted})
 
 
 def found(folder: Path, frame: pd.DataFrame, text: str = HEAD) -> GapResult:
@@ -84,9 +82,7 @@ def test_faults_of_configuration_and_output_together(tmp_path: Path) -> None:
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "old").write_text("x", encoding="utf-8")
     ended = command(
-        tmp_path,
-        bench(),
-        HEAD.replace('"measured", unit = "arcsec"', '"measured", unit = "kg"') + "[free]\na = 1\n",
+        tmp_path, bench(), HEAD.replace('"measured", unit = "arcsec"', '"measured", unit = "kg"') + "[free]\na = 1\n"
     )
     assert ended.exit_code == 2
     assert '"arcsec" does not fit te, which is in "kg"' in ended.output
@@ -105,9 +101,7 @@ def test_constant_columns_are_said(tmp_path: Path) -> None:
 
 
 def test_measured_that_never_changes(tmp_path: Path) -> None:
-    assert "is the same in every row: nothing was measured" in refused(
-        tmp_path, bench().assign(te=1.0)
-    )
+    assert "is the same in every row: nothing was measured" in refused(tmp_path, bench().assign(te=1.0))
 
 
 def test_duplicated_column_names(tmp_path: Path) -> None:
@@ -147,9 +141,7 @@ def test_cells_that_are_no_number_are_named(tmp_path: Path, cell: str) -> None:
 def test_bad_rows_are_dropped_if_asked(tmp_path: Path) -> None:
     frame = bench().astype(object)
     frame.loc[6, "te"] = "nan"
-    result = found(
-        tmp_path, frame, HEAD.replace("[columns]", "[data]\ndrop_bad_rows = true\n[columns]")
-    )
+    result = found(tmp_path, frame, HEAD.replace("[columns]", "[data]\ndrop_bad_rows = true\n[columns]"))
     assert any("1 rows" in note and "rows 8" in note for note in result.notes)
     assert len(result.residuals) == 239
 
@@ -288,16 +280,12 @@ def test_blocks_that_hold_nothing_out(tmp_path: Path) -> None:
 
 def test_a_session_may_stand_beside(tmp_path: Path) -> None:
     """A column that the contract names; it is said what it would be good for."""
-    (tmp_path / "gap.toml").write_text(
-        'model = "rv_batch"\nparameters.model = "document"\n', encoding="utf-8"
-    )
+    (tmp_path / "gap.toml").write_text('model = "rv_batch"\nparameters.model = "document"\n', encoding="utf-8")
     table = pd.DataFrame({"unit": range(30), "session": ["a", "b"] * 15})
     table.assign(backlash_arcmin=np.linspace(0.0, 1.0, 30)).to_csv(tmp_path / "b.csv", index=False)
     data = read_data(read_gap(tmp_path / "gap.toml"), tmp_path / "b.csv")
     assert any("a session may have a level of its own" in note for note in data.notes)
-    data = read_data(
-        read_gap(tmp_path / "gap.toml", ["validation.blocks=session"]), tmp_path / "b.csv"
-    )
+    data = read_data(read_gap(tmp_path / "gap.toml", ["validation.blocks=session"]), tmp_path / "b.csv")
     assert data.blocks is not None
     assert data.blocks.tolist() == ["a", "b"] * 15
     assert "session" not in " ".join(data.notes)
@@ -314,15 +302,12 @@ def test_what_any_table_may_add_needs_no_role(tmp_path: Path) -> None:
     assert result.noise_floor["te"] == pytest.approx(2.0)
 
 
-@pytest.mark.parametrize(
-    "content", [b"PK\x03\x04\xff\xfe", b"a\0b,c\n", "größe;\n1;".encode("mac_roman")]
-)
+@pytest.mark.parametrize("content", [b"PK\x03\x04\xff\xfe", b"a\0b,c\n", "größe;\n1;".encode("mac_roman")])
 def test_what_is_no_text(tmp_path: Path, content: bytes) -> None:
     (tmp_path / "gap.toml").write_text(HEAD, encoding="utf-8")
     (tmp_path / "bench.csv").write_bytes(content)
     with pytest.raises(
-        InputError,
-        match=r"bench\.csv: (is not (a workbook|text)|the encoding cannot be determined|has no)",
+        InputError, match=r"bench\.csv: (is not (a workbook|text)|the encoding cannot be determined|has no)"
     ):
         read_data(read_gap(tmp_path / "gap.toml"), tmp_path / "bench.csv")
 
@@ -368,9 +353,7 @@ def test_what_is_in_the_model_already_is_no_gap(tmp_path: Path) -> None:
     """The corrected model, given back with the same data, has nothing to add."""
     rng = np.random.default_rng(0)
     n = 300
-    inputs = pd.DataFrame(
-        {"output_angle_deg": rng.uniform(0, 360, n), "torque_Nm": rng.uniform(-400, 400, n)}
-    )
+    inputs = pd.DataFrame({"output_angle_deg": rng.uniform(0, 360, n), "torque_Nm": rng.uniform(-400, 400, n)})
     inputs["output_speed_rpm"], inputs["direction"] = rng.uniform(2, 30, n), rng.choice([-1, 1], n)
     simulated = tmp_path / "te.csv"
     inputs.to_csv(tmp_path / "inputs.csv", index=False)
@@ -388,16 +371,12 @@ def test_what_is_in_the_model_already_is_no_gap(tmp_path: Path) -> None:
 
 
 def test_intervals_from_the_bootstrap(tmp_path: Path) -> None:
-    result = found(
-        tmp_path, bench(120), HEAD.replace("seed = 0", "seed = 0\n[settings]\nbootstrap = 30")
-    )
+    result = found(tmp_path, bench(120), HEAD.replace("seed = 0", "seed = 0\n[settings]\nbootstrap = 30"))
     (effect,) = result.effects
     (number,) = effect.parameters
     assert effect.frequency > 0.9
     assert number.low < COMPLIANCE < number.high
-    assert number.high - number.low == pytest.approx(
-        2 * 1.645 * 2.0 / np.sqrt(120) / 231.0, rel=0.5
-    )
+    assert number.high - number.low == pytest.approx(2 * 1.645 * 2.0 / np.sqrt(120) / 231.0, rel=0.5)
 
 
 def test_readings_in_degrees_are_named_as_those_in_seconds(tmp_path: Path) -> None:

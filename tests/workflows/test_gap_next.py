@@ -113,9 +113,7 @@ def of_name(name: str, torque: Array) -> Array:
     }[name]
 
 
-def test_the_chance_is_that_of_readings_taken_there(
-    record: pd.DataFrame, result: GapResult
-) -> None:
+def test_the_chance_is_that_of_readings_taken_there(record: pd.DataFrame, result: GapResult) -> None:
     """Readings at the proposed points, drawn from either name as the record leaves it, and both
     fitted again by least squares: the share in which the right one fits better.
     """
@@ -143,9 +141,7 @@ def test_the_chance_is_that_of_readings_taken_there(
     assert abs(share - pair.chance) < 4.0 * np.sqrt(share * (1.0 - share) / draws) + 0.01
 
 
-def test_what_was_ambiguous_is_named_by_those_readings(
-    tmp_path: Path, record: pd.DataFrame, result: GapResult
-) -> None:
+def test_what_was_ambiguous_is_named_by_those_readings(tmp_path: Path, record: pd.DataFrame, result: GapResult) -> None:
     """And is not by as many readings like those of the record."""
     rng = np.random.default_rng(6)
     assert result.next_points is not None
@@ -172,9 +168,7 @@ def test_twins_stay_twins(tmp_path: Path) -> None:
     assert ended.rivals[0].measurement.text == planned.text
 
 
-def test_a_range_that_holds_everything_fast_separates_nothing(
-    tmp_path: Path, record: pd.DataFrame
-) -> None:
+def test_a_range_that_holds_everything_fast_separates_nothing(tmp_path: Path, record: pd.DataFrame) -> None:
     fixed = '[next_measurement.range]\ntorque = 200\n"dir" = { values = [1] }\nspeed = 20\n'
     ended = found(tmp_path, record, text_of(fixed))
     assert ended.next_measurement is not None

@@ -68,11 +68,7 @@ def test_every_fault_at_once(tmp_path: Path) -> None:
         ("assembly", "precision_weight = [-1, 5]", "precision_weight: -1 must be at least 0"),
         ("rv_batch", 'temperature_C = "5 kg"', "range.temperature_C"),
         ("rv_batch", "temperature_C = true", "temperature_C: must be [low, high], a number"),
-        (
-            "manipulator_pose",
-            "r_mm = [5000, 6000]\nz_mm = [0, 9]",
-            "measurement.range: holds no point",
-        ),
+        ("manipulator_pose", "r_mm = [5000, 6000]\nz_mm = [0, 9]", "measurement.range: holds no point"),
         ("rv_batch", 'lot = "A"', "range.lot: holds labels"),
     ],
 )
@@ -135,9 +131,7 @@ def test_no_reach_at_the_height_of_the_data(tmp_path: Path) -> None:
         }
     )
     text = 'model = "manipulator_pose"\n[free]\n[next_measurement.range]\nr_mm = [3000, 4000]\n'
-    assert "next_measurement.range: contains no point that the model reaches" in refused(
-        tmp_path, text, frame
-    )
+    assert "next_measurement.range: contains no point that the model reaches" in refused(tmp_path, text, frame)
 
 
 def bench() -> pd.DataFrame:

@@ -57,9 +57,7 @@ def test_the_size_of_the_noise_follows_an_input_by_the_f_test(rng: np.random.Gen
     assert size_follows(residual, {"still": np.ones(400)}, good) is None
 
 
-def test_the_size_of_the_noise_is_significant_where_statsmodels_says_so(
-    rng: np.random.Generator,
-) -> None:
+def test_the_size_of_the_noise_is_significant_where_statsmodels_says_so(rng: np.random.Generator) -> None:
     """Around the least chance, 1e-3 of one input, on either side of it."""
     load = rng.uniform(0.1, 3.0, 200)
     said = []

@@ -67,6 +67,4 @@ def test_a_plugin_that_lacks_a_column_is_named(population: bool) -> None:
 def test_effects_of_our_own_are_named_where_a_column_would_bring_them_in() -> None:
     found = not_considered(["viscous_friction", "torsional_compliance", "joint_clearance"], data())
     assert found == ["not considered, no column of the role speed or direction: viscous_friction"]
-    assert [one.name for one in candidates(["torsional_compliance"], data())] == [
-        "torsional_compliance"
-    ]
+    assert [one.name for one in candidates(["torsional_compliance"], data())] == ["torsional_compliance"]

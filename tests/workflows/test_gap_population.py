@@ -171,9 +171,7 @@ def test_a_batch_comes_back(name: str, effects: tuple[str, ...]) -> None:
     """
     result, table = found(name), BATCHES[name]()
     assert result.names == effects
-    before, after, chance = (
-        part[BACKLASH] for part in (result.gap_before, result.gap_after, result.noise_floor)
-    )
+    before, after, chance = (part[BACKLASH] for part in (result.gap_before, result.gap_after, result.noise_floor))
     assert before > 2.0 * chance
     assert after < 1.1 * chance
     y = table[BACKLASH]
@@ -187,12 +185,7 @@ def test_a_batch_comes_back(name: str, effects: tuple[str, ...]) -> None:
 def test_steps_tell_what_the_mixture_did() -> None:
     """The shift that was named first is dropped beside it."""
     done = [(one.action, one.name) for one in found("mixed up").steps if one.accepted]
-    assert done == [
-        ("start", ""),
-        ("add", done[1][1]),
-        ("add", "lot_mixture"),
-        ("drop", done[1][1]),
-    ]
+    assert done == [("start", ""), ("add", done[1][1]), ("add", "lot_mixture"), ("drop", done[1][1])]
     (effect,) = found("mixed up").effects
     assert effect.held_out_gain > effect.held_out_error > 0.0
     numbers = {one.name: one for one in effect.parameters}

@@ -16,10 +16,7 @@ from tolevo.cli import app
 pytestmark = pytest.mark.usefixtures("without_figures")
 
 Frame = pd.DataFrame
-MODELS = {
-    "rv_batch": 'parameters.model = "document"\n[free]\n',
-    "assembly": "[settings]\nsimulations = 400\n",
-}
+MODELS = {"rv_batch": 'parameters.model = "document"\n[free]\n', "assembly": "[settings]\nsimulations = 400\n"}
 
 
 def units(n: int, seed: int = 1) -> Frame:
@@ -43,9 +40,7 @@ def written(folder: Path) -> dict[str, Any]:
 def test_three_units(tmp_path: Path) -> None:
     ended = command(tmp_path, units(3))
     assert ended.exit_code == 2
-    assert "cannot tell with n = 3; a batch needs at least 12 units" in " ".join(
-        ended.output.split()
-    )
+    assert "cannot tell with n = 3; a batch needs at least 12 units" in " ".join(ended.output.split())
     assert not (tmp_path / "out").exists()
 
 

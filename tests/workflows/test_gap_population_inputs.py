@@ -258,8 +258,7 @@ def test_two_causes_are_of_no_single_input() -> None:
 def analysed(folder: Path, y: Array, **columns: Array) -> GapResult:
     configuration, data = folder / "gap.toml", folder / "units.csv"
     configuration.write_text(
-        'model = "rv_batch"\nparameters = { model = "document", reading = "printed" }\n[free]\n',
-        encoding="utf-8",
+        'model = "rv_batch"\nparameters = { model = "document", reading = "printed" }\n[free]\n', encoding="utf-8"
     )
     frame = {"unit": np.arange(1, len(y) + 1), "backlash_arcmin": y, **columns}
     pd.DataFrame(frame).to_csv(data, index=False)

@@ -9,14 +9,7 @@ from scipy import stats
 from tolevo.gap_population_records import PopulationLine
 from tolevo.models.effects.population.law import Law
 from tolevo.workflows.gap.populations.lines import Compared, batches, rarely
-from tolevo.workflows.gap.populations.statistics import (
-    Look,
-    along,
-    between_lots,
-    looks_of,
-    two_of,
-    unlike,
-)
+from tolevo.workflows.gap.populations.statistics import Look, along, between_lots, looks_of, two_of, unlike
 
 Array = np.ndarray
 LATTICE = np.linspace(-6.0, 6.0, 601)
@@ -31,9 +24,7 @@ def looks(n: int, lots: Array | None = None) -> tuple[Look, ...]:
     return looks_of("um", order, two_of(), unlike(quantiles), of_lots)
 
 
-def lines(
-    x: Array, seed: int = 0, lots: Array | None = None, drawn: int | None = None
-) -> dict[str, PopulationLine]:
+def lines(x: Array, seed: int = 0, lots: Array | None = None, drawn: int | None = None) -> dict[str, PopulationLine]:
     """Such units beside batches that are, as many as usual."""
     n, rng = len(x), np.random.default_rng([seed, len(x)])
     simulated = rng.standard_normal((drawn or batches(n), n))

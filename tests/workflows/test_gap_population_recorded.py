@@ -70,9 +70,7 @@ def table(
 
 def analysed(folder: Path, frame: pd.DataFrame) -> GapResult:
     configuration, data = folder / "gap.toml", folder / "units.csv"
-    configuration.write_text(
-        'model = "assembly"\n[settings]\nsimulations = 400\n', encoding="utf-8"
-    )
+    configuration.write_text('model = "assembly"\n[settings]\nsimulations = 400\n', encoding="utf-8")
     frame.to_csv(data, index=False)
     plan = read_gap(configuration)
     return gap.analysis_result(plan, read_data(plan, data))
@@ -105,9 +103,7 @@ def test_clean_assemblies_are_as_simulated(tmp_path: Path) -> None:
     assert (result.verdict, result.attribution) == ("no_gap", ())
     assert not any(one.differs for one in result.population)
     by = {(one.output, one.statistic): one for one in result.population}
-    assert by["delta_1_mrad", "mean"].measured == pytest.approx(
-        table(seed=2)["delta_1_mrad"].mean()
-    )
+    assert by["delta_1_mrad", "mean"].measured == pytest.approx(table(seed=2)["delta_1_mrad"].mean())
 
 
 def test_an_adjuster_that_is_named_is_no_input(tmp_path: Path) -> None:
@@ -142,6 +138,4 @@ def test_exact_units_of_the_simulation_differ_in_nothing(tmp_path: Path) -> None
         frame[f"delta_{k + 1}_mrad"] = right[:, k]
     result = analysed(tmp_path, frame)
     assert result.attribution == ()
-    assert {one.verdict for one in result.population} == {
-        "no difference detected: measured is as simulated"
-    }
+    assert {one.verdict for one in result.population} == {"no difference detected: measured is as simulated"}

@@ -30,8 +30,7 @@ simulations = 200
 
 
 @pytest.mark.parametrize(
-    ("move", "error", "far"),
-    [(0.7, 0.01, True), (-0.7, 0.01, True), (0.4, 0.01, False), (0.7, 0.3, False)],
+    ("move", "error", "far"), [(0.7, 0.01, True), (-0.7, 0.01, True), (0.4, 0.01, False), (0.7, 0.3, False)]
 )
 def test_far_is_half_of_the_tolerance_and_no_chance(move: float, error: float, far: bool) -> None:
     text = recalibration_message([("zero", move, 1.0, error), ("other", 0.0, 1.0, 0.1)])

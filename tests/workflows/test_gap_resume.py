@@ -62,9 +62,7 @@ class Watch:
         return next(one.done for one in self.seen if one.phase == uncertainty.PHASE)
 
 
-def analysed(
-    folder: Path, out: str, *more: str, workers: int = 1, watch: Watch | None = None
-) -> GapOutcome:
+def analysed(folder: Path, out: str, *more: str, workers: int = 1, watch: Watch | None = None) -> GapOutcome:
     plan = read_gap(folder / "gap.toml", more)
     data = read_data(plan, folder / "data.csv")
     return gap(plan, data, folder / out, workers, watch, resume=True)
@@ -149,7 +147,5 @@ def test_processes_make_the_same_replicates(folder: Path) -> None:
     analysed(folder, "one")
     analysed(folder, "two", workers=2)
     same = ("gap.json", "corrected.toml")
-    assert [(folder / "one" / n).read_bytes() for n in same] == [
-        (folder / "two" / n).read_bytes() for n in same
-    ]
+    assert [(folder / "one" / n).read_bytes() for n in same] == [(folder / "two" / n).read_bytes() for n in same]
     assert sorted(lines(folder / "two")) == sorted(lines(folder / "one"))

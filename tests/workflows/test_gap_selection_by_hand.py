@@ -198,9 +198,7 @@ def test_the_path_beside_a_name_found_by_likelihood() -> None:
     before = select(search)
     other = search.fitter.fit([one for one in search.book.members if one.name in "ac"])
     after = replace(before, fit=other)
-    found = with_identified_by_likelihood(
-        search, before, after, "wide", 31.0, 6.0, Improvement(30.0, 2.0)
-    )
+    found = with_identified_by_likelihood(search, before, after, "wide", 31.0, 6.0, Improvement(30.0, 2.0))
     new = found.steps[len(before.steps) :]
     assert [(s.action, s.name, s.names) for s in new] == [
         ("add", "wide", ("a", "b", "wide")), ("drop", "b", ("a", "c", "wide")),

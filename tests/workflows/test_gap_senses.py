@@ -244,9 +244,7 @@ def test_a_clock_for_each_session_keeps_the_sessions_in_their_order(tmp_path: Pa
     np.testing.assert_array_equal(data.measured["te"], frame["te"])
 
 
-def test_a_step_of_a_session_is_said_and_a_drag_that_is_none_is_at_its_bound(
-    tmp_path: Path,
-) -> None:
+def test_a_step_of_a_session_is_said_and_a_drag_that_is_none_is_at_its_bound(tmp_path: Path) -> None:
     """Blocks are the sessions, whose column has the role `ignore`; load times speed with the load's
     sign alone, so that the drag against the motion ends at 0, and its interval does not.
     """

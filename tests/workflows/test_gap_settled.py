@@ -43,10 +43,7 @@ def files(folder: Path, number: int) -> tuple[Path, Path]:
 
 
 @pytest.fixture(
-    scope="module",
-    params=[
-        pytest.param(one, marks=pytest.mark.slow) if one == LONGEST else one for one in NUMBERS
-    ],
+    scope="module", params=[pytest.param(one, marks=pytest.mark.slow) if one == LONGEST else one for one in NUMBERS]
 )
 def end(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Ending:
     return ending(tmp_path_factory.mktemp("settled"), request.param)
@@ -59,9 +56,7 @@ def ending(folder: Path, number: int) -> Ending:
         return ended(analysed(prepared(plan, read_data(plan, table))))
 
 
-def test_held_out_error_is_never_above_that_of_the_model_or_of_an_accepted_step(
-    end: Ending,
-) -> None:
+def test_held_out_error_is_never_above_that_of_the_model_or_of_an_accepted_step(end: Ending) -> None:
     assert no_worse(end)
 
 
@@ -89,9 +84,7 @@ def test_what_remains_is_said(end: Ending) -> None:
     """A part outside of the library is a remainder, and there is none where all is named."""
     terms = len(end.fit.members) - len(end.identified)
     assert (end.verdict == "partial") == (terms > 0 or bool(end.analysis.identified.significant))
-    assert all(
-        one.name not in end.setup.plan.library for one in end.fit.members[len(end.identified) :]
-    )
+    assert all(one.name not in end.setup.plan.library for one in end.fit.members[len(end.identified) :])
 
 
 def test_terms_are_the_forms_that_they_stand_for(end: Ending) -> None:
@@ -106,17 +99,13 @@ def test_terms_are_the_forms_that_they_stand_for(end: Ending) -> None:
         if term is None:
             continue
         seen.add(kind)
-        q = basis(
-            np.column_stack([np.ones(len(own)), Unresolved(term).columns(setup.data.readings)])
-        )
+        q = basis(np.column_stack([np.ones(len(own)), Unresolved(term).columns(setup.data.readings)]))
         # splines are evaluated by the same code, powers by another order of the same operations
         assert np.abs(projected_out(own, q)).max() < 1e-6 * np.abs(own).max(), form
     assert len(seen) >= 12
 
 
-def test_a_corrected_model_with_a_term_leaves_the_residuals_that_were_written(
-    tmp_path: Path,
-) -> None:
+def test_a_corrected_model_with_a_term_leaves_the_residuals_that_were_written(tmp_path: Path) -> None:
     configuration, table = files(tmp_path, 5026)
     plan = read_gap(configuration)
     out = tmp_path / "out"
@@ -146,9 +135,7 @@ def test_all_rows_are_in_the_final_fit(tmp_path: Path) -> None:
     n, sigma = 4000, 0.5
     torque = rng.uniform(-400.0, 400.0, n)
     te = 0.01 * torque + 2.0 + rng.normal(0.0, sigma, n)
-    pd.DataFrame({"torque": torque, "te": te, "te_predicted": np.zeros(n)}).to_csv(
-        tmp_path / "data.csv", index=False
-    )
+    pd.DataFrame({"torque": torque, "te": te, "te_predicted": np.zeros(n)}).to_csv(tmp_path / "data.csv", index=False)
     (tmp_path / "gap.toml").write_text(
         'model = "table"\n[columns]\ntorque = { role = "torque", unit = "N m" }\n'
         'te = { role = "measured", unit = "arcsec" }\n'

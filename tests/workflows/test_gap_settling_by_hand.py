@@ -7,16 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.workflows.gap_toy import (
-    PENALTY,
-    N,
-    directions,
-    member,
-    of_names,
-    readings,
-    settling,
-    squares_left,
-)
+from tests.workflows.gap_toy import PENALTY, N, directions, member, of_names, readings, settling, squares_left
 from tolevo.models.effects.unresolved import Term, Unresolved
 from tolevo.workflows.gap.data import GapData
 from tolevo.workflows.gap.fit import Fit, Member

@@ -15,11 +15,7 @@ from typer.testing import CliRunner
 from tolevo.cli import app
 from tolevo.problems.rv_transmission_error import declared
 
-pytestmark = [
-    pytest.mark.long,
-    pytest.mark.usefixtures("without_figures"),
-    pytest.mark.usefixtures("units_once"),
-]
+pytestmark = [pytest.mark.long, pytest.mark.usefixtures("without_figures"), pytest.mark.usefixtures("units_once")]
 
 RUN = Path(str(files("tolevo.configs") / "rv_transmission_error.toml"))
 SMALL = (
@@ -71,9 +67,7 @@ def tolevo(*words: object) -> str:
 def measured(case: Case, folder: Path) -> Path:
     """A table of the model with its effect hidden in it, and noise."""
     values = ", ".join(f"{name} = {value}" for name, value in case.hidden.items())
-    truth = (
-        f'model = "{case.model}"\n[[effect]]\nname = "{case.effect}"\nparameters = {{ {values} }}'
-    )
+    truth = f'model = "{case.model}"\n[[effect]]\nname = "{case.effect}"\nparameters = {{ {values} }}'
     (folder / "truth.toml").write_text(truth, encoding="utf-8")
     table = inputs(case.model)
     table.to_csv(folder / "inputs.csv", index=False)

@@ -66,9 +66,7 @@ def test_angle_of_a_locked_unit_may_stand(tmp_path: Path) -> None:
     assert asked(tmp_path, frame.assign(way=np.sign(np.cos(phase))), angle="arcsec") == []
 
 
-@pytest.mark.parametrize(
-    ("column", "factor"), [("torque", 1e9), ("speed", 1e4), ("temperature", 60.0)]
-)
+@pytest.mark.parametrize(("column", "factor"), [("torque", 1e9), ("speed", 1e4), ("temperature", 60.0)])
 def test_columns_beyond_any_bench(tmp_path: Path, column: str, factor: float) -> None:
     (said,) = asked(tmp_path, table().assign(**{column: factor * table()[column]}))
     assert said.startswith(f'is "{COLUMNS[column][1]}" the unit of {column}? It reaches beyond')

@@ -48,9 +48,7 @@ def bench(seed: int, n: int = 300) -> pd.DataFrame:
 
 @pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize("taken_up", [30.0, 100.0])
-def test_dead_band_is_one_region_about_no_torque(
-    tmp_path: Path, seed: int, taken_up: float
-) -> None:
+def test_dead_band_is_one_region_about_no_torque(tmp_path: Path, seed: int, taken_up: float) -> None:
     frame = bench(seed)
     frame["te"] += 3.0 * np.clip(frame["torque"] / taken_up, -1.0, 1.0)
     (only,) = located(tmp_path, frame)

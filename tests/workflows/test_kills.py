@@ -11,16 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.killing import (
-    SIGNALS,
-    WITHOUT_PRIVILEGES,
-    Job,
-    content,
-    jobs,
-    killed,
-    start,
-    tolevo,
-)
+from tests.killing import SIGNALS, WITHOUT_PRIVILEGES, Job, content, jobs, killed, start, tolevo
 from tolevo.directory import standing
 
 pytestmark = pytest.mark.long
@@ -115,8 +106,7 @@ time.time = lambda: _real() - 3600.0 * next(_fall)
 CONDITIONS = {
     "clock set back": CLOCK,
     "one core": "os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})",
-    "LANG=C": "import locale; os.environ['LC_ALL'] = os.environ['LANG'] = 'C'; "
-    "locale.setlocale(locale.LC_ALL, 'C')",
+    "LANG=C": "import locale; os.environ['LC_ALL'] = os.environ['LANG'] = 'C'; locale.setlocale(locale.LC_ALL, 'C')",
     "no terminal": "os.setsid()",
 }
 

@@ -168,10 +168,7 @@ def eldest() -> int:
     for path in Path("/proc").glob("[0-9]*/stat"):
         try:
             fields = path.read_text().rpartition(")")[2].split()
-            if (
-                int(fields[1]) == os.getpid()
-                and b"spawn_main" in (path.parent / "cmdline").read_bytes()
-            ):
+            if int(fields[1]) == os.getpid() and b"spawn_main" in (path.parent / "cmdline").read_bytes():
                 found.append((int(fields[19]), int(path.parent.name)))
         except OSError:
             continue
@@ -204,9 +201,7 @@ def test_the_scheduler_is_killed_at_ten_moments(work: Work, tmp_path: Path) -> N
     work.sound(tmp_path / "out")
 
 
-def test_postgresql_is_killed_at_ten_moments(
-    work: Work, postgres: Server, schema: str, tmp_path: Path
-) -> None:
+def test_postgresql_is_killed_at_ten_moments(work: Work, postgres: Server, schema: str, tmp_path: Path) -> None:
     """By SIGKILL to all of its processes, while two workers compute."""
 
     def strike() -> None:

@@ -41,10 +41,7 @@ class Judged(RvBacklash):
     """The problem with another model's word on every design: its cost stands in for a share."""
 
     def finer_verdicts(self, designs: NDArray[np.float64]) -> tuple[str, ...]:
-        return tuple(
-            f"by contact this allocation keeps 1 arcmin in {cost:.3f} %"
-            for cost in self.cost_of(designs)
-        )
+        return tuple(f"by contact this allocation keeps 1 arcmin in {cost:.3f} %" for cost in self.cost_of(designs))
 
 
 def outcome(kind: type[RvBacklash], folder: Path) -> RunOutcome:

@@ -149,9 +149,7 @@ WAYS: tuple[tuple[str, ...], ...] = ((), ("--overwrite",), ("--resume",))
 
 @pytest.mark.long
 @pytest.mark.parametrize("trial", range(TRIALS))
-def test_of_two_starts_on_one_directory_one_is_refused(
-    place: Place, tmp_path: Path, trial: int
-) -> None:
+def test_of_two_starts_on_one_directory_one_is_refused(place: Place, tmp_path: Path, trial: int) -> None:
     """At the same moment, in every way: one result of one piece, by one of them."""
     out, how = tmp_path / "out", WAYS[trial % len(WAYS)]
     if how:
@@ -160,9 +158,7 @@ def test_of_two_starts_on_one_directory_one_is_refused(
     ready = [str(tmp_path / f"{at}.ready") for at in range(2)]
     processes = [
         start(
-            run_words(place, out, *how, *more),
-            tmp_path / str(at),
-            TOGETHER.format(own=ready[at], other=ready[1 - at]),
+            run_words(place, out, *how, *more), tmp_path / str(at), TOGETHER.format(own=ready[at], other=ready[1 - at])
         )
         for at in range(2)
     ]
@@ -307,9 +303,7 @@ def test_a_set_of_two_pieces_is_refused_by_all_who_read_it(place: Place, tmp_pat
     shutil.copy(place.new / "summary.json", out)
     files = {path: path.read_bytes() for path in out.iterdir()}
     words = "is not the file that this result was completed with (by manifest.json)"
-    (tmp_path / "gap.toml").write_text(
-        f'model = "rv_batch"\nrun = "{out}/config.toml"\n[free]\n', encoding="utf-8"
-    )
+    (tmp_path / "gap.toml").write_text(f'model = "rv_batch"\nrun = "{out}/config.toml"\n[free]\n', encoding="utf-8")
     for command in (
         ("report", out),
         ("report", out, place.new),
@@ -326,9 +320,7 @@ def test_a_set_of_two_pieces_is_refused_by_all_who_read_it(place: Place, tmp_pat
     assert tolevo("report", out).exit_code == 0
 
 
-def test_another_start_while_the_page_is_built(
-    place: Place, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_another_start_while_the_page_is_built(place: Place, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """What was read is not written where somebody has begun anew meanwhile."""
     module = importlib.import_module("tolevo.workflows.report.report")
     out = tmp_path / "out"

@@ -61,15 +61,11 @@ LIMITED = "[limits]\nvariation = 0.3"
 
 
 @pytest.fixture(scope="module")
-def evolved(
-    tmp_path_factory: pytest.TempPathFactory,
-) -> tuple[pd.DataFrame, dict[str, object], Path]:
+def evolved(tmp_path_factory: pytest.TempPathFactory) -> tuple[pd.DataFrame, dict[str, object], Path]:
     return run(config(tmp_path_factory.mktemp("run"), NSGA2, more=LIMITED))
 
 
-def test_bounds_are_those_of_lagrange(
-    evolved: tuple[pd.DataFrame, dict[str, object], Path],
-) -> None:
+def test_bounds_are_those_of_lagrange(evolved: tuple[pd.DataFrame, dict[str, object], Path]) -> None:
     front = evolved[0]
     expected = [cheapest(min(0.3, limit)) for limit in front["variation"]]
     np.testing.assert_allclose(front["bound"], expected, rtol=1e-8)
@@ -80,15 +76,11 @@ def test_bounds_are_those_of_lagrange(
     assert front["gap_percent"].median() > 1e-3
 
 
-def test_last_columns_are_bound_gap_and_knee(
-    evolved: tuple[pd.DataFrame, dict[str, object], Path],
-) -> None:
+def test_last_columns_are_bound_gap_and_knee(evolved: tuple[pd.DataFrame, dict[str, object], Path]) -> None:
     assert list(evolved[0].columns[-3:]) == ["bound", "gap_percent", "knee"]
 
 
-def test_summary_states_quality_and_form(
-    evolved: tuple[pd.DataFrame, dict[str, object], Path],
-) -> None:
+def test_summary_states_quality_and_form(evolved: tuple[pd.DataFrame, dict[str, object], Path]) -> None:
     front, summary, out = evolved
     assert summary["gap_percent_median"] == pytest.approx(front["gap_percent"].median())
     assert summary["gap_percent_max"] == pytest.approx(front["gap_percent"].max())
@@ -104,9 +96,7 @@ def test_summary_states_quality_and_form(
     np.testing.assert_allclose(whole, whole[0])
 
 
-def test_exact_reference_stands_beside_the_one_by_ga(
-    evolved: tuple[pd.DataFrame, dict[str, object], Path],
-) -> None:
+def test_exact_reference_stands_beside_the_one_by_ga(evolved: tuple[pd.DataFrame, dict[str, object], Path]) -> None:
     table = pd.read_csv(evolved[2] / "references.csv")
     rows = {str(row["label"]): row for row in table.to_dict("records")}
     exact = rows["exact, least cost within the limits"]
@@ -141,13 +131,9 @@ def test_known_points_of_a_front_measure_as_those_solved_anew(tmp_path: Path) ->
 
 @pytest.mark.parametrize(
     ("method", "more", "statement"),
-    [
-        ("rss", '[objectives]\nminimise = ["variation"]', "nothing is proven: cost is not an"),
-    ],
+    [("rss", '[objectives]\nminimise = ["variation"]', "nothing is proven: cost is not an")],
 )
-def test_where_nothing_is_proven_bounds_are_empty(
-    method: str, more: str, statement: str, tmp_path: Path
-) -> None:
+def test_where_nothing_is_proven_bounds_are_empty(method: str, more: str, statement: str, tmp_path: Path) -> None:
     front, summary, _ = run(config(tmp_path, 'name = "exact"', method, more))
     assert len(front) and front["bound"].isna().all() and front["gap_percent"].isna().all()
     assert str(summary["bound_form"]).startswith(statement)
@@ -169,9 +155,7 @@ def test_ratio_is_not_given_for_three_objectives(tmp_path: Path) -> None:
     assert front["gap_percent"].max() < 1e-4
 
 
-@pytest.mark.parametrize(
-    "algorithm", ['name = "exact"\npoints = 8', 'name = "hybrid"\ngenerations = 3']
-)
+@pytest.mark.parametrize("algorithm", ['name = "exact"\npoints = 8', 'name = "hybrid"\ngenerations = 3'])
 def test_same_configuration_same_bytes(algorithm: str, tmp_path: Path) -> None:
     _, _, first = run(config(tmp_path / "a", algorithm, more=LIMITED), "--workers", 1)
     _, _, again = run(config(tmp_path / "b", algorithm, more=LIMITED), "--workers", 1)

@@ -14,8 +14,7 @@ FRONT = np.array([[1.0, 10.0], [2.0, 5.0], [4.0, 1.0]])
 
 
 @pytest.mark.parametrize(
-    ("own", "wanted"),
-    [((2.0, 5.0), 0.0), ((2.5, 5.0), 0.125), ((4.0, 3.0), 0.1), ((1.0, 14.0), 0.2)],
+    ("own", "wanted"), [((2.0, 5.0), 0.0), ((2.5, 5.0), 0.125), ((4.0, 3.0), 0.1), ((1.0, 14.0), 0.2)]
 )
 def test_distance_is_in_sides_of_the_box(own: tuple[float, float], wanted: float) -> None:
     """Sides 4 and 20: half a cost unit is 0.125, two units of the other objective are 0.1."""
@@ -34,9 +33,7 @@ def test_distance_to_nothing_is_unknown() -> None:
         (RvTransmissionError, ["document A, Q = 0", "document A, Q = 5", "document A, Q = 10"]),
     ],
 )
-def test_documents_stand_beside_the_front_with_both_figures(
-    kind: type[ToleranceProblem], labels: list[str]
-) -> None:
+def test_documents_stand_beside_the_front_with_both_figures(kind: type[ToleranceProblem], labels: list[str]) -> None:
     """A front that is a tenth cheaper and no worse than each: 10 % saved, and as far as that is."""
     problem = kind()
     printed = documents(problem)

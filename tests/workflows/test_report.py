@@ -249,10 +249,7 @@ def result(cost: list[float], error: list[float], **summary: object) -> RunResul
 def test_hypervolumes_and_costs_by_hand() -> None:
     """In the box 0..10 by 0..10 with reference 1.1 each: areas of rectangles."""
     box = {"ideal": {"cost": 0.0, "error_um": 0.0}, "nadir": {"cost": 10.0, "error_um": 10.0}}
-    runs = {
-        "a": result([1.0, 5.0, 9.0], [9.0, 5.0, 1.0], **box),
-        "b": result([2.0, 9.0], [8.0, 1.0], **box),
-    }
+    runs = {"a": result([1.0, 5.0, 9.0], [9.0, 5.0, 1.0], **box), "b": result([2.0, 9.0], [8.0, 1.0], **box)}
     found, said = compared(runs)
     assert found is not None
     assert said == ()

@@ -44,9 +44,7 @@ def test_an_unfinished_study_shows_its_medians(tmp_path: Path) -> None:
     assert RENEWS not in page
 
 
-def test_a_page_is_renewed_until_its_watch_ends(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_page_is_renewed_until_its_watch_ends(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     folder = tmp_path / "s"
     folder.mkdir()
     ended(folder, (0, 1.0))

@@ -156,8 +156,7 @@ def test_another_run_is_not_resumed(config: Path, tmp_path: Path) -> None:
         "start again with --overwrite",
         "algorithm.population: is 21, but the run to resume has 20: only the budget may differ; "
         "undo the change, or start again with --overwrite",
-        "algorithm.generations: is 3, but the run to resume has already used 12: a budget may only "
-        "grow",
+        "algorithm.generations: is 3, but the run to resume has already used 12: a budget may only grow",
     ]
     assert {path.name: path.stat().st_mtime_ns for path in out.iterdir()} == files
 
@@ -183,9 +182,7 @@ def test_resume_of_nothing_is_a_start(config: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_finished_side_searches_are_not_repeated(
-    drive: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_finished_side_searches_are_not_repeated(drive: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     out, references = tmp_path / "o", ("--set", "references=documents")
     assert run(drive, out, *references).exit_code == 0
     before = (out / "references.csv").read_bytes()

@@ -56,9 +56,7 @@ def first(tmp_path_factory: pytest.TempPathFactory) -> Path:
     parts = [PART.format(name=name, values=rng.normal(0.0, 10.0 / 3.0, 25).round(3).tolist())
              for name in ("ring", "pin", "cap")]  # fmt: skip
     (folder / "c.toml").write_text(CONFIGURATION + "".join(parts), encoding="utf-8")
-    done = CliRunner().invoke(
-        app, ["run", str(folder / "c.toml"), "--out", str(folder / "o"), "--quiet"]
-    )
+    done = CliRunner().invoke(app, ["run", str(folder / "c.toml"), "--out", str(folder / "o"), "--quiet"])
     assert done.exit_code == 0, done.output
     return folder
 
@@ -66,9 +64,7 @@ def first(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def tolerances_of(first: Path) -> dict[str, float]:
     """Rounded tolerances of the run by part."""
     found = pd.read_csv(first / "o" / "allocation.csv")
-    return {
-        name[:-2]: float(t) for name, t in zip(found["variable"], found["rounded"], strict=True)
-    }
+    return {name[:-2]: float(t) for name, t in zip(found["variable"], found["rounded"], strict=True)}
 
 
 def made(folder: Path, name: str, seed: int, tolerances: dict[str, float],
@@ -164,9 +160,7 @@ def test_faults(first: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("words", ["promises nothing"])
-def test_a_run_without_a_promise_has_nothing_to_review(
-    words: str, first: Path, tmp_path: Path
-) -> None:
+def test_a_run_without_a_promise_has_nothing_to_review(words: str, first: Path, tmp_path: Path) -> None:
     copytree(first / "o", tmp_path / "o")
     path = tmp_path / "o" / "config.toml"
     text = path.read_text(encoding="utf-8")
@@ -219,9 +213,7 @@ def test_a_run_of_another_problem_is_reviewed(tmp_path: Path) -> None:
     assert "pitch_um scatters" not in told  # nothing is known of earlier ones
     assert "drawing breaks a limit: interference_probability is " in told
     assert " instead of at most 1e-06" in told
-    row = next(
-        line.split() for line in told.splitlines() if line.split()[:2] == ["pin_radius_um", "um"]
-    )
+    row = next(line.split() for line in told.splitlines() if line.split()[:2] == ["pin_radius_um", "um"])
     assert row[2] == "40"
     assert float(row[4]) == pytest.approx(5.0 / (3.0 * parts["pin_radius"].std()), rel=1e-3)
 

@@ -32,10 +32,7 @@ FILES = {
     "contributions.csv", "manifest.json", "requirements.csv", "drivers.csv", "prices.csv",
     "relaxed.csv", "tolerances.json", "drawing.html",
 }  # fmt: skip
-NEAR = {
-    "dr_rp_mm": VariableSetting(low=-0.05, high=-0.03),
-    "dr_p_mm": VariableSetting(low=-0.09, high=-0.06),
-}
+NEAR = {"dr_rp_mm": VariableSetting(low=-0.05, high=-0.03), "dr_p_mm": VariableSetting(low=-0.09, high=-0.06)}
 
 
 def plan(
@@ -101,9 +98,7 @@ def test_no_admissible_reference_dominates(outcome: RunOutcome) -> None:
     front = pd.read_csv(outcome.folder / "front.csv")
     references = pd.read_csv(outcome.folder / "references.csv")
     for _, row in references[references["feasible"]].iterrows():
-        better = (row["cost"] <= front["cost"]) & (
-            row["backlash_arcmin"] < front["backlash_arcmin"]
-        )
+        better = (row["cost"] <= front["cost"]) & (row["backlash_arcmin"] < front["backlash_arcmin"])
         assert not better.any(), row["label"]
     assert references["feasible"].sum() == 2
     assert references["label"].tolist()[0] == "document B"
@@ -121,9 +116,7 @@ def test_broken_limits_are_named_and_relaxed(outcome: RunOutcome) -> None:
 
 def test_tables_agree(outcome: RunOutcome) -> None:
     front = pd.read_csv(outcome.folder / "front.csv")
-    pd.testing.assert_frame_equal(
-        front, pd.read_parquet(outcome.folder / "front.parquet"), check_exact=True
-    )
+    pd.testing.assert_frame_equal(front, pd.read_parquet(outcome.folder / "front.parquet"), check_exact=True)
     rows = json.loads((outcome.folder / "front.json").read_text())
     assert [row["cost"] for row in rows] == front["cost"].tolist()
 
@@ -223,11 +216,7 @@ def test_reference_stands_in_where_the_search_found_nothing() -> None:
 
 
 def test_single_objective_run_never_ends_worse_than_its_reference(tmp_path: Path) -> None:
-    one = Settings(
-        variables=NEAR,
-        limits=limited(backlash_arcmin=Bound(high=1.0)).limits,
-        objectives=("cost",),
-    )
+    one = Settings(variables=NEAR, limits=limited(backlash_arcmin=Bound(high=1.0)).limits, objectives=("cost",))
     found = run(plan(one, GA(population=30), references=True), tmp_path / "a")
     assert found.status == "done"
     best = found.result.references.query("feasible")["cost"].min()

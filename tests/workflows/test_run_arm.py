@@ -65,6 +65,4 @@ def test_simulate_takes_the_same_configuration(folder: Path) -> None:
     table.to_csv(folder / "zero.csv", index=False)
     tolevo("simulate", CONFIG, folder / "zero.csv", "--out", folder / "at.csv", "--quiet")
     found = pd.read_csv(folder / "at.csv").iloc[0]
-    assert [found["x_mm"], found["y_mm"], found["z_mm"]] == pytest.approx(
-        [900.0, 0.0, 400.0 - 620.0 - 115.0]
-    )
+    assert [found["x_mm"], found["y_mm"], found["z_mm"]] == pytest.approx([900.0, 0.0, 400.0 - 620.0 - 115.0])

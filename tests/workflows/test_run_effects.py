@@ -19,9 +19,7 @@ from tolevo.reports.figure import pictures
 from tolevo.reports.page import page
 from tolevo.workflows.run import RunOutcome, RunPlan, run
 
-WARM = Active(
-    registry.load("effects", "differential_thermal_expansion")(), {"temperature_difference_K": 5.0}
-)
+WARM = Active(registry.load("effects", "differential_thermal_expansion")(), {"temperature_difference_K": 5.0})
 BIAS = Active(registry.load("effects", "gauge_bias")(), {"offset_arcmin": 0.1})
 
 
@@ -105,9 +103,7 @@ def test_one_objective_moves_from_point_to_point(tmp_path: Path) -> None:
     limits = {"interference_probability": Bound(high=0.9), "backlash_arcmin": Bound(high=1.5)}
     problem = RvBacklash(Settings(limits=limits, objectives=("cost",), effects=(WARM,)))
     budget = Budget(generations=10)
-    found = run(
-        RunPlan(problem, NSGA2(population=40), budget, 3, False, "", "test"), tmp_path / "a"
-    )
+    found = run(RunPlan(problem, NSGA2(population=40), budget, 3, False, "", "test"), tmp_path / "a")
     moved = found.result.moved
     assert moved is not None
     assert moved["allocation"].tolist() == ["before", "kept", "after"]

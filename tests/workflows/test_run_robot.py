@@ -41,9 +41,7 @@ def test_front_with_bounds(folder: Path) -> None:
     assert np.all(front["bound"] <= front["cost"])
     assert front["gap_percent"].max() <= 1e-3
     np.testing.assert_allclose(front["cost"], front["cost_links"] + front["cost_reducers"])
-    np.testing.assert_allclose(
-        front["pose_accuracy_mm"], front["accuracy_ratio"] * front["pose_rms_mm"]
-    )
+    np.testing.assert_allclose(front["pose_accuracy_mm"], front["accuracy_ratio"] * front["pose_rms_mm"])
     shares = [name for name in front.columns if str(name).startswith("share_")]
     np.testing.assert_allclose(front[shares].sum(axis=1), 100.0)
 
@@ -65,9 +63,7 @@ def test_what_else_would_cost_and_where_the_error_is_made(folder: Path) -> None:
     assert alike["label"] == "reducers alike in all drives"
     assert alike["more_percent"] == pytest.approx(0.0, abs=1e-4)
     assert calibrated["more_percent"] < -10.0
-    assert sum(part["share"] for part in summary["machine"]["parts"]) == pytest.approx(
-        100.0, abs=0.1
-    )
+    assert sum(part["share"] for part in summary["machine"]["parts"]) == pytest.approx(100.0, abs=0.1)
     page = (folder / "run" / "report.html").read_text()
     assert "Where the error is made" in page
     assert page.count("<title>arm ") == 3 and page.count("<title>joint ") == 2

@@ -154,10 +154,7 @@ def test_the_point_shown_is_that_at_the_limit_or_the_knee() -> None:
     front = pd.DataFrame({"cost": [8.0, 12.0, 20.0], "backlash_max_arcmin": [1.6, 1.04, 0.8],
                           "knee": [True, False, False]})  # fmt: skip
     comparison = Comparison.of(problem)
-    assert shown_point(front, comparison) == (
-        1,
-        "the point nearest to backlash_max_arcmin 1",
-    )
+    assert shown_point(front, comparison) == (1, "the point nearest to backlash_max_arcmin 1")
     assert shown_point(front.iloc[[0, 2]], comparison) == (0, "the knee")
     assert shown_point(front.iloc[:0], comparison) is None
 
@@ -188,9 +185,7 @@ def test_other_problems_have_none_of_it(tmp_path: Path) -> None:
 def _problem(objectives: tuple[str, ...], **parameters: float | str) -> RvReducer:
     small = {"search_units": 32, "report_units": 64, "positions": 11, "elastic_units": 16}
     limits = {"interference_probability": Bound(high=0.05)}
-    return RvReducer(
-        Settings(seed=1, parameters={**small, **parameters}, objectives=objectives, limits=limits)
-    )
+    return RvReducer(Settings(seed=1, parameters={**small, **parameters}, objectives=objectives, limits=limits))
 
 
 def test_the_population_has_what_effects_add_beside_the_contact() -> None:

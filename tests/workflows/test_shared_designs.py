@@ -37,9 +37,7 @@ def designs(problem: RvReducer) -> Iterator[Designs]:
 
 def batch(problem: RvReducer, count: int) -> list[Array]:
     share = np.random.default_rng(1).uniform(size=(count, problem.n_var))
-    return np.array_split(
-        problem.xl + share * (problem.xu - problem.xl), count // problem.declaration.grain
-    )
+    return np.array_split(problem.xl + share * (problem.xu - problem.xl), count // problem.declaration.grain)
 
 
 def here(problem: RvReducer, parts: list[Array]) -> list[Values]:

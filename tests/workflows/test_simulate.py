@@ -44,10 +44,7 @@ def test_parquet_by_suffix(tmp_path: Path) -> None:
 
 def test_seed_zero_is_a_seed(tmp_path: Path) -> None:
     path = table(tmp_path, "unit\n1\n2\n")
-    one, two, other = (
-        tolevo.simulate({**BATCH, "seed": seed}, path)["backlash_arcmin"].tolist()
-        for seed in (0, 0, 1)
-    )
+    one, two, other = (tolevo.simulate({**BATCH, "seed": seed}, path)["backlash_arcmin"].tolist() for seed in (0, 0, 1))
     assert one == two != other
 
 
@@ -71,9 +68,7 @@ def test_a_measurement_table_is_taken(tmp_path: Path) -> None:
     ]  # fmt: skip
     assert found["session"].tolist() == ["monday"]
     assert found["backlash_arcmin"][2] < 10.0
-    assert any(
-        "backlash_arcmin as written are predictions" in note for note in found.attrs["notes"]
-    )
+    assert any("backlash_arcmin as written are predictions" in note for note in found.attrs["notes"])
     bare = tolevo.simulate(BATCH, table(tmp_path, "unit\n7\n"))
     assert bare["backlash_arcmin"].tolist() == found["backlash_arcmin"].tolist()
     assert not any("predictions" in note for note in bare.attrs["notes"])

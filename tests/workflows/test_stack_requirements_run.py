@@ -126,9 +126,7 @@ def test_other_algorithms_take_them(algorithm: str, folder: Path, tmp_path: Path
     assert 0.0 <= found["gap_percent"] < (2.0 if algorithm == "ga" else 1e-4)
 
 
-def test_limits_that_contradict_are_both_named_and_nothing_is_written(
-    folder: Path, tmp_path: Path
-) -> None:
+def test_limits_that_contradict_are_both_named_and_nothing_is_written(folder: Path, tmp_path: Path) -> None:
     settings = ["--set", "limits.cost=4.2"]
     result = tolevo("run", folder / "c.toml", "--out", tmp_path / "o", *settings)
     assert result.exit_code == 2

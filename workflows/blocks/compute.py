@@ -70,9 +70,7 @@ class Computed:
     def about(self, block_rows: int | None) -> About:
         """The identity of this table, to which its blocks belong."""
         grains = max(1, -(-self.rows.count // self.grain))
-        grains_per_block = (
-            -(-grains // BLOCKS) if block_rows is None else -(-block_rows // self.grain)
-        )
+        grains_per_block = -(-grains // BLOCKS) if block_rows is None else -(-block_rows // self.grain)
         digest = hashlib.sha256(self.configuration.encode()).hexdigest()
         return About(
             self.command,
@@ -108,9 +106,7 @@ def computed(
         _finish(table, store, executor, progress)
         total = store.about.total
         wanted = range(total if frame else 1)
-        whole = pd.concat(
-            [pd.read_parquet(store.block(number)) for number in wanted], ignore_index=True
-        )
+        whole = pd.concat([pd.read_parquet(store.block(number)) for number in wanted], ignore_index=True)
         if target is not None and not target.partitioned:
             joined(map(store.block, range(total)), target.path)
             store.remove()
@@ -119,9 +115,7 @@ def computed(
     return whole if frame else whole.iloc[:0]
 
 
-def _store_of_blocks(
-    about: About, target: Target | None, shared: tuple[str, str] | None
-) -> BlockStore:
+def _store_of_blocks(about: About, target: Target | None, shared: tuple[str, str] | None) -> BlockStore:
     """Where the blocks are kept."""
     if shared is not None:
         from .table import block_table  # with it comes SQLAlchemy, slow to load
@@ -153,10 +147,7 @@ def _here(table: Computed) -> pd.DataFrame:
 
 
 def _finish(
-    table: Computed,
-    store: BlockStore,
-    executor: Executor,
-    progress: Callable[[BlockProgress], None] | None,
+    table: Computed, store: BlockStore, executor: Executor, progress: Callable[[BlockProgress], None] | None
 ) -> None:
     """Compute the blocks that are missing."""
     total, begin, had = store.about.total, time.monotonic(), len(store.completed)
@@ -195,18 +186,8 @@ def _tasks(table: Computed, store: BlockStore, total: int, apart: bool) -> Itera
         if number in store.completed or not store.claim(number):
             continue
         start, stop = number * block_rows, min((number + 1) * block_rows, table.rows.count)
-        rows = [
-            table.rows.part(at, min(at + table.grain, stop))
-            for at in range(start, stop, table.grain)
-        ]
-        yield Block(
-            f"{name}-{number}",
-            version("tolevo"),
-            content,
-            number,
-            start // table.grain,
-            tuple(rows),
-        )
+        rows = [table.rows.part(at, min(at + table.grain, stop)) for at in range(start, stop, table.grain)]
+        yield Block(f"{name}-{number}", version("tolevo"), content, number, start // table.grain, tuple(rows))
 
 
 def perform(task: Block) -> bytes:

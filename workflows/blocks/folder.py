@@ -119,16 +119,12 @@ def _agreed(path: Path, about: About, resume: bool, overwrite: bool) -> About:
     try:
         there: dict[str, Any] = read_record(path / ABOUT) or {}
     except ValueError as error:
-        raise refuse(
-            "--resume", f"{path / ABOUT} cannot be read: {error}; give --overwrite"
-        ) from error
+        raise refuse("--resume", f"{path / ABOUT} cannot be read: {error}; give --overwrite") from error
     wanted = asdict(about)
     differing = [CALLED[name] for name in CALLED if there.get(name) != wanted[name]]
     if differing:
         raise refuse(
-            "--resume",
-            f"{path} holds blocks of {' and of '.join(differing)}; "
-            "name another file, or give --overwrite",
+            "--resume", f"{path} holds blocks of {' and of '.join(differing)}; name another file, or give --overwrite"
         )
     return About(**{**wanted, "block_rows": int(there["block_rows"])})
 

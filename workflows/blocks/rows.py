@@ -56,9 +56,7 @@ class ParquetRows(Rows):
     `names` maps a column of the files to its name here; numbers become float64.
     """
 
-    def __init__(
-        self, paths: Sequence[Path], names: Mapping[str, str], count: int, digest: str
-    ) -> None:
+    def __init__(self, paths: Sequence[Path], names: Mapping[str, str], count: int, digest: str) -> None:
         self.paths = tuple(paths)
         self.names = dict(names)
         self.count = count
@@ -85,9 +83,7 @@ class ParquetRows(Rows):
             start = self._at + high
             if high == length:
                 self._at, self._held = self._at + length, {}
-        return {
-            name: np.concatenate([part[name] for part in parts]) for name in self.names.values()
-        }
+        return {name: np.concatenate([part[name] for part in parts]) for name in self.names.values()}
 
 
 BATCH = 65_536

@@ -64,20 +64,14 @@ class BlockTable(BlockStore):
 
     def refresh(self) -> None:
         text = select(BLOCKS.c.number).where(BLOCKS.c.number < self.about.total)
-        self.completed = {
-            number for (number,) in self._read(lambda connection: connection.execute(text).all())
-        }
+        self.completed = {number for (number,) in self._read(lambda connection: connection.execute(text).all())}
 
     def block(self, number: int) -> io.BytesIO:
         text = select(BLOCKS.c.content).where(BLOCKS.c.number == number)
-        return io.BytesIO(
-            bytes(self._read(lambda connection: connection.execute(text).scalar_one()))
-        )
+        return io.BytesIO(bytes(self._read(lambda connection: connection.execute(text).scalar_one())))
 
     def saved(self) -> str:
-        count = (
-            f"{len(self.completed)} of {self.about.total} blocks are saved in {self._database_name}"
-        )
+        count = f"{len(self.completed)} of {self.about.total} blocks are saved in {self._database_name}"
         return f"{count}; run the same command again to continue"
 
     def close(self) -> None:
@@ -100,9 +94,7 @@ class BlockTable(BlockStore):
         text = json.dumps(sealed_record(wanted))
         while not self._store.meta(TABLE):
             if self._store.meta(STUDY):
-                raise refuse(
-                    place, f"{self._database_name} holds a study; {self._store.backend.alternative}"
-                )
+                raise refuse(place, f"{self._database_name} holds a study; {self._store.backend.alternative}")
             self._store.set_meta({TABLE: text}, TABLE, "")
         try:
             there = unsealed_record(loads(self._store.meta(TABLE)))
@@ -110,10 +102,7 @@ class BlockTable(BlockStore):
             raise refuse(place, f"{self._database_name} cannot be read: {error}") from error
         raise_all(
             [
-                Fault(
-                    place,
-                    f"{self._database_name} belongs to {text}; {self._store.backend.alternative}",
-                )
+                Fault(place, f"{self._database_name} belongs to {text}; {self._store.backend.alternative}")
                 for name, text in CALLED.items()
                 if there.get(name) != wanted[name]
             ]

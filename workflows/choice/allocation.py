@@ -78,15 +78,7 @@ def allocation(
             )
     columns = [*COLUMNS, *(["model"] if problem.declaration.model_statement else [])]
     table = pd.DataFrame(rows, columns=columns)
-    numbers = (
-        "nominal",
-        "mid",
-        "lower_limit",
-        "upper_limit",
-        "lower_deviation",
-        "upper_deviation",
-        "roughness_Ra_um",
-    )
+    numbers = ("nominal", "mid", "lower_limit", "upper_limit", "lower_deviation", "upper_deviation", "roughness_Ra_um")
     return table.astype(dict.fromkeys(numbers, float))
 
 
@@ -98,9 +90,7 @@ def _models(problem: ToleranceProblem, rounded: Mapping[int, Array]) -> dict[int
     return {point: {"model": label} for point, label in zip(rounded, labels, strict=True)}
 
 
-def _row(
-    problem: ToleranceProblem, variable: Variable, old: float, new: float, grade: str
-) -> dict[str, Any]:
+def _row(problem: ToleranceProblem, variable: Variable, old: float, new: float, grade: str) -> dict[str, Any]:
     nominal, mid = Drawing.of(problem).zone(variable.name)
     lower, upper = _limits(variable, nominal, mid, new)
     half, drawn = variable.kind is Kind.HALF_WIDTH, Drawing.of(problem).drawn(variable.name)
@@ -127,12 +117,7 @@ def _row(
 
 
 def _written(
-    problem: ToleranceProblem,
-    variable: Variable,
-    design: Array,
-    new: float,
-    grade: str,
-    roughness_share: float,
+    problem: ToleranceProblem, variable: Variable, design: Array, new: float, grade: str, roughness_share: float
 ) -> dict[str, Any]:
     """What to write on the drawing, and what whoever makes and inspects the part needs to know."""
     drawn = Drawing.of(problem).drawn(variable.name)
@@ -158,9 +143,7 @@ def _capability(law: object) -> float | None:
     return float(cp) if isinstance(cp, int | float) else None
 
 
-def _limits(
-    variable: Variable, nominal: float | None, mid: float, t: float
-) -> tuple[float | None, float | None]:
+def _limits(variable: Variable, nominal: float | None, mid: float, t: float) -> tuple[float | None, float | None]:
     if variable.kind is Kind.HALF_WIDTH:
         centre = (nominal or 0.0) + mid
         return _rounded(centre - t), _rounded(centre + t)

@@ -58,16 +58,9 @@ def decide(problem: ToleranceProblem, front: pd.DataFrame, settings: ChoiceSetti
     rows = list(dict.fromkeys(choices.values()))
     slopes = slopes_of(problem, designs)
     steps = {v.name: step_of(problem, v, settings) for v in problem.free}
-    grades = {
-        v.name: values_of(problem, v, step)
-        for v in problem.free
-        if (step := steps[v.name]) is not None
-    }
+    grades = {v.name: values_of(problem, v, step) for v in problem.free if (step := steps[v.name]) is not None}
     values = {name: np.array(sorted(orderable)) for name, orderable in grades.items()}
-    new = {
-        at: rounded(problem, designs[at], values, _required_bounds(settings, choices, at))
-        for at in rows
-    }
+    new = {at: rounded(problem, designs[at], values, _required_bounds(settings, choices, at)) for at in rows}
     rules = {v.name: rule_message(problem, v, steps[v.name]) for v in problem.free}
     by_point = {at: " ".join(n for n, choice in choices.items() if choice == at) for at in rows}
     both = {at: (designs[at], new[at]) for at in rows}
@@ -83,9 +76,7 @@ def decide(problem: ToleranceProblem, front: pd.DataFrame, settings: ChoiceSetti
     )
 
 
-def _required_bounds(
-    settings: ChoiceSettings, choices: Mapping[str, int], at: int
-) -> dict[str, Bound]:
+def _required_bounds(settings: ChoiceSettings, choices: Mapping[str, int], at: int) -> dict[str, Bound]:
     """The bounds that the rules that choose a row require of it, and of the rounded point too."""
     bounds: dict[str, Bound] = {}
     for name, choice in choices.items():
@@ -115,11 +106,7 @@ def _within_limits(front: pd.DataFrame, limits: Mapping[str, Bound]) -> NDArray[
 
 
 def _table(
-    problem: ToleranceProblem,
-    front: pd.DataFrame,
-    choices: dict[str, int],
-    new: dict[int, Array],
-    spread: pd.DataFrame,
+    problem: ToleranceProblem, front: pd.DataFrame, choices: dict[str, int], new: dict[int, Array], spread: pd.DataFrame
 ) -> pd.DataFrame:
     """`choices.csv`: the chosen points, unrounded and rounded, and how sure each choice is."""
     whole = Accuracy.of(problem).reported()
@@ -138,9 +125,7 @@ def _table(
         values = selected[name].to_numpy(dtype=float)
         table[f"rounded_{name}"] = after[name]
         loss = after[name].to_numpy(dtype=float) - values
-        fraction = np.divide(
-            loss, np.abs(values), out=np.full_like(loss, np.nan), where=values != 0.0
-        )
+        fraction = np.divide(loss, np.abs(values), out=np.full_like(loss, np.nan), where=values != 0.0)
         table[f"rounding_loss_{name}_percent"] = 100.0 * fraction
     table["rounded_feasible"] = after["feasible"]
     table["rounded_violated_limits"] = broken

@@ -26,20 +26,9 @@ class Judge:
     otherwise.
     """
 
-    def __init__(
-        self,
-        problem: ToleranceProblem,
-        design: Array,
-        searching: bool,
-        kept: Mapping[str, Bound],
-    ) -> None:
+    def __init__(self, problem: ToleranceProblem, design: Array, searching: bool, kept: Mapping[str, Bound]) -> None:
         self.problem = problem
-        known = {
-            COST,
-            *problem.names,
-            *problem.objectives,
-            *(limit.name for limit in problem.limits),
-        }
+        known = {COST, *problem.names, *problem.objectives, *(limit.name for limit in problem.limits)}
         more = {name: bound for name, bound in kept.items() if name not in known}
         self.extended = problem.relaxed(more) if more else problem
         self.searching = searching

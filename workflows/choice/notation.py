@@ -14,9 +14,7 @@ def drawing_number(value: float) -> str:
     return f"{float(f'{value:.{DIGITS}g}'):.{DIGITS}g}"
 
 
-def notation(
-    variable: Variable, nominal: float | None, mid: float, t: float, grade: str = ""
-) -> str:
+def notation(variable: Variable, nominal: float | None, mid: float, t: float, grade: str = "") -> str:
     """Like "36.05 +0.012/-0.013 mm", "25 ±0.0065 mm (IT6)", "0 to 5 um", "grade 5".
 
     `nominal` is the nominal size, None where it is not known, `mid` the middle of the zone as a

@@ -52,22 +52,12 @@ def prices(problem: ToleranceProblem, front: pd.DataFrame, slopes: Slopes) -> pd
             known = np.isfinite(slope[rows]) & (source == "estimate")
             price, source = np.where(known, slope[rows], price), np.where(known, "front", source)
         frames.append(
-            pd.DataFrame(
-                {
-                    "point": rows,
-                    "output": name,
-                    "price": price,
-                    "source": source,
-                    "spread_percent": residual,
-                }
-            )
+            pd.DataFrame({"point": rows, "output": name, "price": price, "source": source, "spread_percent": residual})
         )
     return pd.concat(frames, ignore_index=True)
 
 
-def _fitted(
-    problem: ToleranceProblem, slopes: Slopes, binding: NDArray[np.bool_], sides: Array
-) -> tuple[Array, Array]:
+def _fitted(problem: ToleranceProblem, slopes: Slopes, binding: NDArray[np.bool_], sides: Array) -> tuple[Array, Array]:
     """Prices (n, requirements) by the conditions of an optimum, and their residual [%] (n,)."""
     free = {v.name: at for at, v in enumerate(problem.free)}
     tolerances = tolerances_of(problem)
@@ -149,7 +139,5 @@ def front_slopes(front: pd.DataFrame, name: str) -> Array | None:
     high = order[np.minimum(places + NEIGHBOURS, len(order) - 1)]
     run = values[high] - values[low]
     slopes = np.full(len(order), np.nan)
-    slopes[order] = np.divide(
-        cost[low] - cost[high], run, out=np.full_like(run, np.nan), where=run > 0.0
-    )
+    slopes[order] = np.divide(cost[low] - cost[high], run, out=np.full_like(run, np.nan), where=run > 0.0)
     return slopes

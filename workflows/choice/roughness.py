@@ -30,9 +30,7 @@ USUAL: Mapping[str, tuple[float, float]] = {
 """Ra [um] that a process usually reaches, by how its name begins (ASME B46.1, appendix B)."""
 SHARE = 1.0 / 20.0
 """Ra as a fraction of the width of the zone at most: peaks, some five times Ra, take a quarter."""
-WHY = (
-    "Ra is at most this fraction of the width of a zone: peaks, some five times Ra, take a quarter"
-)
+WHY = "Ra is at most this fraction of the width of a zone: peaks, some five times Ra, take a quarter"
 
 
 def share_of(settings: ChoiceSettings) -> float:
@@ -40,9 +38,7 @@ def share_of(settings: ChoiceSettings) -> float:
     return SHARE if settings.roughness_share is None else settings.roughness_share
 
 
-def roughness_assumptions(
-    problem: ToleranceProblem, settings: ChoiceSettings
-) -> tuple[Assumption, ...]:
+def roughness_assumptions(problem: ToleranceProblem, settings: ChoiceSettings) -> tuple[Assumption, ...]:
     """The assumption behind a roughness, where a process of the problem implies one."""
     names = [label for v in problem.variables if v.name.endswith("_process") for label in v.labels]
     if not any(_usual(name) for name in names):

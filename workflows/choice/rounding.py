@@ -27,10 +27,7 @@ VERIFIED = 24
 
 
 def rounded(
-    problem: ToleranceProblem,
-    design: Array,
-    values: dict[str, Array],
-    kept: Mapping[str, Bound] = MappingProxyType({}),
+    problem: ToleranceProblem, design: Array, values: dict[str, Array], kept: Mapping[str, Bound] = MappingProxyType({})
 ) -> Array:
     """The design (all variables,) at the neighbour that can be ordered.
 
@@ -45,17 +42,12 @@ def rounded(
     near = neighbours(problem, design, values)
     if not len(near.at):
         return design
-    quick, full = (
-        Judge(problem, design, True, kept),
-        Judge(Accuracy.of(problem).reported(), design, False, kept),
-    )
+    quick, full = (Judge(problem, design, True, kept), Judge(Accuracy.of(problem).reported(), design, False, kept))
     rounded_design, keys = _best(near, quick, full)
     if keys[0] > 0.0:
         quick.learn(full, design)
         retried, retried_keys = _best(near, quick, full)
-        rounded_design = (
-            retried if tuple(retried_keys.tolist()) < tuple(keys.tolist()) else rounded_design
-        )
+        rounded_design = retried if tuple(retried_keys.tolist()) < tuple(keys.tolist()) else rounded_design
     return rounded_design
 
 

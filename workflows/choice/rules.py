@@ -52,10 +52,7 @@ def chosen(points: Points, notes: list[str] | None = None) -> dict[str, int]:
                 raise ValueError(f"chose row {at} of a front of {len(values)} points")
         except (InputError, *PLUGIN_FAULTS) as error:
             if notes is not None:
-                notes.append(
-                    f'the choice rule "{name}" of {origin("rules", name)} is left out: '
-                    f"{_reason(error)}"
-                )
+                notes.append(f'the choice rule "{name}" of {origin("rules", name)} is left out: {_reason(error)}')
             continue
         if at is not None:
             rows[name] = at

@@ -56,11 +56,7 @@ def slopes_of(problem: ToleranceProblem, designs: Array) -> Slopes:
     limited = [limit.name for limit in problem.limits if limit.count and limit.name != COST]
     names += [name for name in limited if name in known and name not in names]
     at = [problem.names.index(v.name) for v in tolerances]
-    wide = (
-        np.stack([widths(problem, selected, v) for v in tolerances], axis=1)
-        if tolerances
-        else selected[:, :0]
-    )
+    wide = np.stack([widths(problem, selected, v) for v in tolerances], axis=1) if tolerances else selected[:, :0]
     along, source = {}, {}
     for name in names:
         source[name] = name if name in known else problem.declaration.explained.get(name, name)
@@ -81,9 +77,7 @@ def widths(problem: ToleranceProblem, designs: Array, variable: Variable) -> Arr
     return problem.column(designs, variable.name)
 
 
-def _differences(
-    problem: ToleranceProblem, designs: Array, output: str, tolerances: list[Variable]
-) -> Array:
+def _differences(problem: ToleranceProblem, designs: Array, output: str, tolerances: list[Variable]) -> Array:
     """Derivatives (n, all variables) by one-sided differences, as a search sees the output."""
     base = problem.outputs_of(designs, searching=True)[output]
     derivatives = np.zeros_like(designs)

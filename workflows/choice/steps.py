@@ -14,28 +14,7 @@ from ...units import converted
 from .settings import IT_GRADES, PREFERRED, ChoiceSettings, Step
 
 Array = NDArray[np.float64]
-R20 = (
-    1.0,
-    1.12,
-    1.25,
-    1.4,
-    1.6,
-    1.8,
-    2.0,
-    2.24,
-    2.5,
-    2.8,
-    3.15,
-    3.55,
-    4.0,
-    4.5,
-    5.0,
-    5.6,
-    6.3,
-    7.1,
-    8.0,
-    9.0,
-)
+R20 = (1.0, 1.12, 1.25, 1.4, 1.6, 1.8, 2.0, 2.24, 2.5, 2.8, 3.15, 3.55, 4.0, 4.5, 5.0, 5.6, 6.3, 7.1, 8.0, 9.0)
 """Preferred numbers, basic series R20 (ISO 3:1973)."""
 SHARE = 0.01
 """Step of a nominal value by default, at most this fraction of its range."""
@@ -76,10 +55,7 @@ def values_of(problem: ToleranceProblem, variable: Variable, step: Step) -> dict
         size = size_mm(problem, variable)
         assert size is not None
         widths = {grade: grade_um(grade, size) for grade in GRADES}
-        return {
-            _rounded(float(converted(0.5 * width, "um", variable.unit))): grade
-            for grade, width in widths.items()
-        }
+        return {_rounded(float(converted(0.5 * width, "um", variable.unit))): grade for grade, width in widths.items()}
     if step == PREFERRED:
         first, last = (int(np.floor(np.log10(end))) for end in (max(low, high * 1e-6), high))
         powers = range(first, last + 1)
@@ -126,9 +102,7 @@ def rounding_faults(problem: ToleranceProblem, settings: ChoiceSettings) -> list
         elif step == IT_GRADES and size_mm(problem, free[name]) is None:
             faults.append(
                 Fault(
-                    place,
-                    "has no nominal size of at most 500 mm to look up a grade by:"
-                    ' give a step, a list, or "R20"',
+                    place, 'has no nominal size of at most 500 mm to look up a grade by: give a step, a list, or "R20"'
                 )
             )
         elif isinstance(step, tuple):

@@ -56,16 +56,11 @@ def _record(
         "um": _um(v) if v.tolerance else None,
         "rule": rule,
         "orderable": [
-            [value, name]
-            for value, name in sorted(values.items())
-            if low * (1 - 1e-9) <= value <= high * (1 + 1e-9)
+            [value, name] for value, name in sorted(values.items()) if low * (1 - 1e-9) <= value <= high * (1 + 1e-9)
         ],
         "grades": _grades(problem, v),
         "process": f"{v.name.removesuffix('_t')}_process",
-        "costs": [
-            _paid(curve) | {"count": count}
-            for curve, count in Drawing.of(problem).curves_of(v.name)
-        ],
+        "costs": [_paid(curve) | {"count": count} for curve, count in Drawing.of(problem).curves_of(v.name)],
         **Drawing.of(problem).drawn(v.name),
     }
 
@@ -89,7 +84,4 @@ def _grades(problem: ToleranceProblem, v: Variable) -> list[list[Any]]:
     size = size_mm(problem, v)
     if size is None:
         return []
-    return [
-        [grade, float(f"{converted(0.5 * grade_um(grade, size), 'um', v.unit):.12g}")]
-        for grade in GRADES
-    ]
+    return [[grade, float(f"{converted(0.5 * grade_um(grade, size), 'um', v.unit):.12g}")] for grade in GRADES]

@@ -26,10 +26,7 @@ class Background(Generic[TaskT, Result]):
     """
 
     def __init__(
-        self,
-        executor: Executor,
-        function: Callable[[TaskT], Result],
-        source: Callable[[], TaskT | None],
+        self, executor: Executor, function: Callable[[TaskT], Result], source: Callable[[], TaskT | None]
     ) -> None:
         self._executor = executor
         self._ended: list[tuple[TaskT, Result | Lost]] = []
@@ -38,9 +35,7 @@ class Background(Generic[TaskT, Result]):
         self._thread = threading.Thread(target=self._work, args=(function, source), daemon=True)
         self._thread.start()
 
-    def _work(
-        self, function: Callable[[TaskT], Result], source: Callable[[], TaskT | None]
-    ) -> None:
+    def _work(self, function: Callable[[TaskT], Result], source: Callable[[], TaskT | None]) -> None:
         try:
             for pair in self._executor.completed(function, source):
                 self._ended.append(pair)

@@ -48,9 +48,7 @@ class Processes(Executor):
                     if attempt < ATTEMPTS:
                         busy[lane.submit(function, task)] = task, lane, attempt + 1
                         continue
-                    result = Lost(
-                        f"its process was lost {attempt} times (killed, or out of memory)"
-                    )
+                    result = Lost(f"its process was lost {attempt} times (killed, or out of memory)")
                 free.append(lane)
                 yield task, result
 

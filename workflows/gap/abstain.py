@@ -67,14 +67,10 @@ def significant_forms(search: Search, residual_forms: GenericResidual) -> tuple[
     )
 
 
-def _large(
-    search: Search, fit: Fit, residual_forms: GenericResidual, empty: Fit
-) -> tuple[int, ...]:
+def _large(search: Search, fit: Fit, residual_forms: GenericResidual, empty: Fit) -> tuple[int, ...]:
     """The significant forms that are not small against what the effects of units explain."""
     least = SMALL * max(empty.rss - fit.rss, 0.0)
-    return tuple(
-        at for at in significant_forms(search, residual_forms) if residual_forms.gains[at] > least
-    )
+    return tuple(at for at in significant_forms(search, residual_forms) if residual_forms.gains[at] > least)
 
 
 def structured(search: Search, fit: Fit, generic: Remaining, empty: Fit) -> bool:
@@ -120,9 +116,7 @@ def _is_part(search: Search, fit: Fit, generic: Remaining, at: int, removed: Seq
     return float(np.sum((q.T @ form) ** 2)) > PART * float(np.sum(form**2))
 
 
-def _no_longer_significant(
-    search: Search, fit: Fit, generic: Remaining, lost: set[int]
-) -> set[int]:
+def _no_longer_significant(search: Search, fit: Fit, generic: Remaining, lost: set[int]) -> set[int]:
     """The other members that are not significant given the form which displaced the lost ones:
     they compensated for the residual of a wrong form.
     """
@@ -134,10 +128,7 @@ def _no_longer_significant(
         others = [fitter.white(fit.members[j]) for j in kept if j != k]
         q = basis(np.hstack([fitter.base, form, *others]))
         member_basis = basis(projected_out(fitter.white(fit.members[k]), q))
-        if (
-            float(np.sum((member_basis.T @ projected_out(fitter.y, q)) ** 2))
-            < search.thresholds.library
-        ):
+        if float(np.sum((member_basis.T @ projected_out(fitter.y, q)) ** 2)) < search.thresholds.library:
             insignificant.add(k)
     return insignificant
 
@@ -172,9 +163,7 @@ def acts_in(needs: Sequence[Role]) -> set[Role]:
 
 def _overlap(search: Search, fit: Fit, generic: Remaining, at: int, k: int) -> float:
     """Fraction of a member's contribution that lies in the span of a generic form."""
-    contribution = projected_out(
-        search.fitter.white(fit.members[k]) @ fit.coefficients[k], search.fitter.q
-    )
+    contribution = projected_out(search.fitter.white(fit.members[k]) @ fit.coefficients[k], search.fitter.q)
     span = basis(projected_out(generic.white.of(at), search.fitter.q))
     total = float(np.sum(contribution**2))
     return float(np.sum((span.T @ contribution) ** 2)) / max(total, 1e-300)

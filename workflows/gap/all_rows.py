@@ -38,10 +38,7 @@ def on_all_rows(end: Ending, full: GapData) -> Ending:
 
 def _noises(end: Ending, full: GapData) -> list[Noise]:
     predicted = end.model.predicted(full)
-    return [
-        _noise(end, full, at, full.measured[o.name] - predicted[o.name])
-        for at, o in enumerate(full.outputs)
-    ]
+    return [_noise(end, full, at, full.measured[o.name] - predicted[o.name]) for at, o in enumerate(full.outputs)]
 
 
 def _noise(end: Ending, full: GapData, at: int, residual: Array) -> Noise:
@@ -55,10 +52,7 @@ def _noise(end: Ending, full: GapData, at: int, residual: Array) -> Noise:
     scale = 1.0 if name in full.std else float(np.sqrt(np.mean((residual[good] / size[good]) ** 2)))
     scale = search_noise.level if search_noise.source == "configuration" else scale
     noise = Noise(
-        size * scale,
-        search_noise.source,
-        good=None if good.all() else good,
-        varies_with=search_noise.varies_with,
+        size * scale, search_noise.source, good=None if good.all() else good, varies_with=search_noise.varies_with
     )
     return replace(noise, rho=_neighbours(np.where(good, residual / noise.sigma, 0.0)))
 

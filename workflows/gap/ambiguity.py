@@ -45,9 +45,7 @@ def rivals(search: Search, fit: Fit, kept: Sequence[int]) -> list[Other]:
         for rival in _near(search, rest, fit):
             new_name = rival.names[-1]
             if new_name not in barred and rival.score - fit.score <= reach:
-                alternatives[(new_name,), names] = Other(
-                    rival, (new_name,), names, rival.score - fit.score
-                )
+                alternatives[(new_name,), names] = Other(rival, (new_name,), names, rival.score - fit.score)
     return sorted(alternatives.values(), key=lambda alternative: alternative.distance)
 
 
@@ -66,11 +64,7 @@ def correlation(fitter: Fitter, fit: Fit, other: Other) -> float:
     q = fitter.spanned(remaining)
     a, b = (
         projected_out(
-            sum(
-                (fitter.white(source.members[k]) @ source.coefficients[k] for k in indices),
-                np.zeros(len(fitter.y)),
-            ),
-            q,
+            sum((fitter.white(source.members[k]) @ source.coefficients[k] for k in indices), np.zeros(len(fitter.y))), q
         )
         for source, indices in ((fit, replaced), (other.fit, substitutes))
     )

@@ -125,9 +125,7 @@ def analysed(setup: Setup) -> Analysis:
     return _of_batch(setup, (selection, noises, search, generic), (effects, forms, outputs))
 
 
-def _of_batch(
-    setup: Setup, state: State, columns: tuple[Dictionary, Groups, NDArray[np.int64]]
-) -> Analysis:
+def _of_batch(setup: Setup, state: State, columns: tuple[Dictionary, Groups, NDArray[np.int64]]) -> Analysis:
     """The final result of a batch. Outliers do not count, unless an effect on the scatter explains
     them and all units are then likelier than the others are without it.
     """
@@ -144,9 +142,7 @@ def _of_batch(
     return with_outliers if with_outliers.scatter and better > 0.0 else without_outliers
 
 
-def _settled(
-    setup: Setup, state: State, columns: tuple[Dictionary, Groups, NDArray[np.int64]]
-) -> Analysis:
+def _settled(setup: Setup, state: State, columns: tuple[Dictionary, Groups, NDArray[np.int64]]) -> Analysis:
     """The final result of rows, in the noise that is estimated given its whole fit."""
     selection, noises, search, generic = state
     start = selection.fit
@@ -164,9 +160,7 @@ def _settled(
         noises = new_noises
         search, generic = searching(setup, noises, *columns, search.thresholds)
         accepted = [search.fitter.fit(fit.members) for fit, _ in selection.accepted]
-        selection = replace(
-            selection, accepted=tuple((fit, search.tested(fit)) for fit in accepted)
-        )
+        selection = replace(selection, accepted=tuple((fit, search.tested(fit)) for fit in accepted))
         start = search.fitter.refined(settled.fit.members)
     return _answer(NullModel(setup, tuple(noises), search, generic), settling, selection, settled)
 
@@ -179,23 +173,12 @@ def without(analysis: Analysis, name: str, believed: str = "") -> Analysis:
     sure = analysis.believed | ({believed} if believed else set())
     fit, names = analysis.fit, analysis.fit.names
     curve = (
-        as_curve(
-            null_model.search.fitter,
-            fit,
-            names.index(name),
-            names.index(believed),
-            analysis.setup.data,
-        )
+        as_curve(null_model.search.fitter, fit, names.index(name), names.index(believed), analysis.setup.data)
         if believed
         else None
     )
     settling = Settling(
-        null_model.search,
-        null_model.generic,
-        analysis.setup.data,
-        null_model.empty,
-        selection.accepted,
-        sure,
+        null_model.search, null_model.generic, analysis.setup.data, null_model.empty, selection.accepted, sure
     )
     barred = frozenset({name, *analysis.barred})
     settled = settling.again(fit, barred, () if curve is None else (curve,))
@@ -250,9 +233,7 @@ def _about(setup: Setup, search: Search, fit: Fit) -> Setup:
 State = tuple[Selection, tuple[Noise, ...], Search, Remaining]
 
 
-def _not_noise(
-    setup: Setup, state: State, columns: tuple[Dictionary, Groups, NDArray[np.int64]]
-) -> State:
+def _not_noise(setup: Setup, state: State, columns: tuple[Dictionary, Groups, NDArray[np.int64]]) -> State:
     """The state with effects selected as if the noise were white, where that is much likelier.
 
     A strong effect along the path of the measurement looks like autocorrelated noise.
@@ -319,14 +300,10 @@ def concluded(
     )
 
 
-def _given_scatter(
-    initial: NullModel, selection: Selection
-) -> tuple[NullModel, Selection, tuple[Scatter, ...]]:
+def _given_scatter(initial: NullModel, selection: Selection) -> tuple[NullModel, Selection, tuple[Scatter, ...]]:
     """Select again given the effects on the scatter: a mixture moves the mean itself."""
     null_model, original = initial, selection
-    if not initial.setup.laws or structured(
-        initial.search, selection.fit, initial.generic, initial.empty
-    ):
+    if not initial.setup.laws or structured(initial.search, selection.fit, initial.generic, initial.empty):
         return initial, selection, ()  # units with a structure do not scatter
     fit, scatter_effects = _likeliest_scatter(initial, initial, selection.fit)
     for _ in range(ROUNDS if scatter_effects else 0):
@@ -342,20 +319,12 @@ def _given_scatter(
         null_model, best = initial.with_scatter(scatter_effects[0]), scatter_effects[0]
         selection = replace(selection, fit=null_model.search.fitter.refined(selection.fit.members))
         selection = with_identified_by_likelihood(
-            null_model.search,
-            original,
-            selection,
-            best.candidate.name,
-            best.gain,
-            best.threshold,
-            best.held_out,
+            null_model.search, original, selection, best.candidate.name, best.gain, best.threshold, best.held_out
         )
     return null_model, selection, scatter_effects
 
 
-def _likeliest_scatter(
-    initial: NullModel, null_model: NullModel, fit: Fit
-) -> tuple[Fit, tuple[Scatter, ...]]:
+def _likeliest_scatter(initial: NullModel, null_model: NullModel, fit: Fit) -> tuple[Fit, tuple[Scatter, ...]]:
     """The likeliest effects on the scatter given all selected effects, all but one, or none.
 
     An effect that has absorbed the mean of a mixture hides the mixture.

@@ -83,16 +83,12 @@ def held_out(training: Training, members: Sequence[Member]) -> HeldOut:
     return HeldOut(white, fitter, tuple(folds))
 
 
-def _admissible(
-    coefficients: Array, members: Sequence[Member], x: Array, y: Array, out: Rows
-) -> Array:
+def _admissible(coefficients: Array, members: Sequence[Member], x: Array, y: Array, out: Rows) -> Array:
     """Coefficients (k,) within the bounds of the effects, fitted to all rows but `out`; free are
     those of effects whose size is a nonlinear parameter.
     """
     bounds = [member.candidate.bounds for member in members if not member.candidate.is_nonlinear]
-    sizes = [
-        1 if member.candidate.is_nonlinear else len(member.candidate.linear) for member in members
-    ]
+    sizes = [1 if member.candidate.is_nonlinear else len(member.candidate.linear) for member in members]
     is_bounded = np.repeat([not member.candidate.is_nonlinear for member in members], sizes)
     low, high = np.full(len(coefficients), -np.inf), np.full(len(coefficients), np.inf)
     at = len(coefficients) - len(is_bounded) + np.flatnonzero(is_bounded)
@@ -159,9 +155,7 @@ class Training:
     `labels` (N,) repeats the block of each row for every output.
     """
 
-    def __init__(
-        self, fitter: Fitter, labels: NDArray[np.int64], dictionary: Dictionary, white: Groups
-    ) -> None:
+    def __init__(self, fitter: Fitter, labels: NDArray[np.int64], dictionary: Dictionary, white: Groups) -> None:
         self.fitter, self.count = fitter, len(labels)
         self.rows = [_rows(np.flatnonzero(labels == label)) for label in np.unique(labels)]
         self._dictionary, self._white = dictionary, white
@@ -192,18 +186,14 @@ class Training:
                         by_block[block][at] = self._dictionary.members[first + int(k)]
         return by_block
 
-    def gains(
-        self, members: Sequence[Member], at: int, blocks: Sequence[int]
-    ) -> tuple[Array, Array]:
+    def gains(self, members: Sequence[Member], at: int, blocks: Sequence[int]) -> tuple[Array, Array]:
         """Gains (b, g) of all grid points of one member given the others, and (b, 1) of the member
         as it is, in all rows but those of each of some blocks.
         """
         fitter, member = self.fitter, members[at]
         others = [other for k, other in enumerate(members) if k != at]
         z = np.hstack([fitter.q, *(unit(fitter.white(other)) for other in others)])
-        given_others = ConditionalGroups.of(
-            self.products(z, z)[blocks], self._with_record(z)[blocks]
-        )
+        given_others = ConditionalGroups.of(self.products(z, z)[blocks], self._with_record(z)[blocks])
         white = fitter.white(member)
         start, sided = np.zeros(1, dtype=np.int64), np.array([member.candidate.one_sided])
         whole, kept = self._grid(member.name), self._as_grid(Groups(white, start, sided))
@@ -223,10 +213,7 @@ class Training:
 
     def _as_grid(self, groups: Groups) -> Grid:
         parts = [groups.grams(rows) for rows in self.rows]
-        grams = tuple(
-            whole - np.stack(block_grams)
-            for whole, *block_grams in zip(groups.grams(), *parts, strict=True)
-        )
+        grams = tuple(whole - np.stack(block_grams) for whole, *block_grams in zip(groups.grams(), *parts, strict=True))
         return Grid(groups, grams, self._with_record(groups.columns))
 
     def _with_record(self, columns: Array) -> Array:

@@ -108,8 +108,4 @@ def _sorted(frame: pd.DataFrame, time: str, separate_clocks: bool) -> pd.DataFra
     if not separate_clocks:
         return frame.sort_values(time, kind="stable")
     number = pd.Series(pd.factorize(frame[SESSION])[0], index=frame.index)
-    return (
-        frame.assign(_number=number)
-        .sort_values(["_number", time], kind="stable")
-        .drop(columns="_number")
-    )
+    return frame.assign(_number=number).sort_values(["_number", time], kind="stable").drop(columns="_number")

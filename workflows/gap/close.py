@@ -101,9 +101,7 @@ class Corrected:
         """Parameters of an effect by name."""
         member = next(member for member in self.members if member.name == name)
         chosen = {p.name: float(member.shape[p.name]) for p in member.candidate.shape if p.choices}
-        return chosen | {
-            number.name: float(v) for number, v in self._of("effect") if number.owner == name
-        }
+        return chosen | {number.name: float(v) for number, v in self._of("effect") if number.owner == name}
 
     def interval(self, owner: str, name: str) -> tuple[float, float]:
         """The linearised interval of a number, within its bounds; nan where it was not fitted."""
@@ -111,9 +109,7 @@ class Corrected:
         half *= min(1.0 + CHOSEN * max(len(self.members) - 1, 0), MOST_CHOSEN)
         for number, value, error in zip(self.numbers, self.values, self.errors, strict=True):
             if (number.owner, number.name) == (owner, name):
-                ends = np.clip(
-                    [value - half * error, value + half * error], number.low, number.high
-                )
+                ends = np.clip([value - half * error, value + half * error], number.low, number.high)
                 return float(ends[0]), float(ends[1])
         return float("nan"), float("nan")
 
@@ -124,9 +120,7 @@ class Corrected:
     def predicted(self, data: GapData, values: Array | None = None) -> dict[str, Array]:
         """Every measured output (n,) at rows of data."""
         model = self if values is None else replace(self, values=values)
-        active = [
-            Active(member.candidate.effect, model.effect(member.name)) for member in self.members
-        ]
+        active = [Active(member.candidate.effect, model.effect(member.name)) for member in self.members]
         actions = acting(active, data.readings, data.target)
         means = {} if model.plan.model is None else model._means(data)
         outputs = model._model(data, changes_of(actions))
@@ -161,10 +155,7 @@ def corrected(setup: Setup, space: Space, fit: Fit, plain: bool = False) -> Corr
     jacobian = np.zeros((space.rows_per_output * len(space.noises) + space.prior, 0))
     if len(x):
         fitted = least_squares(
-            _residual(setup, used, model, scale),
-            x,
-            (low, high),
-            _expected_squares(setup, used, fit),
+            _residual(setup, used, model, scale), x, (low, high), _expected_squares(setup, used, fit)
         )
         x, jacobian = _snapped(fitted.x, low, high), np.asarray(fitted.jac)
         residuals = np.asarray(fitted.fun)
@@ -201,11 +192,7 @@ def _snapped(x: Array, low: Array, high: Array) -> Array:
 
 
 def _with_errors(
-    model: Corrected,
-    spaces: tuple[Space, Space],
-    at: tuple[Array, Array],
-    jacobian: Array,
-    residuals: Array,
+    model: Corrected, spaces: tuple[Space, Space], at: tuple[Array, Array], jacobian: Array, residuals: Array
 ) -> Corrected:
     """A corrected model at scaled numbers, with its covariance from the derivatives and the
     residuals (N,) there; `spaces` are that of the noise, and that of the fit.
@@ -218,18 +205,11 @@ def _with_errors(
     return replace(model, values=x * scale, errors=errors, freedom=freedom, covariance=covariance)
 
 
-def _residual(
-    setup: Setup, space: Space, model: Corrected, scale: Array
-) -> Callable[[Array], Array]:
+def _residual(setup: Setup, space: Space, model: Corrected, scale: Array) -> Callable[[Array], Array]:
     """Function of scaled numbers (k,): whitened residual (N,) with distances from tolerances."""
     measured = setup.data.stacked(setup.data.measured)
     free = np.array([number.kind == "free" for number in model.numbers], dtype=bool)
-    middle = np.array(
-        [
-            nominal(setup.plan, number.name) if number.kind == "free" else 0.0
-            for number in model.numbers
-        ]
-    )
+    middle = np.array([nominal(setup.plan, number.name) if number.kind == "free" else 0.0 for number in model.numbers])
 
     def residual(x: Array) -> Array:
         predicted = model.predicted(setup.data, x * scale)
@@ -279,9 +259,7 @@ def refitted(setup: Setup, space: Space, fit: Fit, model: Corrected) -> Correcte
     return _with_errors(renumbered, (space, space), (x, scale), jacobian, residuals)
 
 
-def _derivatives(
-    residual: Callable[[Array], Array], x: Array, residuals: Array, high: Array
-) -> Array:
+def _derivatives(residual: Callable[[Array], Array], x: Array, residuals: Array, high: Array) -> Array:
     """Derivatives (N, k) of a residual at x (k,), `residuals` (N,) there, by steps below `high`."""
     jacobian = np.empty((len(residuals), len(x)), order="F")
     for k in range(len(x)):
@@ -342,9 +320,7 @@ def _numbers(setup: Setup, fit: Fit) -> tuple[tuple[Number, ...], Array]:
             value = values[parameter.name]
             size = _size(member, values)
             size = (abs(value) if abs(value) > NOTHING * size else size) or 1.0
-            numbers.append(
-                Number("effect", member.name, parameter.name, parameter.low, parameter.high, size)
-            )
+            numbers.append(Number("effect", member.name, parameter.name, parameter.low, parameter.high, size))
             start.append(value)
     return tuple(numbers), np.array(start, dtype=float)
 

@@ -25,10 +25,7 @@ def column_messages(frame: pd.DataFrame, columns: tuple[Column, ...]) -> list[st
     """Sentences about columns that are constant, equal or strongly correlated."""
     numbers = [c.name for c in columns if not c.text and str(c.role) != "repeat"]
     still = [name for name in numbers if np.ptp(frame[name].to_numpy(dtype=float)) == 0.0]
-    notes = [
-        f"{name} is the same in every row: effects that depend on it cannot be detected"
-        for name in still
-    ]
+    notes = [f"{name} is the same in every row: effects that depend on it cannot be detected" for name in still]
     moving = [name for name in numbers if name not in still]
     if len(moving) < 2:
         return notes
@@ -38,10 +35,7 @@ def column_messages(frame: pd.DataFrame, columns: tuple[Column, ...]) -> list[st
     for i, k in close:
         first, second = moving[i], moving[k]
         same = "is a copy of" if alike(frame[first], frame[second]) else "follows"
-        notes.append(
-            f"{first} {same} {second}: what depends on the one is confounded with what "
-            "depends on the other"
-        )
+        notes.append(f"{first} {same} {second}: what depends on the one is confounded with what depends on the other")
     if not close:
         notes += _collinear(frame[moving])
     return notes
@@ -55,6 +49,5 @@ def _collinear(frame: pd.DataFrame) -> list[str]:
         return []
     mine = [name for name, x in zip(frame.columns, vectors[:, 0], strict=True) if abs(x) > 0.1]
     return [
-        f"{', '.join(mine)} are collinear: what depends on one is confounded with what "
-        "depends on the others together"
+        f"{', '.join(mine)} are collinear: what depends on one is confounded with what depends on the others together"
     ]

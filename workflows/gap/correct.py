@@ -25,9 +25,7 @@ def corrected_toml(plan: GapPlan, model: Corrected, scatter: tuple[Scatter, ...]
     """The run configuration (where there is one) with model, parameters, zeros and effects."""
     configuration: dict[str, Any] = deepcopy(dict(plan.run))
     if not configuration:
-        configuration = {
-            k: deepcopy(v) for k, v in plan.tables.items() if k not in ("effect", "unresolved")
-        }
+        configuration = {k: deepcopy(v) for k, v in plan.tables.items() if k not in ("effect", "unresolved")}
     configuration["model"] = plan.model_name
     configuration.setdefault("seed", plan.seed)
     parameters = dict(configuration.get("parameters", {})) | dict(plan.stated_parameters)
@@ -53,8 +51,7 @@ def corrected_toml(plan: GapPlan, model: Corrected, scatter: tuple[Scatter, ...]
     ]
     # first: what moves units is not stretched with their scatter
     first = [
-        {"name": scatter_effect.candidate.name, "parameters": scatter_effect.numbers}
-        for scatter_effect in scatter
+        {"name": scatter_effect.candidate.name, "parameters": scatter_effect.numbers} for scatter_effect in scatter
     ]
     effects = [*first, *configuration.get("effect", []), *plan.tables.get("effect", []), *more]
     if effects:
@@ -62,9 +59,7 @@ def corrected_toml(plan: GapPlan, model: Corrected, scatter: tuple[Scatter, ...]
     if terms := [*configuration.get("unresolved", []), *plan.tables.get("unresolved", []), *terms]:
         configuration["unresolved"] = terms
     if plan.model is None:
-        configuration |= {
-            "columns": {name: _column(column) for name, column in plan.columns.items()}
-        }
+        configuration |= {"columns": {name: _column(column) for name, column in plan.columns.items()}}
     scalars = {k: v for k, v in configuration.items() if not isinstance(v, dict | list)}
     return tomli_w.dumps(_toml_value({**scalars, **configuration}))
 
@@ -83,9 +78,7 @@ def _at_mids(variables: Mapping[str, Any], free: Mapping[str, float]) -> dict[st
     return updated
 
 
-def in_problem(
-    plan: GapPlan, text: str, effects: tuple[FoundEffect, ...]
-) -> tuple[FoundEffect, ...]:
+def in_problem(plan: GapPlan, text: str, effects: tuple[FoundEffect, ...]) -> tuple[FoundEffect, ...]:
     """The effects with their counterparts in the problem whose allocation is to be repeated."""
     if plan.counterparts is None:
         return effects
@@ -95,15 +88,12 @@ def in_problem(
     except InputError as error:
         why = "; ".join(f"{fault.place}: {fault.message}" for fault in error.faults)
         return tuple(
-            replace(effect, in_problem=False, counterpart=f"{name} does not take it: {why}")
-            for effect in effects
+            replace(effect, in_problem=False, counterpart=f"{name} does not take it: {why}") for effect in effects
         )
     none = f"no counterpart in {name}: the allocation does not change"
     return tuple(
         replace(
-            effect,
-            in_problem=bool(counterparts.get(effect.name)),
-            counterpart=counterparts.get(effect.name) or none,
+            effect, in_problem=bool(counterparts.get(effect.name)), counterpart=counterparts.get(effect.name) or none
         )
         for effect in effects
     )

@@ -29,13 +29,9 @@ def as_curve(fitter: Fitter, fit: Fit, small: int, large: int, data: GapData) ->
     whose parameters are then those of its formula alone.
     """
     small_member, large_member = fit.members[small], fit.members[large]
-    contribution, large_columns = (
-        fitter.columns.of(m.candidate, m.shape) for m in (small_member, large_member)
-    )
+    contribution, large_columns = (fitter.columns.of(m.candidate, m.shape) for m in (small_member, large_member))
     contribution, q = contribution @ fit.coefficients[small], basis(fitter.raw_base)
-    shared = np.linalg.lstsq(
-        projected_out(large_columns, q), projected_out(contribution, q), rcond=1e-9
-    )[0]
+    shared = np.linalg.lstsq(projected_out(large_columns, q), projected_out(contribution, q), rcond=1e-9)[0]
     parts = np.split(contribution - large_columns @ shared, len(data.outputs))
     acting = [at for at, part in enumerate(parts) if np.any(part)]
     variables = acts_in(small_member.candidate.effect.needs) - {Role.DIRECTION}

@@ -57,9 +57,7 @@ class GapData:
     def inputs(self) -> tuple[Column, ...]:
         """The input columns that hold numbers and vary."""
         table = self.readings.table
-        return tuple(
-            c for c in self.target.columns if not c.text and np.ptp(np.asarray(table[c.name])) > 0
-        )
+        return tuple(c for c in self.target.columns if not c.text and np.ptp(np.asarray(table[c.name])) > 0)
 
     def stacked(self, by_output: Mapping[str, Array]) -> Array:
         """Values (n,) by output, one output below the other (N,)."""
@@ -70,10 +68,7 @@ class GapData:
         return replace(
             self,
             readings=_in_order(
-                readings_of(
-                    self.target.columns,
-                    {name: values[rows] for name, values in self.readings.table.items()},
-                )
+                readings_of(self.target.columns, {name: values[rows] for name, values in self.readings.table.items()})
             ),
             measured={name: values[rows] for name, values in self.measured.items()},
             predicted={name: values[rows] for name, values in self.predicted.items()},
@@ -112,8 +107,7 @@ def assembled(
         readings=_in_order(readings_of(columns, table)),
         measured={n: _sense(plan, n) * frame[n].to_numpy(dtype=float) for n in units},
         predicted={
-            name: _sense(plan, column)
-            * _converted(frame[column], _unit(plan, column, units[name]), units[name])
+            name: _sense(plan, column) * _converted(frame[column], _unit(plan, column, units[name]), units[name])
             for name, column in predictions.items()
         },
         std={

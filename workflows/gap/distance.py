@@ -24,12 +24,7 @@ def distance(law: Law, units: Array) -> float:
 
 
 def floor(
-    law: Law,
-    count: int,
-    rng: np.random.Generator,
-    fraction: float = FLOOR,
-    centred: bool = False,
-    scaled: bool = False,
+    law: Law, count: int, rng: np.random.Generator, fraction: float = FLOOR, centred: bool = False, scaled: bool = False
 ) -> float:
     """The quantile `fraction` of the distances of batches of `count` units, drawn from the law;
     `centred`: about the mean of each batch; `scaled`: with the width of the law as well.

@@ -84,9 +84,7 @@ def _best(curve: Curve, formulas: list[Formula], rows: NDArray[np.int64]) -> tup
     for formula in formulas:
         columns = _design(formula, x) * scale[:, None]
         coefficients = np.linalg.lstsq(columns, y, rcond=1e-9)[0]
-        score = float(np.sum((y - columns @ coefficients) ** 2)) + price * (
-            formula.numbers + len(coefficients)
-        )
+        score = float(np.sum((y - columns @ coefficients) ** 2)) + price * (formula.numbers + len(coefficients))
         if best is None or score < best[0]:
             best = (score, formula, np.asarray(coefficients, dtype=np.float64))
     assert best is not None
@@ -110,9 +108,7 @@ def _formulas(curve: Curve) -> Iterator[Formula]:
     for middle in np.linspace(curve.x.min(), curve.x.max(), 33):
         for width in np.ptp(curve.x) * np.geomspace(0.03, 0.5, 10):
             yield Formula(
-                f"{{b}} exp(-(({{x}} - {middle:.4g})/{width:.3g})^2)",
-                partial(_bump, middle=middle, width=width),
-                2,
+                f"{{b}} exp(-(({{x}} - {middle:.4g})/{width:.3g})^2)", partial(_bump, middle=middle, width=width), 2
             )
 
 
@@ -122,14 +118,8 @@ def _magnitudes(largest: float, odd: bool) -> Iterator[Formula]:
     for power in np.geomspace(0.2, 4.0, 40):
         yield Formula(f"{{b}} {sign}|{{x}}|^{power:.3g}", partial(_power, power=power, odd=odd), 1)
     for size in largest * np.geomspace(0.02, 3.0, 30):
-        yield Formula(
-            f"{{b}} {sign}(1 - exp(-|{{x}}|/{size:.3g}))",
-            partial(_saturating, size=size, odd=odd),
-            1,
-        )
-        yield Formula(
-            f"{{b}} {sign}ln(1 + |{{x}}|/{size:.3g})", partial(_logarithm, size=size, odd=odd), 1
-        )
+        yield Formula(f"{{b}} {sign}(1 - exp(-|{{x}}|/{size:.3g}))", partial(_saturating, size=size, odd=odd), 1)
+        yield Formula(f"{{b}} {sign}ln(1 + |{{x}}|/{size:.3g})", partial(_logarithm, size=size, odd=odd), 1)
 
 
 def _wave(x: Array) -> Array:

@@ -39,13 +39,8 @@ undetectable.
 """
 SEPARATED = 4
 """Number of rivals for which a separating measurement is searched."""
-SUPPLIERS = (
-    "note the supplier of each lot: a second supplier has the same offset in all of its lots"
-)
-MORE = (
-    "measure more units of one lot: a mixture has two peaks or a shoulder, a wider spread has one "
-    "peak"
-)
+SUPPLIERS = "note the supplier of each lot: a second supplier has the same offset in all of its lots"
+MORE = "measure more units of one lot: a mixture has two peaks or a shoulder, a wider spread has one peak"
 
 
 def gate(end: Ending) -> Gate:
@@ -54,9 +49,7 @@ def gate(end: Ending) -> Gate:
     setup, count = null_model.setup, len(null_model.setup.data)
     output_gates = []
     for at, (output, noise) in enumerate(zip(setup.data.outputs, null_model.noises, strict=True)):
-        level = null_model.residual_forms.evidence[null_model.generic.outputs == at].max(
-            initial=0.0
-        )
+        level = null_model.residual_forms.evidence[null_model.generic.outputs == at].max(initial=0.0)
         rows = slice(at * count, (at + 1) * count)
         raw = setup.residual[rows] - end.before.fitted[rows]
         limit = analysis.search.thresholds.generic
@@ -69,8 +62,7 @@ def gate(end: Ending) -> Gate:
                 rmse=rmse(raw, noise.good),
                 statistic=float(level),
                 threshold=limit,
-                significant=bool(level > limit)
-                or (analysis.significant and len(null_model.noises) == 1),
+                significant=bool(level > limit) or (analysis.significant and len(null_model.noises) == 1),
                 autocorrelation=noise.rho,
                 heteroscedastic=noise.varies_with,
                 outliers=noise.outliers,
@@ -123,9 +115,7 @@ def detectable(end: Ending) -> tuple[tuple[Detectable, ...], tuple[str, ...]]:
         if member.name not in smallest or rms < smallest[member.name].rms:
             parameter = member.candidate.linear[column]
             family, unit = member.candidate.effect.family, setup.data.outputs[0].unit
-            smallest[member.name] = Detectable(
-                member.name, family, rms, unit, parameter.name, value
-            )
+            smallest[member.name] = Detectable(member.name, family, rms, unit, parameter.name, value)
     return tuple(smallest.values()), tuple(name for name in names if name not in smallest)
 
 
@@ -163,13 +153,7 @@ def _of_scatter(scatter_effect: Scatter) -> FoundEffect:
         family=effect.family,
         cause=effect.cause,
         parameters=tuple(
-            FoundParameter(
-                p.name,
-                scatter_effect.numbers[p.name],
-                *scatter_effect.intervals[p.name],
-                p.unit,
-                p.meaning,
-            )
+            FoundParameter(p.name, scatter_effect.numbers[p.name], *scatter_effect.intervals[p.name], p.unit, p.meaning)
             for p in numbers
         ),
         gain=scatter_effect.gain,
@@ -186,9 +170,7 @@ def _effect(end: Ending, at: int, spread: Spread | None) -> FoundEffect:
     values = end.model.effect(member.name)
     several = len(member.candidate.linear) > 1
     numbers = (*member.candidate.linear, *member.candidate.shape)
-    intervals = {
-        parameter.name: _ends(end, member.name, parameter, values, spread) for parameter in numbers
-    }
+    intervals = {parameter.name: _ends(end, member.name, parameter, values, spread) for parameter in numbers}
     total = max(end.analysis.null_model.empty.rss - end.fit.rss, 1e-300)
     return FoundEffect(
         name=member.name,
@@ -196,11 +178,7 @@ def _effect(end: Ending, at: int, spread: Spread | None) -> FoundEffect:
         cause=member.candidate.effect.cause,
         parameters=tuple(
             FoundParameter(
-                parameter.name,
-                values[parameter.name],
-                *intervals[parameter.name],
-                parameter.unit,
-                _meaning(parameter),
+                parameter.name, values[parameter.name], *intervals[parameter.name], parameter.unit, _meaning(parameter)
             )
             for parameter in numbers
         ),
@@ -213,8 +191,7 @@ def _effect(end: Ending, at: int, spread: Spread | None) -> FoundEffect:
         at_bound=tuple(
             parameter.name
             for parameter in numbers
-            if not parameter.choices
-            and _at_bound(values[parameter.name], parameter.low, parameter.high, several)
+            if not parameter.choices and _at_bound(values[parameter.name], parameter.low, parameter.high, several)
         ),
     )
 
@@ -230,19 +207,11 @@ def _at_bound(value: float, low: float, high: float, several: bool = False) -> b
 def _meaning(parameter: EffectParameter) -> str:
     """The meaning of a parameter, with its choices where it was chosen instead of fitted."""
     choices = ", ".join(f"{choice:g}" for choice in parameter.choices)
-    return (
-        f"{parameter.meaning} (chosen out of {choices}, not fitted)"
-        if choices
-        else parameter.meaning
-    )
+    return f"{parameter.meaning} (chosen out of {choices}, not fitted)" if choices else parameter.meaning
 
 
 def _ends(
-    end: Ending,
-    owner: str,
-    parameter: EffectParameter,
-    values: Mapping[str, float],
-    spread: Spread | None,
+    end: Ending, owner: str, parameter: EffectParameter, values: Mapping[str, float], spread: Spread | None
 ) -> tuple[float, float]:
     """The interval of a parameter, of width 0 where it was chosen."""
     if parameter.choices:
@@ -262,11 +231,7 @@ def rival_records(
     for at, rival in enumerate(end.analysis.rivals):
         measurement = planned.get((rival.names, rival.instead_of))
         if measurement is None:
-            measurement = (
-                separating(end.setup, levels, end.fit, rival.fit)
-                if at < SEPARATED
-                else rivals[0].measurement
-            )
+            measurement = separating(end.setup, levels, end.fit, rival.fit) if at < SEPARATED else rivals[0].measurement
         distance = round(rival.distance, 9) + 0.0
         rivals.append(
             Rival(
@@ -282,9 +247,7 @@ def rival_records(
     for scatter_rival in end.analysis.scatter[1:]:
         best_names = end.analysis.scatter[0].names
         common = set(best_names) & set(scatter_rival.names)
-        names, instead = (
-            tuple(n for n in of if n not in common) for of in (scatter_rival.names, best_names)
-        )
+        names, instead = (tuple(n for n in of if n not in common) for of in (scatter_rival.names, best_names))
         measurement = planned.get((names, instead), Measurement(MORE))
         rivals.append(Rival(names, instead, scatter_rival.distance, measurement))
     return tuple(rivals)

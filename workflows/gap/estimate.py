@@ -73,12 +73,7 @@ def _slow(n: int) -> Array:
 
 def _first_scale(remainder: Remainder, kept: Array, sigma: Array) -> float:
     q = basis(kept / sigma[:, None])
-    return max(
-        robust_scale(projected_out(remainder.residual / sigma, q)),
-        remainder.law,
-        remainder.resolution,
-        1e-300,
-    )
+    return max(robust_scale(projected_out(remainder.residual / sigma, q)), remainder.law, remainder.resolution, 1e-300)
 
 
 def _improved(remainder: Remainder, kept: Array, noise: Noise) -> tuple[Noise, Array]:
@@ -145,9 +140,7 @@ def _start(remainder: Remainder, kept: Array, noise: Noise) -> Start:
     return Start(kept, q, residual, groups, *products(groups, q, residual))
 
 
-def _with_forms(
-    remainder: Remainder, start: Start, allowed: NDArray[np.bool_]
-) -> tuple[Array, bool]:
+def _with_forms(remainder: Remainder, start: Start, allowed: NDArray[np.bool_]) -> tuple[Array, bool]:
     """The kept columns and those of `allowed` forms (g,) with certain evidence, selected one after
     another; also whether a trend is among them.
     """
@@ -233,7 +226,5 @@ def remainders(
             law,
             least,
         )
-        for residual, columns, known_noise, law, least in zip(
-            residuals, kept, known, laws, resolutions, strict=True
-        )
+        for residual, columns, known_noise, law, least in zip(residuals, kept, known, laws, resolutions, strict=True)
     ]

@@ -34,15 +34,10 @@ class Member:
     @property
     def forms(self) -> tuple[Member, ...]:
         """The member in each of its two forms, or alone where it has a single form."""
-        two_choices = next(
-            (parameter for parameter in self.candidate.shape if len(parameter.choices) == 2), None
-        )
+        two_choices = next((parameter for parameter in self.candidate.shape if len(parameter.choices) == 2), None)
         if two_choices is None:
             return (self,)
-        return tuple(
-            replace(self, shape={**self.shape, two_choices.name: choice})
-            for choice in two_choices.choices
-        )
+        return tuple(replace(self, shape={**self.shape, two_choices.name: choice}) for choice in two_choices.choices)
 
     @property
     def key(self) -> tuple[str, tuple[float, ...]]:
@@ -77,9 +72,7 @@ class Fit:
 class Fitter:
     """Fits in one space, with a cache of the columns of effects."""
 
-    def __init__(
-        self, space: Space, y: Array, base: Array, columns: Columns, offset: Array
-    ) -> None:
+    def __init__(self, space: Space, y: Array, base: Array, columns: Columns, offset: Array) -> None:
         self.space = space
         self.columns = columns
         self.y = space.whiten(y)
@@ -116,9 +109,7 @@ class Fitter:
         """
         parts = [self.q, *(unit(self.white(member)) for member in members)]
         keys = [("free",), *(member.key for member in members)]
-        with_groups = np.vstack(
-            [self._product(groups, *pair) for pair in zip(keys, parts, strict=True)]
-        )
+        with_groups = np.vstack([self._product(groups, *pair) for pair in zip(keys, parts, strict=True)])
         z = np.hstack(parts)
         with_y = self._product(groups, ("record",), self.y[:, None])[0]
         return ConditionalGroups.of(z.T @ z, z.T @ self.y).gains(groups, with_groups, with_y)
@@ -189,11 +180,7 @@ class Fitter:
         q = self.spanned([member for k, member in enumerate(members) if k != at])
         residual = projected_out(self.y, q)
         shaped_forms = [self._shaped(form, q, residual) for form in members[at].forms]
-        return (
-            max(shaped_forms, key=lambda pair: pair[1])[0]
-            if len(shaped_forms) > 1
-            else shaped_forms[0][0]
-        )
+        return max(shaped_forms, key=lambda pair: pair[1])[0] if len(shaped_forms) > 1 else shaped_forms[0][0]
 
     def _shaped(self, member: Member, q: Array, residual: Array) -> tuple[Member, float]:
         """A member with its nonlinear parameters fitted to a residual (N,) orthogonal to q (N, r),
@@ -204,9 +191,7 @@ class Fitter:
         if not free:
             return member, 0.0
         start = np.array([member.shape[parameter.name] for parameter in free])
-        scale = np.array(
-            [_width(parameter, value) for parameter, value in zip(free, start, strict=True)]
-        )
+        scale = np.array([_width(parameter, value) for parameter, value in zip(free, start, strict=True)])
         low = np.array([parameter.low for parameter in free])
         high = np.array([parameter.high for parameter in free])
 
@@ -218,11 +203,7 @@ class Fitter:
         def loss(x: Array) -> float:
             columns = self.space.whiten(self.columns.of(candidate, shape(x)))
             projected = q.T @ columns
-            losses.append(
-                -_gain(
-                    candidate, columns.T @ columns - projected.T @ projected, columns.T @ residual
-                )
-            )
+            losses.append(-_gain(candidate, columns.T @ columns - projected.T @ projected, columns.T @ residual))
             return losses[-1]
 
         losses: list[float] = []
@@ -231,12 +212,7 @@ class Fitter:
             loss,
             simplex[0],
             method="Nelder-Mead",
-            options={
-                "maxiter": 40 * len(free),
-                "xatol": 0.01,
-                "fatol": 0.01,
-                "initial_simplex": simplex,
-            },
+            options={"maxiter": 40 * len(free), "xatol": 0.01, "fatol": 0.01, "initial_simplex": simplex},
         )
         if best.fun >= losses[0]:  # no better than the start
             return member, -losses[0]

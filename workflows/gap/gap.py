@@ -116,11 +116,7 @@ def analysis_result(
 
 
 def _analysed(
-    plan: GapPlan,
-    data: GapData,
-    workers: Execution | int,
-    progress: Tell | None,
-    kept: Replicates | None,
+    plan: GapPlan, data: GapData, workers: Execution | int, progress: Tell | None, kept: Replicates | None
 ) -> GapResult:
     tell, replicates = progress or silent, kept or Replicates()
     end = ending(plan, data, tell, replicates.begin)
@@ -131,12 +127,7 @@ def _analysed(
     return result_of(plan, data, end, spread)
 
 
-def ending(
-    plan: GapPlan,
-    data: GapData,
-    tell: Tell = silent,
-    accepted: Callable[[], None] = lambda: None,
-) -> Ending:
+def ending(plan: GapPlan, data: GapData, tell: Tell = silent, accepted: Callable[[], None] = lambda: None) -> Ending:
     """The final result of data in memory; `accepted` is called once the model accepts them.
 
     Raises InputError where the data are outside of the model's range.
@@ -157,8 +148,7 @@ def result_of(plan: GapPlan, data: GapData, end: Ending, spread: Spread | None =
     outputs = data.outputs
     noise = {o.name: n.level for o, n in zip(outputs, initial.noises, strict=True)}
     residuals_by_side = {
-        side: {o.name: table[f"{o.name}_{side}"].to_numpy() for o in outputs}
-        for side in ("before", "after")
+        side: {o.name: table[f"{o.name}_{side}"].to_numpy() for o in outputs} for side in ("before", "after")
     }
     gap_sizes = gaps(end)
     attribution = attribution_of(end)
@@ -184,9 +174,7 @@ def result_of(plan: GapPlan, data: GapData, end: Ending, spread: Spread | None =
         gap_before=gap_sizes.before,
         gap_after=gap_sizes.after,
         residuals=table,
-        spectrum=spectrum(
-            data, residuals_by_side["before"], residuals_by_side["after"], noise, limit
-        ),
+        spectrum=spectrum(data, residuals_by_side["before"], residuals_by_side["after"], noise, limit),
         units=spread_of_units(setup.plan, data, end),
         summary=_summary(plan, data, end, spread) | {"gap_is": gap_sizes.meaning},
         notes=_notes(analysis, data, end),
@@ -245,8 +233,7 @@ def _notes(analysis: Analysis, data: GapData, end: Ending) -> tuple[str, ...]:
             notes.append(f"{output.name}: the size of the noise follows {noise.varies_with}")
         if noise.rho > 0.3:
             notes.append(
-                f"{output.name}: the noise is autocorrelated ({noise.rho:.2f} from one "
-                "measurement to the next)"
+                f"{output.name}: the noise is autocorrelated ({noise.rho:.2f} from one measurement to the next)"
             )
     if end.rows:
         notes += uneven_delays(analysis.search.fitter, end.fit, end.setup.data)
@@ -271,15 +258,9 @@ def lines_of(result: GapResult) -> tuple[str, ...]:
         lines.append(words.format(output.name, before, after, output.unit, floor))
     lines += [f"effect {effect}" for effect in result.effects]
     lines += [
-        f"at its physical bound: {name} of {effect.name}"
-        for effect in result.effects
-        for name in effect.at_bound
+        f"at its physical bound: {name} of {effect.name}" for effect in result.effects for name in effect.at_bound
     ]
-    lines += [
-        f"in the problem: {effect.name}: {effect.counterpart}"
-        for effect in result.effects
-        if effect.counterpart
-    ]
+    lines += [f"in the problem: {effect.name}: {effect.counterpart}" for effect in result.effects if effect.counterpart]
     lines += [f"rival {rival}" for rival in result.rivals]
     lines += [f"remainder: {part}" for part in result.remainder]
     if not result.remainder:

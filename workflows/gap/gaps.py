@@ -37,10 +37,7 @@ def gaps(end: Ending) -> Gaps:
     after = setup.residual - end.after.fitted
     if setup.data.target.population:
         return _of_units(end, before, after)
-    noise = {
-        o.name: output_noise.level
-        for o, output_noise in zip(setup.data.outputs, initial.noises, strict=True)
-    }
+    noise = {o.name: output_noise.level for o, output_noise in zip(setup.data.outputs, initial.noises, strict=True)}
     return Gaps(
         _with_total(end, _by_output(end, before)),
         _with_total(end, _by_output(end, after)),

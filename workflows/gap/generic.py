@@ -42,16 +42,7 @@ USUAL = (1.0, 2.0, 4.0)
 CYCLES = tuple(np.arange(0.75, 8.1, 0.25).tolist())
 """Cycles over the record that are tried."""
 POWERS = (0.25, 1.0 / 3.0, 0.5, 2.0 / 3.0, 0.8, 1.0, 1.25, 1.5, 2.0, 2.5, 3.0, 4.0)
-SMOOTH = (
-    Role.TORQUE,
-    Role.FORCE,
-    Role.SPEED,
-    Role.TEMPERATURE,
-    Role.TIME,
-    Role.PAYLOAD,
-    Role.POSITION,
-    Role.INPUT,
-)
+SMOOTH = (Role.TORQUE, Role.FORCE, Role.SPEED, Role.TEMPERATURE, Role.TIME, Role.PAYLOAD, Role.POSITION, Role.INPUT)
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,9 +80,7 @@ class Form:
         return self.shape
 
 
-def generic(
-    data: GapData, predicted: Mapping[str, Array] | None = None
-) -> tuple[list[Form], list[Array]]:
+def generic(data: GapData, predicted: Mapping[str, Array] | None = None) -> tuple[list[Form], list[Array]]:
     """Forms and their columns (n, m), of one output; `predicted` replaces a missing load."""
     forms: list[tuple[Form, Array]] = []
     inputs = [c for c in data.inputs if c.role in SMOOTH]
@@ -175,9 +164,7 @@ def _scaled(x: Array) -> Array:
     return np.asarray((x - x.mean()) / x.std())
 
 
-def _products(
-    inputs: list[Column], values: dict[str, Array], sign: Array | None
-) -> list[tuple[Form, Array]]:
+def _products(inputs: list[Column], values: dict[str, Array], sign: Array | None) -> list[tuple[Form, Array]]:
     """Products of two inputs, each to the first and second power."""
     forms = []
     for first, second in combinations(inputs, 2):
@@ -191,9 +178,7 @@ def _products(
     return forms
 
 
-def _raw_products(
-    inputs: list[Column], values: dict[str, Array], sign: Array | None
-) -> list[tuple[Form, Array]]:
+def _raw_products(inputs: list[Column], values: dict[str, Array], sign: Array | None) -> list[tuple[Form, Array]]:
     """Products of two unscaled inputs, one column each: a usual form of laws of two variables."""
     forms = []
     for first, second in combinations(inputs, 2):
@@ -223,9 +208,7 @@ def _swings(inputs: list[Column], values: dict[str, Array]) -> list[tuple[Form, 
     forms = []
     for column in inputs:
         if column.role is Role.TIME:
-            fraction = (values[column.name] - values[column.name].min()) / np.ptp(
-                values[column.name]
-            )
+            fraction = (values[column.name] - values[column.name].min()) / np.ptp(values[column.name])
             for cycles in CYCLES:
                 turned = 2.0 * np.pi * cycles * fraction
                 form = Form("trend", column.name, order=cycles, shape=SWING)

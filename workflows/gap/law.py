@@ -40,13 +40,7 @@ def estimated(drawn: Array, mean: float = 0.0, middle: float = 0.0) -> Law:
     smooth = KDEUnivariate(drawn - middle)
     smooth.fit(bw=SMOOTHED * std, gridsize=CELLS, cut=0.5 / SMOOTHED)
     chance = np.maximum(smooth.density, LEAST / std)
-    return Law(
-        float(smooth.support[0]),
-        float(np.ptp(smooth.support)) / (CELLS - 1),
-        np.log(chance),
-        std,
-        mean,
-    )
+    return Law(float(smooth.support[0]), float(np.ptp(smooth.support)) / (CELLS - 1), np.log(chance), std, mean)
 
 
 def law_of(plan: GapPlan, name: str) -> Law:
@@ -99,9 +93,7 @@ def _mapped(law: Law, effect: Effect, values: Mapping[str, float], target: Targe
     return estimated(np.asarray(action.population(units, law.mean, rng)), law.mean, law.mean)
 
 
-def on_scatter(
-    effect: Effect, values: Mapping[str, float], readings: Readings, target: Target
-) -> bool:
+def on_scatter(effect: Effect, values: Mapping[str, float], readings: Readings, target: Target) -> bool:
     """Whether an effect on a population does more than shift each unit by a fixed amount."""
     act = effect.act(readings, values, target).population if target.population else None
     if act is None:

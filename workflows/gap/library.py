@@ -30,15 +30,7 @@ OURS = "tolevo "
 """Prefix of the origin of an effect of this package."""
 ELSEWHERE = ("population", "manipulator", "assembly")
 """Families of effects that act only in special models."""
-MOVING = (
-    Role.ANGLE,
-    Role.TORQUE,
-    Role.FORCE,
-    Role.SPEED,
-    Role.DIRECTION,
-    Role.TIME,
-    Role.TEMPERATURE,
-)
+MOVING = (Role.ANGLE, Role.TORQUE, Role.FORCE, Role.SPEED, Role.DIRECTION, Role.TIME, Role.TEMPERATURE)
 """Roles of a test bench that the effects of a drive need."""
 BEND = 2.5
 """The least gain of the first nonlinear parameter of an effect."""
@@ -124,9 +116,7 @@ class Columns:
     output.
     """
 
-    def __init__(
-        self, data: GapData, predict: Predict, beside: Mapping[str, Array] | None = None
-    ) -> None:
+    def __init__(self, data: GapData, predict: Predict, beside: Mapping[str, Array] | None = None) -> None:
         self.data = data
         self.predict = predict
         self._base = predict({})
@@ -167,10 +157,7 @@ class Columns:
     def _of_term(self, effect: Unresolved) -> Array:
         """Columns of a generic term, which acts at one output."""
         columns = effect.columns(self.data.readings)
-        parts = [
-            columns if o.name == effect.term.output else np.zeros_like(columns)
-            for o in self.data.outputs
-        ]
+        parts = [columns if o.name == effect.term.output else np.zeros_like(columns) for o in self.data.outputs]
         return np.concatenate(parts)
 
     def _by_rows(self, effect: InsideSeveral, shape: Mapping[str, float]) -> Array:
@@ -210,9 +197,7 @@ class Columns:
                     for o in data.outputs
                 ]
             )
-        return np.concatenate(
-            [np.asarray(action.output.get(o.name, zero), dtype=float) for o in data.outputs]
-        )
+        return np.concatenate([np.asarray(action.output.get(o.name, zero), dtype=float) for o in data.outputs])
 
     def _of_units(self, act: Callable[[Array, float, np.random.Generator], Array]) -> Array:
         """The change (N,) of units at the mean by an effect on a population."""
@@ -290,10 +275,7 @@ def _matters(effect: Effect, why: str, data: GapData) -> bool:
     if data.target.population or effect.family in ELSEWHERE or not roles & set(MOVING):
         return False
     if set(effect.needs) <= roles:
-        return why not in (
-            Effect.own_reason(effect, data.target),
-            "the data contain no trace of it",
-        )
+        return why not in (Effect.own_reason(effect, data.target), "the data contain no trace of it")
     return data.target.model == "table"
 
 
@@ -315,9 +297,7 @@ def _unread(effect: Effect, data: GapData) -> bool:
     return data.target.population and not set(effect.needs) - {Role.DIRECTION} <= available
 
 
-def with_lots(
-    library: Iterable[Candidate], data: GapData, residual: Array
-) -> tuple[list[Candidate], list[str]]:
+def with_lots(library: Iterable[Candidate], data: GapData, residual: Array) -> tuple[list[Candidate], list[str]]:
     """The candidates with the offsets of lots that these units identify; sentences about others.
 
     Offsets of all lots are confounded with that of all units: the lot with the least offset has
@@ -340,13 +320,9 @@ def with_lots(
     return kept, [f"{text}: {', '.join(few[:10])}"] if len(few) else []
 
 
-def _of_lots(
-    candidate: Candidate, lots: Iterable[str], target: Target
-) -> tuple[EffectParameter, ...]:
+def _of_lots(candidate: Candidate, lots: Iterable[str], target: Target) -> tuple[EffectParameter, ...]:
     """The offsets of these lots."""
-    unit = (
-        candidate.linear[0].name.removeprefix(candidate.linear[0].stem) if candidate.linear else ""
-    )
+    unit = candidate.linear[0].name.removeprefix(candidate.linear[0].stem) if candidate.linear else ""
     offsets = (candidate.effect.parameter(f"offset_{lot}{unit}", target) for lot in lots)
     return tuple(parameter for parameter in offsets if parameter is not None)
 

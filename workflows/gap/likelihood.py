@@ -62,9 +62,7 @@ class BatchLikelihood:
     def scale(self) -> Array:
         """The scale (k,) of each parameter, in its unit."""
         unit = self.target.outputs[0].unit
-        return np.array(
-            [self.law.std if unit and parameter.unit == unit else 1.0 for parameter in self.numbers]
-        )
+        return np.array([self.law.std if unit and parameter.unit == unit else 1.0 for parameter in self.numbers])
 
     def _kind(self, at: int) -> Kind:
         parameter, scale = self.numbers[at], float(self.scale[at])
@@ -134,9 +132,7 @@ class BatchLikelihood:
         return np.asarray(special.ndtri(0.5 + 0.5 * level) * np.sqrt(np.maximum(variance, 1e-12)))
 
 
-def threshold(
-    law: Law, candidates: Sequence[Candidate], target: Target, count: int, plan: GapPlan
-) -> float:
+def threshold(law: Law, candidates: Sequence[Candidate], target: Target, count: int, plan: GapPlan) -> float:
     """The threshold: a quantile of the best of all effects on batches drawn from the null model."""
     rng = np.random.default_rng([plan.seed, 6])
     shape = (plan.settings.simulations, min(count, MOST))
@@ -144,9 +140,7 @@ def threshold(
     x -= x.mean(axis=1, keepdims=True)
     at = np.asarray(x.min() + law.step * (np.arange(1 + int(np.ptp(x) / law.step)) + 0.5))
     tried = [
-        log
-        for candidate in candidates
-        for log in BatchLikelihood(candidate, law, target).log_densities_on_grid(at)
+        log for candidate in candidates for log in BatchLikelihood(candidate, law, target).log_densities_on_grid(at)
     ]
     best = likelier(x, float(at[0]), law.step, np.array(tried) - law(at))
     return float(np.quantile(best, 1.0 - plan.settings.false_rate))

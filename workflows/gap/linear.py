@@ -77,10 +77,7 @@ class Groups:
 
     def some(self, groups: NDArray[np.int64]) -> Groups:
         """Only these groups."""
-        parts = [
-            np.arange(s, s + m)
-            for s, m in zip(self.starts[groups], self.sizes[groups], strict=True)
-        ]
+        parts = [np.arange(s, s + m) for s, m in zip(self.starts[groups], self.sizes[groups], strict=True)]
         sizes = self.sizes[groups]
         starts = np.concatenate([[0], np.cumsum(sizes)[:-1]]).astype(np.int64)
         at = np.concatenate(parts) if parts else np.zeros(0, dtype=np.int64)
@@ -128,9 +125,7 @@ class Groups:
         """Products (g, m, m) of each group's columns in some rows, by the size m of the groups."""
         return [_grams(self.columns[rows], block.at) for block in self._blocks]
 
-    def conditional_gains(
-        self, projected: Array, products: Array, grams: Sequence[Array] | None = None
-    ) -> Array:
+    def conditional_gains(self, projected: Array, products: Array, grams: Sequence[Array] | None = None) -> Array:
         """Gain (..., g) of each group given an orthonormal basis Q (N, r).
 
         The residual is orthogonal to Q.
@@ -145,9 +140,7 @@ class Groups:
         for block, gram in zip(self._blocks, block_grams, strict=True):
             p = projected[..., block.at]
             remaining = gram - np.einsum("...rgm,...rgk->...gmk", p, p)
-            gains[..., block.groups] = _gains_of(
-                gram, remaining, products[..., block.at], self.one_sided[block.groups]
-            )
+            gains[..., block.groups] = _gains_of(gram, remaining, products[..., block.at], self.one_sided[block.groups])
         return gains
 
     def gains(self, residuals: Array) -> Array:
@@ -173,9 +166,7 @@ class ConditionalGroups:
         turned = whitening(gram)
         return cls(turned, np.einsum("...jk,...k->...j", turned, record))
 
-    def gains(
-        self, groups: Groups, with_z: Array, with_y: Array, grams: Sequence[Array] | None = None
-    ) -> Array:
+    def gains(self, groups: Groups, with_z: Array, with_y: Array, grams: Sequence[Array] | None = None) -> Array:
         """Gain (..., g) of groups X for the record, with Z' X (..., k, C) and X' y (..., C)."""
         projected = self.turned @ with_z
         remaining = with_y - np.einsum("...k,...kc->...c", self.record, projected)
@@ -188,9 +179,7 @@ def _each_orthonormal(columns: Array, before: Array, at: NDArray[np.int64]) -> A
     if size == 1:
         square = np.einsum("ij,ij->j", columns[:, at[:, 0]], columns[:, at[:, 0]])
         good = square > GONE * np.maximum(before[at[:, 0]], 1e-300)
-        return np.asarray(
-            columns[:, at[:, 0]] * np.where(good, 1.0 / np.sqrt(np.where(good, square, 1.0)), 0.0)
-        )
+        return np.asarray(columns[:, at[:, 0]] * np.where(good, 1.0 / np.sqrt(np.where(good, square, 1.0)), 0.0))
     scale = np.sqrt(np.maximum(before[at], 1e-300))
     blocks = np.moveaxis(columns[:, at] / scale, 1, 0)  # (g, N, m)
     gram = np.matmul(np.swapaxes(blocks, 1, 2), blocks)

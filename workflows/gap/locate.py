@@ -25,9 +25,7 @@ WIDTHS = np.geomspace(0.01, 1.0, 24)
 OVER_INPUT = ("interval", "power", "trend")
 
 
-def regions(
-    setup: Setup, fitter: Fitter, generic: Remaining, fit: Fit, limit: float
-) -> tuple[Region, ...]:
+def regions(setup: Setup, fitter: Fitter, generic: Remaining, fit: Fit, limit: float) -> tuple[Region, ...]:
     """The significant regions, the strongest first.
 
     A located region is removed with a flexible form of its variable before the next search: two
@@ -49,9 +47,7 @@ def regions(
         explained = max(float(np.sum((taken.T @ residual) ** 2)) - taken.shape[1], float(gains[at]))
         beyond = max(beyond, explained)
         low, high = _ends(setup, fitter, generic, at, q, residual, explained)
-        located.append(
-            _region(setup, generic, at, low, high, explained / beyond, float(level[at]), limit)
-        )
+        located.append(_region(setup, generic, at, low, high, explained / beyond, float(level[at]), limit))
         q, residual = np.hstack([q, taken]), projected_out(residual, taken)
         more, product = products(groups, taken, residual)
         projected = np.vstack([projected, more])
@@ -75,21 +71,14 @@ def _flexible(generic: Remaining, at: int) -> NDArray[np.int64]:
         return other.kind in OVER_INPUT and form.kind in OVER_INPUT
 
     together = [
-        same(candidate) and generic.outputs[k] == generic.outputs[at]
-        for k, candidate in enumerate(generic.forms)
+        same(candidate) and generic.outputs[k] == generic.outputs[at] for k, candidate in enumerate(generic.forms)
     ]
     together[at] = True
     return np.flatnonzero(together)
 
 
 def _ends(
-    setup: Setup,
-    fitter: Fitter,
-    generic: Remaining,
-    at: int,
-    q: Array,
-    residual: Array,
-    explained: float,
+    setup: Setup, fitter: Fitter, generic: Remaining, at: int, q: Array, residual: Array, explained: float
 ) -> tuple[float, float]:
     """The interval of its variable in which a form has its gain; nan where it has none."""
     form = generic.forms[at]
@@ -129,14 +118,7 @@ def _sign(setup: Setup) -> Array:
 
 
 def _region(
-    setup: Setup,
-    generic: Remaining,
-    at: int,
-    low: float,
-    high: float,
-    fraction: float,
-    level: float,
-    limit: float,
+    setup: Setup, generic: Remaining, at: int, low: float, high: float, fraction: float, level: float, limit: float
 ) -> Region:
     form, output = generic.forms[at], setup.data.outputs[int(generic.outputs[at])]
     column = next((c for c in setup.data.inputs if c.name == form.variable), None)

@@ -74,11 +74,7 @@ def of_weights(model: Corrected, plain: Corrected) -> dict[tuple[str, str], floa
 
 def _fitted(member: Member) -> list[EffectParameter]:
     """The nonlinear parameters that are fitted."""
-    return [
-        parameter
-        for parameter in member.candidate.shape
-        if not parameter.choices and member.candidate.linear
-    ]
+    return [parameter for parameter in member.candidate.shape if not parameter.choices and member.candidate.linear]
 
 
 def _columns(fitter: Fitter, fit: Fit, at: int) -> Array:

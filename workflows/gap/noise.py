@@ -160,9 +160,7 @@ def whiteness(white: Array) -> float:
     return float(special.chdtrc(len(lags), n * (n + 2) * np.sum(correlations**2 / (n - lags))))
 
 
-def size_follows(
-    residual: Array, inputs: Mapping[str, Array], good: NDArray[np.bool_]
-) -> tuple[str, Array] | None:
+def size_follows(residual: Array, inputs: Mapping[str, Array], good: NDArray[np.bool_]) -> tuple[str, Array] | None:
     """The input that the size of the noise follows, and its relative size (n,); else None.
 
     An F test on log squares (Glejser, Breusch and Pagan), which heavy tails do not mislead.

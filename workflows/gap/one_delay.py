@@ -47,8 +47,7 @@ def uneven_delays(fitter: Fitter, fit: Fit, data: GapData) -> list[str]:
 def _sentence(name: str, delays: Array) -> str:
     kinds = ("rise above the median", "fall above it", "rise below it", "fall below it")
     parts = ", ".join(
-        f"{delay:.3g} s where readings {kind}"
-        for delay, kind in zip(delays.tolist(), kinds, strict=True)
+        f"{delay:.3g} s where readings {kind}" for delay, kind in zip(delays.tolist(), kinds, strict=True)
     )
     return (
         f"{name} is not one delay: {parts}. A late channel is late everywhere; this may be an "
@@ -56,9 +55,7 @@ def _sentence(name: str, delays: Array) -> str:
     )
 
 
-def _uneven(
-    fitter: Fitter, fit: Fit, q: Array, member: Member, name: str, data: GapData
-) -> Array | None:
+def _uneven(fitter: Fitter, fit: Fit, q: Array, member: Member, name: str, data: GapData) -> Array | None:
     """The delays (4,) of each kind of rows; None where they may be the same.
 
     Wald's test of equal delays. Their covariance is the larger of two: white noise at the level of

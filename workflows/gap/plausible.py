@@ -33,10 +33,7 @@ BESIDE = 100.0
 """Factor by which a part of a drive's compliance may be stiffer than the drive."""
 FOLLOWS = 0.7
 """Correlation from which a measurement follows the load."""
-STIFFNESS = {
-    ("angle", "Nm"): ("arcmin", 1e-3, 2e4),
-    ("length", "N"): ("um", 1e-3, 1e5),
-}
+STIFFNESS = {("angle", "Nm"): ("arcmin", 1e-3, 2e4), ("length", "N"): ("um", 1e-3, 1e5)}
 """By kind of output and load: a unit, and the range of the stiffness of drives in load per unit.
 Reducers have 0.1 to 5000 N m/arcmin, from small harmonic drives to large cycloidal ones; screws 1
 to 5000 N/um.
@@ -126,12 +123,9 @@ def unlikely_numbers(fit: Fit, data: GapData) -> list[str]:
             continue
         load = "Nm" if Role.TORQUE in data.readings else "N"
         for output, size in zip(member.candidate.effect.reached(data.target), sizes, strict=False):
-            if size > 0.0 and (
-                description := unlikely(1.0 / float(size), output.unit, load, BESIDE)
-            ):
+            if size > 0.0 and (description := unlikely(1.0 / float(size), output.unit, load, BESIDE)):
                 sentences.append(
-                    f"the stiffness of torsional_compliance in {output.name} is {description}: "
-                    "are the units right?"
+                    f"the stiffness of torsional_compliance in {output.name} is {description}: are the units right?"
                 )
     return sentences
 

@@ -59,9 +59,7 @@ class Scatter:
     @property
     def names(self) -> tuple[str, ...]:
         """The effect, preceded by the one that moves the mean in addition."""
-        return (
-            (self.mean_effect, self.candidate.name) if self.mean_effect else (self.candidate.name,)
-        )
+        return (self.mean_effect, self.candidate.name) if self.mean_effect else (self.candidate.name,)
 
     @property
     def apart_from_inputs(self) -> str:
@@ -139,9 +137,7 @@ class Batch:
             for at, member in enumerate(book.members)
             if not member.candidate.unread and _shifts_all_alike(book.raw.of(at))
         ]
-        return tuple(
-            effect.name for effect in sorted(effects, key=lambda e: e.family == INSTRUMENT)
-        )
+        return tuple(effect.name for effect in sorted(effects, key=lambda e: e.family == INSTRUMENT))
 
     def moving(self, fit: Fit) -> list[Member]:
         """The members that move each unit by its own amount."""
@@ -149,9 +145,7 @@ class Batch:
 
     def price(self, fit: Fit) -> float:
         """The price of the parameters of the effects on single units."""
-        return sum(
-            member.candidate.price(self.search.fitter.penalty) for member in self.moving(fit)
-        )
+        return sum(member.candidate.price(self.search.fitter.penalty) for member in self.moving(fit))
 
     def score_without_effect(self, fit: Fit) -> float:
         """The score of a fit without an effect on the scatter."""
@@ -167,11 +161,7 @@ class Batch:
         """
         if any(name in self.levels for name in fit.names) == bool(scatter_effect.mean_effect):
             return fit.members
-        level = [
-            member
-            for member in self.search.book.members
-            if member.name == scatter_effect.mean_effect
-        ]
+        level = [member for member in self.search.book.members if member.name == scatter_effect.mean_effect]
         return (*self.moving(fit), *level)
 
     def unmoved(self, fit: Fit) -> Fit:

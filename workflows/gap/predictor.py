@@ -98,7 +98,5 @@ class OfMeanUnit(_OfModel):
             for name, value in self.means.items():
                 curve = np.array([mean[name] for mean in means]) - value
                 degree = min(3, len(at) - 1)
-                outputs[name] += (
-                    make_interp_spline(at, curve, degree)(values) if degree else curve[0]
-                )
+                outputs[name] += make_interp_spline(at, curve, degree)(values) if degree else curve[0]
         return outputs

@@ -29,10 +29,7 @@ def spread_of_units(plan: GapPlan, data: GapData, end: Ending) -> pd.DataFrame:
         return pd.DataFrame({name: [] for name in COLUMNS})
     free = end.model.free()
     model = plan.rebuild(free) if plan.rebuild and free else plan.model
-    named = [
-        Active(member.candidate.effect, end.model.effect(member.name))
-        for member in end.model.members
-    ]
+    named = [Active(member.candidate.effect, end.model.effect(member.name)) for member in end.model.members]
     scatter = [effect.active for effect in end.analysis.scatter[:1]]
     before = _drawn(plan, data, plan.model, plan.active)
     after = _drawn(plan, data, model, (*plan.active, *named, *scatter))
@@ -49,22 +46,11 @@ def spread_of_units(plan: GapPlan, data: GapData, end: Ending) -> pd.DataFrame:
     return pd.concat(parts, ignore_index=True)
 
 
-def _drawn(
-    plan: GapPlan, data: GapData, model: MeasurableModel, effects: Sequence[Active]
-) -> dict[str, Array]:
+def _drawn(plan: GapPlan, data: GapData, model: MeasurableModel, effects: Sequence[Active]) -> dict[str, Array]:
     """Units (m,) drawn at the inputs of the data, equally many at each."""
     table = data.readings.table
     runs = [
-        predicted(
-            model,
-            plan.model_name,
-            table,
-            effects,
-            np.random.default_rng([plan.seed, 9, number]),
-            plan.zero,
-        )
+        predicted(model, plan.model_name, table, effects, np.random.default_rng([plan.seed, 9, number]), plan.zero)
         for number in range(-(-DRAWN // len(data)))
     ]
-    return {
-        output.name: np.concatenate([run[output.name] for run in runs]) for output in data.outputs
-    }
+    return {output.name: np.concatenate([run[output.name] for run in runs]) for output in data.outputs}

@@ -28,10 +28,7 @@ from .units import LEAST, numbered, one_per_unit, too_few
 TIME = Column("time_s", "s", "order of measuring", False, role=Role.TIME)
 SAME = 1e-12
 """Relative range below which measurements count as all the same."""
-NO_DIRECTION = (
-    "a direction is +1 or -1; where a speed has its sign leave the column out, otherwise "
-    "the rows at rest"
-)
+NO_DIRECTION = "a direction is +1 or -1; where a speed has its sign leave the column out, otherwise the rows at rest"
 REPEAT = Column("repeat", "", "number of the repeat", False, role=Role.REPEAT)
 LARGEST = 1e100
 """Largest measurement: its square is still finite."""
@@ -39,9 +36,7 @@ ABSOLUTE_ZERO = -273.15
 """[degC]"""
 
 
-def read_data(
-    plan: GapPlan, path: Path, options: tables.ReadOptions = tables.AS_DETECTED
-) -> GapData:
+def read_data(plan: GapPlan, path: Path, options: tables.ReadOptions = tables.AS_DETECTED) -> GapData:
     """The data in `path`. Raises InputError with every fault; rows are identified by line
     number.
     """
@@ -61,11 +56,7 @@ def checked(
 
 
 def checked_table(
-    plan: GapPlan | None,
-    table: tables.Table | None,
-    faults: list[Fault],
-    place: str,
-    path: Path | None = None,
+    plan: GapPlan | None, table: tables.Table | None, faults: list[Fault], place: str, path: Path | None = None
 ) -> tuple[GapData | None, list[Fault]]:
     """`checked` for a table that has been opened, from a file or not, with the faults of its
     form.
@@ -159,9 +150,7 @@ def _digest(table: tables.Table, path: Path | None) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def _block_faults(
-    plan: GapPlan, cells: pd.DataFrame, frame: pd.DataFrame, place: str
-) -> list[Fault]:
+def _block_faults(plan: GapPlan, cells: pd.DataFrame, frame: pd.DataFrame, place: str) -> list[Fault]:
     """Faults of a validation column that is missing or holds a single label."""
     name, key = plan.blocks, "validation.blocks"
     if name == "auto":
@@ -198,39 +187,30 @@ def _layout(
     given_roles = {c.role for c in inputs}
     inputs += tuple(c for c in (TIME, REPEAT) if c.role not in given_roles and c.name not in roles)
     by = {
-        role: {str(output_of(n, roles)): n for n, c in roles.items() if c.role == role}
-        for role in ("predicted", "std")
+        role: {str(output_of(n, roles)): n for n, c in roles.items() if c.role == role} for role in ("predicted", "std")
     }
     unlisted = {o.name: f"{o.name}_std" for o in outputs if f"{o.name}_std" not in roles}
     stds = {name: std for name, std in unlisted.items() if std in cells} | by["std"]
     return inputs, outputs, by["predicted"], stds
 
 
-def _needed(
-    plan: GapPlan, columns: tuple[Column, ...], predictions: Mapping[str, str]
-) -> list[str]:
+def _needed(plan: GapPlan, columns: tuple[Column, ...], predictions: Mapping[str, str]) -> list[str]:
     return [c.name for c in columns if c.needed] + list(predictions.values())
 
 
 def _ignored(plan: GapPlan, cells: pd.DataFrame) -> list[str]:
     """Columns of a table whose role is `ignore`, except the validation column."""
-    return [
-        n for n, c in plan.columns.items() if c.role == "ignore" and n in cells and n != plan.blocks
-    ]
+    return [n for n, c in plan.columns.items() if c.role == "ignore" and n in cells and n != plan.blocks]
 
 
-def _missing_outputs(
-    plan: GapPlan, cells: pd.DataFrame, outputs: tuple[Output, ...], place: str
-) -> list[Fault]:
+def _missing_outputs(plan: GapPlan, cells: pd.DataFrame, outputs: tuple[Output, ...], place: str) -> list[Fault]:
     """Faults of measured columns that are missing."""
     faults = []
     if plan.model is not None and not outputs:
         names = ", ".join(o.name for o in plan.model.outputs)
         faults.append(Fault(place, f"holds none of the measured outputs: {names}"))
     if plan.model is None:
-        faults += [
-            Fault(place, f"column {o.name} is missing") for o in outputs if o.name not in cells
-        ]
+        faults += [Fault(place, f"column {o.name} is missing") for o in outputs if o.name not in cells]
     return faults
 
 
@@ -238,23 +218,17 @@ def _dropped(
     plan: GapPlan, frame: pd.DataFrame, faults: list[Fault], notes: list[str]
 ) -> tuple[pd.DataFrame, list[Fault]]:
     """Rows with a cell that is no finite number: faults, or dropped where the plan says so."""
-    cells = [
-        fault for fault in faults if ": row " in fault.place or fault.message.endswith("bad cells")
-    ]
+    cells = [fault for fault in faults if ": row " in fault.place or fault.message.endswith("bad cells")]
     if not cells:
         return frame, faults
     other_faults = [fault for fault in faults if fault not in cells]
     if not plan.drop_bad_rows:
-        return frame, [
-            *faults,
-            Fault("data.drop_bad_rows", "set it to true to leave these rows out"),
-        ]
+        return frame, [*faults, Fault("data.drop_bad_rows", "set it to true to leave these rows out")]
     bad = frame.isna().any(axis=1) | (frame == "").any(axis=1)
     shown = ", ".join(str(at) for at in frame.index[bad][:10])
     more = ", ..." if bad.sum() > 10 else ""
     notes.append(
-        f"{int(bad.sum())} rows with a cell that is no finite number were dropped, as "
-        f"asked: rows {shown}{more}"
+        f"{int(bad.sum())} rows with a cell that is no finite number were dropped, as asked: rows {shown}{more}"
     )
     return frame[~bad], other_faults
 
@@ -310,9 +284,7 @@ def _varies(plan: GapPlan, frame: pd.DataFrame, columns: tuple[Column, ...]) -> 
     return any((frame[name] != frame[name].iloc[0]).any() for name in numbers if name in frame)
 
 
-def _range_faults(
-    plan: GapPlan, frame: pd.DataFrame, columns: tuple[Column, ...], place: str
-) -> list[Fault]:
+def _range_faults(plan: GapPlan, frame: pd.DataFrame, columns: tuple[Column, ...], place: str) -> list[Fault]:
     """Faults of cells outside the physical range or the range of the model."""
     faults = []
     for column in columns:
@@ -328,16 +300,12 @@ def _range_faults(
     return faults
 
 
-def _cells(
-    frame: pd.DataFrame, column: str, bad: pd.Series[bool], place: str, text: str
-) -> list[Fault]:
+def _cells(frame: pd.DataFrame, column: str, bad: pd.Series[bool], place: str, text: str) -> list[Fault]:
     """The same fault for some cells of a column."""
     return tables.cell_faults(place, column, dict.fromkeys(frame.index[bad], text))
 
 
-def _measured_faults(
-    frame: pd.DataFrame, name: str, prediction: str | None, place: str
-) -> list[Fault]:
+def _measured_faults(frame: pd.DataFrame, name: str, prediction: str | None, place: str) -> list[Fault]:
     """Faults of a measurement that never changes, or that the prediction copies."""
     text = "is beyond all measurable values"
     faults = _cells(frame, name, frame[name].abs() > LARGEST, place, text)
@@ -361,9 +329,7 @@ def finite_faults(predicted: Mapping[str, Any], rows: Any, place: str = "data") 
     for name, values in predicted.items():
         bad = np.flatnonzero(~np.isfinite(values))
         text = {
-            int(rows[at]): "the model has no finite prediction here: outside of its range; "
-            "remove the row"
-            for at in bad
+            int(rows[at]): "the model has no finite prediction here: outside of its range; remove the row" for at in bad
         }
         faults += tables.cell_faults(place, name, text)
     return faults

@@ -55,9 +55,7 @@ def read_again(setup: Setup, space: Space, fit: Fit) -> tuple[Setup, Fit]:
     for _ in range(READ):
         fitter = Fitter(space, setup.residual, setup.base, setup.columns, setup.offset)
         fit = fitter.refined(fit.members)
-        if before - fit.rss < CLOSER * fit.rss or not any(
-            _reads(setup, member.candidate) for member in fit.members
-        ):
+        if before - fit.rss < CLOSER * fit.rss or not any(_reads(setup, member.candidate) for member in fit.members):
             break
         setup, before = as_read(setup, fit), fit.rss
     return setup, fit
@@ -88,6 +86,4 @@ def _reads(setup: Setup, candidate: Candidate) -> bool:
     """Whether a candidate acts on the measurement itself."""
     values = {number.name: max(number.choices, default=1.0) for number in candidate.shape}
     data = setup.data
-    return candidate.is_nonlinear and bool(
-        candidate.effect.act(data.readings, values, data.target).reading
-    )
+    return candidate.is_nonlinear and bool(candidate.effect.act(data.readings, values, data.target).reading)

@@ -19,23 +19,14 @@ def moved_far(end: Ending) -> str:
     pairs = zip(model.numbers, model.errors.tolist(), strict=True)
     errors = {number.name: float(error) for number, error in pairs if number.kind == "free"}
     return recalibration_message(
-        (
-            parameter.name,
-            parameter.after - parameter.before,
-            parameter.tolerance,
-            errors[parameter.name],
-        )
+        (parameter.name, parameter.after - parameter.before, parameter.tolerance, errors[parameter.name])
         for parameter in recalibrated(end)
     )
 
 
 def recalibration_message(moves: Iterable[tuple[str, float, float, float]]) -> str:
     """The same note from names, moves, tolerances and standard errors."""
-    far = [
-        name
-        for name, move, tolerance, error in moves
-        if abs(move) > max(FAR * tolerance, SURE * error)
-    ]
+    far = [name for name, move, tolerance, error in moves if abs(move) > max(FAR * tolerance, SURE * error)]
     if not far:
         return ""
     return (

@@ -116,13 +116,7 @@ def shapes(
 
 
 def _shape(
-    setup: Setup,
-    fitter: Fitter,
-    generic: Remaining,
-    form: Form,
-    at: int,
-    fit: Fit,
-    near: tuple[str, ...],
+    setup: Setup, fitter: Fitter, generic: Remaining, form: Form, at: int, fit: Fit, near: tuple[str, ...]
 ) -> Shape:
     output = setup.data.outputs[int(generic.outputs[at])]
     curve = curve_of(setup, generic, at, fitter.q, fit.residual)
@@ -169,9 +163,7 @@ def _parity(setup: Setup, curve: Array) -> str:
 
 def _explained(columns: Array, curve: Array) -> float:
     coefficients = np.linalg.lstsq(columns, curve, rcond=1e-9)[0]
-    return float(
-        1.0 - np.sum((curve - columns @ coefficients) ** 2) / max(np.sum(curve**2), 1e-300)
-    )
+    return float(1.0 - np.sum((curve - columns @ coefficients) ** 2) / max(np.sum(curve**2), 1e-300))
 
 
 def _text(form: Form, amplitude: float, unit: str, torque: str, near: tuple[str, ...]) -> str:

@@ -35,11 +35,7 @@ def terms_of(end: Ending) -> tuple[UnresolvedTerm, ...]:
         effect = _effect(member)
         table = effect.term.table(effect.coefficients(end.model.effect(member.name)))
         gain = fitter.fit(end.fit.without(at)).rss - end.fit.rss
-        terms.append(
-            UnresolvedTerm(
-                effect.term.output, effect.term.variables, shape(effect.term), gain, table
-            )
-        )
+        terms.append(UnresolvedTerm(effect.term.output, effect.term.variables, shape(effect.term), gain, table))
     return tuple(terms)
 
 
@@ -102,14 +98,10 @@ def _of_terms(end: Ending, members: Sequence[Member]) -> Remainder:
         added = added + whole[at * n : (at + 1) * n]
         white = white + fitter.white(member) @ coefficients
     rms, unit = float(np.std(added)), setup.data.outputs[at].unit
-    white = projected_out(
-        white, fitter.q
-    )  # without the part that the zeros and free parameters span
+    white = projected_out(white, fitter.q)  # without the part that the zeros and free parameters span
     fraction = min(1.0, float(white @ white) / _beyond(end))
     text = ", and ".join(dict.fromkeys(shape(term) for term in terms))
-    return Remainder(
-        first.output, first.variables, text, rms, unit, rms / _level(end, at), fraction
-    )
+    return Remainder(first.output, first.variables, text, rms, unit, rms / _level(end, at), fraction)
 
 
 def _level(end: Ending, output: int) -> float:
@@ -126,11 +118,7 @@ def _of_forms(end: Ending) -> tuple[Remainder, ...]:
         if key in remainders or len(remainders) >= MOST:
             continue
         declared_output = end.setup.data.outputs[output]
-        ratio = float(
-            np.sqrt(
-                max(remaining.gains[at], 0.0) / end.analysis.search.fitter.space.rows_per_output
-            )
-        )
+        ratio = float(np.sqrt(max(remaining.gains[at], 0.0) / end.analysis.search.fitter.space.rows_per_output))
         name = f"order {form.order:g}" if form.kind == "order" else form.kind
         text = f"an {name}" if name[0] in "aeiou" else f"a {name}"
         text += f" of {form.variable}" + (f", {form.detail}" if form.detail else "")

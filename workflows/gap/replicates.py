@@ -53,10 +53,7 @@ class Replicates:
     """The effects that replicates identified, by number; kept in `path` where there is one."""
 
     def __init__(
-        self,
-        path: Path | None = None,
-        identity: Identity | None = None,
-        retire: Callable[[], None] = lambda: None,
+        self, path: Path | None = None, identity: Identity | None = None, retire: Callable[[], None] = lambda: None
     ) -> None:
         self.path = path
         self.identity = identity
@@ -80,11 +77,7 @@ class Replicates:
         self.found |= replicates
         if self.path is not None:
             with self.path.open("a", encoding="utf-8") as file:
-                file.write(
-                    "".join(
-                        f"{self._line(at, replicate)}\n" for at, replicate in replicates.items()
-                    )
-                )
+                file.write("".join(f"{self._line(at, replicate)}\n" for at, replicate in replicates.items()))
                 file.flush()
 
     def missing(self, count: int) -> list[int]:
@@ -159,19 +152,13 @@ def _faults(old: Identity, new: Identity) -> list[Fault]:
     undo = "undo the change, or start again with --overwrite"
     was, now = (flat(tomllib.loads(identity.configuration)) for identity in (old, new))
     faults = [
-        Fault(
-            key, f"is {_shown(now, key)}, but the analysis to resume has {_shown(was, key)}; {undo}"
-        )
+        Fault(key, f"is {_shown(now, key)}, but the analysis to resume has {_shown(was, key)}; {undo}")
         for key in dict.fromkeys([*now, *was])
         if key != BUDGET and now.get(key) != was.get(key)
     ]
     if now[BUDGET] < was[BUDGET]:
         faults.append(
-            Fault(
-                BUDGET,
-                f"is {now[BUDGET]}, but the analysis to resume had "
-                f"{was[BUDGET]}: it may only grow; {undo}",
-            )
+            Fault(BUDGET, f"is {now[BUDGET]}, but the analysis to resume had {was[BUDGET]}: it may only grow; {undo}")
         )
     if old.data != new.data:
         faults.append(Fault("data", f"are not those of the analysis to resume; {undo}"))

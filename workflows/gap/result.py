@@ -124,9 +124,7 @@ def _form_of(end: Ending, at: int) -> str:
     members = end.fit.members
     variables = acts_in(members[at].candidate.effect.needs)
     candidates = [
-        k
-        for k in end.identified
-        if variables and k != at and variables <= acts_in(members[k].candidate.effect.needs)
+        k for k in end.identified if variables and k != at and variables <= acts_in(members[k].candidate.effect.needs)
     ]
     return next((members[k].name for k in candidates if _is_form(end, at, k)), "")
 
@@ -134,10 +132,7 @@ def _form_of(end: Ending, at: int) -> str:
 def _is_form(end: Ending, small: int, large: int) -> bool:
     """Whether the small member's contribution may be an error of the large member's form."""
     fitter, fit = end.analysis.search.fitter, end.fit
-    a, b = (
-        projected_out(fitter.white(fit.members[k]) @ fit.coefficients[k], fitter.q)
-        for k in (small, large)
-    )
+    a, b = (projected_out(fitter.white(fit.members[k]) @ fit.coefficients[k], fitter.q) for k in (small, large))
     small_norm, large_norm = float(np.linalg.norm(a)), float(np.linalg.norm(b))
     alike = abs(float(a @ b)) / max(small_norm * large_norm, 1e-300)
     apart = small_norm * np.sqrt(max(1.0 - alike**2, 0.0))
@@ -153,16 +148,11 @@ def _ended(analysis: Analysis) -> Ending:
         fit = analysis.fit  # as it was tested
     model = corrected(analysis.setup, search.fitter.space, fit)
     null_model = analysis.initial_null_model
-    end = Ending(
-        analysis, fit, model, null_model.search.tested(null_model.empty), search.tested(fit)
-    )
+    end = Ending(analysis, fit, model, null_model.search.tested(null_model.empty), search.tested(fit))
     extra_widths = misfit_of(analysis, fit)
     if end.identified and end.rows and not analysis.setup.free and not search.fitter.space.is_plain:
         weighed = of_weights(model, corrected(analysis.setup, search.fitter.space, fit, plain=True))
-        extra_widths = {
-            key: extra_widths.get(key, 0.0) + weighed.get(key, 0.0)
-            for key in {**extra_widths, **weighed}
-        }
+        extra_widths = {key: extra_widths.get(key, 0.0) + weighed.get(key, 0.0) for key in {**extra_widths, **weighed}}
     return replace(end, model=model.widened(extra_widths))
 
 

@@ -39,10 +39,7 @@ class Dictionary:
     def places(self) -> dict[str, tuple[int, int]]:
         """The start and the end of the grid of each effect."""
         names = [member.name for member in self.members]
-        return {
-            name: (names.index(name), names.index(name) + names.count(name))
-            for name in dict.fromkeys(names)
-        }
+        return {name: (names.index(name), names.index(name) + names.count(name)) for name in dict.fromkeys(names)}
 
     def white(self, space: Space) -> Groups:
         """The columns in whitened space."""
@@ -51,9 +48,7 @@ class Dictionary:
 
 def dictionary(library: Sequence[Candidate], columns: Columns, spread: float) -> Dictionary:
     """The dictionary of every candidate on its grid."""
-    members = [
-        Member(candidate, shape) for candidate in library for shape in grid(candidate, spread)
-    ]
+    members = [Member(candidate, shape) for candidate in library for shape in grid(candidate, spread)]
     parts = [columns.of(member.candidate, member.shape) for member in members]
     rows = len(columns.data) * len(columns.data.outputs)
     sided = [m.candidate.one_sided for m in members]
@@ -72,12 +67,7 @@ class Thresholds:
 
 
 def thresholds(
-    library: Groups,
-    generic: Groups,
-    q: Array,
-    simulations: int,
-    rate: float,
-    rng: np.random.Generator,
+    library: Groups, generic: Groups, q: Array, simulations: int, rate: float, rng: np.random.Generator
 ) -> Thresholds:
     """Thresholds from simulated noise records (N, simulations) in whitened space, scale fitted in
     each.
@@ -91,8 +81,7 @@ def thresholds(
         levels.append(strongest(forms, forms.gains(noise) / scale))
     at = 1.0 - 0.5 * rate
     return Thresholds(
-        float(np.quantile(np.concatenate(tops), 1.0 - rate)),
-        float(np.quantile(np.concatenate(levels), at)),
+        float(np.quantile(np.concatenate(tops), 1.0 - rate)), float(np.quantile(np.concatenate(levels), at))
     )
 
 
@@ -131,9 +120,7 @@ class ScanResult:
     gain: float
 
 
-def scan(
-    fitter: Fitter, white: Groups, book: Dictionary, members: Sequence[Member]
-) -> list[ScanResult]:
+def scan(fitter: Fitter, white: Groups, book: Dictionary, members: Sequence[Member]) -> list[ScanResult]:
     """Each candidate that is not in a fit of `members`, at its best grid point, best first. Of two
     that differ by rounding alone the first one of the library precedes, on any machine.
     """

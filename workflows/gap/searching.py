@@ -40,16 +40,11 @@ def searching(
     generic = Groups(space.whiten(raw.columns), raw.starts, raw.one_sided)
     if known is None:
         rng = np.random.default_rng([plan.seed, 2])
-        known = thresholds(
-            white, generic, fitter.q, plan.settings.simulations, plan.settings.false_rate, rng
-        )
+        known = thresholds(white, generic, fitter.q, plan.settings.simulations, plan.settings.false_rate, rng)
     labels = np.tile(block_labels(setup.data), len(setup.data.outputs))
     roles = {c.name: c.role for c in setup.data.target.columns}
     forms = tuple(setup.forms) * len(setup.data.outputs)
-    return (
-        Search(fitter, book, white, known, labels, plan.settings),
-        Remaining(generic, forms, which, roles),
-    )
+    return (Search(fitter, book, white, known, labels, plan.settings), Remaining(generic, forms, which, roles))
 
 
 def noise_of(setup: Setup, contributions: Sequence[Array]) -> tuple[Noise, ...]:
@@ -57,8 +52,7 @@ def noise_of(setup: Setup, contributions: Sequence[Array]) -> tuple[Noise, ...]:
     outputs = setup.data.outputs
     q = len(outputs)
     kept = [
-        np.column_stack(parts)
-        for parts in zip(*(np.split(x, q) for x in (setup.base, *contributions)), strict=True)
+        np.column_stack(parts) for parts in zip(*(np.split(x, q) for x in (setup.base, *contributions)), strict=True)
     ]
     remaining = remainders(
         np.split(setup.residual, q),

@@ -55,9 +55,7 @@ class Search:
         key = tuple(member.key for member in members)
         if key not in self._open:
             candidates = scan(self.fitter, self.white, self.book, members)
-            self._open[key] = [
-                candidate for candidate in candidates if not candidate.member.candidate.unread
-            ]
+            self._open[key] = [candidate for candidate in candidates if not candidate.member.candidate.unread]
         return self._open[key]
 
     def refined(self, members: Sequence[Member], candidates: Sequence[ScanResult]) -> list[Fit]:
@@ -66,9 +64,7 @@ class Search:
             return []
         best = self._reached(members, candidates[:REFINED])
         near = [
-            candidate
-            for candidate in candidates[:REFINED]
-            if candidate.gain > best - WITHIN and candidate.gain > 0
+            candidate for candidate in candidates[:REFINED] if candidate.gain > best - WITHIN and candidate.gain > 0
         ]
         fits = [self._grown(members, candidate.member) for candidate in near]
         return sorted(fits, key=lambda fit: fit.score)
@@ -154,16 +150,7 @@ def select(search: Search, quick: bool = False) -> Selection:
         if not better.real:
             rejected.add(frozenset(new))
             _note(
-                steps,
-                search,
-                fit,
-                after,
-                "reject",
-                name,
-                False,
-                "held-out rows are not predicted better",
-                gain,
-                better,
+                steps, search, fit, after, "reject", name, False, "held-out rows are not predicted better", gain, better
             )
             continue
         real |= dict.fromkeys(new, better)
@@ -182,13 +169,7 @@ def select(search: Search, quick: bool = False) -> Selection:
 
 
 def with_identified_by_likelihood(
-    search: Search,
-    before: Selection,
-    after: Selection,
-    name: str,
-    gain: float,
-    limit: float,
-    better: Improvement,
+    search: Search, before: Selection, after: Selection, name: str, gain: float, limit: float, better: Improvement
 ) -> Selection:
     """The path of a selection, followed by an effect that was selected by likelihood and by the
     changes of the other effects given that one.
@@ -197,22 +178,11 @@ def with_identified_by_likelihood(
     tested = search.tested(after.fit)
     _note(steps, search, before.fit, tested, "add", name, True, UNITS, gain, better)
     steps[-1] = replace(steps[-1], names=(*before.fit.names, name), threshold=limit)
-    dropped = [
-        effect_name for effect_name in before.fit.names if effect_name not in after.fit.names
-    ]
+    dropped = [effect_name for effect_name in before.fit.names if effect_name not in after.fit.names]
     added = [effect_name for effect_name in after.fit.names if effect_name not in before.fit.names]
     for action, names in (("drop", dropped), ("add", added)):
         if names:
-            _note(
-                steps,
-                search,
-                after.fit,
-                tested,
-                action,
-                ", ".join(names),
-                True,
-                f"fitted again given {name}",
-            )
+            _note(steps, search, after.fit, tested, action, ", ".join(names), True, f"fitted again given {name}")
             steps[-1] = replace(steps[-1], names=(*after.fit.names, name))
     return replace(after, steps=tuple(steps))
 
@@ -230,13 +200,9 @@ def _next(search: Search, fit: Fit, rejected: set[frozenset[str]]) -> Fit | None
     # the threshold is that of the grid: the gain of a finer fit is no evidence
     alone = {name for names in rejected if len(names) == 1 for name in names}
     candidates = [
-        candidate
-        for candidate in candidates
-        if candidate.member.name not in alone and candidate.gain > limit
+        candidate for candidate in candidates if candidate.member.name not in alone and candidate.gain > limit
     ]
-    fits = [
-        larger for larger in search.refined(fit.members, candidates) if fit.rss - larger.rss > limit
-    ]
+    fits = [larger for larger in search.refined(fit.members, candidates) if fit.rss - larger.rss > limit]
     fits = [larger for larger in fits if larger.score < fit.score]
     return fits[0] if fits else None
 
@@ -265,16 +231,11 @@ def masked(search: Search, fit: Fit, rejected: set[frozenset[str]]) -> Fit | Non
     best = min(fits, key=lambda pair_fit: pair_fit.score, default=None)
     if best is None or fit.rss - best.rss < TWO * limit or best.score > fit.score:
         return None
-    alone = [
-        search.fitter.fit(best.without(k)).rss - best.rss
-        for k in range(len(fit.members), len(best.members))
-    ]
+    alone = [search.fitter.fit(best.without(k)).rss - best.rss for k in range(len(fit.members), len(best.members))]
     return best if min(alone) > limit else None
 
 
-def _retested(
-    search: Search, fit: Fit, steps: list[Step], accepted: list[tuple[Fit, HeldOut]]
-) -> Fit:
+def _retested(search: Search, fit: Fit, steps: list[Step], accepted: list[tuple[Fit, HeldOut]]) -> Fit:
     """The fit after each effect was exchanged for every candidate, and dropped, where that is
     better.
     """
@@ -346,19 +307,12 @@ def _note(
     )
 
 
-def concluding(
-    search: Search, selection: Selection, fit: Fit, labels: Mapping[str, str]
-) -> tuple[Step, ...]:
+def concluding(search: Search, selection: Selection, fit: Fit, labels: Mapping[str, str]) -> tuple[Step, ...]:
     """The path of a selection, and its changes in the final fit: effects dropped or added, and
     generic terms (`labels` by their names). All held-out errors refer to the same noise.
     """
     count = max(search.fitter.space.count, 1)
-    errors = iter(
-        [
-            float(np.sqrt(np.sum(held_out_rows.white**2) / count))
-            for _, held_out_rows in selection.accepted
-        ]
-    )
+    errors = iter([float(np.sqrt(np.sum(held_out_rows.white**2) / count)) for _, held_out_rows in selection.accepted])
     path = [step for step in selection.steps if step.reason not in (NO_FORM, BESIDE, TERM)]
     steps = [replace(step, held_out=next(errors)) if step.accepted else step for step in path]
     named = tuple(name for name in fit.names if name not in labels)
@@ -366,11 +320,7 @@ def concluding(
     dropped = [name for name in selection.identified if name not in named]
     added = [name for name in named if name not in selection.identified]
     terms = [labels[name] for name in fit.names if name in labels]
-    for action, names, why in (
-        ("drop", dropped, NO_FORM),
-        ("add", added, BESIDE),
-        ("add", terms, TERM),
-    ):
+    for action, names, why in (("drop", dropped, NO_FORM), ("add", added, BESIDE), ("add", terms, TERM)):
         if names:
             _note(steps, search, fit, tested, action, ", ".join(names), True, why)
             steps[-1] = replace(steps[-1], names=named)

@@ -51,11 +51,7 @@ class _Best:
 
 
 def turned(
-    data: GapData,
-    predicted: Mapping[str, Array],
-    base: Array,
-    library: Sequence[Candidate],
-    columns: Columns,
+    data: GapData, predicted: Mapping[str, Array], base: Array, library: Sequence[Candidate], columns: Columns
 ) -> list[str]:
     """Sentences about outputs that fit far better with the opposite sign; `base` (N, p) is free."""
     if data.target.population or len(data) < LEAST:
@@ -95,14 +91,10 @@ def _falls(data: GapData, output: Output, predicted: Array) -> str:
     )
 
 
-def _blocks(
-    data: GapData, library: Sequence[Candidate], columns: Columns
-) -> Iterator[tuple[Candidate, Array]]:
+def _blocks(data: GapData, library: Sequence[Candidate], columns: Columns) -> Iterator[tuple[Candidate, Array]]:
     """Columns (N, m) of effects that act at the output, for some of their nonlinear parameters."""
     for candidate in library:
-        inside = candidate.effect.place(data.target) is not None or isinstance(
-            candidate.effect, InsideSeveral
-        )
+        inside = candidate.effect.place(data.target) is not None or isinstance(candidate.effect, InsideSeveral)
         if candidate.is_nonlinear or inside:
             continue
         shapes = grid(candidate, 1.0)
@@ -118,9 +110,7 @@ def _best(gap: Array, blocks: Sequence[tuple[Candidate, Array]]) -> _Best:
     whole, name, taken = float(gap @ gap), "", set[str]()
     for _ in range(STEPS):
         tried = [
-            (*_residual_of(gap, candidate, x), candidate)
-            for candidate, x in blocks
-            if candidate.name not in taken
+            (*_residual_of(gap, candidate, x), candidate) for candidate, x in blocks if candidate.name not in taken
         ]
         if not tried:
             break
@@ -162,25 +152,15 @@ def _within(x: Array, gap: Array, low: Array, high: Array) -> Array:
     return sizes
 
 
-def _note(
-    data: GapData, output: str, way: str, best: _Best, as_given: _Best, library: Sequence[Candidate]
-) -> str:
+def _note(data: GapData, output: str, way: str, best: _Best, as_given: _Best, library: Sequence[Candidate]) -> str:
     """The note about one output."""
     ratio = np.sqrt(as_given.rss / max(best.rss, 1e-300))
     head = f"is the sign of {output} the other way round? "
     if way == "reading":
         what = f"Turned, it is {ratio:.3g} times nearer to its prediction"
         more = f" with {best.name}" if best.name else ""
-        return (
-            f"{head}{what}{more}; give it sense = -1 if a positive reading means the opposite "
-            "of docs/conventions.md"
-        )
-    needs = {
-        role
-        for candidate in library
-        if candidate.name == best.name
-        for role in candidate.effect.needs
-    }
+        return f"{head}{what}{more}; give it sense = -1 if a positive reading means the opposite of docs/conventions.md"
+    needs = {role for candidate in library if candidate.name == best.name for role in candidate.effect.needs}
     acting = [c.name for c in data.target.columns if c.role in needs]
     of = f", or {' or '.join(acting)}," if acting else ""
     of_what = f" ({best.name} first)" if best.name else ""

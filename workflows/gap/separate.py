@@ -123,10 +123,7 @@ def _difference(setup: Setup, levels: Array, design: Design, fit: Fit, rival: Fi
     columns = Columns(data, predictor(setup.plan, data) if setup.plan.model else _nothing(data))
     level = np.repeat(levels, len(data))
     mine = sum(
-        (
-            columns.of(m.candidate, m.shape) @ c
-            for m, c in zip(fit.members, fit.coefficients, strict=True)
-        ),
+        (columns.of(m.candidate, m.shape) @ c for m, c in zip(fit.members, fit.coefficients, strict=True)),
         np.zeros(len(level)),
     )
     free = [columns.of(m.candidate, m.shape) for m in rival.members]
@@ -146,10 +143,4 @@ def _nothing(data: GapData) -> Any:
 def _at(data: GapData, table: Mapping[str, NDArray[Any]]) -> GapData:
     """The data's columns at other operating points."""
     n = len(next(iter(table.values())))
-    return replace(
-        data,
-        readings=readings_of(data.target.columns, table),
-        rows=np.arange(n),
-        measured={},
-        predicted={},
-    )
+    return replace(data, readings=readings_of(data.target.columns, table), rows=np.arange(n), measured={}, predicted={})

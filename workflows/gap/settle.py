@@ -118,9 +118,7 @@ class Settling:
         return self._predicts_as_well(self.search.tested(fit))
 
     def _predicts_as_well(self, tested: HeldOut) -> bool:
-        return predicts_as_well(
-            tested, [held_out for _, held_out in self.accepted], self.search.labels
-        )
+        return predicts_as_well(tested, [held_out for _, held_out in self.accepted], self.search.labels)
 
     def _first_that_holds(self, answers: Sequence[Fit], barred: frozenset[str]) -> Fit:
         """The first answer that holds, effects first, then terms, perhaps with forms that were not
@@ -236,9 +234,7 @@ class Settling:
             return
         starts = [(fit, limit)]
         starts += [
-            (search.fitter.fit(fit.without(k)), limit)
-            for k, member in enumerate(fit.members)
-            if is_term(member)
+            (search.fitter.fit(fit.without(k)), limit) for k, member in enumerate(fit.members) if is_term(member)
         ]
         for start, needed in starts:
             candidates = [
@@ -247,10 +243,7 @@ class Settling:
                 if candidate.gain > needed and candidate.member.name not in barred
             ]
             for larger in search.refined(start.members, candidates)[:TRIED]:
-                if (
-                    start.rss - larger.rss > max(needed, self.least)
-                    and larger.score < fit.score - 1e-3
-                ):
+                if start.rss - larger.rss > max(needed, self.least) and larger.score < fit.score - 1e-3:
                     yield larger
 
     def _forms(self, fit: Fit, barred: set[str]) -> Iterator[Fit]:

@@ -114,11 +114,7 @@ def residual_of(setup: Setup, fit: Fit, but: Sequence[str] = ()) -> Array:
 def nameless(data: GapData, laws: Mapping[str, Law]) -> str:
     """Why no cause can be identified from a batch; empty where one can."""
     if laws and len(data) < LEAST_NAMED:
-        return (
-            f"cannot tell with n = {len(data)}: no cause is identified from fewer than "
-            f"{LEAST_NAMED} "
-            "units"
-        )
+        return f"cannot tell with n = {len(data)}: no cause is identified from fewer than {LEAST_NAMED} units"
     for name, law in laws.items():
         if np.std(data.measured[name]) < SAME_UNIT * law.std:
             return (
@@ -136,10 +132,7 @@ def moved_to(setup: Setup, at: Mapping[str, float], changes: Mapping[str, Array]
 
 
 def _parts(
-    plan: GapPlan,
-    data: GapData,
-    at: Mapping[str, float],
-    changes: Mapping[str, Array] = NO_CHANGES,
+    plan: GapPlan, data: GapData, at: Mapping[str, float], changes: Mapping[str, Array] = NO_CHANGES
 ) -> dict[str, Any]:
     """The fields of a setup that depend on the parameters of the model."""
     predict = predictor(plan, data, plan.rebuild(at) if plan.rebuild and at else None)
@@ -185,11 +178,7 @@ def recalibrated(plan: GapPlan, data: GapData, predicted: Mapping[str, Array]) -
     measured = data.stacked(data.measured)
     zeros = zeros_of(data)
     scale = np.repeat(
-        [
-            max(float(np.std(data.measured[o.name] - predicted[o.name])), 1e-300)
-            for o in data.outputs
-        ],
-        len(data),
+        [max(float(np.std(data.measured[o.name] - predicted[o.name])), 1e-300) for o in data.outputs], len(data)
     )
     q = basis(zeros / scale[:, None])
 
@@ -213,10 +202,7 @@ def recalibrated(plan: GapPlan, data: GapData, predicted: Mapping[str, Array]) -
 
 
 def _gradient(
-    plan: GapPlan,
-    data: GapData,
-    at: Mapping[str, float],
-    changes: Mapping[str, Array] = NO_CHANGES,
+    plan: GapPlan, data: GapData, at: Mapping[str, float], changes: Mapping[str, Array] = NO_CHANGES
 ) -> tuple[tuple[str, ...], Array]:
     """Free parameters with an effect on the outputs, and the change (N, p) per tolerance of
     each.
@@ -224,10 +210,7 @@ def _gradient(
     count = len(data) * len(data.outputs)
     names, columns = [], []
     for name, tolerance in plan.free.items() if plan.rebuild is not None else ():
-        up, down = (
-            _moved(plan, data, {**at, name: at[name] + s * STEP * tolerance}, changes)
-            for s in (1.0, -1.0)
-        )
+        up, down = (_moved(plan, data, {**at, name: at[name] + s * STEP * tolerance}, changes) for s in (1.0, -1.0))
         column = (up - down) / (2.0 * STEP)
         if np.isfinite(column).all() and np.abs(column).max(initial=0.0) > 0.0:
             names.append(name)
@@ -245,10 +228,7 @@ def nominal(plan: GapPlan, name: str) -> float:
 
 
 def _moved(
-    plan: GapPlan,
-    data: GapData,
-    parameters: Mapping[str, float],
-    changes: Mapping[str, Array] = NO_CHANGES,
+    plan: GapPlan, data: GapData, parameters: Mapping[str, float], changes: Mapping[str, Array] = NO_CHANGES
 ) -> Array:
     assert plan.rebuild is not None
     predict = predictor(plan, data, plan.rebuild(parameters))

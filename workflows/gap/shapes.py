@@ -22,25 +22,14 @@ def shape_records(end: Ending) -> tuple[Shape, ...]:
     analysis, search = end.analysis, end.analysis.search
     generic = analysis.null_model.generic
     misfit_shapes = () if analysis.misfit is None else (_of_misfit(end, analysis.misfit),)
-    settled = (
-        not analysis.identified.withdrawn
-        and not end.remains
-        and not analysis.identified.significant
-    )
+    settled = not analysis.identified.withdrawn and not end.remains and not analysis.identified.significant
     if not analysis.significant or (end.identified and settled):
         return misfit_shapes
     fit = search.fitter.fit([end.fit.members[at] for at in end.identified])
     remaining = generic_residual(fit, search.fitter, generic)
     lost = struck_of(analysis)
     records = shapes(
-        end.setup,
-        search.fitter,
-        generic,
-        analysis.identified,
-        remaining,
-        fit,
-        search.thresholds.generic,
-        lost,
+        end.setup, search.fitter, generic, analysis.identified, remaining, fit, search.thresholds.generic, lost
     )
     if end.verdict == "unnamed" and end.setup.plan.settings.empirical:
         records = tuple(_with_formula(end, shape, fit) for shape in records)
@@ -49,9 +38,7 @@ def shape_records(end: Ending) -> tuple[Shape, ...]:
 
 def _with_formula(end: Ending, shape: Shape, fit: Fit) -> Shape:
     text = _formula(end, shape, fit)
-    return (
-        replace(shape, empirical=text, text=f"{shape.text}; empirical: {text}") if text else shape
-    )
+    return replace(shape, empirical=text, text=f"{shape.text}; empirical: {text}") if text else shape
 
 
 def _formula(end: Ending, shape: Shape, fit: Fit) -> str:
@@ -72,9 +59,7 @@ def _formula(end: Ending, shape: Shape, fit: Fit) -> str:
     if shape.direction == "odd":
         sign = np.asarray(setup.data.readings[Role.DIRECTION], dtype=float)
         y = y * sign
-    curve = Curve(
-        x[good], y[good], noise.sigma[good], end.analysis.search.labels[rows][good], period
-    )
+    curve = Curve(x[good], y[good], noise.sigma[good], end.analysis.search.labels[rows][good], period)
     text = empirical(curve, name)
     return f"direction ({text})" if text and shape.direction == "odd" else text
 

@@ -29,9 +29,7 @@ class Space:
     @property
     def count(self) -> int:
         """The number of measurements that count."""
-        return self.rows_per_output * len(self.noises) - sum(
-            noise.outliers for noise in self.noises
-        )
+        return self.rows_per_output * len(self.noises) - sum(noise.outliers for noise in self.noises)
 
     @property
     def is_plain(self) -> bool:

@@ -20,11 +20,7 @@ NODES = 1e-9
 
 
 def spectrum(
-    data: GapData,
-    before: dict[str, Array],
-    after: dict[str, Array],
-    noise: dict[str, float],
-    limit: float,
+    data: GapData, before: dict[str, Array], after: dict[str, Array], noise: dict[str, float], limit: float
 ) -> pd.DataFrame:
     """Amplitude of each order in the residuals (n,) by output, and the threshold that noise
     reaches.

@@ -67,11 +67,7 @@ class Chunk:
 
 
 def bootstrap(
-    analysis: Analysis,
-    fit: Fit,
-    kept: Replicates,
-    workers: Execution | int = 1,
-    tell: Tell = silent,
+    analysis: Analysis, fit: Fit, kept: Replicates, workers: Execution | int = 1, tell: Tell = silent
 ) -> Spread:
     """The selection repeated on records with the residuals of `fit`, drawn in blocks.
 
@@ -86,9 +82,7 @@ def bootstrap(
     with executor_of(workers) as executor:
         size = max(1, min(CHUNK, len(missing) // (4 * max(1, executor.workers))))
         name = secrets.token_hex(8)
-        chunks = iter(
-            [Chunk(tuple(missing[at : at + size]), name) for at in range(0, len(missing), size)]
-        )
+        chunks = iter([Chunk(tuple(missing[at : at + size]), name) for at in range(0, len(missing), size)])
         for chunk, outcome in executor.completed(task, lambda: next(chunks, None)):
             if isinstance(outcome, Lost):
                 raise RunError(
@@ -97,11 +91,7 @@ def bootstrap(
                 )
             kept.keep(outcome)
             done, remaining = len(kept.found) - already_kept, len(kept.missing(count))
-            tell(
-                GapProgress(
-                    PHASE, count - remaining, count, (time.monotonic() - begin) * remaining / done
-                )
-            )
+            tell(GapProgress(PHASE, count - remaining, count, (time.monotonic() - begin) * remaining / done))
     return Spread(tuple(kept.found[number] for number in range(count)), plan.settings.interval)
 
 

@@ -18,9 +18,7 @@ LEAST = 12
 """Rows, or units of a batch, below which nothing is distinguishable from noise."""
 
 
-def numbered(
-    cells: pd.DataFrame, columns: Sequence[Column], place: str, notes: list[str]
-) -> pd.DataFrame:
+def numbered(cells: pd.DataFrame, columns: Sequence[Column], place: str, notes: list[str]) -> pd.DataFrame:
     """The cells with a number for each unit. Labels such as RG20-1203 are numbered in their order
     unless the model takes names; without a column of units every row is a unit.
     """
@@ -39,10 +37,7 @@ def numbered(
     if pd.to_numeric(filled, errors="coerce").notna().all():
         return cells
     number, names = pd.factorize(filled)
-    notes.append(
-        f"{place}: {len(names)} labels of units ({names[0]}, ...) are numbered in the order of "
-        "the rows"
-    )
+    notes.append(f"{place}: {len(names)} labels of units ({names[0]}, ...) are numbered in the order of the rows")
     return cells.assign(**{name: pd.Series(number + 1, index=filled.index).reindex(cells.index)})
 
 
@@ -62,10 +57,7 @@ def one_per_unit(
     number = frame.groupby(labels, sort=False, dropna=False).ngroup().to_numpy()
     units, rows = len(np.unique(number)), len(frame)
     if units < LEAST:
-        text = (
-            f"holds {units} units in {rows} rows: cannot tell with n = {units}; a batch needs "
-            f"at least {LEAST} units"
-        )
+        text = f"holds {units} units in {rows} rows: cannot tell with n = {units}; a batch needs at least {LEAST} units"
         return frame, [Fault(place, text)]
     repeat = next((c.name for c in columns if c.role is Role.REPEAT and c.name in frame), None)
     if units < rows and repeat is None:
@@ -78,9 +70,7 @@ def one_per_unit(
     if units < rows:
         notes.append(f"{rows} readings of {units} units: each unit is the mean of its readings")
     merged = frame.drop(columns=repeat).groupby(number, sort=True)
-    means = merged.agg(
-        {name: "first" if name in labels else "mean" for name in frame.columns if name != repeat}
-    )
+    means = merged.agg({name: "first" if name in labels else "mean" for name in frame.columns if name != repeat})
     return means.set_axis(frame.index[~pd.Series(number).duplicated().to_numpy()]), []
 
 
@@ -102,8 +92,5 @@ def too_few(frame: pd.DataFrame, columns: Sequence[Column], place: str) -> list[
     if name is None or name not in frame or frame.empty:
         return []
     units = frame[name].nunique()
-    text = (
-        f"holds {units} units in {len(frame)} rows: cannot tell with n = {units}; give at "
-        f"least {SEVERAL} units"
-    )
+    text = f"holds {units} units in {len(frame)} rows: cannot tell with n = {units}; give at least {SEVERAL} units"
     return [Fault(place, text)] if units < SEVERAL else []

@@ -160,9 +160,7 @@ def _within(q: NDArray[Any], fitter: Fitter, named: Sequence[Member]) -> list[Ar
 
 
 def _mixed(term: Term, data: GapData, mix: Array) -> Member:
-    return _member(
-        Unresolved(term, mix if mix.shape[1] < term.count or term.count > 1 else None), data
-    )
+    return _member(Unresolved(term, mix if mix.shape[1] < term.count or term.count > 1 else None), data)
 
 
 def _member(effect: Unresolved, data: GapData) -> Member:

@@ -89,12 +89,7 @@ def _effect(effect: FoundEffect) -> dict[str, Any]:
         "family": effect.family,
         "cause": effect.cause,
         "parameters": {
-            p.name: {
-                "value": p.value,
-                "interval": [p.low, p.high],
-                "unit": p.unit,
-                "meaning": p.meaning,
-            }
+            p.name: {"value": p.value, "interval": [p.low, p.high], "unit": p.unit, "meaning": p.meaning}
             for p in effect.parameters
         },
         "in_problem": effect.in_problem,

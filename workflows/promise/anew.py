@@ -35,11 +35,7 @@ def cheapest_at(problem: ToleranceProblem, levels: Mapping[str, float]) -> Toler
 def known_of(problem: ToleranceProblem) -> dict[str, Knowledge]:
     """What is known of parts or variables from their samples, by name."""
     if isinstance(problem, Stack):
-        return {
-            part.name: part.sample.knowledge
-            for part in problem.definition.parts
-            if part.sample is not None
-        }
+        return {part.name: part.sample.knowledge for part in problem.definition.parts if part.sample is not None}
     return {
         name: setting.sample.knowledge
         for name, setting in problem.settings.variables.items()
@@ -53,8 +49,7 @@ def with_knowledge(problem: ToleranceProblem, known: Mapping[str, Knowledge]) ->
         return of_stacks.with_knowledge(problem, known)
     kinds = {v.name: v.kind for v in problem.variables}
     settings = {
-        name: _variable(problem.given.variables[name], kinds[name], knowledge)
-        for name, knowledge in known.items()
+        name: _variable(problem.given.variables[name], kinds[name], knowledge) for name, knowledge in known.items()
     }
     variables = dict(problem.given.variables) | settings
     return type(problem)(replace(problem.given, variables=variables))

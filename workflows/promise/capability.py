@@ -9,21 +9,7 @@ import pandas as pd
 from ...problems.interfaces import Checks
 from ...problems.tolerance_problem import ToleranceProblem
 
-KNOWN = (
-    "part",
-    "parts",
-    "unit",
-    "mean",
-    "std",
-    "made_to",
-    "df",
-    "type",
-    "index",
-    "value",
-    "low",
-    "high",
-    "departures",
-)
+KNOWN = ("part", "parts", "unit", "mean", "std", "made_to", "df", "type", "index", "value", "low", "high", "departures")
 
 
 def capability_table(problem: ToleranceProblem) -> pd.DataFrame:

@@ -12,8 +12,5 @@ def promised_limits(problem: ToleranceProblem) -> set[str]:
         return set()
     if isinstance(problem, Stack) and problem.promises is not None:
         output = problem.promise.output
-        return {
-            requirement.measured.name(output)
-            for requirement in problem.promises.requirement_promises
-        }
+        return {requirement.measured.name(output) for requirement in problem.promises.requirement_promises}
     return {problem.promise.output}

@@ -44,9 +44,7 @@ COLUMNS = (
 )
 
 
-def next_parts(
-    problem: ToleranceProblem, first: int = FIRST, least: Least | None = None
-) -> pd.DataFrame:
+def next_parts(problem: ToleranceProblem, first: int = FIRST, least: Least | None = None) -> pd.DataFrame:
     """The ranking of the measured parts of a problem with an assured promise and no objective but
     the cost. `least` is its least cost where that is known.
 
@@ -89,9 +87,7 @@ def shadow_gain(problem: ToleranceProblem, name: str, start: Solved | None = Non
     `start` is the form of the problem with its least cost, where it is known.
     """
     start = start or solved(problem)
-    better_known = closed_form(
-        with_knowledge(problem, {name: with_more(known_of(problem)[name], 1.0)})
-    )
+    better_known = closed_form(with_knowledge(problem, {name: with_more(known_of(problem)[name], 1.0)}))
     if start is None or better_known is None:
         return 0.0
     form, optimum = start
@@ -170,14 +166,6 @@ def with_more(known: Knowledge, ratio: float) -> Knowledge:
     gauge = known.difference
     if gauge is not None:
         gauge = replace(
-            gauge,
-            measured=gauge.gauge + variance_ratio * gauge.part_variance,
-            measured_df=gauge.measured_df + MORE,
+            gauge, measured=gauge.gauge + variance_ratio * gauge.part_variance, measured_df=gauge.measured_df + MORE
         )
-    return replace(
-        known,
-        std=known.std * float(np.sqrt(variance_ratio)),
-        n=known.n + MORE,
-        df=df,
-        difference=gauge,
-    )
+    return replace(known, std=known.std * float(np.sqrt(variance_ratio)), n=known.n + MORE, df=df, difference=gauge)

@@ -72,9 +72,7 @@ def promise_outcome(
     return PromiseOutcome(summary, sentence(summary, promise.words(), costs), costs, ranking)
 
 
-def _least(
-    problem: ToleranceProblem, design: Array, promise: Promise, levels: Mapping[str, float]
-) -> Least:
+def _least(problem: ToleranceProblem, design: Array, promise: Promise, levels: Mapping[str, float]) -> Least:
     """The least cost by a statement; with one objective and the run's own statement it is that of
     the run, where the problem is tested on units or nothing cheaper is found.
     """
@@ -126,10 +124,7 @@ def by_statement(problem: ToleranceProblem, least: Mapping[str, Least]) -> pd.Da
         if np.isfinite(allocation.cost):
             outputs = with_statement(problem, statement).outputs_of(allocation.design[None, :])
             values = {name: float(value[0]) for name, value in outputs.items()}
-            assurances = {
-                YIELD: _least_of(values, promise.of),
-                ASSURANCE: _least_of(values, ASSURANCE),
-            }
+            assurances = {YIELD: _least_of(values, promise.of), ASSURANCE: _least_of(values, ASSURANCE)}
         rows.append({"statement": statement, "cost": allocation.cost, **assurances})
     table = pd.DataFrame(rows)
     table["dearer_percent"] = 100.0 * (table["cost"] / table["cost"].iloc[0] - 1.0)
@@ -147,10 +142,7 @@ def sentence(summary: dict[str, Any], words: str, costs: pd.DataFrame) -> str:
     kept = float(summary[ASSURANCE])
     text = f"Promised: {words}"
     if summary["assured_withheld"] and summary["statement"] == ASSURED:
-        text += (
-            f" (if all parts were normal; it is not called assured, for "
-            f"{'; '.join(summary['assured_withheld'])})"
-        )
+        text += f" (if all parts were normal; it is not called assured, for {'; '.join(summary['assured_withheld'])})"
     text += f"; given the uncertainty of the samples it is kept with a probability of {kept:.1f} %"
     if summary.get("kept") is False:
         text += ", less than the confidence that was asked for: it is not assured"

@@ -73,9 +73,7 @@ def review(
             f"({100.0 * abs(1.0 - least.cost / cost):.2g} %), {_compliance(reset, least.design)}"
         )
     else:
-        lines.append(
-            "no allocation keeps the promise by the present parts, even at the tightest tolerances"
-        )
+        lines.append("no allocation keeps the promise by the present parts, even at the tightest tolerances")
     then, latest = characteristics(before), characteristics(now)
     shown = [
         name
@@ -84,15 +82,12 @@ def review(
     ]
     saved = _savings(reset or before, design, least.design)
     rows = [
-        _row(then[name], latest[name], design, least.design, name in made)
-        | {"saving": saved[then[name].at]}
+        _row(then[name], latest[name], design, least.design, name in made) | {"saving": saved[then[name].at]}
         for name in shown
     ]
     for name in made:
         sample = latest[name].sample
-        lines += [
-            f"{name} {finding.text}" for finding in (sample.findings if sample is not None else ())
-        ]
+        lines += [f"{name} {finding.text}" for finding in (sample.findings if sample is not None else ())]
     if since is not None:
         lines += _since(since, now, earlier, design)
     if attributed:
@@ -102,11 +97,7 @@ def review(
 
 def _full(problem: ToleranceProblem, design: Mapping[str, float]) -> Array:
     """A full design (all variables,) with the tolerances of the drawing."""
-    full = (
-        problem.corner(tight=True)
-        if isinstance(problem, Stack)
-        else problem.complete(problem.xl[None, :])[0]
-    )
+    full = problem.corner(tight=True) if isinstance(problem, Stack) else problem.complete(problem.xl[None, :])[0]
     for at, name in enumerate(problem.names):
         full[at] = problem.fixed.get(name, float(design.get(name, full[at])))
     return full
@@ -129,9 +120,7 @@ def _compliance(problem: ToleranceProblem, design: Array) -> str:
     assert promise is not None
     least = {
         name: min(
-            float(value[0])
-            for key, value in outputs.items()
-            if key.split(".")[-1] == name and np.isfinite(value[0])
+            float(value[0]) for key, value in outputs.items() if key.split(".")[-1] == name and np.isfinite(value[0])
         )
         for name in (promise.of, ASSURANCE)
     }
@@ -191,18 +180,12 @@ def characteristics(problem: ToleranceProblem) -> dict[str, Characteristic]:
         setting = problem.settings.variables[v.name]
         if v.tolerance and not v.integer:
             cp = np.nan if setting.distribution is None else _capability(setting.distribution)
-            by_name[v.name] = Characteristic(
-                v.name, v.unit, at, v.name, setting.sample, cp, v.name in problem.fixed
-            )
+            by_name[v.name] = Characteristic(v.name, v.unit, at, v.name, setting.sample, cp, v.name in problem.fixed)
     return by_name
 
 
 def _row(
-    then: Characteristic,
-    now: Characteristic,
-    design: Mapping[str, float],
-    new_design: Array,
-    made: bool,
+    then: Characteristic, now: Characteristic, design: Mapping[str, float], new_design: Array, made: bool
 ) -> dict[str, object]:
     """What changed of a characteristic, and what its tolerance should be."""
     new, sample = float(new_design[then.at]), now.sample
@@ -233,10 +216,7 @@ def _capability(law: Distribution) -> float:
 
 
 def _since(
-    since: ToleranceProblem,
-    now: ToleranceProblem,
-    made: Sequence[str],
-    design: Mapping[str, float],
+    since: ToleranceProblem, now: ToleranceProblem, made: Sequence[str], design: Mapping[str, float]
 ) -> list[str]:
     """How the parts differ from the earlier ones."""
     lines = [f"by the earlier parts: {_compliance(since, _full(since, design))}"]

@@ -22,11 +22,7 @@ DRAWS = 4000
 
 def withheld(problem: ToleranceProblem) -> list[str]:
     """Why the word "assured" is withheld, a phrase for each part; none where it is not."""
-    return [
-        f"{name} {why}"
-        for name, _, sample in Checks.of(problem).samples()
-        if (why := doubt(sample))
-    ]
+    return [f"{name} {why}" for name, _, sample in Checks.of(problem).samples() if (why := doubt(sample))]
 
 
 def shapely(stack: Stack) -> bool:

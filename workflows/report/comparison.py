@@ -32,9 +32,7 @@ def compared(runs: Mapping[str, RunResult]) -> tuple[Comparison | None, tuple[st
         if sorted(others) == sorted(names):
             alike[label] = run
         else:
-            remarks.append(
-                f"{label}: minimises {', '.join(others)}, and {first} {', '.join(names)}: left out"
-            )
+            remarks.append(f"{label}: minimises {', '.join(others)}, and {first} {', '.join(names)}: left out")
     if len(alike) < 2:
         return None, tuple(remarks)
     ideal, nadir, note = _box(alike, names)
@@ -73,17 +71,11 @@ def _box(runs: Mapping[str, RunResult], names: list[str]) -> tuple[np.ndarray, n
     return ideal, np.maximum(nadir, ideal + 1e-12), note
 
 
-def _table(
-    runs: Mapping[str, RunResult], names: list[str], ideal: np.ndarray, nadir: np.ndarray
-) -> pd.DataFrame:
+def _table(runs: Mapping[str, RunResult], names: list[str], ideal: np.ndarray, nadir: np.ndarray) -> pd.DataFrame:
     rows = []
     for label, run in runs.items():
         values = run.front[names].to_numpy(dtype=float)
-        row = {
-            "run": label,
-            "points": len(values),
-            "hypervolume": hypervolume(values, ideal, nadir),
-        }
+        row = {"run": label, "points": len(values), "hypervolume": hypervolume(values, ideal, nadir)}
         row |= {f"least {name}": low for name, low in zip(names, values.min(axis=0), strict=True)}
         row |= {key: run.summary.get(key) for key in ("evaluations", "seconds", "status", "seed")}
         statement = run.summary.get("model_statement")
@@ -109,9 +101,6 @@ def _equal(runs: Mapping[str, RunResult], objectives: tuple[Axis, ...]) -> pd.Da
         return pd.DataFrame()
     rows = []
     for level in np.linspace(low, high, LEVELS):
-        costs = {
-            label: front.loc[front[others[0]] <= level, COST].min()
-            for label, front in fronts.items()
-        }
+        costs = {label: front.loc[front[others[0]] <= level, COST].min() for label, front in fronts.items()}
         rows.append({others[0]: level} | {f"cost, {label}": cost for label, cost in costs.items()})
     return pd.DataFrame(rows)

@@ -202,9 +202,9 @@ def _faults(folder: Path, kind: str, remarks: Sequence[str]) -> list[Fault]:
     more = "nothing can be shown of it"
     if kind != "run":
         more += f"; run `tolevo {kind}` on it again, with --resume"
-    return [
-        Fault(f"{folder}/{remark.split(': ')[0]}", remark.split(": ", 1)[1]) for remark in remarks
-    ] + [Fault(str(folder), more)]
+    return [Fault(f"{folder}/{remark.split(': ')[0]}", remark.split(": ", 1)[1]) for remark in remarks] + [
+        Fault(str(folder), more)
+    ]
 
 
 def _several(folders: Sequence[Path], out: Path, figures: Path | None) -> Report:

@@ -79,9 +79,7 @@ class Stored:
             return {}
         return content
 
-    def table(
-        self, name: str, numeric: Iterable[str] = (), needed: bool = True
-    ) -> pd.DataFrame | None:
+    def table(self, name: str, numeric: Iterable[str] = (), needed: bool = True) -> pd.DataFrame | None:
         """A CSV table; rows without a finite number in a column of `numeric` are left out."""
         if self.text(name, needed) is None:
             return None
@@ -90,9 +88,7 @@ class Stored:
         except (ValueError, OSError) as error:  # pandas' own errors are ValueErrors
             self.remark(name, f"is no table ({str(error).strip()}): was it edited by hand?")
             return None
-        blank = {
-            column: frame[column].astype(object).fillna("") for column in TEXT if column in frame
-        }
+        blank = {column: frame[column].astype(object).fillna("") for column in TEXT if column in frame}
         return self.numbered(frame.assign(**blank), name, numeric)
 
     def numbered(self, frame: pd.DataFrame, name: str, numeric: Iterable[str]) -> pd.DataFrame:

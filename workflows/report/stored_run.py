@@ -80,15 +80,8 @@ def stored_run(stored: Stored) -> RunResult | None:
     return RunResult(
         title=str(summary.get("title") or stored.folder.resolve().name),
         front=front,
-        references=_with(
-            references, ("label", "feasible", "violated_limits"), "references.csv", stored
-        ),
-        convergence=_with(
-            convergence,
-            ("evaluations", "hypervolume", "feasible_fraction"),
-            "convergence.csv",
-            stored,
-        ),
+        references=_with(references, ("label", "feasible", "violated_limits"), "references.csv", stored),
+        convergence=_with(convergence, ("evaluations", "hypervolume", "feasible_fraction"), "convergence.csv", stored),
         summary=summary,
         objectives=objectives,
         variables=tuple(axis for axis in variables if axis.name in front),
@@ -109,9 +102,7 @@ def _tolerances(stored: Stored) -> tuple[Mapping[str, Any], ...]:
         records = json.loads(stored.text(TOLERANCES) or "")
     except ValueError:
         records = None
-    if isinstance(records, list) and all(
-        isinstance(record, dict) and record.keys() >= NAMED for record in records
-    ):
+    if isinstance(records, list) and all(isinstance(record, dict) and record.keys() >= NAMED for record in records):
         return tuple(records)
     stored.remark(TOLERANCES, "is not what a run writes: was it edited by hand?")
     return ()
@@ -128,9 +119,7 @@ def _nothing(table: pd.DataFrame | None) -> bool:
     return table is None or table.empty
 
 
-def _with(
-    table: pd.DataFrame | None, needed: tuple[str, ...], name: str, stored: Stored
-) -> pd.DataFrame:
+def _with(table: pd.DataFrame | None, needed: tuple[str, ...], name: str, stored: Stored) -> pd.DataFrame:
     """The table, empty where there is none or a column is missing that the page reads."""
     if table is None:
         return pd.DataFrame()
@@ -158,24 +147,18 @@ def _front(stored: Stored, names: list[str]) -> pd.DataFrame:
 
 def _overlays(stored: Stored, names: list[str]) -> dict[str, pd.DataFrame]:
     """Fronts of other algorithms by label."""
-    overlays = _with(
-        stored.table(OVERLAYS, names, needed=False), ("label", *names), OVERLAYS, stored
-    )
+    overlays = _with(stored.table(OVERLAYS, names, needed=False), ("label", *names), OVERLAYS, stored)
     if overlays.empty:
         return {}
     groups = overlays.groupby(overlays["label"].astype(str), sort=False)
-    return {
-        str(label): front.drop(columns="label").reset_index(drop=True) for label, front in groups
-    }
+    return {str(label): front.drop(columns="label").reset_index(drop=True) for label, front in groups}
 
 
 def _optional(stored: Stored, points: int) -> dict[str, pd.DataFrame | None]:
     tables: dict[str, pd.DataFrame | None] = {}
     for field, name in OPTIONAL.items():
         table = stored.table(name, needed=False)
-        missing = [
-            column for column in NEEDED.get(field, ()) if table is not None and column not in table
-        ]
+        missing = [column for column in NEEDED.get(field, ()) if table is not None and column not in table]
         if table is not None and missing:
             stored.remark(name, f"has no column {', '.join(missing)}; left out")
             table = None
@@ -183,9 +166,7 @@ def _optional(stored: Stored, points: int) -> dict[str, pd.DataFrame | None]:
             rows = pd.to_numeric(table["point"], errors="coerce")
             inside = rows.between(0, points - 1)
             if not inside.all():
-                stored.remark(
-                    name, f"names points that front.csv has not ({points} rows): these are left out"
-                )
+                stored.remark(name, f"names points that front.csv has not ({points} rows): these are left out")
             table = table[inside].assign(point=rows[inside].astype("int64"))
         tables[field] = table
     return tables
@@ -215,14 +196,10 @@ def _typed(summary: dict[str, Any], stored: Stored) -> dict[str, Any]:
     for name, kind in kinds.items():
         if name in summary and not isinstance(summary[name], kind):
             stored.remark(SUMMARY, f"{name} is not what a run writes: was it edited by hand?")
-    return {
-        name: value for name, value in summary.items() if isinstance(value, kinds.get(name, object))
-    }
+    return {name: value for name, value in summary.items() if isinstance(value, kinds.get(name, object))}
 
 
-def _axes(
-    summary: Mapping[str, Any], configuration: str
-) -> tuple[tuple[Axis, ...], tuple[Axis, ...]]:
+def _axes(summary: Mapping[str, Any], configuration: str) -> tuple[tuple[Axis, ...], tuple[Axis, ...]]:
     """Objectives and variables; of an older run the objectives by its configuration."""
     axes = summary.get("axes") or {}
     named_axes = [
@@ -250,7 +227,5 @@ def _bars(summary: Mapping[str, Any]) -> tuple[Bars, ...]:
     for chart in summary.get("bars") or ():
         whole = isinstance(chart, dict) and {"title", "unit", "labels", "values"} <= chart.keys()
         if whole and len(chart["labels"]) == len(chart["values"]):
-            charts.append(
-                Bars(chart["title"], chart["unit"], tuple(chart["labels"]), tuple(chart["values"]))
-            )
+            charts.append(Bars(chart["title"], chart["unit"], tuple(chart["labels"]), tuple(chart["values"])))
     return tuple(charts)

@@ -128,9 +128,7 @@ def _replicates(folder: Path) -> dict[str, pd.DataFrame]:
                 values.setdefault((effect, parameter), []).append(float(value))
     rows = [
         {"effect": effect, "named in [%]": 100.0 * named[effect] / ended, "parameter": parameter}
-        | dict(
-            zip(("5 %", "median", "95 %"), np.quantile(estimates, (0.05, 0.5, 0.95)), strict=True)
-        )
+        | dict(zip(("5 %", "median", "95 %"), np.quantile(estimates, (0.05, 0.5, 0.95)), strict=True))
         for (effect, parameter), estimates in values.items()
     ]
     title = f"Effects in the {ended} replicates so far; the answer follows when all have ended"

@@ -41,11 +41,7 @@ def reproduce(
 
 
 def _reproduce(
-    plan: ReproducePlan,
-    place: Ownership,
-    executor: Executor,
-    progress: Report | None,
-    resume: bool,
+    plan: ReproducePlan, place: Ownership, executor: Executor, progress: Report | None, resume: bool
 ) -> ReproduceOutcome:
     tasks, out = tuple(tasks_of(plan)), place.folder
     if resume and holds_another(place):
@@ -75,11 +71,7 @@ def tasks_of(plan: ReproducePlan) -> Iterable[ClaimTask]:
 
 
 def _finish(
-    tasks: tuple[ClaimTask, ...],
-    known: dict[str, Checked],
-    out: Path,
-    executor: Executor,
-    progress: Report | None,
+    tasks: tuple[ClaimTask, ...], known: dict[str, Checked], out: Path, executor: Executor, progress: Report | None
 ) -> None:
     """Check what is not known yet, and keep each claim as soon as it is checked."""
     remaining = deque(task for task in tasks if task.key not in known)
@@ -92,9 +84,7 @@ def _finish(
 
     tell()
     with executor:
-        for task, outcome in executor.completed(
-            check, lambda: remaining.popleft() if remaining else None
-        ):
+        for task, outcome in executor.completed(check, lambda: remaining.popleft() if remaining else None):
             if isinstance(outcome, Lost):
                 raise RunError(f"claim {task.claim.id}: {outcome.reason}; {GO_ON}")
             known[task.key] = outcome

@@ -23,9 +23,7 @@ def assembled(plan: ReproducePlan, pairs: Pairs) -> ClaimsResult:
     rows = [row(documents[task.document].name, task.claim, checked) for task, checked in pairs]
     table = pd.DataFrame(rows)
     counts = pd.crosstab(table["document"], table["verdict"])
-    counts = counts.reindex(
-        index=[document.name for document in documents], columns=list(map(str, Word)), fill_value=0
-    )
+    counts = counts.reindex(index=[document.name for document in documents], columns=list(map(str, Word)), fill_value=0)
     return ClaimsResult(documents, table, counts.rename_axis(columns=None), tables_of(pairs))
 
 

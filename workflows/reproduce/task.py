@@ -68,10 +68,7 @@ def _read(task: ClaimTask, reading: Interpretation) -> tuple[Outcome, dict[str, 
         raise ModelError(f"claim {claim.id}, {reading.recipe.by}: {error}") from error
     except InputError as error:
         raise InputError(
-            [
-                type(fault)(f"claim {claim.id}: {fault.place}", fault.message)
-                for fault in error.faults
-            ]
+            [type(fault)(f"claim {claim.id}: {fault.place}", fault.message) for fault in error.faults]
         ) from error
     return outcome(claim, reading, quantities), dict(computed.tables)
 

@@ -66,8 +66,7 @@ def outcome(claim: Claim, reading: Interpretation, quantities: Sequence[Quantity
         tuple(quantity.standard_error for quantity in quantities),
         deviation,
         all(
-            _excess(claim, value, difference) <= 0.0
-            and _clear(claim, difference, quantity.standard_error)
+            _excess(claim, value, difference) <= 0.0 and _clear(claim, difference, quantity.standard_error)
             for value, difference, quantity in zip(computed, deviation, quantities, strict=True)
         ),
     )
@@ -135,9 +134,7 @@ def _doubtful(claim: Claim, result: Outcome) -> list[bool]:
     """Whether each value lies so near to its limit that chance decides."""
     return [
         error > 0.0 and abs(_excess(claim, value, difference)) < DOUBT * error
-        for value, difference, error in zip(
-            result.computed, result.deviation, result.standard_error, strict=True
-        )
+        for value, difference, error in zip(result.computed, result.deviation, result.standard_error, strict=True)
     ]
 
 
@@ -169,10 +166,7 @@ def _comparison(claim: Claim, result: Outcome) -> str:
         for value, deviation in zip(result.computed, result.deviation, strict=True)
     ):
         errors = with_unit(result.standard_error, claim.unit)
-        return (
-            f"{computed} is {words} {printed} by {difference}, which is less than two standard "
-            f"errors ({errors})"
-        )
+        return f"{computed} is {words} {printed} by {difference}, which is less than two standard errors ({errors})"
     return f"{computed} is {'' if result.holds else 'not '}{words} {printed} (by {difference})"
 
 

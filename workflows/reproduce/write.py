@@ -44,9 +44,7 @@ def flat(table: pd.DataFrame) -> pd.DataFrame:
 
 def claims_record(result: ClaimsResult) -> dict[str, Any]:
     """`claims.json`."""
-    claims = [
-        {str(key): value for key, value in row.items()} for row in result.table.to_dict("records")
-    ]
+    claims = [{str(key): value for key, value in row.items()} for row in result.table.to_dict("records")]
     return {
         "documents": [
             {
@@ -63,6 +61,4 @@ def claims_record(result: ClaimsResult) -> dict[str, Any]:
 
 def frame_of(table: ComputedTable) -> pd.DataFrame:
     """A table of a calculation, units in its names where they have one."""
-    return pd.DataFrame(
-        dict(zip((column.name for column in table.columns), table.values, strict=True))
-    )
+    return pd.DataFrame(dict(zip((column.name for column in table.columns), table.values, strict=True)))

@@ -32,12 +32,7 @@ def alternatives(problem: ToleranceProblem, front: pd.DataFrame) -> list[dict[st
         return []
     costs = [(label, _least(alternative, problem, row)) for label, alternative in others.items()]
     return [
-        {
-            "label": label,
-            "cost": cost,
-            "this": base_cost,
-            "more_percent": 100.0 * (cost / base_cost - 1.0),
-        }
+        {"label": label, "cost": cost, "this": base_cost, "more_percent": 100.0 * (cost / base_cost - 1.0)}
         for label, cost in costs
         if cost is not None
     ]
@@ -48,9 +43,7 @@ def sentences(rows: list[dict[str, Any]]) -> tuple[str, ...]:
     messages = []
     for row in rows:
         if abs(row["more_percent"]) < SAME:
-            messages.append(
-                f"{row['label']}: costs the same at equal R and equal other requirements"
-            )
+            messages.append(f"{row['label']}: costs the same at equal R and equal other requirements")
             continue
         side = "more" if row["more_percent"] >= 0.0 else "less"
         messages.append(
@@ -69,10 +62,7 @@ def _least(problem: ToleranceProblem, asked: ToleranceProblem, row: pd.Series[An
         return None
     names = {*asked.objectives, *(limit.name for limit in asked.limits)}
     limits = np.array(
-        [
-            float(row[name]) if {name, form.stands.get(name, "")} & names else np.inf
-            for name in form.outputs
-        ]
+        [float(row[name]) if {name, form.stands.get(name, "")} & names else np.inf for name in form.outputs]
     )
     used = np.isfinite(limits)
     if not np.any(used):

@@ -77,21 +77,14 @@ class Words:
             set() if self.problem.given.limits else set(self.problem.declaration.limits)
         )
         requested |= promised_limits(self.problem)
-        limits = [
-            self.limit(limit)
-            for limit in self.problem.limits
-            if limit.count and limit.name in requested
-        ]
+        limits = [self.limit(limit) for limit in self.problem.limits if limit.count and limit.name in requested]
         built_in = sum(limit.count > 0 for limit in self.problem.limits) - len(limits)
         if built_in > 0:
             plural = "limit" if built_in == 1 else "limits"
             limits.append(f"{built_in} {plural} that the problem sets itself")
         kept = f", with {', '.join(limits)}" if limits else ", without limits"
         tolerances = sum(v.tolerance for v in self.problem.free)
-        return (
-            f"{goal}{kept}; {tolerances} tolerances searched"
-            f"{self._and_others(len(self.problem.free) - tolerances)}."
-        )
+        return f"{goal}{kept}; {tolerances} tolerances searched{self._and_others(len(self.problem.free) - tolerances)}."
 
     @staticmethod
     def _and_others(count: int) -> str:
@@ -107,14 +100,11 @@ class Words:
         front = self.result.front
         row = front.iloc[self.point]
         if len(front) == 1:
-            limited = [
-                o.name for o in self.problem.limits if o.name in front and o.name not in self.names
-            ]
+            limited = [o.name for o in self.problem.limits if o.name in front and o.name not in self.names]
             more = f" (with {self.row(row, limited)})" if limited else ""
             return f"Found: {self.row(row)}{more}."
         ends = ", ".join(
-            f"{words(n)} {front[n].min():.4g} to {front[n].max():.4g} "
-            f"{self.units.get(n, '')}".rstrip()
+            f"{words(n)} {front[n].min():.4g} to {front[n].max():.4g} {self.units.get(n, '')}".rstrip()
             for n in self.names
         )
         choices = self.result.choices
@@ -140,24 +130,18 @@ class Words:
         published = f"The published allocation ({label}) has {self.row(row)}"
         if broken:
             values = ", ".join(
-                f"{self.value(n, float(row[n]))} instead of "
-                f"{self.limit(self._limit(n)).removeprefix(words(n)).strip()}"
+                f"{self.value(n, float(row[n]))} instead of {self.limit(self._limit(n)).removeprefix(words(n)).strip()}"
                 for n in broken
             )
             gains = self._gains(row, "relaxed_")
             if not gains:
                 return f"{published}, but breaks the limits ({values}): it cannot be compared."
-            return (
-                f"{published}, but breaks the limits ({values}): at the same looser limits {gains}."
-            )
+            return f"{published}, but breaks the limits ({values}): at the same looser limits {gains}."
         gains = self._gains(row, "")
         return (
             f"{published} and keeps all limits: {gains}."
             if gains
-            else (
-                f"{published} and keeps all limits; no point of the front is as good in every "
-                "other objective."
-            )
+            else (f"{published} and keeps all limits; no point of the front is as good in every other objective.")
         )
 
     def _limit(self, name: str) -> Limit:
@@ -201,11 +185,7 @@ class Words:
         priced = self._price(limit.name)
         if priced is not None:
             price, proven = priced
-            how = (
-                "by the multiplier of the proven optimum"
-                if proven
-                else "estimated by the conditions of an optimum"
-            )
+            how = "by the multiplier of the proven optimum" if proven else "estimated by the conditions of an optimum"
             step = _step(limit)
             unit = f" {limit.unit}".rstrip()
             cost = f" {self.units[COST]}".rstrip()
@@ -215,8 +195,7 @@ class Words:
             )
         relaxed = self._relaxed(limit.name)
         return relaxed or (
-            f"{where} the limit of {text} binds; its price is not known, because the model gives "
-            "no derivative of it."
+            f"{where} the limit of {text} binds; its price is not known, because the model gives no derivative of it."
         )
 
     def _price(self, name: str) -> tuple[float, bool] | None:

@@ -39,17 +39,12 @@ def with_assumptions(
 
     def phase(fraction: float) -> None:
         if progress is not None and history:
-            now = replace(
-                history[-1], phase="what assumptions cost", share=fraction, remaining=None
-            )
+            now = replace(history[-1], phase="what assumptions cost", share=fraction, remaining=None)
             progress(now)
 
     point = result.front.iloc[[chosen[0]]]
     level = _aim(point, problem)
-    ends = [
-        np.array([result.summary[end][name] for name in problem.objectives])
-        for end in ("ideal", "nadir")
-    ]
+    ends = [np.array([result.summary[end][name] for name in problem.objectives]) for end in ("ideal", "nadir")]
     unit = np.maximum(ends[1] - ends[0], 1e-12)
     more = np.zeros(len(unit))
     if level is not None and level[0] in problem.objectives:
@@ -70,9 +65,7 @@ def _aim(point: pd.DataFrame, problem: ToleranceProblem) -> tuple[str, float] | 
     return limit if abs(float(point[limit[0]].iloc[0]) / limit[1] - 1.0) <= NEAR else None
 
 
-def _held_outputs(
-    point: pd.DataFrame, problem: ToleranceProblem, level: tuple[str, float] | None
-) -> dict[str, float]:
+def _held_outputs(point: pd.DataFrame, problem: ToleranceProblem, level: tuple[str, float] | None) -> dict[str, float]:
     """The outputs that are held, with their values as they are reported."""
     held = [name for name in problem.objectives if name != "cost"]
     outputs = {name: float(point[name].iloc[0]) for name in held}
@@ -82,10 +75,7 @@ def _held_outputs(
             for limit in problem.limits
             if limit.name.startswith(RIGID)
         }
-    return {
-        name: level[1] if level and level[0] == name and held else value
-        for name, value in outputs.items()
-    }
+    return {name: level[1] if level and level[0] == name and held else value for name, value in outputs.items()}
 
 
 def assumptions_cost(
@@ -130,10 +120,7 @@ def _applicable(problem: ToleranceProblem) -> bool:
 
 
 def _rows(
-    problem: ToleranceProblem,
-    variants: tuple[Variant, ...],
-    design: Array,
-    scale: tuple[Array, Array],
+    problem: ToleranceProblem, variants: tuple[Variant, ...], design: Array, scale: tuple[Array, Array]
 ) -> Iterator[dict[str, Any]]:
     free = [problem.names.index(v.name) for v in problem.free]
     x = np.clip(design[free], problem.xl, problem.xu)

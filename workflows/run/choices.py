@@ -17,9 +17,7 @@ FORMAT = 1
 """Version of the files of a run: `summary.json` names it; a reader refuses what is newer."""
 
 
-def with_choices(
-    result: RunResult, decisions: Decisions, plan: RunPlan, exact: Exact | None
-) -> RunResult:
+def with_choices(result: RunResult, decisions: Decisions, plan: RunPlan, exact: Exact | None) -> RunResult:
     """The result with its choices, and with all that the page needs in the summary."""
     summary = dict(result.summary) | {
         "choices": _short(decisions.choices, plan.problem),
@@ -54,19 +52,13 @@ def _short(choices: pd.DataFrame, problem: ToleranceProblem) -> dict[str, object
     kept = ["point", "meaning", *problem.objectives, "rounded_feasible", "unchanged_percent"]
     kept += [f"rounded_{name}" for name in problem.objectives]
     kept += ["model"] if "model" in choices else []
-    return {
-        str(row["choice"]): {name: row[name] for name in kept} for row in choices.to_dict("records")
-    }
+    return {str(row["choice"]): {name: row[name] for name in kept} for row in choices.to_dict("records")}
 
 
 def _rounding(decisions: Decisions, plan: RunPlan) -> list[dict[str, str]]:
     """How each variable is rounded, and whether the configuration says so."""
     return [
-        {
-            "variable": name,
-            "rule": rule,
-            "set_by": "configuration" if name in plan.choice.steps else "default",
-        }
+        {"variable": name, "rule": rule, "set_by": "configuration" if name in plan.choice.steps else "default"}
         for name, rule in decisions.rounding.items()
     ]
 

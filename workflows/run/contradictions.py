@@ -50,11 +50,7 @@ def contradictions(problem: ToleranceProblem, algorithm: str) -> list[Fault]:
 def _below_half(problem: ToleranceProblem) -> list[Fault]:
     """Yields below one half of requirements that `exact` is to prove."""
     measured = problem.measured if isinstance(problem, Stack) else ()
-    lawful = {
-        requirement.name("yield_percent")
-        for requirement in measured
-        if isinstance(requirement.law, Law)
-    }
+    lawful = {requirement.name("yield_percent") for requirement in measured if isinstance(requirement.law, Law)}
     return [
         Fault(
             f"limits.{limit.name}",
@@ -70,10 +66,7 @@ def _below_half(problem: ToleranceProblem) -> list[Fault]:
 def _too_expensive(form: Form, limits: Array, most: float, bound: float) -> list[Fault]:
     """Faults of the limit on the cost, and of the limits on requirements that it contradicts."""
     forms = [_single_output_form(form, at) for at in range(len(limits))]
-    least_costs = [
-        float(least_cost(alone, limits[None, at : at + 1]).bound[0])
-        for at, alone in enumerate(forms)
-    ]
+    least_costs = [float(least_cost(alone, limits[None, at : at + 1]).bound[0]) for at, alone in enumerate(forms)]
     rows = [at for at, cost in enumerate(least_costs) if cost > most] or list(range(len(limits)))
     names = list(dict.fromkeys(form.outputs[at] for at in rows))
     kept = ", ".join(f"limits.{name}" for name in names)

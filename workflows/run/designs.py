@@ -58,9 +58,7 @@ class Designs(Closing):
     left.
     """
 
-    def __init__(
-        self, problem: ToleranceProblem, where: Execution, free: Callable[[], int]
-    ) -> None:
+    def __init__(self, problem: ToleranceProblem, where: Execution, free: Callable[[], int]) -> None:
         self.problem, self._where, self._free = problem, where, free
         self._name = secrets.token_hex(8)
         self._content = b""
@@ -104,10 +102,7 @@ class Designs(Closing):
         if not self._content:
             self._content = pickle.dumps(self.problem)
         name = f"{self._name}-{self._batches}"
-        return [
-            Part(f"{name}-{at}", version("tolevo"), self._content, at, x)
-            for at, x in enumerate(parts)
-        ]
+        return [Part(f"{name}-{at}", version("tolevo"), self._content, at, x) for at, x in enumerate(parts)]
 
     def _start(self, part: Array) -> None:
         """Start processes where some are free, and take those that have started."""

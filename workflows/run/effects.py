@@ -21,11 +21,7 @@ def side_search(plan: RunPlan) -> tuple[SideSearch, ...]:
     if not any(WithEffects.of(plan.problem).counterparts()):
         return ()
     before = WithEffects.of(plan.problem).without_effects()
-    return (
-        SideSearch(
-            LABEL, before, plan.algorithm, plan.budget, plan.seed, False, plan.engine, apart=True
-        ),
-    )
+    return (SideSearch(LABEL, before, plan.algorithm, plan.budget, plan.seed, False, plan.engine, apart=True),)
 
 
 def moved(problem: ToleranceProblem, before: pd.DataFrame, after: pd.DataFrame) -> pd.DataFrame:
@@ -42,12 +38,7 @@ def moved(problem: ToleranceProblem, before: pd.DataFrame, after: pd.DataFrame) 
     rows = []
     for level in _levels(before, after, names):
         old, new = (_cheapest(front, names, level) for front in (before, after))
-        kept = (
-            Accuracy.of(problem)
-            .reported()
-            .frame(designs_of(problem, old))
-            .reindex(columns=before.columns)
-        )
+        kept = Accuracy.of(problem).reported().frame(designs_of(problem, old)).reindex(columns=before.columns)
         for label, row in (("before", old), ("kept", kept), ("after", new)):
             rows.append(row.assign(level=level, allocation=label))
     if not rows:

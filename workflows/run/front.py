@@ -45,9 +45,7 @@ def reported_front(problem: ToleranceProblem, result: SearchResult) -> pd.DataFr
     return frame
 
 
-def _best(
-    problem: ToleranceProblem, designs: Array, values: Mapping[str, Array]
-) -> NDArray[np.int64]:
+def _best(problem: ToleranceProblem, designs: Array, values: Mapping[str, Array]) -> NDArray[np.int64]:
     """Rows of the feasible designs that no other feasible one dominates."""
     rows = np.flatnonzero(np.all(problem.violations(designs, values) <= 0.0, axis=1))
     return rows[nondominated(problem.objective_values(values)[rows])] if len(rows) else rows

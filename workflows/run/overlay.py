@@ -43,9 +43,7 @@ def side_search(plan: RunPlan) -> tuple[SideSearch, ...]:
     return (_side("exact", problem, Exact(points=POINTS), Budget()),)
 
 
-def _side(
-    label: str, problem: ToleranceProblem, algorithm: AlgorithmSettings, budget: Budget
-) -> SideSearch:
+def _side(label: str, problem: ToleranceProblem, algorithm: AlgorithmSettings, budget: Budget) -> SideSearch:
     return SideSearch(label, problem, algorithm, budget, 1, relaxed=False, overlay=True)
 
 
@@ -54,9 +52,7 @@ def with_distance(front: pd.DataFrame, other: pd.DataFrame, names: list[str]) ->
     if "cost" not in names or front.empty:
         return front
     second = next(name for name in names if name != "cost")
-    values = np.vstack(
-        [frame[["cost", second]].to_numpy(dtype=float) for frame in (front, other) if len(frame)]
-    )
+    values = np.vstack([frame[["cost", second]].to_numpy(dtype=float) for frame in (front, other) if len(frame)])
     best = values[nondominated(values)]
     points = front[["cost", second]].to_numpy(dtype=float)
     return front.assign(**{ABOVE: [above(row, best) for row in points]})
@@ -101,12 +97,7 @@ def notes(front: pd.DataFrame, label: str, other: pd.DataFrame, names: list[str]
             "more than this front in the median"
         )
     if other_lowest > lowest * 1.001:
-        sentences.append(
-            f"{label} finds nothing below {second} {other_lowest:.4g}; this front begins at "
-            f"{lowest:.4g}"
-        )
+        sentences.append(f"{label} finds nothing below {second} {other_lowest:.4g}; this front begins at {lowest:.4g}")
     elif lowest > other_lowest * 1.001:
-        sentences.append(
-            f"this front ends at {second} {lowest:.4g}; {label} reaches {other_lowest:.4g}"
-        )
+        sentences.append(f"this front ends at {second} {lowest:.4g}; {label} reaches {other_lowest:.4g}")
     return sentences

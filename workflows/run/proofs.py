@@ -33,10 +33,7 @@ EXACT = 1e-3
 """Gap [percent] below which a point counts as optimal."""
 INFORMATIVE = 25.0
 """Median gap [percent] beyond which a bound that leaves limits out is not informative."""
-INTERRUPTED = (
-    "nothing is proven: the run was interrupted; the bounds are computed when --resume has "
-    "finished it"
-)
+INTERRUPTED = "nothing is proven: the run was interrupted; the bounds are computed when --resume has finished it"
 CLOSED = 1e-7
 """Relative gap up to which a front counts as exact."""
 
@@ -63,10 +60,7 @@ def takes_long(problem: ToleranceProblem) -> bool:
 
 
 def with_bounds(
-    frame: pd.DataFrame,
-    problem: ToleranceProblem,
-    within: NDArray[np.bool_] | None = None,
-    interrupted: bool = False,
+    frame: pd.DataFrame, problem: ToleranceProblem, within: NDArray[np.bool_] | None = None, interrupted: bool = False
 ) -> tuple[pd.DataFrame, Proof]:
     """The frame with `bound` and `gap_percent`, and the proof of its feasible points.
 
@@ -100,11 +94,7 @@ def solved_front(plan: RunPlan, result: SearchResult) -> np.ndarray | None:
 
     None where it was interrupted, or has fewer points than are solved for otherwise.
     """
-    solved = (
-        isinstance(plan.algorithm, ExactSettings)
-        and plan.problem.n_obj == 2
-        and not result.interrupted
-    )
+    solved = isinstance(plan.algorithm, ExactSettings) and plan.problem.n_obj == 2 and not result.interrupted
     return result.x if solved and len(result.x) >= SOLVED else None
 
 
@@ -165,9 +155,7 @@ def _between(problem: ToleranceProblem, x: np.ndarray) -> np.ndarray:
     return np.asarray(np.vstack([x, inner.reshape(-1, x.shape[1])]))
 
 
-def measures(
-    result: SearchResult, front: pd.DataFrame, proven: Proof, exact: Exact | None
-) -> dict[str, object]:
+def measures(result: SearchResult, front: pd.DataFrame, proven: Proof, exact: Exact | None) -> dict[str, object]:
     """Quality for the summary: hypervolume, its ratio to the exact one, gaps, the form."""
     last = result.history[-1].hypervolume if result.history else None
     gap = front["gap_percent"].to_numpy(dtype=float)

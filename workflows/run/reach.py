@@ -33,9 +33,7 @@ def unreachable(problem: ToleranceProblem) -> list[Fault]:
     the finest grades, which proves nothing but is rarely wrong by more than its sample. There is no
     search where one of the problem's own starts keeps all limits.
     """
-    starts = (
-        Differentiable.of(problem).starts() if problem.declaration.sampled else np.empty((0, 0))
-    )
+    starts = Differentiable.of(problem).starts() if problem.declaration.sampled else np.empty((0, 0))
     if not len(starts) or _any_feasible(problem, starts):
         return []
     return [
@@ -67,9 +65,7 @@ def _fault(problem: ToleranceProblem, limit: Limit) -> Fault | None:
 
 def _least(problem: ToleranceProblem, name: str) -> tuple[float, Array]:
     """The least value of an output with interference and geometry held, and its full design."""
-    held = {
-        n: b for n, b in problem.settings.limits.items() if n not in problem.declaration.performance
-    }
+    held = {n: b for n, b in problem.settings.limits.items() if n not in problem.declaration.performance}
     settings = replace(problem.given, objectives=(name,), limits=held)
     alone = type(problem)(settings)
     run = Run(alone, Budget(), seed=0)

@@ -88,9 +88,7 @@ def side_searches(plan: RunPlan, printed: pd.DataFrame) -> tuple[SideSearch, ...
             wider = problem.relaxed(bounds)
             label = str(row["label"])
             algorithm = _fewer(plan.algorithm) if problem.declaration.sampled else plan.algorithm
-            searches.append(
-                SideSearch(label, wider, algorithm, plan.budget, seed, True, plan.engine)
-            )
+            searches.append(SideSearch(label, wider, algorithm, plan.budget, seed, True, plan.engine))
     return tuple(searches)
 
 
@@ -108,9 +106,7 @@ def _ga(problem: ToleranceProblem) -> tuple[GA, Budget]:
         return GA(), GA_BUDGET
     settings = GA(
         population=int(documented["population"]),
-        crossover=Crossover(
-            documented["crossover"], documented.get("crossover_eta", Crossover().eta)
-        ),
+        crossover=Crossover(documented["crossover"], documented.get("crossover_eta", Crossover().eta)),
         mutation=Mutation(documented["mutation"], documented.get("mutation_eta", Mutation().eta)),
     )
     return settings, Budget(generations=int(documented["generations"]))
@@ -153,19 +149,14 @@ def exact_optimum(problem: ToleranceProblem, exact: ExactFront | None) -> pd.Dat
 
 
 def table(
-    plan: RunPlan,
-    printed: pd.DataFrame,
-    fronts: Mapping[SideSearch, pd.DataFrame | None],
-    exact: ExactFront | None,
+    plan: RunPlan, printed: pd.DataFrame, fronts: Mapping[SideSearch, pd.DataFrame | None], exact: ExactFront | None
 ) -> pd.DataFrame:
     """All references, one row each, before comparison with the front; `exact` is its exact one."""
     optimum = exact_optimum(plan.problem, exact) if plan.references else pd.DataFrame()
     frames = [frame for frame in (printed, optimum) if len(frame)]
     for side, front in fronts.items():
         if not (side.relaxed or side.apart or side.overlay) and front is not None and len(front):
-            row = (
-                Accuracy.of(plan.problem).reported().frame(designs_of(plan.problem, front.iloc[:1]))
-            )
+            row = Accuracy.of(plan.problem).reported().frame(designs_of(plan.problem, front.iloc[:1]))
             row.insert(0, "label", side.label)
             frames.append(row)
     if not frames:
@@ -178,10 +169,7 @@ def table(
 
 
 def compare(
-    references: pd.DataFrame,
-    front: pd.DataFrame,
-    relaxed: Mapping[str, pd.DataFrame | None],
-    problem: ToleranceProblem,
+    references: pd.DataFrame, front: pd.DataFrame, relaxed: Mapping[str, pd.DataFrame | None], problem: ToleranceProblem
 ) -> pd.DataFrame:
     """By how much the front beats each reference, and how far the reference lies from the front.
 
@@ -232,7 +220,5 @@ def gains(reference: Array, front: Array, alike: Array) -> list[float]:
         as_good = np.delete(front, at, axis=1) <= np.delete(reference + alike, at)
         best = front[np.all(as_good, axis=1), at]
         known = len(best) > 0 and reference[at] != 0.0
-        percentages.append(
-            100.0 * (reference[at] - best.min()) / abs(reference[at]) if known else np.nan
-        )
+        percentages.append(100.0 * (reference[at] - best.min()) / abs(reference[at]) if known else np.nan)
     return percentages

@@ -35,9 +35,7 @@ def with_requirements(result: RunResult, problem: ToleranceProblem) -> RunResult
     return result if tables is None else replace(result, requirements=tables[0], drivers=tables[1])
 
 
-def requirements_of(
-    problem: ToleranceProblem, front: pd.DataFrame
-) -> tuple[pd.DataFrame, pd.DataFrame] | None:
+def requirements_of(problem: ToleranceProblem, front: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame] | None:
     """What each requirement costs at the knee of a front, or at its one point.
 
     None where a problem has one requirement, or no convex form. The multiplier is that of the least

@@ -48,9 +48,7 @@ def notes_of(checkpoint: Checkpoint, resume: bool) -> tuple[str, ...]:
     """What the user should know of a resumed run."""
     if not (resume and checkpoint.unsavable):
         return ()
-    return (
-        "the state of this algorithm cannot be saved: its search starts again from the beginning",
-    )
+    return ("the state of this algorithm cannot be saved: its search starts again from the beginning",)
 
 
 def _faults(checkpoint: Checkpoint, plan: RunPlan) -> list[Fault]:
@@ -84,8 +82,7 @@ def _shrunk(checkpoint: Checkpoint, budget: Budget) -> list[Fault]:
     used = {"generations": len(state["run.history"]), "evaluations": int(state["run.counts"][0])}
     return [
         Fault(
-            f"algorithm.{name}",
-            f"is {limit}, but the run to resume has already used {count}: a budget may only grow",
+            f"algorithm.{name}", f"is {limit}, but the run to resume has already used {count}: a budget may only grow"
         )
         for name, count in used.items()
         if (limit := getattr(budget, name)) is not None and limit < count

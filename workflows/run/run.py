@@ -34,16 +34,7 @@ from .front import inside, nearest_miss, reported_front, with_references
 from .kept import REDUCERS, keep
 from .plan import RunOutcome, RunPlan
 from .promised import with_capability, with_promise
-from .proofs import (
-    Exact,
-    end_notes,
-    exact_front,
-    measures,
-    proof_notes,
-    solved_front,
-    takes_long,
-    with_bounds,
-)
+from .proofs import Exact, end_notes, exact_front, measures, proof_notes, solved_front, takes_long, with_bounds
 from .reach import searchable
 from .references import compare, documents, side_searches, table
 from .requirements import with_requirements
@@ -81,17 +72,10 @@ def run(
 
 
 def _run(
-    plan: RunPlan,
-    place: Ownership,
-    workers: Execution | int,
-    progress: Callable[[Progress], None] | None,
-    resume: bool,
+    plan: RunPlan, place: Ownership, workers: Execution | int, progress: Callable[[Progress], None] | None, resume: bool
 ) -> RunOutcome:
     checkpoint, out = opened(plan, place, resume), place.folder
-    start, resume_notes = (
-        time.monotonic() - seconds_before(checkpoint),
-        notes_of(checkpoint, resume),
-    )
+    start, resume_notes = (time.monotonic() - seconds_before(checkpoint), notes_of(checkpoint, resume))
     printed = documents(plan.problem) if plan.references else pd.DataFrame()
     searches = side_searches(plan, printed) if plan.references else ()
     searches += effects.side_search(plan) + overlay.side_search(plan)
@@ -99,9 +83,7 @@ def _run(
     write_text(out / CONFIGURATION, plan.configuration)
     checkpoint.write()
     keep(plan.problem, out)
-    search_result, fronts = _searched(
-        plan, checkpoint, Sides(searches, workers, checkpoint), progress
-    )
+    search_result, fronts = _searched(plan, checkpoint, Sides(searches, workers, checkpoint), progress)
     searched = reported_front(plan.problem, search_result)
     exact = exact_front(plan.problem, solved_front(plan, search_result))
     references = table(plan, printed, fronts, exact)
@@ -115,23 +97,15 @@ def _run(
         within = inside(references, plan.problem)
         references, _ = with_bounds(references, plan.problem, within, stopped)
         references = compare(references, searched, relaxed, plan.problem)
-    incomplete = search_result.interrupted or any(
-        side_front is None for side_front in fronts.values()
-    )
+    incomplete = search_result.interrupted or any(side_front is None for side_front in fronts.values())
     status = "interrupted" if incomplete else "done" if len(front) else "no_feasible_point"
     names = list(plan.problem.objectives)
     for other_front in overlays.values():
         front = overlay.with_distance(front, other_front, names)
     comparisons = [
-        n
-        for label, other_front in overlays.items()
-        for n in overlay.notes(front, label, other_front, names)
+        n for label, other_front in overlays.items() for n in overlay.notes(front, label, other_front, names)
     ]
-    warned = (
-        *WithEffects.of(plan.problem).effect_notes(),
-        *Checks.of(plan.problem).cautions(),
-        *comparisons,
-    )
+    warned = (*WithEffects.of(plan.problem).effect_notes(), *Checks.of(plan.problem).cautions(), *comparisons)
     alternative_costs = [] if stopped else alternatives(plan.problem, front)
     remarks = (*Page.of(plan.problem).remarks(front), *sentences(alternative_costs))
     notes = (*warned, *remarks, *resume_notes, *_notes(references, dropped, joined))
@@ -140,15 +114,9 @@ def _run(
     proven = (*proof_notes(front, front_proof), *end_notes(plan.problem, front), *notes)
     summary = _summary(plan, search_result, front, status, proven, time.monotonic() - start)
     summary |= measures(search_result, front, front_proof, exact)
-    summary |= drawn(plan.problem, front) | (
-        {"alternatives": alternative_costs} if alternative_costs else {}
-    )
+    summary |= drawn(plan.problem, front) | ({"alternatives": alternative_costs} if alternative_costs else {})
     result = _result(plan, search_result, front, references, summary, proven, exact)
-    result = replace(
-        with_choices(result, decisions, plan, exact),
-        overlays=overlays,
-        relaxed=_concatenated(relaxed),
-    )
+    result = replace(with_choices(result, decisions, plan, exact), overlays=overlays, relaxed=_concatenated(relaxed))
     answered = answers(result, plan.problem, front_proof)
     result = replace(result, summary={**result.summary, "answers": answered})
     result = _with_more(result, plan.problem, search_result, incomplete, progress)
@@ -176,16 +144,11 @@ def _with_more(
     result = with_units(result, problem)
     if not (search_result.interrupted and takes_long(problem)):
         result = with_requirements(result, problem)
-    return (
-        result if incomplete else with_assumptions(result, problem, search_result.history, progress)
-    )
+    return result if incomplete else with_assumptions(result, problem, search_result.history, progress)
 
 
 def _searched(
-    plan: RunPlan,
-    checkpoint: Checkpoint,
-    searches: Sides,
-    progress: Callable[[Progress], None] | None,
+    plan: RunPlan, checkpoint: Checkpoint, searches: Sides, progress: Callable[[Progress], None] | None
 ) -> tuple[SearchResult, Fronts]:
     """The result of the search, and the fronts of the side searches."""
     with searches as sides, Designs(plan.problem, sides.where, sides.free) as designs:
@@ -196,14 +159,7 @@ def _searched(
                 progress(state)
 
         search_result = search(
-            plan.problem,
-            plan.algorithm,
-            plan.budget,
-            plan.seed,
-            report,
-            plan.engine,
-            checkpoint,
-            designs.values,
+            plan.problem, plan.algorithm, plan.budget, plan.seed, report, plan.engine, checkpoint, designs.values
         )
         if not search_result.interrupted:
             sides.finish()
@@ -211,12 +167,7 @@ def _searched(
 
 
 def _summary(
-    plan: RunPlan,
-    search_result: SearchResult,
-    front: pd.DataFrame,
-    status: str,
-    notes: tuple[str, ...],
-    seconds: float,
+    plan: RunPlan, search_result: SearchResult, front: pd.DataFrame, status: str, notes: tuple[str, ...], seconds: float
 ) -> dict[str, object]:
     ideal, nadir = plan.problem.box()
     names = plan.problem.objectives
@@ -233,11 +184,7 @@ def _summary(
         "nadir": dict(zip(names, nadir.tolist(), strict=True)),
         "notes": list(notes),
         "assumptions": [
-            asdict(a)
-            for a in (
-                *plan.problem.assumptions(),
-                *roughness_assumptions(plan.problem, plan.choice),
-            )
+            asdict(a) for a in (*plan.problem.assumptions(), *roughness_assumptions(plan.problem, plan.choice))
         ],
         **_model(plan.problem),
         **_costs(plan.problem),
@@ -258,10 +205,7 @@ def _model(problem: ToleranceProblem) -> dict[str, object]:
     """The one of several models that the numbers come from; empty where there is only one."""
     if not problem.declaration.model_statement:
         return {}
-    return {
-        "model": problem.declaration.model_name,
-        "model_statement": problem.declaration.model_statement,
-    }
+    return {"model": problem.declaration.model_name, "model_statement": problem.declaration.model_statement}
 
 
 def _result(
@@ -334,9 +278,7 @@ def _of_cost(axis: Axis) -> str:
     return f" {axis.unit}" if axis.name == "cost" and axis.unit else ""
 
 
-def _lines(
-    result: RunResult, status: str, out: Path, proof_lines: Sequence[str]
-) -> tuple[str, ...]:
+def _lines(result: RunResult, status: str, out: Path, proof_lines: Sequence[str]) -> tuple[str, ...]:
     """A short summary for the terminal; `proof_lines` are left out where the answers state them."""
     lines = [
         f"{status}: {len(result.front)} Pareto points, {result.summary['evaluations']} "
@@ -346,9 +288,7 @@ def _lines(
     lines += result.answers.values()
     for row in result.references.to_dict("records"):
         kept = "meets all limits" if row["feasible"] else f"breaks {row['violated_limits']}"
-        values = ", ".join(
-            f"{axis.name} {row[axis.name]:.4g}" + _of_cost(axis) for axis in result.objectives
-        )
+        values = ", ".join(f"{axis.name} {row[axis.name]:.4g}" + _of_cost(axis) for axis in result.objectives)
         lines.append(f"reference {row['label']}: {values}; {kept}")
     answered = proof_lines if "proof" in result.answers else ()
     lines += [f"note: {note}" for note in result.notes if note not in answered]

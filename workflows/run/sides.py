@@ -36,20 +36,13 @@ class Sides(Closing):
     other has begun. Searches that still run when the context is left are ended at once.
     """
 
-    def __init__(
-        self,
-        searches: tuple[SideSearch, ...],
-        workers: Execution | int,
-        checkpoint: Checkpoint,
-    ) -> None:
+    def __init__(self, searches: tuple[SideSearch, ...], workers: Execution | int, checkpoint: Checkpoint) -> None:
         self.searches = searches
         self.checkpoint = checkpoint
         checkpoint.keep_only([side.key for side in searches])
         name = secrets.token_hex(8)
         self._open = deque(
-            SideTask(f"{name}-{at}", side)
-            for at, side in enumerate(searches)
-            if side.key not in checkpoint.tables
+            SideTask(f"{name}-{at}", side) for at, side in enumerate(searches) if side.key not in checkpoint.tables
         )
         self._beside: Background[SideTask, pd.DataFrame | None] | None = None
         self.where = workers if isinstance(workers, Execution) else Execution(workers)

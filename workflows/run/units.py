@@ -47,10 +47,7 @@ def with_units(result: RunResult, problem: ToleranceProblem) -> RunResult:
         **{name: float(point[name]) for name in SHOWN if name in point},
     }
     return replace(
-        result,
-        summary={**result.summary, "units": units},
-        unit_turn=shown.turn,
-        population=shown.population,
+        result, summary={**result.summary, "units": units}, unit_turn=shown.turn, population=shown.population
     )
 
 

@@ -10,12 +10,8 @@ from sqlalchemy.schema import CreateTable, DropTable
 from .tables import BLOCKS, CLAIMS, FORMAT, META, METADATA, RUNS, YARDSTICKS
 
 OLD = MetaData()
-_OLD_CLAIMS = Table(
-    "claims", OLD, Column("number", Integer, primary_key=True), Column("owner", Text)
-)
-_OLD_YARDSTICKS = Table(
-    "yardsticks", OLD, Column("problem", Integer, primary_key=True), Column("value", Text)
-)
+_OLD_CLAIMS = Table("claims", OLD, Column("number", Integer, primary_key=True), Column("owner", Text))
+_OLD_YARDSTICKS = Table("yardsticks", OLD, Column("problem", Integer, primary_key=True), Column("value", Text))
 NAMES = {
     1: (META, RUNS, _OLD_CLAIMS, _OLD_YARDSTICKS),
     2: (META, RUNS, _OLD_CLAIMS, _OLD_YARDSTICKS),
@@ -42,9 +38,7 @@ def _leased(connection: Connection) -> None:
     connection.execute(DropTable(_OLD_CLAIMS))
     connection.execute(CreateTable(CLAIMS))
     old = _OLD_YARDSTICKS
-    rows = connection.execute(
-        old.select().with_only_columns(old.c.problem, cast(old.c.value, LargeBinary))
-    ).all()
+    rows = connection.execute(old.select().with_only_columns(old.c.problem, cast(old.c.value, LargeBinary))).all()
     connection.execute(DropTable(old))
     connection.execute(CreateTable(YARDSTICKS))
     if rows:

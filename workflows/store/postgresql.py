@@ -31,9 +31,7 @@ VERSION = "format"
 class PostgreSQL(Backend):
     """The schema of an address; it is made where it is missing."""
 
-    clock = literal_column(
-        "CAST(EXTRACT(EPOCH FROM clock_timestamp()) AS double precision)", Double()
-    )
+    clock = literal_column("CAST(EXTRACT(EPOCH FROM clock_timestamp()) AS double precision)", Double())
     anew = alternative = "name another schema of that database (?schema=NAME)"
 
     def __init__(self, address: Address) -> None:
@@ -68,11 +66,7 @@ class PostgreSQL(Backend):
 
     def mark(self, connection: Connection, version: int) -> None:
         row = self.insert(META).values(key=VERSION, value=str(version))
-        connection.execute(
-            row.on_conflict_do_update(
-                index_elements=[META.c.key], set_={"value": row.excluded.value}
-            )
-        )
+        connection.execute(row.on_conflict_do_update(index_elements=[META.c.key], set_={"value": row.excluded.value}))
 
     def insert(self, table: Table) -> postgresql.Insert:
         return postgresql.insert(table)
@@ -90,11 +84,7 @@ class PostgreSQL(Backend):
 
     def transient(self, error: DBAPIError) -> bool:
         code = getattr(error.orig, "sqlstate", None)
-        return (
-            error.connection_invalidated
-            or code in AGAIN
-            or (code is None and isinstance(error, OperationalError))
-        )
+        return error.connection_invalidated or code in AGAIN or (code is None and isinstance(error, OperationalError))
 
     def hindrance(self, error: BaseException) -> tuple[str, str] | None:
         cause = getattr(error, "orig", None) or error
@@ -104,8 +94,5 @@ class PostgreSQL(Backend):
             return "the disk of the server is full", "make room there"
         if isinstance(cause, psycopg.OperationalError):
             message = " ".join(str(cause).split()) or "no answer"
-            return (
-                f"it cannot be reached ({message})",
-                "start the server, or mend address or password",
-            )
+            return (f"it cannot be reached ({message})", "start the server, or mend address or password")
         return None

@@ -55,15 +55,11 @@ class SqliteFile(Backend):
             connection = sqlite3.connect(
                 f"file:{self.path}?mode=ro", uri=True, isolation_level=None, check_same_thread=False
             )
-            connection.execute(
-                "PRAGMA writable_schema = ON"
-            )  # a file cut short is read all the same
+            connection.execute("PRAGMA writable_schema = ON")  # a file cut short is read all the same
             return connection
         # SQLite would not keep to the umask
         os.close(os.open(self.path, os.O_RDWR | os.O_CREAT, 0o666))
-        connection = sqlite3.connect(
-            self.path, timeout=BUSY_S, isolation_level=None, check_same_thread=False
-        )
+        connection = sqlite3.connect(self.path, timeout=BUSY_S, isolation_level=None, check_same_thread=False)
         try:
             connection.execute("PRAGMA journal_mode = WAL")
             connection.execute("PRAGMA synchronous = NORMAL")

@@ -10,17 +10,7 @@ from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from typing import Self, TypeVar
 
-from sqlalchemy import (
-    ColumnElement,
-    Connection,
-    Table,
-    bindparam,
-    delete,
-    func,
-    or_,
-    select,
-    update,
-)
+from sqlalchemy import ColumnElement, Connection, Table, bindparam, delete, func, or_, select, update
 from sqlalchemy.exc import DBAPIError
 
 from ...errors import RunError
@@ -154,9 +144,7 @@ class Store:
         """
         row = self.backend.insert(META)
         rows = [{"key": name, "value": value} for name, value in values.items()]
-        text = row.on_conflict_do_update(
-            index_elements=[META.c.key], set_={"value": row.excluded.value}
-        )
+        text = row.on_conflict_do_update(index_elements=[META.c.key], set_={"value": row.excluded.value})
 
         def work(connection: Connection) -> bool:
             self.backend.lock(connection)
@@ -180,11 +168,7 @@ class Store:
         A claim that was not renewed in time is anybody's.
         """
         wanted = sorted(set(numbers) - self._held)
-        taken = (
-            self.write(lambda connection: self._claimed(connection, wanted, table))
-            if wanted
-            else []
-        )
+        taken = self.write(lambda connection: self._claimed(connection, wanted, table)) if wanted else []
         self._held.update(taken)
         if taken and self._renewing is None:
             self._renewing = threading.Thread(target=self._renew, daemon=True)
@@ -238,9 +222,7 @@ class Store:
     def drop_claims(self, prefix: str = "") -> None:
         """Drop the claims of owners whose names begin so, none of which is at work any more."""
         owned = CLAIMS.c.owner.startswith(prefix, autoescape=True)
-        if self.read(
-            lambda connection: connection.execute(select(func.count()).where(owned)).scalar()
-        ):
+        if self.read(lambda connection: connection.execute(select(func.count()).where(owned)).scalar()):
             self.write(lambda connection: connection.execute(delete(CLAIMS).where(owned)))
 
     def _renew(self) -> None:

@@ -18,15 +18,7 @@ from .records import StudyData, StudySettings
 STREAM = (0, 1)
 """Spawn key of the generator of the resampling."""
 SAID = "study.json"
-FILES = (
-    SAID,
-    LEADERS,
-    "sensitivity.csv",
-    "tests.csv",
-    "medians.csv",
-    "report.html",
-    page_data.NAME,
-)
+FILES = (SAID, LEADERS, "sensitivity.csv", "tests.csv", "medians.csv", "report.html", page_data.NAME)
 
 
 def analysed(settings: StudySettings, data: StudyData, out: Path) -> tuple[str, ...]:
@@ -55,11 +47,7 @@ def analysed(settings: StudySettings, data: StudyData, out: Path) -> tuple[str, 
 def _digest(settings: StudySettings, data: StudyData) -> str:
     """A hash of all that the statistics depend on."""
     parts = (data.table, data.design, data.exact)
-    text = [
-        settings.configuration,
-        version("tolevo"),
-        *(table.to_csv(index=False) for table in parts),
-    ]
+    text = [settings.configuration, version("tolevo"), *(table.to_csv(index=False) for table in parts)]
     return hashlib.sha256("\n".join([*text, *data.notes]).encode()).hexdigest()
 
 

@@ -30,13 +30,7 @@ class Block:
 
 
 def monte_carlo(
-    total: ClippedSum,
-    coverage: float,
-    limit: float,
-    samples: int,
-    seed: int,
-    executor: Executor,
-    size: int = SIZE,
+    total: ClippedSum, coverage: float, limit: float, samples: int, seed: int, executor: Executor, size: int = SIZE
 ) -> Propagated:
     """Statistics of `total` from at least `samples` units per design, as `Propagation.propagate`.
 

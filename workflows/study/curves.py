@@ -18,12 +18,7 @@ from ..execution import Closing
 from .trial import RunRecord
 
 WHOLE = ("point", "replicate", "generation", "evaluations")
-SCHEMA = pa.schema(
-    [
-        (name, pa.int64() if name in WHOLE else pa.float64())
-        for name in ("point", "replicate", *CURVE)
-    ]
-)
+SCHEMA = pa.schema([(name, pa.int64() if name in WHOLE else pa.float64()) for name in ("point", "replicate", *CURVE)])
 
 
 class Curves(Closing):

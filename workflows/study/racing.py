@@ -52,17 +52,13 @@ def behind(costs: Array, look: int) -> NDArray[np.bool_]:
     return np.asarray(mean - mean.min() > least)
 
 
-def trailing_settings(
-    costs: Sequence[Array], racing: NDArray[np.bool_], look: int
-) -> NDArray[np.bool_]:
+def trailing_settings(costs: Sequence[Array], racing: NDArray[np.bool_], look: int) -> NDArray[np.bool_]:
     """Settings (points,) of those still `racing` that are behind in every response.
 
     A setting that leads in one of them stays in all.
     """
     trailing = np.zeros(len(racing), dtype=bool)
-    trailing[racing] = np.all(
-        [behind(response_costs[racing], look) for response_costs in costs], axis=0
-    )
+    trailing[racing] = np.all([behind(response_costs[racing], look) for response_costs in costs], axis=0)
     return trailing
 
 

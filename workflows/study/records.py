@@ -24,14 +24,7 @@ if TYPE_CHECKING:
     from .curves import Curves
 
 Level = float | int | str
-RESPONSES = (
-    "hypervolume_ratio",
-    "hypervolume",
-    "gap_percent",
-    "evaluations_to_99",
-    "cpu_s_to_99",
-    "feasible_fraction",
-)
+RESPONSES = ("hypervolume_ratio", "hypervolume", "gap_percent", "evaluations_to_99", "cpu_s_to_99", "feasible_fraction")
 """Responses in the order in which they are known."""
 LARGER_IS_BETTER = frozenset({"hypervolume_ratio", "hypervolume", "feasible_fraction"})
 
@@ -68,10 +61,7 @@ class Factor:
             return self.levels[min(int(share * len(self.levels)), len(self.levels) - 1)]
         if self.integer and not self.log:  # every whole number has the same share
             return int(min(self.low + np.floor(share * (self.high - self.low + 1)), self.high))
-        if self.log:
-            value = self.low * (self.high / self.low) ** share
-        else:
-            value = self.low + share * (self.high - self.low)
+        value = self.low * (self.high / self.low) ** share if self.log else self.low + share * (self.high - self.low)
         value = min(max(value, self.low), self.high)
         return round(value) if self.integer else float(value)
 
@@ -112,12 +102,7 @@ class Design(ABC):
         return 0
 
     @abstractmethod
-    def points(
-        self,
-        factors: tuple[Factor, ...],
-        base: Mapping[str, Level],
-        rng: np.random.Generator,
-    ) -> pd.DataFrame:
+    def points(self, factors: tuple[Factor, ...], base: Mapping[str, Level], rng: np.random.Generator) -> pd.DataFrame:
         """One row per setting, one column per key of the factors, plus what the analysis needs.
 
         `base` holds the values of the varied keys in the run configuration. Names of columns other

@@ -109,9 +109,7 @@ def unknown(name: str, measure: Yardstick) -> str:
     """What is missing for a response after the exact front has been searched."""
     needs_value = name in ("hypervolume_ratio", "evaluations_to_99", "cpu_s_to_99")
     single = len(measure.box.ideal) == 1
-    if (needs_value and isnan(measure.value)) or (
-        name == "gap_percent" and single and isnan(measure.bound)
-    ):
+    if (needs_value and isnan(measure.value)) or (name == "gap_percent" and single and isnan(measure.bound)):
         return "the exact front of this problem could not be proven: use hypervolume"
     return ""
 

@@ -60,12 +60,7 @@ def study(
 
 
 def _study(
-    plan: StudyPlan,
-    place: Ownership,
-    site: Site,
-    executor: Executor,
-    progress: Report | None,
-    resume: bool,
+    plan: StudyPlan, place: Ownership, site: Site, executor: Executor, progress: Report | None, resume: bool
 ) -> StudyOutcome:
     from ..store.backend import DAMAGE, reason  # with it comes SQLAlchemy, slow to load
     from .storage.opening import Unopened, opened
@@ -141,16 +136,10 @@ def gathered(
             runs, measure = database.of_point(point, plan.total), measures[setting.problem]
             curves.add(point, runs)
             rows += [(point, run.replicate, run.seed, run.status, run.reason) for run in runs]
-            responses += [
-                [response_of(name, run, measure) for name in plan.settings.responses]
-                for run in runs
-            ]
+            responses += [[response_of(name, run, measure) for name in plan.settings.responses] for run in runs]
     table = pd.DataFrame(rows, columns=["point", "replicate", "seed", "status", "reason"])
     columns = {"point": table["point"].to_numpy()}
-    columns |= {
-        factor.key: plan.design[factor.key].to_numpy()[table["point"]]
-        for factor in plan.settings.factors
-    }
+    columns |= {factor.key: plan.design[factor.key].to_numpy()[table["point"]] for factor in plan.settings.factors}
     columns |= {name: table[name].to_numpy() for name in ("replicate", "seed", "status", "reason")}
     values = np.array(responses, dtype=float).reshape(len(table), -1)
     columns |= dict(zip(plan.settings.responses, values.T, strict=True))
@@ -186,10 +175,7 @@ def _written(plan: StudyPlan, data: StudyData, place: Ownership, finished: bool)
     write_text(out / TABLE, table)
     if len(failed) == len(data.table):
         reason = failed["reason"].iloc[0]
-        raise RunError(
-            f"every run failed ({reason}): see study.csv; mend the cause, then "
-            "start again with --overwrite"
-        )
+        raise RunError(f"every run failed ({reason}): see study.csv; mend the cause, then start again with --overwrite")
     lines += analysed(plan.settings, data, out)
     place.complete()
     return StudyOutcome("done", out, tuple(lines), data)
@@ -206,6 +192,5 @@ def _check_same(plan: StudyPlan, out: Path) -> None:
         faults = [Fault("", "")]
     if faults:
         raise RunError(
-            f"{out} was taken by another study meanwhile; name another directory, or "
-            "start again with --overwrite"
+            f"{out} was taken by another study meanwhile; name another directory, or start again with --overwrite"
         )

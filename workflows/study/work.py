@@ -39,9 +39,7 @@ Report = Callable[[StudyProgress], None]
 class Work:
     """The remaining work of a study; `finish` does it."""
 
-    def __init__(
-        self, plan: StudyPlan, database: Database, executor: Executor, report: Report | None
-    ) -> None:
+    def __init__(self, plan: StudyPlan, database: Database, executor: Executor, report: Report | None) -> None:
         self.plan = plan
         self.database = database
         self.executor = executor
@@ -251,6 +249,4 @@ class Work:
         remaining = seconds * waiting / self._own if self._own else None
         if self._surveying and not note:
             note = "measuring what the runs are compared with"
-        self._report(
-            StudyProgress(done, self._running, failed, self.plan.total, seconds, remaining, note)
-        )
+        self._report(StudyProgress(done, self._running, failed, self.plan.total, seconds, remaining, note))

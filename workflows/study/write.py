@@ -41,8 +41,6 @@ def study_record(result: StudyResult, more: Mapping[str, Any]) -> str:
 def lines(result: StudyResult) -> tuple[str, ...]:
     """The lines of the result for the terminal."""
     sentences = mechanism_lines({"mechanism": result.mechanism})
-    sentences += [
-        f"recommended: {recommendation.sentence}" for recommendation in result.recommendations
-    ]
+    sentences += [f"recommended: {recommendation.sentence}" for recommendation in result.recommendations]
     sentences += [f"reading: {verdict.sentence}" for verdict in result.verdicts]
     return (*sentences, *(f"note: {note}" for note in result.notes))

@@ -101,6 +101,4 @@ def springback(rng: np.random.Generator, at: Builds) -> Injected:
     return Injected(departure(at, Faults(back=rng.uniform(0.05, 0.4))))
 
 
-ASSEMBLY = {
-    one.__name__: one for one in (adjustment_gain, adjustment_backlash, chain_coupling, springback)
-}
+ASSEMBLY = {one.__name__: one for one in (adjustment_gain, adjustment_backlash, chain_coupling, springback)}

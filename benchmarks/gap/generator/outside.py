@@ -92,11 +92,7 @@ OUTSIDE: dict[str, Mechanism] = {
         wave_that_grows_with_temperature, daily_swing, softer_when_warm,
     )
 }  # fmt: skip
-SINCE_INSIDE = {
-    "friction_of_load": "load_friction",
-    "stribeck_friction": "stribeck",
-    "power_loss": "load_viscous",
-}
+SINCE_INSIDE = {"friction_of_load": "load_friction", "stribeck_friction": "stribeck", "power_loss": "load_viscous"}
 """Those that the library has by now, and under what name: records that cannot tell them apart are
 scored by it.
 """

@@ -132,9 +132,7 @@ def orthogonal(to: Array, what: Array) -> Array:
     return np.asarray(what - basis @ (basis.T @ what))
 
 
-def record(
-    group: str, number: int, simulators: Mapping[str, Simulator] = NO_SIMULATORS
-) -> tuple[Record, Truth]:
+def record(group: str, number: int, simulators: Mapping[str, Simulator] = NO_SIMULATORS) -> tuple[Record, Truth]:
     """The record of that number in a group, always the same.
 
     Raises KeyError where its kind has no simulation of its own and none is handed in.
@@ -190,9 +188,7 @@ def _size(rng: np.random.Generator, task: Task, outputs: int) -> tuple[int, floa
             return n, snr
 
 
-def _hidden(
-    rng: np.random.Generator, task: Task, kind: Kind, at: Any, snr: float
-) -> tuple[tuple[Hidden, ...], float]:
+def _hidden(rng: np.random.Generator, task: Task, kind: Kind, at: Any, snr: float) -> tuple[tuple[Hidden, ...], float]:
     """The effects, scaled to one SNR, and the noise's standard deviation that gives it."""
     spread = float(np.std(at.drawn)) if kind.population else 0.0
     if task.effects == 0:
@@ -202,15 +198,12 @@ def _hidden(
     sizes = [float(np.sqrt(np.mean(orthogonal(free, one.added) ** 2))) for one in found]
     wanted = snr * spread if kind.population else sizes[0]
     scaled = tuple(
-        Hidden(one.name, wanted / size * one.added, one.beside)
-        for one, size in zip(found, sizes, strict=True)
+        Hidden(one.name, wanted / size * one.added, one.beside) for one, size in zip(found, sizes, strict=True)
     )
     return scaled, spread or sizes[0] / snr
 
 
-def _composed(
-    rng: np.random.Generator, kind: Kind, at: Any, parts: Composition
-) -> tuple[tuple[Hidden, ...], float]:
+def _composed(rng: np.random.Generator, kind: Kind, at: Any, parts: Composition) -> tuple[tuple[Hidden, ...], float]:
     """Effects of their own signal to noise each, the largest first, and the noise's deviation."""
     free, sigma = kind.free(len(at)), float(np.exp(rng.uniform(np.log(0.1), np.log(3.0))))
     while True:
@@ -294,9 +287,7 @@ def configuration(kind: Kind, seed: int, at: Any) -> str:
     output = kind.outputs[0]
     names = {**kind.roles, output: ("measured", kind.unit)}
     names[f"{output}_predicted"] = ("predicted", kind.unit)
-    lines = [
-        f'"{name}" = {{ role = "{role}", unit = "{unit}" }}' for name, (role, unit) in names.items()
-    ]
+    lines = [f'"{name}" = {{ role = "{role}", unit = "{unit}" }}' for name, (role, unit) in names.items()]
     gear = _gear(at) if isinstance(at, Points) and at.declared else ""
     return "\n".join([f"{head}{gear}[columns]", *lines, ""])
 

@@ -19,7 +19,5 @@ def lasso(record: Record) -> dict[str, Any]:
     of = dictionary(found)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ConvergenceWarning)
-        fitted = LassoCV(cv=3, max_iter=2000, alphas=30, precompute=True).fit(
-            of.columns, standardised(found.left)
-        )
+        fitted = LassoCV(cv=3, max_iter=2000, alphas=30, precompute=True).fit(of.columns, standardised(found.left))
     return said_of(found, of, np.asarray(np.abs(fitted.coef_) > 1e-9, dtype=np.bool_))

@@ -97,9 +97,7 @@ def said(of: Seen, names: Sequence[str], columns: Array) -> dict[str, Any]:
     return said_as_fitted(of, names, lambda rows: whole)
 
 
-def said_as_fitted(
-    of: Seen, names: Sequence[str], columns_of: Callable[[Rows], Array]
-) -> dict[str, Any]:
+def said_as_fitted(of: Seen, names: Sequence[str], columns_of: Callable[[Rows], Array]) -> dict[str, Any]:
     """An answer that gives those names, each once; without any, that there is no gap. `columns_of`
     rows are those of a fit to them, with what is free.
     """

@@ -89,10 +89,7 @@ def levels(records: Sequence[Scored], name: str, by: By, hit: Callable[[Scored],
     """The share of hits at every level that occurs, in the order of the levels' names."""
     found = sorted({by(one) for one in records}, key=_order)
     groups = [[one for one in records if by(one) == level] for level in found]
-    return [
-        Level(name, level, sum(map(hit, group)), len(group))
-        for level, group in zip(found, groups, strict=True)
-    ]
+    return [Level(name, level, sum(map(hit, group)), len(group)) for level, group in zip(found, groups, strict=True)]
 
 
 def _order(level: str) -> tuple[float, str]:

@@ -67,9 +67,7 @@ def worse(one: Scored) -> bool:
     return one.said.after > one.said.before * (1.0 + 1e-9)
 
 
-def dominant_figures(
-    records: Sequence[Scored], best: Mapping[int, float] | None = None
-) -> list[Figure]:
+def dominant_figures(records: Sequence[Scored], best: Mapping[int, float] | None = None) -> list[Figure]:
     """Every figure of the group; `best` is the least held-out error of the baselines, by record."""
     of, known = upright(records), best or {}
     every = [*of, *turned(records)]

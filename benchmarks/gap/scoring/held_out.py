@@ -46,9 +46,7 @@ def _predicted(columns: Array, what: Array, rows: Rows) -> Array:
     return np.asarray(scaled @ np.linalg.lstsq(scaled[rows], what[rows], rcond=1e-9)[0])
 
 
-def fitted(
-    named: Sequence[tuple[Rival, Array]], at: Any, free: Array, what: Array, rows: Rows
-) -> Array:
+def fitted(named: Sequence[tuple[Rival, Array]], at: Any, free: Array, what: Array, rows: Rows) -> Array:
     """Columns (n, m) of what is free and of names with their nonlinear parameters; those are
     fitted to some rows, each beside the others as they are.
     """

@@ -7,16 +7,7 @@ from functools import lru_cache
 import numpy as np
 
 from benchmarks.gap.generator import robot
-from benchmarks.gap.generator.manipulators import (
-    GRAVITY,
-    OUTPUTS,
-    SCALES,
-    Poses,
-    errors,
-    leaning,
-    loose,
-    stacked,
-)
+from benchmarks.gap.generator.manipulators import GRAVITY, OUTPUTS, SCALES, Poses, errors, leaning, loose, stacked
 from benchmarks.gap.generator.robot import ARMS, Robot
 from benchmarks.gap.generator.tables import Array
 from benchmarks.gap.scoring.rival import Rival, fixed
@@ -29,9 +20,7 @@ STEP = 1e-5
 def of_drives(at: Poses) -> Array:
     """Pose errors (6 n, 3) per radian of each drive."""
     steps = STEP * np.eye(3)
-    return np.column_stack(
-        [(errors(at, Robot(), one) - errors(at, Robot(), -one)) / (2.0 * STEP) for one in steps]
-    )
+    return np.column_stack([(errors(at, Robot(), one) - errors(at, Robot(), -one)) / (2.0 * STEP) for one in steps])
 
 
 @lru_cache(maxsize=4)

@@ -202,9 +202,7 @@ def first_parameter(name: str, kind: str) -> str:
     return FIRST.get(name, "")
 
 
-KIND_TURNS: dict[str, bool] = dict.fromkeys(
-    ("rotating", "own gear", "unknown gear", "late", "rv_transmission"), True
-)
+KIND_TURNS: dict[str, bool] = dict.fromkeys(("rotating", "own gear", "unknown gear", "late", "rv_transmission"), True)
 KIND_TURNS |= dict.fromkeys(("lost_motion", "rv_lost_motion"), False)
 RIVALS: dict[str, tuple[Rival, ...]] = {
     "rotating": ROTATING_RIVALS,

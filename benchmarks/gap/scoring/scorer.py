@@ -15,9 +15,7 @@ from benchmarks.gap.generator.records import Truth
 from benchmarks.gap.scoring.rivals import first_parameter
 from benchmarks.gap.scoring.told import Told
 
-INSTRUMENT = frozenset(
-    ["gauge_bias", "read_out_lag", "encoder_harmonics", "quantisation", "clock_drift", "drift"]
-)
+INSTRUMENT = frozenset(["gauge_bias", "read_out_lag", "encoder_harmonics", "quantisation", "clock_drift", "drift"])
 """Names that blame the instrument."""
 
 
@@ -155,9 +153,7 @@ def clopper_pearson(hits: int, count: int, level: float = 0.95) -> tuple[float, 
     return float(found.low), float(found.high)
 
 
-def share(
-    name: str, hits: Sequence[bool], must: float, aim: float, at_most: bool, by_bound: bool = False
-) -> Figure:
+def share(name: str, hits: Sequence[bool], must: float, aim: float, at_most: bool, by_bound: bool = False) -> Figure:
     """A rate; a one-sided upper 95 % bound where that is what is judged."""
     if not hits:
         return Figure(name, nan, nan, nan, must, aim, 0, at_most, by_bound)
@@ -243,9 +239,7 @@ def of_other_gears(records: Sequence[Scored]) -> list[Figure]:
     unknown = [one for one in records if one.truth.kind == "unknown gear"]
     parts = (("other gear, declared, named rightly", own),
              ("other gear, not declared, named by its order", unknown))  # fmt: skip
-    return [
-        share(name, [rightly(one) for one in of], 0.88, 0.95, False) for name, of in parts if of
-    ]
+    return [share(name, [rightly(one) for one in of], 0.88, 0.95, False) for name, of in parts if of]
 
 
 def once_outside(records: Sequence[Scored]) -> list[Figure]:

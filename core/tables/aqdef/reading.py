@@ -32,9 +32,7 @@ def read_aqdef(path: str | Path, encoding: str | None = None) -> list[Characteri
     return measured
 
 
-def characteristics(
-    path: Path, place: str, encoding: str | None = None
-) -> tuple[list[Characteristic], list[Fault]]:
+def characteristics(path: Path, place: str, encoding: str | None = None) -> tuple[list[Characteristic], list[Fault]]:
     """`read_aqdef` that returns the faults."""
     content = Content(place)
     try:
@@ -60,9 +58,7 @@ def _files(path: Path, place: str) -> list[Path]:
     if partner is None:
         return [path]
     siblings = path.parent.iterdir() if path.parent.is_dir() else []
-    second = next(
-        (p for p in siblings if p.stem == path.stem and p.suffix.lower() == partner), None
-    )
+    second = next((p for p in siblings if p.stem == path.stem and p.suffix.lower() == partner), None)
     if second is None and path.exists():
         raise refuse(place, f"needs {path.stem}{partner} beside it")
     both = [path] if second is None else [path, second]
@@ -89,10 +85,7 @@ def _check(content: Content) -> None:
         content.faults.append(Fault(content.place, text))
     used = {raw.part for raw in content.characteristics.values()}
     for index in sorted(set(content.parts) - used) if len(content.parts) > 1 else ():
-        text = (
-            f"part {index} has no characteristic: those of a part stand below its keys K1..., "
-            "before the next part"
-        )
+        text = f"part {index} has no characteristic: those of a part stand below its keys K1..., before the next part"
         content.faults.append(Fault(content.place, text))
 
 
@@ -123,22 +116,14 @@ def _characteristic(content: Content, index: int) -> Characteristic:
         and characteristic.upper is not None
         and characteristic.lower > characteristic.upper
     ):
-        text = (
-            f"the lower limit {characteristic.lower:g} is above the upper limit "
-            f"{characteristic.upper:g}"
-        )
+        text = f"the lower limit {characteristic.lower:g} is above the upper limit {characteristic.upper:g}"
         content.faults.append(Fault(place, text))
     _fill(characteristic, raw, content, place)
     return characteristic
 
 
 def _limit(
-    numbers: dict[str, float | None],
-    absolute: str,
-    deviation: str,
-    kind: str | None,
-    place: str,
-    faults: list[Fault],
+    numbers: dict[str, float | None], absolute: str, deviation: str, kind: str | None, place: str, faults: list[Fault]
 ) -> float | None:
     """A limit from its value or its deviation from the nominal; both must agree."""
     stated, off, nominal = numbers[absolute], numbers[deviation], numbers["K2101"]
@@ -171,9 +156,7 @@ def _fill(characteristic: Characteristic, raw: Raw, content: Content, place: str
         attribute = _read_integer(value.get("K0002", ""), f"{where}: K0002", content.faults) or 0
         characteristic.values.append(None if attribute in INVALID else number)
         characteristic.attributes.append(attribute)
-        characteristic.sizes.append(
-            _read_integer(value.get("K0020", ""), f"{where}: K0020", content.faults)
-        )
+        characteristic.sizes.append(_read_integer(value.get("K0020", ""), f"{where}: K0020", content.faults))
         characteristic.batches.append(value.get("K0006", ""))
         characteristic.times.append(None)
         if text := value.get("K0004", ""):
@@ -191,17 +174,9 @@ def _twice(described: list[Characteristic], content: Content) -> None:
     """A characteristic of one part that is described twice."""
     first_index: dict[tuple[str, str, str, str], int] = {}
     for index, characteristic in zip(sorted(content.characteristics), described, strict=True):
-        key = (
-            characteristic.part_number,
-            characteristic.part,
-            characteristic.number,
-            characteristic.name,
-        )
+        key = (characteristic.part_number, characteristic.part, characteristic.number, characteristic.name)
         if any(key[2:]) and key in first_index:
-            text = (
-                f"characteristic {index} ({characteristic.label}) is described twice: as "
-                f"{first_index[key]} as well"
-            )
+            text = f"characteristic {index} ({characteristic.label}) is described twice: as {first_index[key]} as well"
             content.faults.append(Fault(content.place, text))
         first_index.setdefault(key, index)
 

@@ -12,9 +12,7 @@ from ..unit_text import known_unit
 from .reading import characteristics
 
 
-def table_of_aqdef(
-    path: Path, place: str, options: ReadOptions
-) -> tuple[Table | None, list[Fault]]:
+def table_of_aqdef(path: Path, place: str, options: ReadOptions) -> tuple[Table | None, list[Fault]]:
     """The values of a file, those of one row measured one after the other on one part.
 
     Values that are not valid are empty cells. A column is named after its characteristic, and after
@@ -33,20 +31,14 @@ def table_of_aqdef(
     rows = max(len(characteristic.values) for characteristic in measured)
     if not rows:
         faults.append(Fault(place, "holds no values"))
-    columns = {
-        name: _padded(characteristic.values, rows)
-        for name, characteristic in zip(names, measured, strict=True)
-    }
+    columns = {name: _padded(characteristic.values, rows) for name, characteristic in zip(names, measured, strict=True)}
     first = measured[0]
     extra = {"time": [t.isoformat(" ") if t else "" for t in first.times], "batch": first.batches}
     for name, texts in extra.items():
         if any(texts) and name not in columns:
             columns[name] = [*texts, *[""] * (rows - len(texts))]
     cells = Columns(columns, range(1, rows + 1))
-    units = {
-        name: known_unit(characteristic.unit) or ""
-        for name, characteristic in zip(names, measured, strict=True)
-    }
+    units = {name: known_unit(characteristic.unit) or "" for name, characteristic in zip(names, measured, strict=True)}
     notes = [
         f"{name}: {sum(v is None for v in characteristic.values)} values are missing or not valid"
         for name, characteristic in zip(names, measured, strict=True)
@@ -54,12 +46,7 @@ def table_of_aqdef(
     ]
     stated = {name: unit for name, unit in units.items() if unit}
     table = Table(
-        cells,
-        Dialect("aqdef", header=0),
-        stated,
-        tuple(notes),
-        tuple(names),
-        {name: name for name in columns},
+        cells, Dialect("aqdef", header=0), stated, tuple(notes), tuple(names), {name: name for name in columns}
     )
     return table, faults
 

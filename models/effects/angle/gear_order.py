@@ -43,10 +43,7 @@ class GearOrder(Shape):
         return no_waves(target)
 
     def weights(self, target: Target) -> tuple[Weight, ...]:
-        return (
-            Weight("cos", "c, cosine component", low=-inf),
-            Weight("sin", "s, sine component", low=-inf),
-        )
+        return (Weight("cos", "c, cosine component", low=-inf), Weight("sin", "s, sine component", low=-inf))
 
     def shape_parameters(self, target: Target) -> tuple[EffectParameter, ...]:
         orders = choices(target)
@@ -62,17 +59,13 @@ class GearOrder(Shape):
         phase = values["order"] * np.asarray(readings[Role.ANGLE], dtype=float)
         return {"cos": lambda: np.cos(phase), "sin": lambda: np.sin(phase)}
 
-    def described(
-        self, values: Mapping[str, float], target: Target
-    ) -> dict[str, tuple[float, str]]:
+    def described(self, values: Mapping[str, float], target: Target) -> dict[str, tuple[float, str]]:
         description: dict[str, tuple[float, str]] = {}
         weights = self.weights(target)
         for output in self.reached(target):
             c, s = (weight.of(output, target) for weight in weights)
             description |= polar(values, c, s, f"{target.prefix(output)}%s")
-        if target.gear is not None and (
-            name := target.gear.name_of(value_or_zero(values, "order"))
-        ):
+        if target.gear is not None and (name := target.gear.name_of(value_or_zero(values, "order"))):
             description[f"order of the {name}"] = (value_or_zero(values, "order"), "")
         return description
 

@@ -34,10 +34,7 @@ class PitchDefect(OneColumn):
     )
     needs = (Role.ANGLE,)
     mistaken_for = ("pin_circle_runout", "two_disc_error", "load_sharing")
-    reference = (
-        "von Mises pulse and raised cosine: Mardia and Jupp, Directional Statistics, 2000, section "
-        "3.5"
-    )
+    reference = "von Mises pulse and raised cosine: Mardia and Jupp, Directional Statistics, 2000, section 3.5"
     weight = Weight("height", "h, height of the pulse", low=-inf)
 
     def own_applies(self, target: Target) -> bool:

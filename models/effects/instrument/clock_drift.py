@@ -26,9 +26,7 @@ class ClockDrift(OneColumn):
     reference = "IEEE 1588-2019"
 
     def weights(self, target: Target) -> tuple[Weight, ...]:
-        return (
-            Weight("rate", "a, per unit of speed and second", f"({speed_unit(target)} s)", -inf),
-        )
+        return (Weight("rate", "a, per unit of speed and second", f"({speed_unit(target)} s)", -inf),)
 
     def column(self, readings: Readings, values: Mapping[str, float], target: Target) -> Array:
         return np.asarray(readings[Role.TIME] * readings[Role.SPEED] * readings[Role.DIRECTION])

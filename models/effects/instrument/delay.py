@@ -59,9 +59,7 @@ class Delay(Effect):
         )
 
     def shown(self, measured: Mapping[str, Array], target: Target) -> dict[str, float] | None:
-        numbers = dict(
-            zip((o.name for o in target.outputs), self.own_parameters(target), strict=True)
-        )
+        numbers = dict(zip((o.name for o in target.outputs), self.own_parameters(target), strict=True))
         rough = [name for name in numbers if not _continuous(measured[name])]
         if target.pace <= 0.0 or len(rough) == len(numbers):
             return None
@@ -69,24 +67,16 @@ class Delay(Effect):
 
     def own_action(self, readings: Readings, values: Mapping[str, float], target: Target) -> Action:
         names = [own_parameter.name for own_parameter in self.own_parameters(target)]
-        delays = {
-            o.name: values.get(name, 0.0) for o, name in zip(target.outputs, names, strict=True)
-        }
+        delays = {o.name: values.get(name, 0.0) for o, name in zip(target.outputs, names, strict=True)}
         time = np.asarray(readings[Role.TIME], dtype=float)
         signed = Role.SPEED in readings and Role.DIRECTION in readings
         speed = np.asarray(readings[Role.SPEED] * readings[Role.DIRECTION]) if signed else None
         late_by = partial(delayed, time=time, order=readings.order, speed=speed)
-        return Action(
-            reading={name: partial(late_by, by=by) for name, by in delays.items() if by != 0.0}
-        )
+        return Action(reading={name: partial(late_by, by=by) for name, by in delays.items() if by != 0.0})
 
 
 def delayed(
-    values: Array,
-    time: Array,
-    by: float,
-    order: np.ndarray | None = None,
-    speed: Array | None = None,
+    values: Array, time: Array, by: float, order: np.ndarray | None = None, speed: Array | None = None
 ) -> Array:
     """The channel (n,) at `time` (n,) less `by` [s], in the order of measurement; a signed `speed`
     (n,) shows where it may jump.
@@ -115,10 +105,7 @@ def _with_jumps(t: Array, y: Array, v: Array) -> tuple[Array, Array]:
         & (steps[1:-1] > JUMP * (steps[:-2] + steps[2:]))
     )
     zero = t[k] + (t[k + 1] - t[k]) * v[k] / (v[k] - v[k + 1])
-    ends = [
-        y[a] + (y[a] - y[b]) / (t[a] - t[b]) * (zero - t[a])
-        for a, b in ((k, k - 1), (k + 1, k + 2))
-    ]
+    ends = [y[a] + (y[a] - y[b]) / (t[a] - t[b]) * (zero - t[a]) for a, b in ((k, k - 1), (k + 1, k + 2))]
     at = np.repeat(k + 1, 2)
     return np.insert(t, at, np.repeat(zero, 2)), np.insert(y, at, np.column_stack(ends).ravel())
 

@@ -25,8 +25,7 @@ class Quantisation(Effect):
     def own_parameters(self, target: Target) -> tuple[EffectParameter, ...]:
         meaning = "q, the step; 0 resolves everything"
         return tuple(
-            quantity(f"{target.prefix(output)}step", output.unit, meaning, linear=False)
-            for output in target.outputs
+            quantity(f"{target.prefix(output)}step", output.unit, meaning, linear=False) for output in target.outputs
         )
 
     def shown(self, measured: Mapping[str, Array], target: Target) -> dict[str, float] | None:
@@ -39,9 +38,7 @@ class Quantisation(Effect):
     def own_action(self, readings: Readings, values: Mapping[str, float], target: Target) -> Action:
         numbers = zip(target.outputs, self.own_parameters(target), strict=True)
         steps = {output.name: value_or_zero(values, number.name) for output, number in numbers}
-        return Action(
-            reading={name: partial(rounded, step=q) for name, q in steps.items() if q > 0.0}
-        )
+        return Action(reading={name: partial(rounded, step=q) for name, q in steps.items() if q > 0.0})
 
 
 def rounded(values: Array, step: float) -> Array:

@@ -37,16 +37,10 @@ class DirectionalOffset(Shape):
         return "the zero of an angle is free: there it is friction_hysteresis"
 
     def weights(self, target: Target) -> tuple[Weight, ...]:
-        return (
-            Weight("forward", "a, friction in + motion"),
-            Weight("backward", "b, friction in - motion"),
-        )
+        return (Weight("forward", "a, friction in + motion"), Weight("backward", "b, friction in - motion"))
 
     def columns(
         self, readings: Readings, values: Mapping[str, float], target: Target
     ) -> Mapping[str, Callable[[], Array]]:
         direction = np.asarray(readings[Role.DIRECTION], dtype=float)
-        return {
-            "forward": lambda: np.maximum(direction, 0.0),
-            "backward": lambda: np.minimum(direction, 0.0),
-        }
+        return {"forward": lambda: np.maximum(direction, 0.0), "backward": lambda: np.minimum(direction, 0.0)}

@@ -76,10 +76,7 @@ class FrictionHysteresis(Shape):
             load = Load.of(readings)
             return along_path(readings, load, values[self.shape_parameters(target)[0].name]) - load
 
-        return {
-            MOVING.stem: lambda: np.asarray(readings[Role.DIRECTION], dtype=float),
-            LOOP: loop,
-        }
+        return {MOVING.stem: lambda: np.asarray(readings[Role.DIRECTION], dtype=float), LOOP: loop}
 
 
 def _of_loop(parameter: EffectParameter) -> bool:

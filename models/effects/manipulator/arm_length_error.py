@@ -23,7 +23,4 @@ class ArmLengthError(InsideSeveral):
     reference = "Mooring, Roth and Driels, Fundamentals of Manipulator Calibration, 1991"
 
     def numbers(self, target: Target) -> tuple[tuple[EffectParameter, str], ...]:
-        return tuple(
-            (quantity(f"length_{i}", "um", f"error of arm {i}", -inf), f"arm_length_{i}_um")
-            for i in CHAINS
-        )
+        return tuple((quantity(f"length_{i}", "um", f"error of arm {i}", -inf), f"arm_length_{i}_um") for i in CHAINS)

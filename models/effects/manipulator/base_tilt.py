@@ -22,6 +22,5 @@ class BaseTilt(InsideSeveral):
 
     def numbers(self, target: Target) -> tuple[tuple[EffectParameter, str], ...]:
         return tuple(
-            (quantity(axis, "mrad", f"rotation about the base's {axis}", -inf), f"tilt_{axis}_mrad")
-            for axis in "xy"
+            (quantity(axis, "mrad", f"rotation about the base's {axis}", -inf), f"tilt_{axis}_mrad") for axis in "xy"
         )

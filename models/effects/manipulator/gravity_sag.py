@@ -27,10 +27,7 @@ class GravitySag(InsideSeveral):
 
     def numbers(self, target: Target) -> tuple[tuple[EffectParameter, str], ...]:
         meaning = "a, compliance of drive"
-        return tuple(
-            (quantity(f"compliance_{i}", "mrad/Nm", f"{meaning} {i}"), f"drive_sag_{i}")
-            for i in CHAINS
-        )
+        return tuple((quantity(f"compliance_{i}", "mrad/Nm", f"{meaning} {i}"), f"drive_sag_{i}") for i in CHAINS)
 
     def own_parameters(self, target: Target) -> tuple[EffectParameter, ...]:
         meaning = "m0, mass that the drives carry in addition to the payload"

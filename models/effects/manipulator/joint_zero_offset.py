@@ -24,6 +24,5 @@ class JointZeroOffset(InsideSeveral):
 
     def numbers(self, target: Target) -> tuple[tuple[EffectParameter, str], ...]:
         return tuple(
-            (quantity(f"zero_{i}", "mrad", f"zero of drive {i}", -inf), f"drive_zero_{i}_mrad")
-            for i in CHAINS
+            (quantity(f"zero_{i}", "mrad", f"zero of drive {i}", -inf), f"drive_zero_{i}_mrad") for i in CHAINS
         )

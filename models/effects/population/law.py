@@ -41,13 +41,7 @@ class Law:
     def widened(self, growth: float) -> Law:
         """The law with every deviation multiplied by 1 + growth."""
         by = 1.0 + growth
-        return replace(
-            self,
-            low=by * self.low,
-            step=by * self.step,
-            log=self.log - np.log(by),
-            std=by * self.std,
-        )
+        return replace(self, low=by * self.low, step=by * self.step, log=self.log - np.log(by), std=by * self.std)
 
     def mixed(self, offset: float, fraction: float) -> Law:
         """A `fraction` of the units off by `offset`: the mean moves by fraction times offset."""

@@ -36,10 +36,7 @@ class LotMixture(OfUnits):
     name = "lot_mixture"
     family = "population"
     cause = "Parts come from two suppliers, one of which is off by a step."
-    formula = (
-        "y + c of a share p of the units (of the lots, where they are known, "
-        "unless `within_lots` is 1)"
-    )
+    formula = "y + c of a share p of the units (of the lots, where they are known, unless `within_lots` is 1)"
     mistaken_for = ("lot_offset", "spread_inflation", "process_mean_shift")
     reference = "McLachlan and Peel, Finite Mixture Models, 2000"
     apart_from_inputs = "two suppliers"

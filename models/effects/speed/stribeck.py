@@ -51,7 +51,4 @@ class Stribeck(Shape):
         speed = np.asarray(readings[Role.SPEED], dtype=float)
         name = self.shape_parameters(target)[0].name
         falls = max(values[name], np.finfo(float).tiny)
-        return {
-            "excess": lambda: np.asarray(direction * np.exp(-((speed / falls) ** 2))),
-            "level": lambda: direction,
-        }
+        return {"excess": lambda: np.asarray(direction * np.exp(-((speed / falls) ** 2))), "level": lambda: direction}

@@ -28,10 +28,7 @@ class StructuralResonance(Shape):
     reference = "Den Hartog, Mechanical Vibrations, 1985, section 2.9"
 
     def own_applies(self, target: Target) -> bool:
-        turning = all(
-            target.units.get(role) == unit
-            for role, unit in ((Role.ANGLE, "rad"), (Role.SPEED, "rpm"))
-        )
+        turning = all(target.units.get(role) == unit for role, unit in ((Role.ANGLE, "rad"), (Role.SPEED, "rpm")))
         return turning and target.gear is not None and super().own_applies(target)
 
     def own_reason(self, target: Target) -> str:

@@ -79,9 +79,7 @@ def _table(geometry: ContactGeometry, angles: Array, axes: Axes) -> Array:
     nominal = Nominal.at(geometry, phi)
     normal = nominal.normal * unit(geometry.pin_angles)
     turned, tooth = np.multiply(-1j, nominal_pin(geometry, phi)), teeth(geometry, axes)
-    along, across = (
-        np.real(turned * direction.conj()) for direction in (nominal.normal, nominal.tangent)
-    )
+    along, across = (np.real(turned * direction.conj()) for direction in (nominal.normal, nominal.tangent))
     columns = [
         nominal.lever,
         nominal.gap,

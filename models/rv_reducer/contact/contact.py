@@ -86,9 +86,7 @@ class LoadedContact:
         normal, series = self._stiffness()
         return Mesh.of(gaps_of_units, self.geometry.output_ratio, normal[..., None], 1.0 / series)
 
-    def equilibrium(
-        self, errors: PartErrors, angles: Array, torque: Array | float, direction: int = 1
-    ) -> Equilibrium:
+    def equilibrium(self, errors: PartErrors, angles: Array, torque: Array | float, direction: int = 1) -> Equilibrium:
         """Balance under a torque on the carrier, forward positive, that fits (units, angles).
 
         Without torque the carrier is at first contact in `direction` (+1, -1). Warns
@@ -101,9 +99,7 @@ class LoadedContact:
         mesh_torque = np.einsum("uadp,adp->ua", forces, mesh.gaps.lever) * mesh.ratio
         return Equilibrium(rotation, forces, np.sum(forces > 0.0, axis=-1), mesh_torque - torque)
 
-    def rotation(
-        self, errors: PartErrors, angles: Array, torque: Array | float, direction: int = 1
-    ) -> Array:
+    def rotation(self, errors: PartErrors, angles: Array, torque: Array | float, direction: int = 1) -> Array:
         """The rotation of `equilibrium` alone; its memory does not grow with the contacts."""
         self._warn(torque)
         torques = np.broadcast_to(torque, (errors.units, angles.size))
@@ -131,15 +127,11 @@ class LoadedContact:
             for first in range(0, errors.units, tall):
                 units = slice(first, first + tall)
                 contact = self._of(units, part)
-                yield Block(
-                    (units, part), contact.mesh(errors.of_units(units), angles[part], nominal)
-                )
+                yield Block((units, part), contact.mesh(errors.of_units(units), angles[part], nominal))
 
     def _compiled(self, errors: PartErrors, angles: Array, torques: Array, direction: int) -> Array:
         kernel = import_module(".compiled", __package__)
-        rotation: Array = kernel.rotation(
-            self.geometry, errors, angles, *self._stiffness(), torques, direction
-        )
+        rotation: Array = kernel.rotation(self.geometry, errors, angles, *self._stiffness(), torques, direction)
         return rotation
 
     def _uses_numba(self) -> bool:
@@ -148,18 +140,14 @@ class LoadedContact:
     def _stiffness(self) -> tuple[Array, Array]:
         """Normal and series stiffness with the axes (units, angles, discs)."""
         normal, series = (
-            np.asarray(value, dtype=np.float64)
-            for value in (self.normal_stiffness, self.series_stiffness)
+            np.asarray(value, dtype=np.float64) for value in (self.normal_stiffness, self.series_stiffness)
         )
         return _three_axes(normal), _three_axes(series)
 
     def _of(self, units: slice, angles: slice) -> LoadedContact:
         """The contact with the stiffness of some units and angles."""
         normal, series = (
-            stiffness[
-                units if len(stiffness) > 1 else slice(None),
-                angles if stiffness.shape[1] > 1 else slice(None),
-            ]
+            stiffness[units if len(stiffness) > 1 else slice(None), angles if stiffness.shape[1] > 1 else slice(None)]
             for stiffness in self._stiffness()
         )
         return replace(self, normal_stiffness=normal, series_stiffness=series)

@@ -15,9 +15,7 @@ _B = "document B"
 
 
 def _assumed(name: str, default: float, unit: str, meaning: str, source: str) -> Parameter:
-    return Parameter(
-        name, default, unit, meaning, source, assumed=True, low=0.0, high=1e9, open_low=True
-    )
+    return Parameter(name, default, unit, meaning, source, assumed=True, low=0.0, high=1e9, open_low=True)
 
 
 def _torque(name: str, default: float, meaning: str) -> Parameter:
@@ -48,17 +46,12 @@ PARAMETERS: tuple[Parameter, ...] = (
 )
 
 
-def loaded_contact(
-    parameters: Mapping[str, Value], nominal: RvGeometry | None = None
-) -> LoadedContact:
+def loaded_contact(parameters: Mapping[str, Value], nominal: RvGeometry | None = None) -> LoadedContact:
     """The contact (SI) of `parameters` by declared name; omitted ones keep their defaults.
 
     Raises InputError where the modification interferes or undercuts.
     """
-    p = {
-        parameter.name: number(parameters.get(parameter.name, parameter.default))
-        for parameter in PARAMETERS
-    }
+    p = {parameter.name: number(parameters.get(parameter.name, parameter.default)) for parameter in PARAMETERS}
     geometry = ContactGeometry(
         nominal=nominal or RvGeometry(),
         dr_rp=p["dr_rp_mm"] * MM,

@@ -95,9 +95,7 @@ class PartErrors:
     def units(self) -> int:
         """Number of units; 1 where no error differs between units."""
         lengths = {
-            np.shape(getattr(self, name))[0]
-            for name, axes in AXES.items()
-            if np.ndim(getattr(self, name)) == len(axes)
+            np.shape(getattr(self, name))[0] for name, axes in AXES.items() if np.ndim(getattr(self, name)) == len(axes)
         } - {1}
         if len(lengths) > 1:
             raise ValueError(f"errors are of different numbers of units: {sorted(lengths)}")
@@ -117,12 +115,7 @@ class PartErrors:
         chosen = {
             field.name: np.asarray(value)[part]
             for field in fields(self)
-            if np.ndim(value := getattr(self, field.name)) == len(AXES[field.name])
-            and np.shape(value)[0] > 1
+            if np.ndim(value := getattr(self, field.name)) == len(AXES[field.name]) and np.shape(value)[0] > 1
         }
-        common = {
-            field.name: getattr(self, field.name)
-            for field in fields(self)
-            if field.name not in chosen
-        }
+        common = {field.name: getattr(self, field.name) for field in fields(self) if field.name not in chosen}
         return type(self)(**chosen, **common)

@@ -38,10 +38,7 @@ def _teeth(geometry: ContactGeometry, place: str) -> Iterator[Fault]:
             f"{geometry.pins}: the profile rolls on by one tooth for every turn of the cranks",
         )
     if geometry.pins % geometry.discs:
-        yield Fault(
-            f"{place}.discs",
-            f"must divide the {geometry.pins} pins, got {geometry.discs}: discs would differ",
-        )
+        yield Fault(f"{place}.discs", f"must divide the {geometry.pins} pins, got {geometry.discs}: discs would differ")
 
 
 def _pins(geometry: ContactGeometry, place: str) -> Iterator[Fault]:

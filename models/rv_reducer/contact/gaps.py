@@ -87,12 +87,7 @@ class Axes:
 
 def displacements(geometry: ContactGeometry, errors: PartErrors) -> Displacements:
     """The displacements of all units."""
-    sizes = {
-        "units": errors.units,
-        "discs": geometry.discs,
-        "pins": geometry.pins,
-        "cranks": geometry.cranks,
-    }
+    sizes = {"units": errors.units, "discs": geometry.discs, "pins": geometry.pins, "cranks": geometry.cranks}
     full = {name: errors.full(name, sizes) for name in errors.__slots__}
     circle = full["circle_offset"] * unit(full["circle_phase"])
     e, a_0 = geometry.nominal.eccentricity, geometry.nominal.centre_distance
@@ -114,11 +109,7 @@ def displacements(geometry: ContactGeometry, errors: PartErrors) -> Displacement
 
 
 def gaps(
-    geometry: ContactGeometry,
-    errors: PartErrors,
-    angles: Array,
-    exact: bool = False,
-    nominal: Nominal | None = None,
+    geometry: ContactGeometry, errors: PartErrors, angles: Array, exact: bool = False, nominal: Nominal | None = None
 ) -> Gaps:
     """Gaps of all units at the crank angles [rad], (angles,).
 
@@ -142,9 +133,7 @@ def teeth(geometry: ContactGeometry, axes: Axes) -> Complex:
     return unit(geometry.pin_angles) * axes.disc.conj()[:, :, None]
 
 
-def _relative(
-    geometry: ContactGeometry, displacement: Displacements, axes: Axes, phi: Array
-) -> Complex:
+def _relative(geometry: ContactGeometry, displacement: Displacements, axes: Axes, phi: Array) -> Complex:
     """Displacement of each pin's centre against its tooth, in the pin's axes."""
     relative = displacement.pins[:, None] - displacement.centre(axes)[..., None]
     relative *= unit(-geometry.pin_angles)

@@ -108,9 +108,7 @@ def foot(geometry: ContactGeometry, phi: Array, pin: Complex, shift: Array | flo
     Raises ArithmeticError where it does not settle: errors far beyond a tooth's radius.
     """
     nearest = _nearest_start(geometry, phi, pin, shift)
-    v, phi, pin, shift = (
-        np.broadcast_to(array, nearest.shape).ravel() for array in (nearest, phi, pin, shift)
-    )
+    v, phi, pin, shift = (np.broadcast_to(array, nearest.shape).ravel() for array in (nearest, phi, pin, shift))
     unsettled, nearest_flat = np.arange(v.size), nearest.reshape(-1)
     for _ in range(100):
         at = curve(geometry, phi, v, shift)
@@ -128,9 +126,7 @@ def foot(geometry: ContactGeometry, phi: Array, pin: Complex, shift: Array | flo
     raise ArithmeticError("no nearest point of the profile found: the errors are too large")
 
 
-def _nearest_start(
-    geometry: ContactGeometry, phi: Array, pin: Complex, shift: Array | float
-) -> Array:
+def _nearest_start(geometry: ContactGeometry, phi: Array, pin: Complex, shift: Array | float) -> Array:
     """Parameter of the nearest of a few points of C; more than one only at bottoms of spaces."""
     nearest = np.zeros(np.broadcast_shapes(phi.shape, pin.shape, np.shape(shift)))
     bottom = np.broadcast_to(np.cos(phi) > _BOTTOM, nearest.shape)

@@ -144,9 +144,7 @@ def _pins(arms: Array, gap: Array, normal: float, at: float) -> tuple[float, flo
 
 
 @_compiled
-def _bent(
-    arms: Array, gap: Array, normal: float, behind: float, wanted: float, low: float, high: float
-) -> float:
+def _bent(arms: Array, gap: Array, normal: float, behind: float, wanted: float, low: float, high: float) -> float:
     """x in [low, high] with x + behind M(x) = wanted, or M(x) = 0 where `behind` is infinite."""
     at = low
     for _ in range(_STEPS):
@@ -185,14 +183,7 @@ def _without_torque(arms: Array, gap: Array, normal: float) -> tuple[float, floa
 
 @_compiled
 def balance(
-    arms: Array,
-    gap: Array,
-    normal: Array,
-    behind: Array,
-    turn: Array,
-    play: Array,
-    torque: float,
-    direction: int,
+    arms: Array, gap: Array, normal: Array, behind: Array, turn: Array, play: Array, torque: float, direction: int
 ) -> float:
     """Rotation against the mesh of one unit at one angle, as `Mesh.rotation` finds it.
 
@@ -222,15 +213,7 @@ def balance(
                 wanted = turned - min(max(beyond, -play[d]), play[d])
                 x = wanted
                 if behind[d] > 0.0:
-                    x = _bent(
-                        arms[d],
-                        gap[d],
-                        normal[d],
-                        behind[d],
-                        wanted,
-                        min(nearest, wanted),
-                        max(nearest, wanted),
-                    )
+                    x = _bent(arms[d], gap[d], normal[d], behind[d], wanted, min(nearest, wanted), max(nearest, wanted))
                 held, stiffness = _pins(arms[d], gap[d], normal[d], x)
                 miss += held
                 rise += stiffness / (1.0 + stiffness * behind[d])
@@ -308,9 +291,7 @@ def rotations(
             sign = 1.0 if loads[0] > 0.0 else -1.0
             wrong = np.ones(loads.size)
             if np.all(loads * sign > 0.0):
-                turned, wrong = _lanes(
-                    arms * sign, gap, k, behind, turn * sign - play, loads * sign, warm
-                )
+                turned, wrong = _lanes(arms * sign, gap, k, behind, turn * sign - play, loads * sign, warm)
                 rotation[a, part] = turned * sign
             for u in range(loads.size):
                 if wrong[u] > 0.0:

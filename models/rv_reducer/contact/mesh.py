@@ -43,8 +43,7 @@ class Discs:
         order = np.argsort(bare, axis=-1)
         bare = np.take_along_axis(bare, order, -1)
         arm, gap, stiff = (
-            np.take_along_axis(np.broadcast_to(values, bare.shape), order, -1)
-            for values in (arm, gaps.gap, stiffness)
+            np.take_along_axis(np.broadcast_to(values, bare.shape), order, -1) for values in (arm, gaps.gap, stiffness)
         )
         slope, moment = _sums(stiff * arm**2, arm), _sums(stiff * arm * gap, arm)
         torque = slope[..., 1:] * bare - moment[..., 1:]
@@ -59,8 +58,7 @@ class Discs:
         passed = np.sum(self.knots <= rotation[..., None], axis=-1, keepdims=True)
         knot = np.maximum(passed - 1, 0)
         start, torque, slope = (
-            np.take_along_axis(values, knot, -1)[..., 0]
-            for values in (self.knots, self.torque, self.slope)
+            np.take_along_axis(values, knot, -1)[..., 0] for values in (self.knots, self.torque, self.slope)
         )
         slope = np.where(passed[..., 0] == 0, self.first, slope)
         return torque + slope * (rotation - start), slope
@@ -86,8 +84,7 @@ def _without_torque(knots: Array, torque: Array, slope: Array, arm: Array) -> tu
     low = np.max(np.where(arm < 0.0, knots, -np.inf), axis=-1)
     last = np.sum(torque <= 0.0, axis=-1, keepdims=True) - 1
     start, value, rise = (
-        np.take_along_axis(values, np.maximum(last, 0), -1)[..., 0]
-        for values in (knots, torque, slope[..., 1:])
+        np.take_along_axis(values, np.maximum(last, 0), -1)[..., 0] for values in (knots, torque, slope[..., 1:])
     )
     crossing = start - value / np.where(rise > 0.0, rise, 1.0)
     both = low > high

@@ -27,9 +27,7 @@ def backlash(contact: LoadedContact, errors: PartErrors, angles: Array) -> Array
     return play
 
 
-def transmission_error(
-    contact: LoadedContact, errors: PartErrors, angles: Array, torque: Array | float
-) -> Array:
+def transmission_error(contact: LoadedContact, errors: PartErrors, angles: Array, torque: Array | float) -> Array:
     """theta_in/i - theta_out under a torque on the carrier [N m], (units, angles).
 
     Its mean over a turn holds the wind-up; without torque it is that of first contact forward, or
@@ -38,9 +36,7 @@ def transmission_error(
     return -contact.rotation(errors, angles, torque)
 
 
-def torque_twist(
-    contact: LoadedContact, errors: PartErrors, angles: Array, torques: Array
-) -> Array:
+def torque_twist(contact: LoadedContact, errors: PartErrors, angles: Array, torques: Array) -> Array:
     """Mean rotation over the crank angles at each torque [N m], (units, torques)."""
     twist = np.zeros((errors.units, torques.size))
     for block in contact.blocks(errors, angles):
@@ -57,9 +53,7 @@ def lost_motion(contact: LoadedContact, errors: PartErrors, angles: Array) -> Ar
     return twist[:, 1] - twist[:, 0]
 
 
-def rigidity(
-    contact: LoadedContact, errors: PartErrors, angles: Array, between: tuple[float, float]
-) -> Array:
+def rigidity(contact: LoadedContact, errors: PartErrors, angles: Array, between: tuple[float, float]) -> Array:
     """Secant stiffness [N m/rad] between two fractions of the rated torque, (units,)."""
     torques = np.array(between) * contact.rated_torque
     twist = torque_twist(contact, errors, angles, torques)

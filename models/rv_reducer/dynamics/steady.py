@@ -86,9 +86,7 @@ def transfer(points: Oscillator, order: Array) -> NDArray[np.complex128]:
     return np.asarray(points.stiffness[:, None] / (inner + 1j * points.damping[:, None] * wave))
 
 
-def steady_state(
-    mesh: Mesh, points: Oscillator, tolerance: float = 1e-9, iterations: int = 40
-) -> Steady:
+def steady_state(mesh: Mesh, points: Oscillator, tolerance: float = 1e-9, iterations: int = 40) -> Steady:
     """Steady states of all points; those not found within `tolerance` have a larger residual."""
     static = mesh.equilibrium(points.torque)
     order = np.arange(mesh.samples // 2 + 1, dtype=float)
@@ -106,9 +104,7 @@ def steady_state(
     return Steady(twist, residual)
 
 
-def _newton(
-    mesh: Mesh, points: Oscillator, twist: Array, tolerance: float, iterations: int
-) -> Steady:
+def _newton(mesh: Mesh, points: Oscillator, twist: Array, tolerance: float, iterations: int) -> Steady:
     """Newton's method from `twist`; points that have converged stay."""
     twist = twist.copy()
     balance = _Balance(mesh, points)

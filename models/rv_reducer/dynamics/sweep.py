@@ -35,9 +35,7 @@ class Response:
     residual: Array
 
 
-def sweep(
-    mesh: Mesh, train: Train, torque: Array | float, speed: Array | float, tolerance: float = 1e-8
-) -> Response:
+def sweep(mesh: Mesh, train: Train, torque: Array | float, speed: Array | float, tolerance: float = 1e-8) -> Response:
     """Steady states at torques [N m] and output speeds [rad/s] that broadcast with the train's.
 
     Raises InputError for speeds and torques that are not finite or a speed that is not positive.
@@ -62,9 +60,7 @@ def faults(train: Train, torque: Array | float, speed: Array | float) -> list[Fa
     if not np.all(np.isfinite(torque)):
         problems.append(Fault("torque", "must be finite, in N m"))
     if not np.all(np.isfinite(speed) & (np.asarray(speed) > 0.0)):
-        problems.append(
-            Fault("speed", "must be finite and above 0 rad/s; a sense of turning is not part of it")
-        )
+        problems.append(Fault("speed", "must be finite and above 0 rad/s; a sense of turning is not part of it"))
     return problems
 
 
@@ -75,9 +71,7 @@ def samples_needed(samples: int, points: Oscillator) -> NDArray[np.int64]:
     return np.asarray(np.where(points.resonance > 0.51 * samples, samples, samples << doublings))
 
 
-def _fill(
-    response: Response, chosen: NDArray[np.bool_], mesh: Mesh, points: Oscillator, tolerance: float
-) -> None:
+def _fill(response: Response, chosen: NDArray[np.bool_], mesh: Mesh, points: Oscillator, tolerance: float) -> None:
     state = steady_state(mesh, points, tolerance)
     reached = state.converged(tolerance)
     twist, force = state.twist, mesh.peak_force(state.twist)
@@ -86,9 +80,7 @@ def _fill(
     response.peak_force[chosen] = np.where(reached, force, np.nan)
 
 
-def warnings(
-    mesh: Mesh, train: Train, torque: float, speed: Array, momentary: float = 2058.0
-) -> tuple[str, ...]:
+def warnings(mesh: Mesh, train: Train, torque: float, speed: Array, momentary: float = 2058.0) -> tuple[str, ...]:
     """Warnings for a sweep over `speed` [rad/s] at one torque [N m]."""
     messages = []
     if abs(torque) > momentary:
@@ -97,9 +89,7 @@ def warnings(
     points = Oscillator.of(mesh, train, np.asarray(torque), speeds)
     line = spectrum(mesh.equilibrium(np.asarray(torque))).amplitude[1:]
     excited = 1 + np.flatnonzero(np.abs(line) >= EXCITED * np.abs(line).max(initial=0.0))
-    missed = sorted(
-        {int(k) for k in excited if np.abs(line[k - 1]) > 0.0 and _leapt(points, train, float(k))}
-    )
+    missed = sorted({int(k) for k in excited if np.abs(line[k - 1]) > 0.0 and _leapt(points, train, float(k))})
     if missed:
         orders = ", ".join(str(k) for k in missed[:5]) + (", ..." if len(missed) > 5 else "")
         width = float(np.max(2.0 * np.asarray(train.damping_ratio)))

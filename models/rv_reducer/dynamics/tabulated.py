@@ -96,9 +96,7 @@ class TabulatedMesh:
         if samples % self.samples != 0:
             raise ValueError(f"{samples} samples are no multiple of {self.samples}")
         tables = (self.torques, self.slopes)
-        torque, slope = (
-            np.asarray(scipy.signal.resample(table, samples, axis=-1)) for table in tables
-        )
+        torque, slope = (np.asarray(scipy.signal.resample(table, samples, axis=-1)) for table in tables)
         torque = np.maximum.accumulate(torque, axis=0)
         limited = _limited(torque, slope, self.nodes[1] - self.nodes[0])
         stride = self.stride * samples // self.samples

@@ -46,10 +46,7 @@ class Train:
         """Inputs for which no steady state exists."""
         problems = [
             Fault(f"{place}.{name}", f"must be finite and above 0 kg m^2, got {_shown(value)}")
-            for name, value in (
-                ("input_inertia", self.input_inertia),
-                ("load_inertia", self.load_inertia),
-            )
+            for name, value in (("input_inertia", self.input_inertia), ("load_inertia", self.load_inertia))
             if not np.all(np.isfinite(value) & (np.asarray(value) > 0.0))
         ]
         ratio = np.asarray(self.damping_ratio)

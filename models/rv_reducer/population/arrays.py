@@ -23,17 +23,9 @@ def _disc(axes: Single, disc: Single, circle: Single) -> tuple[Single, Single, S
     centre = turning * (ex + 1j * ey) + offset * (dx + 1j * dy)
     turned = pitch * (dx + 1j * dy)
     away = circle[0] + 1j * circle[1] - centre
-    terms = np.stack(
-        [
-            np.ones_like(disc[0]),
-            disc[0],
-            disc[1],
-            away.real,
-            away.imag,
-            turned.real,
-            turned.imag,
-        ]
-    ).astype(np.float32)
+    terms = np.stack([np.ones_like(disc[0]), disc[0], disc[1], away.real, away.imag, turned.real, turned.imag]).astype(
+        np.float32
+    )
     ahead = disc[3] - np.imag(around * (cx + 1j * cy))
     return terms, disc[2], ahead.astype(np.float32)
 

@@ -17,9 +17,7 @@ from .scaled import Scaled, pitch_turn
 Array = NDArray[np.float64]
 
 
-def changed(
-    geometry: ContactGeometry, units: Scaled, sample: BaseSample, changes: Mapping[str, Array]
-) -> Scaled:
+def changed(geometry: ContactGeometry, units: Scaled, sample: BaseSample, changes: Mapping[str, Array]) -> Scaled:
     """Units (n) with their errors [um] and temperatures [K] changed, each by a number or by (n,).
 
     A change of an error is one of its mid-limit: of every pin and disc of the unit alike. A warmer

@@ -46,24 +46,12 @@ def _disc(axes: Single, disc: Single, circle: Single, terms: Single) -> None:
 
 @_compiled
 def _nearest(
-    rows: Single,
-    pins: Any,
-    across: Single,
-    along: Single,
-    terms: Single,
-    sign: float,
-    best: Single,
-    which: Any,
+    rows: Single, pins: Any, across: Single, along: Single, terms: Single, sign: float, best: Single, which: Any
 ) -> None:
     """The least of sign * h over contacts, and its pin, by lane."""
     for i in range(rows.shape[0]):
         j = pins[i]
-        gap, lever, radial, tangential = (
-            sign * rows[i, 0],
-            sign * rows[i, 1],
-            sign * rows[i, 2],
-            sign * rows[i, 3],
-        )
+        gap, lever, radial, tangential = (sign * rows[i, 0], sign * rows[i, 1], sign * rows[i, 2], sign * rows[i, 3])
         nx, ny, c, s = sign * rows[i, 4], sign * rows[i, 5], sign * rows[i, 6], sign * rows[i, 7]
         pin_across, pin_along = across[j], along[j]
         place = np.int32(i)

@@ -32,17 +32,7 @@ def _terms(axes: Single, disc: Single, circle: Single) -> tuple[Array, Array, Ar
     around, pitch = errors[8] + 1j * errors[9], errors[10] + 1j * errors[11]
     away = circle[0] + 1j * circle[1] - turning * (ex + 1j * ey) - offset * (dx + 1j * dy)
     turned = pitch * (dx + 1j * dy)
-    terms = np.stack(
-        [
-            np.ones_like(errors[0]),
-            errors[0],
-            errors[1],
-            away.real,
-            away.imag,
-            turned.real,
-            turned.imag,
-        ]
-    )
+    terms = np.stack([np.ones_like(errors[0]), errors[0], errors[1], away.real, away.imag, turned.real, turned.imag])
     return terms, errors[2], np.asarray(errors[3] - np.imag(around * (cx + 1j * cy)))
 
 
@@ -108,9 +98,7 @@ def balances(
         k, of_force = stiff[position.part].astype(float), force[position.part].astype(float)
         for first in range(0, across.shape[1], BLOCK):
             u = slice(first, first + BLOCK)
-            gaps, play, ahead = position.gaps(
-                axes[a], across[:, u], along[:, u], discs[:, :, u], circle[:, u]
-            )
+            gaps, play, ahead = position.gaps(axes[a], across[:, u], along[:, u], discs[:, :, u], circle[:, u])
             mesh = _mesh(position, gaps, play, ahead, k / of_force, of_force, float(behind))
             for case, torque in enumerate(torques):
                 rotation = mesh.rotation(float(torque))
@@ -124,22 +112,12 @@ def balances(
                     forces = of_force[:, None] * closed
                     most = forces.max(axis=0)
                     higher = most > peak[u]
-                    which[u] = np.where(
-                        higher, position.part.start + forces.argmax(axis=0), which[u]
-                    )
+                    which[u] = np.where(higher, position.part.start + forces.argmax(axis=0), which[u])
                     where[u] = np.where(higher, a, where[u])
                     peak[u] = np.where(higher, most, peak[u])
 
 
-def _mesh(
-    position: _Position,
-    gaps: Array,
-    play: Array,
-    turn: Array,
-    arm: Array,
-    force: Array,
-    behind: float,
-) -> Mesh:
+def _mesh(position: _Position, gaps: Array, play: Array, turn: Array, arm: Array, force: Array, behind: float) -> Mesh:
     """The mesh at one position; pins that are not contacts of the lattice have no lever arm."""
     n, discs = gaps.shape[1], len(play)
     lever = np.zeros((1, discs, int(position.pins.max()) + 1))
@@ -148,9 +126,7 @@ def _mesh(
     gap[:, 0, position.disc, position.pins] = gaps.T * arm * ARCMIN
     turned, free = (angles.T[:, None] * ARCMIN for angles in (turn, play))
     stiffness = np.full((1, 1, 1, 1), force[0] / arm[0] / ARCMIN)
-    return Mesh.of(
-        Gaps(gap, lever, turned, free), 1.0, stiffness, np.full((1, 1, discs), behind * ARCMIN)
-    )
+    return Mesh.of(Gaps(gap, lever, turned, free), 1.0, stiffness, np.full((1, 1, discs), behind * ARCMIN))
 
 
 def _discs(mesh: Mesh, rotation: Array) -> tuple[Array, NDArray[np.int8]]:
@@ -218,10 +194,7 @@ def pull_back(
         for d in range(many):
             of_disc = position.disc == d
             sums = np.stack(
-                [
-                    weight[of_disc].sum(axis=0),
-                    *(table[of_disc, k] @ weight[of_disc] for k in (1, 2, 4, 5, 6, 7)),
-                ]
+                [weight[of_disc].sum(axis=0), *(table[of_disc, k] @ weight[of_disc] for k in (1, 2, 4, 5, 6, 7))]
             )
             _add_disc(sums, axes[a, d], of_discs[d][:, u], of_unit[:, u], toward[d], total)
 
@@ -230,9 +203,7 @@ def _factors(rise: Array, fixed: Array, side: Any, behind: float, of_turn: Singl
     """Factors by which a contact's stiffness gives its weight through the balance."""
     loaded = side != 0
     bent = loaded / (1.0 + behind * rise)
-    common = (of_turn + np.sum(bent * fixed, axis=0)) / np.maximum(
-        np.sum(bent * rise, axis=0), _TINY
-    )
+    common = (of_turn + np.sum(bent * fixed, axis=0)) / np.maximum(np.sum(bent * rise, axis=0), _TINY)
     alone = fixed / np.maximum(rise, _TINY)
     return np.where(loaded, bent * (common + behind * fixed), alone)
 

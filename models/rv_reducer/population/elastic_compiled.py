@@ -53,9 +53,7 @@ def _disc(axes: Single, disc: Single, circle: Single, terms: Single) -> None:
 
 
 @_compiled
-def _gaps(
-    rows: Single, pins: Any, across: Single, along: Single, terms: Single, first: int, gaps: Single
-) -> None:
+def _gaps(rows: Single, pins: Any, across: Single, along: Single, terms: Single, first: int, gaps: Single) -> None:
     """Fills `gaps` (contacts, lanes) from row `first` on with turns to contact."""
     for i in range(rows.shape[0]):
         j = pins[i]
@@ -97,9 +95,7 @@ def _bearing(mesh: Mesh, d: int, flank: int, at: Single, rise: Single, moment: S
 
 
 @_compiled
-def _lanes(
-    mesh: Mesh, discs: Discs, behind: float, torque: float, state: State, wrong: Any, work: Single
-) -> None:
+def _lanes(mesh: Mesh, discs: Discs, behind: float, torque: float, state: State, wrong: Any, work: Single) -> None:
     """Balance of every lane on one flank; `wrong` (lanes) where that does not hold.
 
     The depth of `state` is the turn beyond first contact, start and end; `work` has the shape
@@ -310,9 +306,7 @@ def _largest(mesh: Mesh, force: Single, x: Single, place: int, shift: int, peaks
 
 
 @_compiled
-def _case(
-    mesh: Mesh, discs: Discs, behind: float, torque: float, state: State, held: Single, work: Single
-) -> None:
+def _case(mesh: Mesh, discs: Discs, behind: float, torque: float, state: State, held: Single, work: Single) -> None:
     """The balances of all lanes at one position under a torque on the discs.
 
     `held` (lanes) is filled with the torque of the forward flanks where there is no other torque.

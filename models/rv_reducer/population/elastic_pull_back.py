@@ -42,13 +42,7 @@ def _terms(axes: Single, disc: Single, circle: Single, terms: Single) -> None:
 
 @_compiled
 def _closed(
-    row: Single,
-    pin_across: Single,
-    pin_along: Single,
-    terms: Single,
-    x: Single,
-    flank: int,
-    into: Single,
+    row: Single, pin_across: Single, pin_along: Single, terms: Single, x: Single, flank: int, into: Single
 ) -> None:
     """Turn of each lane's disc beyond contact with one pin of `flank`, or 0."""
     gap, lever, radial, tangential = row[0], row[1], row[2], row[3]
@@ -89,9 +83,7 @@ def _collect(
 
 
 @_compiled
-def _factors(
-    rise: Single, fixed: Single, side: Any, behind: float, of_turn: Single, factor: Single
-) -> None:
+def _factors(rise: Single, fixed: Single, side: Any, behind: float, of_turn: Single, factor: Single) -> None:
     """Factors (discs, lanes) by which w gives a contact's weight through the balance.
 
     `rise` is W; `fixed` is the derivative of the functional by the turn of the disc alone,
@@ -193,9 +185,7 @@ def _add_pin(row: Single, weight: Single, units: Any, of_pin: Single, total: Any
 
 
 @_compiled
-def _weighed(
-    of_turn: Single, of_preload: Single, of_peak: Single, first: int, units: Any
-) -> tuple[int, int]:
+def _weighed(of_turn: Single, of_preload: Single, of_peak: Single, first: int, units: Any) -> tuple[int, int]:
     """Fills `units` with those from `first` on that have a weight.
 
     Returns the unit from which to go on, and the number of units.
@@ -270,15 +260,7 @@ def pull_back(
                         j, into = pins[i], closed[i - base, lanes]
                         _closed(rows[i], lane_across[j], lane_along[j], terms, turned, flank, into)
                         bearing[i - base] = _collect(
-                            into,
-                            stiff[i],
-                            force[i],
-                            i,
-                            taken,
-                            load,
-                            star,
-                            rise[d, lanes],
-                            fixed[d, lanes],
+                            into, stiff[i], force[i], i, taken, load, star, rise[d, lanes], fixed[d, lanes]
                         )
             _factors(rise, fixed, toward, behind, turn, factor)
             for d in range(many):

@@ -79,12 +79,7 @@ def _single(value: Array) -> Single:
 
 
 def pull_back(
-    lattice: Lattice,
-    table: Table,
-    touch: Touch,
-    slopes: Slopes,
-    weight: Array,
-    engine: Engine = "auto",
+    lattice: Lattice, table: Table, touch: Touch, slopes: Slopes, weight: Array, engine: Engine = "auto"
 ) -> Array:
     """Derivatives (names,) of sum(weight y) by `NAMES`, for weights (positions, units).
 

@@ -25,9 +25,7 @@ def turn_lattice(positions: int, teeth: int) -> Array:
 def shares_a_factor(positions: int, geometry: ContactGeometry) -> bool:
     """Whether the positions share a factor with teeth or pins, so that phases of the mesh recur."""
     nominal = geometry.nominal
-    return positions > 1 and (
-        gcd(positions, nominal.cycloid_teeth) > 1 or gcd(positions, nominal.pins) > 1
-    )
+    return positions > 1 and (gcd(positions, nominal.cycloid_teeth) > 1 or gcd(positions, nominal.pins) > 1)
 
 
 def merit(positions: int, geometry: ContactGeometry) -> int:
@@ -128,7 +126,5 @@ def _contacts(
 def _directions(geometry: ContactGeometry, angles: Array) -> Single:
     """Cosines and sines (positions, discs, 6) of eccentric, disc, and eccentric against cranks."""
     axes = Axes.at(geometry, angles)
-    parts = [
-        part for axis in (axes.eccentric, axes.disc, axes.crank) for part in (axis.real, axis.imag)
-    ]
+    parts = [part for axis in (axes.eccentric, axes.disc, axes.crank) for part in (axis.real, axis.imag)]
     return np.ascontiguousarray(np.stack(parts, axis=-1), dtype=np.float32)

@@ -11,16 +11,7 @@ from numpy.typing import NDArray
 
 from ....units import ARCMIN, UM
 from .gradient import Slopes
-from .statistics import (
-    Involute,
-    Statistic,
-    deviation,
-    mean,
-    ordered_quantile,
-    quantile,
-    share_below,
-    share_within,
-)
+from .statistics import Involute, Statistic, deviation, mean, ordered_quantile, quantile, share_below, share_within
 from .turn import Turn
 
 Array = NDArray[np.float64]

@@ -48,9 +48,7 @@ class Profile:
     coefficients: Array
 
     @classmethod
-    def of(
-        cls, geometry: ContactGeometry, phase: Array, shifts: tuple[float, float] = RANGE
-    ) -> Profile:
+    def of(cls, geometry: ContactGeometry, phase: Array, shifts: tuple[float, float] = RANGE) -> Profile:
         """The profile at phases within those of pins whose lever arms count."""
         nodes, table = _table(geometry, _phases(geometry), shifts)
         count = table.shape[1]
@@ -71,15 +69,11 @@ class Profile:
         basis = np.array([chebyshev.chebval(x, row) for row in identity])
         slope = np.array([chebyshev.chebval(x, chebyshev.chebder(row)) for row in identity])
         slope *= 2.0 / (high - low)
-        return np.einsum("k,kic->ic", basis, self.coefficients), np.einsum(
-            "k,kic->ic", slope, self.coefficients
-        )
+        return np.einsum("k,kic->ic", basis, self.coefficients), np.einsum("k,kic->ic", slope, self.coefficients)
 
 
 @lru_cache(maxsize=16)
-def _table(
-    geometry: ContactGeometry, phases: tuple[float, float], shifts: tuple[float, float]
-) -> tuple[Array, Array]:
+def _table(geometry: ContactGeometry, phases: tuple[float, float], shifts: tuple[float, float]) -> tuple[Array, Array]:
     """Phases (n,) and the profile (n, shifts, 4) at Chebyshev nodes, as many as are needed."""
     count, across = PHASES, SHIFTS
     for _ in range(DOUBLED):
@@ -91,22 +85,14 @@ def _table(
 
 
 def _at_nodes(
-    geometry: ContactGeometry,
-    phases: tuple[float, float],
-    shifts: tuple[float, float],
-    count: int,
-    across: int,
+    geometry: ContactGeometry, phases: tuple[float, float], shifts: tuple[float, float], count: int, across: int
 ) -> tuple[Array, Array]:
     nodes, modified = _within(phases, _nodes(count)[::-1]), _within(shifts, _nodes(across))
     return nodes, np.stack([_at(geometry, nodes, float(shift)) for shift in modified], axis=1)
 
 
 def _error(
-    geometry: ContactGeometry,
-    nodes: Array,
-    table: Array,
-    phases: tuple[float, float],
-    shifts: tuple[float, float],
+    geometry: ContactGeometry, nodes: Array, table: Array, phases: tuple[float, float], shifts: tuple[float, float]
 ) -> float:
     """Largest error of the distance [m] midway between nodes, in the middle and near both ends."""
     at = _within(phases, np.cos(np.pi * np.arange(1, len(nodes)) / len(nodes)))
@@ -115,8 +101,7 @@ def _error(
     errors = []
     for x in np.cos(np.pi * np.array([1, count // 2, count - 1]) / count):
         weights = np.linalg.solve(
-            chebyshev.chebvander(_nodes(count), count - 1).T,
-            chebyshev.chebvander(np.array([x]), count - 1)[0],
+            chebyshev.chebvander(_nodes(count), count - 1).T, chebyshev.chebvander(np.array([x]), count - 1)[0]
         )
         exact = _at(geometry, at, float(_within(shifts, x)))[:, 0]
         errors.append(float(np.max(np.abs(along @ weights - exact))))

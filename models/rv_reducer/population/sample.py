@@ -19,13 +19,7 @@ Single = NDArray[np.float32]
 PIN_ERRORS = ("pin_position", "pin_hole_radius", "pin_radius")
 DISC_ERRORS = ("equidistance", "shift")
 ONCE = ("pitch", "runout")
-ECCENTRIC_ERRORS = (
-    "eccentricity",
-    "crank_bearing",
-    "crank_phase",
-    "bore_radial",
-    "bore_tangential",
-)
+ECCENTRIC_ERRORS = ("eccentricity", "crank_bearing", "crank_phase", "bore_radial", "bore_tangential")
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,10 +73,7 @@ class BaseSample:
         discs, pins = (geometry.discs,), (geometry.pins,)
         common = {
             name: ndtri(source.unit())
-            for names, fraction in (
-                (DISC_ERRORS, laws.share_discs),
-                (PIN_ERRORS, laws.share_pins),
-            )
+            for names, fraction in ((DISC_ERRORS, laws.share_discs), (PIN_ERRORS, laws.share_pins))
             for name in names
             if fraction > 0.0
         }
@@ -118,9 +109,7 @@ def _shared(u: Array, common: Array | None, fraction: float) -> Array:
 class _Source:
     """Probabilities in (0, 1), dimension after dimension."""
 
-    def __init__(
-        self, geometry: ContactGeometry, units: int, rng: np.random.Generator, kind: str
-    ) -> None:
+    def __init__(self, geometry: ContactGeometry, units: int, rng: np.random.Generator, kind: str) -> None:
         most = 10 + 3 * geometry.pins + 8 * geometry.discs
         most += 6 * geometry.cranks * geometry.discs + geometry.cranks
         if kind == "sobol":

@@ -65,9 +65,7 @@ class Scaled:
             offset=0.5 * _waves(sample, design, "runout") - bores(geometry, sample, design),
             around=arm * (journals * crank_lines(geometry)).mean(axis=0),
             pitch=_waves(sample, design, "pitch") * pitch_turn(geometry),
-            circle=width("circle_offset")
-            * z["circle_offset"]
-            * unit(sample.phase["circle_offset"]),
+            circle=width("circle_offset") * z["circle_offset"] * unit(sample.phase["circle_offset"]),
         )
 
     @property

@@ -115,10 +115,7 @@ def quantile(values: Array, involute: Involute, coverage: float) -> Statistic:
     weight = density / total
     spread = float(np.std(involute.cdf(at - values)))
     return Statistic(
-        at,
-        weight,
-        float(np.sum(weight * (at - values))),
-        spread / (total / len(values)) / np.sqrt(len(values)),
+        at, weight, float(np.sum(weight * (at - values))), spread / (total / len(values)) / np.sqrt(len(values))
     )
 
 
@@ -126,9 +123,7 @@ def mean(values: Array, involute: Involute) -> Statistic:
     """Mean of phi_1 + Y."""
     count = len(values)
     error = np.sqrt((float(np.var(values)) + involute.variance) / count)
-    return Statistic(
-        float(np.mean(values)) + involute.mean, np.full(count, 1.0 / count), involute.mean, error
-    )
+    return Statistic(float(np.mean(values)) + involute.mean, np.full(count, 1.0 / count), involute.mean, error)
 
 
 def deviation(values: Array, involute: Involute) -> Statistic:

@@ -43,10 +43,7 @@ def touch(lattice: Lattice, table: Table, units: Scaled, engine: Engine = "auto"
     discs, circle = packed(units)
     shape = (lattice.shape[0], units.units)
     contact = Touch(
-        np.empty(shape, np.float32),
-        np.empty(shape, np.float32),
-        np.zeros(shape, np.int32),
-        np.zeros(shape, np.int32),
+        np.empty(shape, np.float32), np.empty(shape, np.float32), np.zeros(shape, np.int32), np.zeros(shape, np.int32)
     )
     name = ".compiled" if uses_numba(engine) else ".arrays"
     import_module(name, __package__).touch(
@@ -80,7 +77,4 @@ def packed(units: Scaled) -> tuple[Single, Single]:
     wide = np.broadcast_shapes(*(column.shape for column in columns))
     discs = np.stack([np.broadcast_to(column, wide) for column in columns], axis=1)
     circle = np.stack([units.circle.real, units.circle.imag])
-    return (
-        np.ascontiguousarray(discs, dtype=np.float32),
-        np.ascontiguousarray(circle, dtype=np.float32),
-    )
+    return (np.ascontiguousarray(discs, dtype=np.float32), np.ascontiguousarray(circle, dtype=np.float32))

@@ -44,10 +44,7 @@ class UnitBasis:
 
     @classmethod
     def from_parameters(
-        cls,
-        parameters: Mapping[str, Value],
-        inputs: Mapping[str, Distribution],
-        mids: Mapping[str, float],
+        cls, parameters: Mapping[str, Value], inputs: Mapping[str, Distribution], mids: Mapping[str, float]
     ) -> UnitBasis:
         """The basis of complete parameters; `inputs` and `mids` [um] by name of the error.
 
@@ -77,9 +74,7 @@ class UnitBasis:
 
     def involute(self, grade: float) -> Involute:
         """phi_1 of units at an ISO grade [arcmin]."""
-        middle, half = involute.backlash_zone(
-            self.stage, self.geometry.nominal, np.array(float(grade))
-        )
+        middle, half = involute.backlash_zone(self.stage, self.geometry.nominal, np.array(float(grade)))
         unit = 1.0 / ARCMIN if self.geared else 0.0
         return Involute(float(middle) * unit, float(half) * unit, self.planet)
 
@@ -89,25 +84,16 @@ class UnitBasis:
         scores = np.sqrt(share) * planets[0] + np.sqrt(1.0 - share) * planets[1:]
         return np.asarray(2.0 * ndtr(scores.min(axis=0)) - 1.0)
 
-    def design(
-        self, row: Mapping[str, float], means: Mapping[str, float] = MappingProxyType({})
-    ) -> UnitDesign:
+    def design(self, row: Mapping[str, float], means: Mapping[str, float] = MappingProxyType({})) -> UnitDesign:
         """The design of one row of variables by name, in their units.
 
         `means` [um] are the deviations of the means of errors from their mid-limits; that of the
         position of the pins turns the unit.
         """
-        mids = {
-            name: self.mid.get(name, 0.0) + mean
-            for name, mean in means.items()
-            if name != "pin_position"
-        }
+        mids = {name: self.mid.get(name, 0.0) + mean for name, mean in means.items() if name != "pin_position"}
         return UnitDesign(
             half_width={
-                error: row[name]
-                for error in ERRORS
-                for name in (f"{error}_um", f"{error}_mrad")
-                if name in row
+                error: row[name] for error in ERRORS for name in (f"{error}_um", f"{error}_mrad") if name in row
             },
             mid={**self.mid, **mids},
             involute_grade=row["involute_grade"],

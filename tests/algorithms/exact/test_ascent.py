@@ -16,9 +16,7 @@ from tolevo.problems.spread import spread_of
 INF = np.inf
 
 
-def form_of(
-    linear: tuple[float, ...], spread: tuple[float, ...], offset: tuple[float, ...] = ()
-) -> Form:
+def form_of(linear: tuple[float, ...], spread: tuple[float, ...], offset: tuple[float, ...] = ()) -> Form:
     """One part of b/t with b = 1 or, for 1 more, 0.25, and 0.1 in every requirement."""
     ways = tuple(Way(Reciprocal(a, b), 0.01, 9.0, linear, spread, offset, a)
                  for a, b in ((0.0, 1.0), (1.0, 0.25)))  # fmt: skip
@@ -40,9 +38,7 @@ def least(price: np.ndarray, form: Form, limit: list[float]) -> float:
     moved = float(price[asked] @ np.array(way.offset)[asked]) if way.offset else 0.0
     received = float(price[asked] @ (np.array(limit)[asked] - 0.1))
     t = np.minimum(np.sqrt(np.array([1.0, 0.25]) / max(own, 1e-12)), 9.0)
-    return (
-        float(np.min(np.array([0.0, 1.0]) + np.array([1.0, 0.25]) / t + own * t)) + moved - received
-    )
+    return float(np.min(np.array([0.0, 1.0]) + np.array([1.0, 0.25]) / t + own * t)) + moved - received
 
 
 @pytest.mark.parametrize("offset", [(), (0.05, 0.02)])

@@ -109,9 +109,7 @@ def test_along_one_limit_few_are_solved_and_no_bound_loses_much(
     assert between.FIRST < len(counted.rows) < between.SOLVED - 8
 
 
-def test_where_neighbours_tell_enough_nothing_more_is_solved(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_where_neighbours_tell_enough_nothing_more_is_solved(monkeypatch: pytest.MonkeyPatch) -> None:
     counted = Counted(monkeypatch)
     least_bounds(smooth(), np.linspace(0.5, 0.52, 200)[:, None])
     assert len(counted.rows) == between.FIRST
@@ -132,9 +130,7 @@ def test_roots_are_solved_at_every_limit() -> None:
     np.testing.assert_allclose(least_bounds(root, limits[:, None]), 1.0 + 1.0 / limits, rtol=1e-11)
 
 
-def test_what_wider_limits_show_to_be_impossible_is_not_solved_again(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_what_wider_limits_show_to_be_impossible_is_not_solved_again(monkeypatch: pytest.MonkeyPatch) -> None:
     """The widest solved limit that cannot be kept decides for all that are tighter."""
     counted = Counted(monkeypatch)
     limits = np.concatenate([np.linspace(0.001, 0.07, 100), np.linspace(0.3, 0.79, 100)])
@@ -146,9 +142,7 @@ def test_what_wider_limits_show_to_be_impossible_is_not_solved_again(
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_no_bound_is_below_one_of_wider_limits_that_were_solved(
-    monkeypatch: pytest.MonkeyPatch, seed: int
-) -> None:
+def test_no_bound_is_below_one_of_wider_limits_that_were_solved(monkeypatch: pytest.MonkeyPatch, seed: int) -> None:
     """What costs more with more freedom costs as much with less."""
     for name in ("FIRST", "SOLVED"):
         monkeypatch.setattr(between, name, 5)
@@ -170,9 +164,7 @@ def by_tens(form: Form, limits: np.ndarray) -> Optimum:
 
 
 @pytest.mark.parametrize("by_prices", [(-np.inf, -np.inf), (95.0, -np.inf), (-np.inf, 95.0)])
-def test_the_best_of_all_bounds_is_kept(
-    monkeypatch: pytest.MonkeyPatch, by_prices: tuple[float, float]
-) -> None:
+def test_the_best_of_all_bounds_is_kept(monkeypatch: pytest.MonkeyPatch, by_prices: tuple[float, float]) -> None:
     """By prices of the neighbour below, of that above, and by the next wider limit of 5 and 9."""
     left = list(by_prices)
     monkeypatch.setattr(between, "least_cost", by_tens)

@@ -8,15 +8,7 @@ from typing import cast
 import numpy as np
 import pytest
 
-from tolevo.algorithms.exact.bounds import (
-    LOOSER,
-    Proof,
-    proof,
-    restricted,
-    row_limits,
-    upper_limit,
-    within_reach,
-)
+from tolevo.algorithms.exact.bounds import LOOSER, Proof, proof, restricted, row_limits, upper_limit, within_reach
 from tolevo.errors import ModelError
 from tolevo.models.capability.norm import Surplus
 from tolevo.models.costs import CostCurve, Reciprocal, Table
@@ -31,11 +23,7 @@ CHEAP, DEAR = Reciprocal(1.0, 1.0), Reciprocal(2.0, 2.0)
 
 
 def form_of(
-    curve: CostCurve = CHEAP,
-    outputs: tuple[str, ...] = ("v",),
-    low: float = 0.1,
-    high: float = 1.0,
-    **more: object,
+    curve: CostCurve = CHEAP, outputs: tuple[str, ...] = ("v",), low: float = 0.1, high: float = 1.0, **more: object
 ) -> Form:
     """One part whose tolerance is every requirement's value."""
     one = (1.0,) * len(outputs)
@@ -120,9 +108,7 @@ def test_the_rounding_of_a_cost_near_nothing_is_that_of_the_costs_it_is_made_of(
     proven(Plain(far), cost=[-1e-4 - 2e-9], **middle)
     with pytest.raises(ModelError, match="lies above"):
         proven(Plain(far), cost=[-1e-4 - 5e-9], **middle)
-    low = form_of(
-        Reciprocal(0.0, 1.0), base=-11.0
-    )  # -10 and -1: the lesser size is that of the most
+    low = form_of(Reciprocal(0.0, 1.0), base=-11.0)  # -10 and -1: the lesser size is that of the most
     with pytest.raises(ModelError, match="lies above"):
         proven(Plain(low), cost=[-1.0 - 2e-9], v=[0.1])
 
@@ -208,10 +194,7 @@ def test_a_table_that_is_not_convex_is_bounded_below_its_points() -> None:
 def test_limits_that_contradict_each_other_are_out_of_reach() -> None:
     """Half a part is t uniform: the upper 90 % of it is 0.8 t, at least 0.08."""
     piece = ((Piece(1.0, UNIFORM),),)
-    form = replace(
-        form_of(outputs=("v", "w")),
-        quantiles=(Quantile(0.9, piece), None),
-    )
+    form = replace(form_of(outputs=("v", "w")), quantiles=(Quantile(0.9, piece), None))
     form = replace(
         form, features=(Feature("t", (replace(form.features[0].ways[0], linear=(0.0, 1.0),
                                               spread=(1.0, 0.0)),)),)

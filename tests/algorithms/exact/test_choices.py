@@ -94,9 +94,7 @@ def test_bounds_stay_proven_when_the_search_is_cut_short(monkeypatch: pytest.Mon
     assert np.all(cut.cost[real] >= whole.cost[real] * (1.0 - 1e-12))
 
 
-@pytest.mark.parametrize(
-    ("ways", "shift", "seed"), [((3, 3, 3, 3), 0.2, 6), ((4, 4, 4), 0.2, 0), ((4, 4, 4), 0.2, 11)]
-)
+@pytest.mark.parametrize(("ways", "shift", "seed"), [((3, 3, 3, 3), 0.2, 6), ((4, 4, 4), 0.2, 0), ((4, 4, 4), 0.2, 11)])
 def test_the_bound_of_what_was_not_searched_counts(
     monkeypatch: pytest.MonkeyPatch, ways: tuple[int, ...], shift: float, seed: int
 ) -> None:
@@ -185,9 +183,7 @@ def priced(form: Form) -> Form:
     return replace(form, features=tuple(features))
 
 
-def test_choices_by_prices_of_squares_are_those_of_enumeration(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_choices_by_prices_of_squares_are_those_of_enumeration(monkeypatch: pytest.MonkeyPatch) -> None:
     """Also where a limit that none keeps stands between two others."""
     monkeypatch.setattr(choices, "MANY", 1)
     form = mixed((3, 2, 2), seed=4)

@@ -10,16 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.algorithms.exact.parts_by_hand import (
-    INF,
-    Array,
-    Priced,
-    by_hand,
-    form,
-    rough_or_fine,
-    unused,
-    way,
-)
+from tests.algorithms.exact.parts_by_hand import INF, Array, Priced, by_hand, form, rough_or_fine, unused, way
 from tolevo.algorithms.exact import choices
 from tolevo.algorithms.exact.choices import compensating, contributions, least_cost, tightest_ways
 from tolevo.algorithms.exact.combination import Combination
@@ -59,9 +50,7 @@ def test_points_under_doubt_are_proven_without_any_search(monkeypatch: pytest.Mo
         assert found.cost[0] == found.bound[0] == pytest.approx(min(kept), rel=1e-12)
 
 
-def test_choices_under_doubt_are_proven_by_prices_of_squares(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_choices_under_doubt_are_proven_by_prices_of_squares(monkeypatch: pytest.MonkeyPatch) -> None:
     """b/t with 1.21 (0.1^2 + t1^2 + t2^2) <= L^2 in two ways each: what is made in one way to one
     tolerance is no choice, and nothing is left to the search of them.
     """
@@ -82,9 +71,7 @@ def test_choices_under_doubt_are_proven_by_prices_of_squares(
         assert found.bound[0] == pytest.approx(found.cost[0], rel=1e-9)
 
 
-def test_prices_of_squares_are_not_asked_for_sums_with_a_mean(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_prices_of_squares_are_not_asked_for_sums_with_a_mean(monkeypatch: pytest.MonkeyPatch) -> None:
     """1/t under 0.5 t + t <= 0.6: its square alone would allow t = 0.6."""
     monkeypatch.setattr(choices, "MANY", 1)
     ways = [way(a, 1.0, 0.1, high, (0.5,), (1.0,), Priced) for a, high in ((0.3, 2.0), (0.2, 0.35))]
@@ -125,9 +112,7 @@ def test_points_without_doubt_are_not_listed(monkeypatch: pytest.MonkeyPatch) ->
         assert found.bound[0] == pytest.approx(least, rel=1e-9)
 
 
-def test_what_is_made_in_one_way_is_no_choice_of_a_master_problem(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_what_is_made_in_one_way_is_no_choice_of_a_master_problem(monkeypatch: pytest.MonkeyPatch) -> None:
     """Six parts, one of them in two ways: all at their widest cost 6, the second way 0.5 less."""
     monkeypatch.setattr(choices, "Master", unused)
     one, other = (way(a, 1.0, 0.1, 1.0, (0.0,), (1.0,)) for a in (0.0, -0.5))
@@ -144,9 +129,7 @@ def test_priced_curves_are_searched_by_squares_where_prices_of_one_root_do_not_d
     """1/t or 1 + 0.5/t under t <= 0.4, and 2 t <= 0.9 beside it: 2.25 against 2.5."""
     monkeypatch.setattr(choices, "least_leaf" if roots == 1 else "_Search", unused)
     spread = (1.0, 2.0)[:roots]
-    ways = [
-        way(a, b, 0.1, 2.0, (0.0,) * roots, spread, Priced) for a, b in ((0.0, 1.0), (1.0, 0.5))
-    ]
+    ways = [way(a, b, 0.1, 2.0, (0.0,) * roots, spread, Priced) for a, b in ((0.0, 1.0), (1.0, 0.5))]
     found = least_cost(form(ways), np.array([[0.4, 0.9][:roots]]))
     assert found.cost[0] == pytest.approx(2.25, rel=1e-8)
     assert found.bound[0] == pytest.approx(2.25, rel=1e-8)
@@ -172,9 +155,7 @@ def test_no_limits_are_no_allocations_of_several_requirements() -> None:
     assert found.cost.shape == found.bound.shape == (0,) and found.t.shape == (0, 2)
 
 
-def test_choices_under_one_requirement_are_solved_at_all_limits_at_once(
-    solved: list[tuple[int, ...]],
-) -> None:
+def test_choices_under_one_requirement_are_solved_at_all_limits_at_once(solved: list[tuple[int, ...]]) -> None:
     """1/t or 1 + 0.5/t, two parts under t1 + t2 <= L: the second way pays below t = 0.5."""
     ways = [way(0.0, 1.0, 0.01, 9.0, (1.0,), (0.0,)), way(1.0, 0.5, 0.01, 9.0, (1.0,), (0.0,))]
     limits = np.array([0.4, 0.8, 2.0, 4.0])
@@ -184,9 +165,7 @@ def test_choices_under_one_requirement_are_solved_at_all_limits_at_once(
     assert len(solved) == len(set(solved)) <= 4
 
 
-def test_every_set_of_limits_has_its_own_number_of_allocations(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_every_set_of_limits_has_its_own_number_of_allocations(monkeypatch: pytest.MonkeyPatch) -> None:
     own = rough_or_fine(3)
     limits = np.linspace(0.3, 2.0, 8)[:, None] * np.array([1.0, 1.1])
     monkeypatch.setattr(choices, "LEAVES", 8)
@@ -195,9 +174,7 @@ def test_every_set_of_limits_has_its_own_number_of_allocations(
     np.testing.assert_allclose(found.bound, found.cost, rtol=1e-8)
 
 
-def test_the_ways_of_the_limits_before_stand_for_the_tightest(
-    solved: list[tuple[int, ...]],
-) -> None:
+def test_the_ways_of_the_limits_before_stand_for_the_tightest(solved: list[tuple[int, ...]]) -> None:
     own = rough_or_fine(3)
     limit = np.array([1.0, 1.1])
     tightest = tightest_ways(own)
@@ -213,9 +190,7 @@ def test_the_ways_of_the_limits_before_stand_for_the_tightest(
     assert both.cost[0] == alone.cost[0] > both.cost[1]
 
 
-def test_neighbours_of_prices_are_those_whose_limits_can_be_kept(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_neighbours_of_prices_are_those_whose_limits_can_be_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     given: list[Leaf | None] = []
 
     def noted(squares: Squares, limit: Array, known: Leaf | None) -> Any:
@@ -234,9 +209,7 @@ def test_neighbours_of_prices_are_those_whose_limits_can_be_kept(
 
 
 @pytest.mark.parametrize("correlation", [-0.9, 0.9])
-def test_what_deviations_make_up_for_is_not_left_out(
-    monkeypatch: pytest.MonkeyPatch, correlation: float
-) -> None:
+def test_what_deviations_make_up_for_is_not_left_out(monkeypatch: pytest.MonkeyPatch, correlation: float) -> None:
     """Three points each: S^2 = s1^2 + s2^2 + 2 c s1 s2 by hand, over the nine choices."""
     monkeypatch.setattr(choices._Search, "_pick", lambda self, at: False)
     points = ((0.4, 1.7), (0.5, 1.0), (0.3, 3.0))
@@ -262,15 +235,11 @@ def test_alike_parts_are_solved_once_in_each_order_of_their_ways(
     monkeypatch.setattr(choices._Search, "_bounds", lambda self, total: np.full(1, -INF))
     ways = [way(0.3 * at, 0.5**at, 0.1, 1.0, (0.5,), (1.0,)) for at in range(3)]
     least_cost(form(*[ways] * 4), np.array([[3.0]]))
-    assert sorted(tuple(sorted(one)) for one in solved) == list(
-        itertools.combinations_with_replacement(range(3), 4)
-    )
+    assert sorted(tuple(sorted(one)) for one in solved) == list(itertools.combinations_with_replacement(range(3), 4))
     assert len(solved) == comb(6, 4)
 
 
-def test_alike_parts_do_not_change_places_where_they_are_correlated(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_alike_parts_do_not_change_places_where_they_are_correlated(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of 0.5 for 1 or 0.2 for 2: one of the two that are correlated by 0.9 is the tight one, with
     S^2 = 0.72; the third would leave 0.99.
     """
@@ -292,9 +261,7 @@ def test_alike_are_parts_of_the_same_ways_and_as_many_of_them() -> None:
 def test_least_contributions_by_hand() -> None:
     """A value that falls with a tolerance is least at its largest, with the way's own offset."""
     falling = replace(way(0.0, 1.0, 0.1, 2.0, (-3.0, 5.0), (1.0, 0.0)), offset=(0.5, -0.25))
-    linear, square = contributions(
-        Feature("t", (falling, way(0.0, 1.0, 0.2, 1.0, (1.0, -1.0), (2.0, 3.0))))
-    )
+    linear, square = contributions(Feature("t", (falling, way(0.0, 1.0, 0.2, 1.0, (1.0, -1.0), (2.0, 3.0)))))
     np.testing.assert_allclose(linear, [[-5.5, 0.25], [0.2, -1.0]])
     np.testing.assert_allclose(square, [[0.01, 0.0], [0.16, 0.36]])
 
@@ -316,9 +283,7 @@ def test_what_cannot_be_cheaper_is_not_solved(solved: list[tuple[int, ...]]) -> 
     assert len(solved) == len(set(solved)) <= 24
 
 
-def test_a_bound_of_useless_prices_is_the_cost_without_limits(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_bound_of_useless_prices_is_the_cost_without_limits(monkeypatch: pytest.MonkeyPatch) -> None:
     """At a thousand times the prices limits are worth more than everything costs."""
     own = rough_or_fine(3)
     floor = sum(min(w.curve.cost(np.array([w.high]))[0] for w in f.ways) for f in own.features)

@@ -9,15 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tests.algorithms.exact.parts_by_hand import (
-    INF,
-    Array,
-    by_hand,
-    form,
-    rough_or_fine,
-    unused,
-    way,
-)
+from tests.algorithms.exact.parts_by_hand import INF, Array, by_hand, form, rough_or_fine, unused, way
 from tolevo.algorithms.exact import choices
 from tolevo.algorithms.exact.choices import GRID, least_cost
 from tolevo.problems.forms import Form
@@ -63,9 +55,7 @@ def test_prices_that_are_right_are_not_looked_for_again(monkeypatch: pytest.Monk
     assert len(tables) == 2
 
 
-def test_prices_are_renewed_as_long_as_they_find_something_cheaper(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_prices_are_renewed_as_long_as_they_find_something_cheaper(monkeypatch: pytest.MonkeyPatch) -> None:
     left = [True, True, False]
     tables = counted(monkeypatch, choices._Search, "tabulate")
     monkeypatch.setattr(choices._Search, "_pick", lambda self, at: left.pop(0))
@@ -73,9 +63,7 @@ def test_prices_are_renewed_as_long_as_they_find_something_cheaper(
     assert not left and len(tables) == 4
 
 
-def test_what_prices_choose_is_solved_there_and_at_the_next_higher_one(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_what_prices_choose_is_solved_there_and_at_the_next_higher_one(monkeypatch: pytest.MonkeyPatch) -> None:
     """By a table of three ways that says which is cheapest at each price of each limit."""
     search = choices._Search(form([SQUARES[0]] * 3), np.array([[0.5], [0.25]]))
     cheapest, last = np.zeros((len(GRID), 2), dtype=int), len(GRID) - 1
@@ -133,9 +121,7 @@ def test_multipliers_are_improved_again_after_every_better_allocation(
     assert search.ascended.tolist() == [[2.0 * helped + 2.0] * 2, [2.0 * helped + 3.0] * 2]
 
 
-def test_without_a_search_the_bound_is_the_largest_of_all_multipliers(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_without_a_search_the_bound_is_the_largest_of_all_multipliers(monkeypatch: pytest.MonkeyPatch) -> None:
     """Over a grid of both; a factor for those of the best allocation alone leaves 5 percent."""
     own, limit = rough_or_fine(2, seed=3), np.array([1.5, 1.2])
     first, second = np.meshgrid(np.linspace(0.0, 4.0, 161), np.linspace(0.0, 4.0, 161))

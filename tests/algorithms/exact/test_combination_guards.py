@@ -28,9 +28,7 @@ def test_offsets_are_those_of_the_chosen_ways() -> None:
         np.testing.assert_allclose(values, [[value, 1.3]], rtol=1e-14)
 
 
-def test_errors_of_a_quantiles_slopes_count_up_to_the_largest_parts(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_errors_of_a_quantiles_slopes_count_up_to_the_largest_parts(monkeypatch: pytest.MonkeyPatch) -> None:
     """S of 2 with an error of 0.01, slopes of 1 with errors of 0.1 and 0.2: what is proven at
     parts (0.3, 0.8) is 2 - 1.1 - 0.01, less 0.1 times the 1.5 and 0.2 times the 4 of the widest.
     """

@@ -69,9 +69,7 @@ def filled(c: float, levels: np.ndarray) -> Hyperbola:
 
 
 @pytest.mark.parametrize(("low", "high", "count"), [(0.1, 2.0, 12), (1.0, 1.2, 3)])
-def test_coarse_levels_go_from_the_loosest_to_the_tight_end(
-    low: float, high: float, count: int
-) -> None:
+def test_coarse_levels_go_from_the_loosest_to_the_tight_end(low: float, high: float, count: int) -> None:
     """From 1.03 times the least one, in ratios of no less than 0.75, and three at least."""
     branch = Hyperbola(5.0, low, high)
     levels = _coarse(RUN, [branch])

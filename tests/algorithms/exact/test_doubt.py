@@ -217,9 +217,7 @@ def test_a_bound_is_cut_at_the_cost(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize("steps", [1, 2])
-def test_an_allocation_is_kept_where_the_steps_end_early(
-    monkeypatch: pytest.MonkeyPatch, steps: int
-) -> None:
+def test_an_allocation_is_kept_where_the_steps_end_early(monkeypatch: pytest.MonkeyPatch, steps: int) -> None:
     """The last one, drawn back within the limit; the optimum lies between its bound and its cost"""
     form, limit = drawn(5, 5, 0.3), 6.0
     best = least_cost(form, np.array([[limit]])).cost[0]

@@ -49,9 +49,7 @@ class Bounded:
         return leaf, -INF if self.calls > self.lost else bound
 
 
-def test_the_best_bound_counts_and_never_less_than_the_floor(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_the_best_bound_counts_and_never_less_than_the_floor(monkeypatch: pytest.MonkeyPatch) -> None:
     """The first bound is the least cost without doubt; the others are lost here, or all are."""
     form, limits = drawn(), np.array([[6.0]])
     plain, best = least_cost(replace(form, surpluses=()), limits), least_cost(form, limits)

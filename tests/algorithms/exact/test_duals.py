@@ -183,9 +183,7 @@ def test_all_choices_of_points_by_hand() -> None:
     every = {}
     for i, one in enumerate(first.ways):
         for j, other in enumerate(second.ways):
-            value = 0.1 * (one.low + other.low) + np.hypot(
-                one.spread[0] * one.low, other.spread[0] * other.low
-            )
+            value = 0.1 * (one.low + other.low) + np.hypot(one.spread[0] * one.low, other.spread[0] * other.low)
             every[i, j] = (value, 0.25 + float(one.curve.cost(np.ones(1))[0])
                            + float(other.curve.cost(np.ones(1))[0]))  # fmt: skip
     limits = [value for value, _ in every.values()] + [0.1, 2.9, 99.0]

@@ -126,9 +126,7 @@ def test_sets_of_integers_are_enumerated() -> None:
             continue
 
         def of(log: float, b: Array = b, low: Array = low, high: Array = high) -> Array:
-            return np.asarray(
-                np.clip((b / (2.0 * np.exp(log) * S[:3] ** 2)) ** (1.0 / 3.0), low, high)
-            )
+            return np.asarray(np.clip((b / (2.0 * np.exp(log) * S[:3] ** 2)) ** (1.0 / 3.0), low, high))
 
         def excess(log: float, of: Any = of) -> float:
             return float(np.linalg.norm(S[:3] * of(log))) - 0.25

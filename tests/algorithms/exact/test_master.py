@@ -140,9 +140,7 @@ def test_the_tightest_ways_are_solved_too_as_long_as_nothing_is_known() -> None:
 
 
 @pytest.mark.parametrize(("nodes", "rounds"), [(1, 1), (2, 60), (60, 1)])
-def test_nothing_is_below_a_bound_that_was_cut_short(
-    monkeypatch: pytest.MonkeyPatch, nodes: int, rounds: int
-) -> None:
+def test_nothing_is_below_a_bound_that_was_cut_short(monkeypatch: pytest.MonkeyPatch, nodes: int, rounds: int) -> None:
     form = drawn(0)
     least, most = span(form)
     limit = least + 0.2 * (most - least)

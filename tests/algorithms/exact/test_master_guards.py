@@ -37,8 +37,7 @@ def form_of(*features: list[Made], base: float = 0.0) -> Form:
 def points(*features: list[tuple[float, float]], root: bool = False) -> Form:
     """Ways of a price and a part s at t = 1; the value is the sum of the parts, or their root."""
     made: list[list[Made]] = [
-        [(price, 0.0, 1.0, 1.0, (0.0 if root else s,), (s if root else 0.0,)) for price, s in ways]
-        for ways in features
+        [(price, 0.0, 1.0, 1.0, (0.0 if root else s,), (s if root else 0.0,)) for price, s in ways] for ways in features
     ]
     return form_of(*made)
 
@@ -318,9 +317,7 @@ def test_marginals_of_the_wrong_sign_prove_nothing(monkeypatch: pytest.MonkeyPat
     assert by_hand(own.form, 20.0) == pytest.approx(own.floor)
 
 
-def test_a_node_without_a_price_ends_where_nothing_is_missing(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_node_without_a_price_ends_where_nothing_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
     """Points have all their columns and sums all their cuts: one round, whatever the gap."""
     stubbed(monkeypatch, np.zeros_like)
     own = begun(some_points(0), 7.4)

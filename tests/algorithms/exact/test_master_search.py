@@ -84,9 +84,7 @@ class Tabled(Master):
 
 
 @pytest.mark.parametrize("nodes", [1, 2, 5, 1000])
-def test_no_choice_is_below_what_the_search_proves(
-    monkeypatch: pytest.MonkeyPatch, nodes: int
-) -> None:
+def test_no_choice_is_below_what_the_search_proves(monkeypatch: pytest.MonkeyPatch, nodes: int) -> None:
     """However early it is stopped, and where relaxations without mixed ways leave gaps."""
     monkeypatch.setattr(master, "NODES", nodes)
     for seed in range(60):
@@ -99,9 +97,7 @@ def test_no_choice_is_below_what_the_search_proves(
             assert search.floor <= found.bound <= search.least
 
 
-def test_the_cheapest_choice_is_found_where_nothing_stops_the_search(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_the_cheapest_choice_is_found_where_nothing_stops_the_search(monkeypatch: pytest.MonkeyPatch) -> None:
     """The 27 choices in no more than the 53 nodes of a tree that ends in all of them."""
     monkeypatch.setattr(master, "NODES", 1000)
     for seed in range(60):
@@ -124,9 +120,7 @@ def test_a_bound_is_never_above_its_cost_by_rounding() -> None:
 
 
 @pytest.mark.parametrize("base", [0.0, -10.0])
-def test_only_what_costs_more_than_everything_is_impossible(
-    monkeypatch: pytest.MonkeyPatch, base: float
-) -> None:
+def test_only_what_costs_more_than_everything_is_impossible(monkeypatch: pytest.MonkeyPatch, base: float) -> None:
     """A base may be below zero: a cost of -9 is its own ceiling, and nothing lies above it."""
     form = points([1.0], base=base)
     own = Master(form, np.array([2.0]), base + 1.0, base + 1.0)

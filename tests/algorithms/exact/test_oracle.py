@@ -37,9 +37,7 @@ def generated(parts: int, requirements: int, ways: int, seed: int) -> tuple[Form
                                b=float(least * rng.uniform(0.5, 2.0)))  # fmt: skip
             linear = np.where(kind == 0, 1.0, np.where(kind == 2, 0.2, 0.0)) * slope[:, j]
             spread = np.where(kind == 0, 0.0, 1.0) * slope[:, j]
-            own.append(
-                Way(curve, least, 8.0 * least, tuple(linear), tuple(spread), choice=float(at))
-            )
+            own.append(Way(curve, least, 8.0 * least, tuple(linear), tuple(spread), choice=float(at)))
         features.append(Feature(f"t{j}", tuple(own), f"c{j}" if len(own) > 1 else "", 1))
     names = tuple(f"r{i}" for i in range(requirements))
     nothing = np.zeros(requirements)
@@ -58,9 +56,7 @@ def generated(parts: int, requirements: int, ways: int, seed: int) -> tuple[Form
 
 def by_cones(form: Form, limit: np.ndarray) -> float:
     """Least cost over all processes."""
-    return min(
-        _one(form, ways, limit) for ways in itertools.product(*(f.ways for f in form.features))
-    )
+    return min(_one(form, ways, limit) for ways in itertools.product(*(f.ways for f in form.features)))
 
 
 def _one(form: Form, ways: tuple[Way, ...], limit: np.ndarray) -> float:
@@ -83,9 +79,7 @@ def _one(form: Form, ways: tuple[Way, ...], limit: np.ndarray) -> float:
 
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize(("parts", "requirements", "ways"), [(8, 3, 1), (20, 8, 1), (5, 3, 2)])
-def test_optimum_and_bound_are_those_of_cones(
-    parts: int, requirements: int, ways: int, seed: int
-) -> None:
+def test_optimum_and_bound_are_those_of_cones(parts: int, requirements: int, ways: int, seed: int) -> None:
     form, limit = generated(parts, requirements, ways, seed)
     oracle = by_cones(form, limit)
     found = least_cost(form, limit[None, :])

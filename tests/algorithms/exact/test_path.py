@@ -110,9 +110,7 @@ def test_loose_limit_leaves_everything_at_its_widest() -> None:
     np.testing.assert_allclose(found.cost, A.sum() + B.sum() / 10.0)
 
 
-def test_limits_that_do_not_bind_or_cannot_be_kept_are_not_searched(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_limits_that_do_not_bind_or_cannot_be_kept_are_not_searched(monkeypatch: pytest.MonkeyPatch) -> None:
     """All at 10 vary by 45, all at 1e-4 by 4.5e-4."""
     monkeypatch.setattr(Path, "_inside", lambda *_: pytest.fail("nothing is to be searched"))
     found = path_of(reciprocals(), SENSITIVITY, NONE).least_cost(np.array([[4e-4], [45.1], [1e3]]))
@@ -129,9 +127,7 @@ def test_a_root_without_means_has_no_root_to_agree_with(monkeypatch: pytest.Monk
     np.testing.assert_allclose(t, by_hand, rtol=1e-12)
 
 
-def test_between_two_optima_that_are_one_nothing_is_searched(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_between_two_optima_that_are_one_nothing_is_searched(monkeypatch: pytest.MonkeyPatch) -> None:
     path, t = path_of(reciprocals(), SENSITIVITY, NONE), np.full((2, 4), 0.1)
     monkeypatch.setattr(Path, "value", lambda *_: pytest.fail("nothing is to be searched"))
     np.testing.assert_array_equal(path._between(t, t * (1.0 + 1e-12), np.array([0.5, 0.6])), t)

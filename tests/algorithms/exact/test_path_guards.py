@@ -15,9 +15,7 @@ from tolevo.problems.forms import Feature, Form, Way
 
 def path_of(*curves: CostCurve, ends: tuple[float, float] = (0.1, 1.0)) -> Path:
     """The path of V = t_1 + t_2 + ... with these cost curves."""
-    features = tuple(
-        Feature(f"t{at}", (Way(curve, *ends, (1.0,), (0.0,)),)) for at, curve in enumerate(curves)
-    )
+    features = tuple(Feature(f"t{at}", (Way(curve, *ends, (1.0,), (0.0,)),)) for at, curve in enumerate(curves))
     form = Form(("sum",), features, np.zeros(1), np.zeros(1), "")
     return Path(Combination(form, (0,) * len(curves)))
 
@@ -54,9 +52,7 @@ def dual_of(factor: float) -> Callable[..., Any]:
     [(0.9, 7.2), (-1.0, 2.0), (2.0, 8.0)],
     ids=["a weak dual is reported as it is", "least cost without a limit", "no more than the cost"],
 )
-def test_a_bound_is_what_the_duals_prove(
-    monkeypatch: pytest.MonkeyPatch, factor: float, bound: float
-) -> None:
+def test_a_bound_is_what_the_duals_prove(monkeypatch: pytest.MonkeyPatch, factor: float, bound: float) -> None:
     """Two parts 1/t within t_1 + t_2 <= 0.5 cost 8, and 2 without a limit."""
     monkeypatch.setattr(Combination, "dual", dual_of(factor))
     solved = path_of(Reciprocal(0.0, 1.0), Reciprocal(0.0, 1.0)).least_cost(np.array([[0.5]]))

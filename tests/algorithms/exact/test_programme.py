@@ -22,9 +22,7 @@ def form_of(n: int, rows: int, shift: float = 0.0, correlated: bool = False, see
     rng = np.random.default_rng(seed)
 
     def way() -> Way:
-        curve = ReciprocalPower(
-            rng.uniform(0.0, 3.0), rng.uniform(0.02, 0.3), rng.uniform(0.5, 2.0)
-        )
+        curve = ReciprocalPower(rng.uniform(0.0, 3.0), rng.uniform(0.02, 0.3), rng.uniform(0.5, 2.0))
         linear, spread = shift * rng.uniform(0.0, 1.0, rows), rng.normal(size=rows)
         return Way(curve, LOW, HIGH, tuple(linear), tuple(spread))
 
@@ -58,9 +56,7 @@ CASES = [(9, 3, 0.0, False), (9, 5, 0.4, False), (9, 1, 0.0, True), (9, 4, 0.2, 
 
 
 @pytest.mark.parametrize(("n", "rows", "shift", "correlated"), CASES)
-def test_optimum_is_that_of_another_method(
-    n: int, rows: int, shift: float, correlated: bool
-) -> None:
+def test_optimum_is_that_of_another_method(n: int, rows: int, shift: float, correlated: bool) -> None:
     """Sequential quadratic programmes in the logarithms of tolerances, slopes by differences."""
     form = form_of(n, rows, shift, correlated)
     limits = limits_of(form)
@@ -83,9 +79,7 @@ def test_optimum_is_that_of_another_method(
     ("n", "rows", "shift", "correlated"),
     [CASES[0], *(pytest.param(*case, marks=pytest.mark.slow) for case in CASES[1:])],
 )
-def test_optimum_is_that_of_a_trust_region_method(
-    n: int, rows: int, shift: float, correlated: bool
-) -> None:
+def test_optimum_is_that_of_a_trust_region_method(n: int, rows: int, shift: float, correlated: bool) -> None:
     form = form_of(n, rows, shift, correlated)
     limits = limits_of(form)
     found = least_cost(form, limits)
@@ -128,9 +122,7 @@ def test_hundreds_of_requirements_are_proven() -> None:
 def test_both_solvers_agree_on_one_requirement() -> None:
     form = form_of(9, 1, 0.3)
     c, limits = Combination(form, (0,) * 9), np.array([[0.4], [1.0], [3.0]])
-    np.testing.assert_allclose(
-        Programme(c).least_cost(limits).cost, Path(c).least_cost(limits).cost, rtol=1e-10
-    )
+    np.testing.assert_allclose(Programme(c).least_cost(limits).cost, Path(c).least_cost(limits).cost, rtol=1e-10)
 
 
 def test_full_correlation_is_the_worst_case() -> None:
@@ -148,14 +140,10 @@ def test_full_correlation_is_the_worst_case() -> None:
     correlated = Form(("v",), whole, np.zeros(1), np.zeros(1), "", correlation=np.ones((4, 4)))
     worst_case = Form(("v",), summed, np.zeros(1), np.zeros(1), "")
     limit = np.array([[0.5]])
-    np.testing.assert_allclose(
-        least_cost(correlated, limit).cost, least_cost(worst_case, limit).cost, rtol=1e-9
-    )
+    np.testing.assert_allclose(least_cost(correlated, limit).cost, least_cost(worst_case, limit).cost, rtol=1e-9)
 
 
-def test_limits_that_contradict_each_other_are_not_searched(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_limits_that_contradict_each_other_are_not_searched(monkeypatch: pytest.MonkeyPatch) -> None:
     """A shift raises one requirement as much as it lowers the other; both have the same spread.
 
     Shifts sum to nothing, so that limits whose sum is below twice the least spread contradict each

@@ -46,9 +46,7 @@ def ends_at(t: float, multiplier: float = 0.0) -> Callable[..., LocalOptimum]:
 
     def found(*given: Any) -> LocalOptimum:
         margins, start = given[2], given[4]
-        return LocalOptimum(
-            np.full(len(start), np.log(t)), np.full(len(margins(start)), multiplier)
-        )
+        return LocalOptimum(np.full(len(start), np.log(t)), np.full(len(margins(start)), multiplier))
 
     return found
 
@@ -59,9 +57,7 @@ t1 = 0.27."""
 
 
 @pytest.mark.parametrize("loose", [2.0, INF])
-def test_limits_that_the_loosest_keep_need_no_search(
-    monkeypatch: pytest.MonkeyPatch, loose: float
-) -> None:
+def test_limits_that_the_loosest_keep_need_no_search(monkeypatch: pytest.MonkeyPatch, loose: float) -> None:
     monkeypatch.setattr(SLSQP, unused)
     own = programme((0.5, 2.0, (1.0,), (0.0,), 3.0))
     limit = np.array([loose])
@@ -106,9 +102,7 @@ def test_deviations_that_compensate_each_other(limit: float, possible: bool) -> 
 
 
 @pytest.mark.parametrize("share", [0.5, 0.0])
-def test_a_search_that_ends_nowhere_proves_nothing(
-    monkeypatch: pytest.MonkeyPatch, share: float
-) -> None:
+def test_a_search_that_ends_nowhere_proves_nothing(monkeypatch: pytest.MonkeyPatch, share: float) -> None:
     """0.15 can be kept: tangents at any point, with any price, must not say that it cannot."""
     own = programme(*OPPOSED, correlation=-0.9)
 
@@ -148,9 +142,7 @@ def test_what_one_feature_trades_is_found_without_a_search(monkeypatch: pytest.M
 
 
 @pytest.mark.parametrize("limit", [[2.5, -2.0], [1.09, -0.91], [0.5, -0.5]])
-def test_a_trade_beyond_the_range_is_none(
-    monkeypatch: pytest.MonkeyPatch, limit: list[float]
-) -> None:
+def test_a_trade_beyond_the_range_is_none(monkeypatch: pytest.MonkeyPatch, limit: list[float]) -> None:
     """The value that falls is -2 + 0.1 at least, and both add up to 0.2 at least."""
     monkeypatch.setattr(SLSQP, unused)
     found = programme(UP_DOWN, ROUGH).least_cost(np.array([limit]))
@@ -250,16 +242,9 @@ def test_a_search_begins_at_the_loosest_of_17_places_that_keep(
 
 @pytest.mark.parametrize(
     ("limit", "t", "taken"),
-    [
-        (100.0, 100.0005, True),
-        (100.0, 100.01, False),
-        (0.01, 0.0100005, True),
-        (0.01, 0.011, False),
-    ],
+    [(100.0, 100.0005, True), (100.0, 100.01, False), (0.01, 0.0100005, True), (0.01, 0.011, False)],
 )
-def test_what_is_near_a_limit(
-    monkeypatch: pytest.MonkeyPatch, limit: float, t: float, taken: bool
-) -> None:
+def test_what_is_near_a_limit(monkeypatch: pytest.MonkeyPatch, limit: float, t: float, taken: bool) -> None:
     """1e-5 of it, or 1e-6 where it is below 0.1."""
     monkeypatch.setattr(SLSQP, ends_at(t))
     found = programme((1e-3, 200.0, (1.0,), (0.0,), 1.0)).allocation(np.array([limit]))

@@ -85,12 +85,7 @@ def keeps(form: Form, leaf: Leaf, limit: Array) -> bool:
      (6, (2, 2, 2), (0.2, 0.22), 1.0), (7, (2, 1, 3), (0.25,), 1.0)],
 )  # fmt: skip
 def test_the_least_of_all_choices_is_proven(
-    monkeypatch: pytest.MonkeyPatch,
-    seed: int,
-    ways: tuple[int, ...],
-    limit: tuple[float, ...],
-    power: float,
-    most: int,
+    monkeypatch: pytest.MonkeyPatch, seed: int, ways: tuple[int, ...], limit: tuple[float, ...], power: float, most: int
 ) -> None:
     """With the search cut short the bound still holds."""
     monkeypatch.setattr(separable, "LEAVES", most)
@@ -191,12 +186,8 @@ def test_what_is_separable() -> None:
     )
 
 
-@pytest.mark.parametrize(
-    ("first", "better"), [(1e-3, None), (0.3, None), (1e-3, 0.5), (0.3, 30.0), (30.0, 0.5)]
-)
-def test_prices_that_newton_did_not_find(
-    monkeypatch: pytest.MonkeyPatch, first: float, better: float | None
-) -> None:
+@pytest.mark.parametrize(("first", "better"), [(1e-3, None), (0.3, None), (1e-3, 0.5), (0.3, 30.0), (30.0, 0.5)])
+def test_prices_that_newton_did_not_find(monkeypatch: pytest.MonkeyPatch, first: float, better: float | None) -> None:
     """1/t under t <= 0.5: the price m of its square is 4 at best, t = (2 m)^(-1/3) at any.
 
     Where another search finds worse ones the better of both counts.
@@ -221,9 +212,7 @@ def test_prices_that_newton_did_not_find(
 
 
 @pytest.mark.parametrize("seed", [4, 6, 16])
-def test_prices_are_found_beside_a_requirement_without_a_limit(
-    monkeypatch: pytest.MonkeyPatch, seed: int
-) -> None:
+def test_prices_are_found_beside_a_requirement_without_a_limit(monkeypatch: pytest.MonkeyPatch, seed: int) -> None:
     """Its price is nothing, and has no slope: without Newton's method the optimum is that of
     another solver, which does not know the requirement.
     """
@@ -234,9 +223,7 @@ def test_prices_are_found_beside_a_requirement_without_a_limit(
     least, most = (weights @ end**2 for end in ends)
     limits = 0.01 + np.sqrt(1e-4 + least + np.array([0.3, 0.4, 0.0]) * (most - least))
     limits[2] = INF
-    monkeypatch.setattr(
-        separable._Choice, "_newton", lambda _, room, asked, first: np.where(asked, 1e-3, 0.0)
-    )
+    monkeypatch.setattr(separable._Choice, "_newton", lambda _, room, asked, first: np.where(asked, 1e-3, 0.0))
     found, bound = least_leaf(Squares(form), limits, None)
     by_hand = costs_of_choices(form, limits)[(0, 0, 0, 0)]
     assert bound == pytest.approx(by_hand, rel=1e-6)
@@ -270,9 +257,7 @@ def two(constant: float = 0.0) -> Form:
 
 
 @pytest.mark.parametrize("first", [(1e9, 0.0), (0.0, 1e9), (1e9, 1e9), (1e-9, 1e-9), (1e3, 0.0)])
-def test_newton_finds_prices_from_any_others(
-    monkeypatch: pytest.MonkeyPatch, first: tuple[float, float]
-) -> None:
+def test_newton_finds_prices_from_any_others(monkeypatch: pytest.MonkeyPatch, first: tuple[float, float]) -> None:
     """t <= 0.6 and t <= 0.5: the first has no price in the end, the second one gets its own again
     where it was given up; where t stands at an end of its range prices move none the less.
     """
@@ -284,9 +269,7 @@ def test_newton_finds_prices_from_any_others(
 
 
 @pytest.mark.parametrize("rough", [0.8, 1.2])
-def test_newton_ends_what_another_search_has_begun(
-    monkeypatch: pytest.MonkeyPatch, rough: float
-) -> None:
+def test_newton_ends_what_another_search_has_begun(monkeypatch: pytest.MonkeyPatch, rough: float) -> None:
     """The price of t <= 0.5 is 4, that of t <= 0.6 nothing."""
     newton, asked = separable._Choice._newton, []
 
@@ -301,9 +284,7 @@ def test_newton_ends_what_another_search_has_begun(
     assert leaf.cost == pytest.approx(2.0, rel=1e-12)
 
 
-def test_a_room_of_nothing_asks_nothing_of_what_it_does_not_hold(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_room_of_nothing_asks_nothing_of_what_it_does_not_hold(monkeypatch: pytest.MonkeyPatch) -> None:
     """The second requirement is its constant alone, and its limit just that."""
     form, limit = two(0.09), np.array([0.5, 0.3])
     squares = Squares(form, constant=np.array([0.0, 0.3**2]))

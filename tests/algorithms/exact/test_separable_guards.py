@@ -99,9 +99,7 @@ def test_a_part_of_no_requirement_is_as_wide_as_it_may_be(monkeypatch: pytest.Mo
 
 
 @pytest.mark.parametrize("room", [0.0, 0.09, INF])
-def test_a_requirement_that_no_tolerance_moves_has_no_price(
-    monkeypatch: pytest.MonkeyPatch, room: float
-) -> None:
+def test_a_requirement_that_no_tolerance_moves_has_no_price(monkeypatch: pytest.MonkeyPatch, room: float) -> None:
     """1/t under t <= 0.5, beside a constant with a limit that leaves it this room, or none."""
     own = form([way(0.0, 1.0, 0.01, 5.0, (0.0, 0.0), (1.0, 0.0))])
     for better in (separable._Choice._ascended, unused):
@@ -191,9 +189,7 @@ def test_prices_choose_the_best_ways_of_all_parts_at_once(
 
 @pytest.mark.parametrize("known", [None, (0, 0, 0), (1, 1, 1), (0, 1, 0)])
 @pytest.mark.parametrize("limit", [0.14, 0.18, 0.3])
-def test_no_choice_is_solved_twice(
-    solved: list[tuple[int, ...]], limit: float, known: tuple[int, ...] | None
-) -> None:
+def test_no_choice_is_solved_twice(solved: list[tuple[int, ...]], limit: float, known: tuple[int, ...] | None) -> None:
     """Parts of unlike b in a wide way or a tight one, which some limits ask for and some do not."""
     ways = [[way(0.0, b, 0.1, 5.0, (0.0,), (1.0,)), way(2.0, b, 0.05, 5.0, (0.0,), (0.5,))]
             for b in (0.2, 0.5, 1.0)]  # fmt: skip
@@ -215,9 +211,7 @@ def test_known_ways_count_where_the_tightest_keep_no_limit() -> None:
 
 
 @pytest.mark.parametrize("most", [1, 4, 400])
-def test_no_more_choices_are_solved_than_are_allowed(
-    monkeypatch: pytest.MonkeyPatch, most: int
-) -> None:
+def test_no_more_choices_are_solved_than_are_allowed(monkeypatch: pytest.MonkeyPatch, most: int) -> None:
     """Of 2^3, from a leaf without a price, whose bound is the cost 3 times 20/5 of the widest. The
     least cost is 3^1.5/0.4, and no bound is above it.
     """

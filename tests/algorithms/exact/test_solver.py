@@ -202,9 +202,7 @@ def test_compensating_deviations_are_no_tighter_at_the_tightest_corner() -> None
 
 
 def test_costs_below_zero_are_bounded_too() -> None:
-    costs = [
-        f'{{ model = "reciprocal", a = {-5.0 - a}, b = {b} }}' for a, b in zip(A, B, strict=True)
-    ]
+    costs = [f'{{ model = "reciprocal", a = {-5.0 - a}, b = {b} }}' for a, b in zip(A, B, strict=True)]
     problem = stack(parts="".join(part(at, cost=cost) for at, cost in enumerate(costs)))
     found = run(problem)
     assert found.f[:, 0].min() < -20.0
@@ -241,8 +239,7 @@ def test_tables_that_are_not_convex_are_searched_piece_by_piece() -> None:
 
 def test_backlash_by_moments_is_within_its_bound() -> None:
     settings = Settings(
-        propagation=PropagationSetting(method="moments"),
-        objectives=("cost", "backlash_geometric_arcmin"),
+        propagation=PropagationSetting(method="moments"), objectives=("cost", "backlash_geometric_arcmin")
     )
     problem = RvBacklash(settings)
     found = run(problem, 20)
@@ -263,9 +260,7 @@ def test_requirement_that_no_tolerance_changes() -> None:
 
 
 @pytest.mark.parametrize("objectives", [["cost"], ["cost", "size.variation"]])
-def test_limits_missed_by_the_rounding_of_the_outputs_are_asked_again(
-    objectives: list[str],
-) -> None:
+def test_limits_missed_by_the_rounding_of_the_outputs_are_asked_again(objectives: list[str]) -> None:
     """The yield of one part: its convolution is 8e-5 percent points below the form's integral.
 
     It binds at the least cost, and all along the front of the other requirement.

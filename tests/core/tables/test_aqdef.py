@@ -89,11 +89,7 @@ def test_several_parts_have_their_own_characteristics(tmp_path: Path) -> None:
         "K2112/3 -0,002\nK2113/3 0,000\nK2142/3 mm\n" + KEYS + "K0001/3 2,9991\nK0001/3 2,9987\n"
     )
     bore, runout, radius = read(tmp_path, text)
-    assert (bore.part, runout.part, radius.part) == (
-        "Zykloidenscheibe",
-        "Zykloidenscheibe",
-        "Stift",
-    )
+    assert (bore.part, runout.part, radius.part) == ("Zykloidenscheibe", "Zykloidenscheibe", "Stift")
     assert (radius.nominal, radius.lower, radius.upper) == (3.0, 2.998, 3.0)
     assert radius.values == [2.9991, 2.9987]
     assert len(bore.values) == 2
@@ -139,9 +135,7 @@ def test_faults_with_their_places(tmp_path: Path, old: str, new: str, said: str)
 
 
 def test_more_values_than_characteristics(tmp_path: Path) -> None:
-    assert "3 characteristics in a line, 2 are described" in faults(
-        tmp_path, HEAD + "1\x0f2\x0f3\n"
-    )
+    assert "3 characteristics in a line, 2 are described" in faults(tmp_path, HEAD + "1\x0f2\x0f3\n")
 
 
 def test_as_a_table(tmp_path: Path) -> None:

@@ -212,9 +212,7 @@ def test_a_long_file_with_thousands_and_marks(tmp_path: Path) -> None:
     frame = noisy(20_000)
     forces = [f"{v:,.2f}".translate({44: ".", 46: ","}) for v in frame["Kraft [N]"]]
     forces[777] = "n.i.O."
-    frame.assign(**{"Kraft [N]": forces}).to_csv(
-        tmp_path / "t.csv", sep=";", decimal=",", index=False
-    )
+    frame.assign(**{"Kraft [N]": forces}).to_csv(tmp_path / "t.csv", sep=";", decimal=",", index=False)
     found = tolevo.read_table(tmp_path / "t.csv")
     expected = frame["Kraft [N]"].astype(object)
     expected[777] = None

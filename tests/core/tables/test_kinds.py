@@ -26,14 +26,7 @@ def workbook(folder: Path, rows: Rows, more: Rows | None = None) -> Path:
     return folder / "t.xlsx"
 
 
-ROWS: Rows = [
-    ["Protokoll"],
-    [],
-    ["Teil", "Spiel [arcmin]"],
-    ["A1", 1.234],
-    ["A2", None],
-    ["A3", 1.5],
-]
+ROWS: Rows = [["Protokoll"], [], ["Teil", "Spiel [arcmin]"], ["A1", 1.234], ["A2", None], ["A3", 1.5]]
 
 
 def test_a_workbook_holds_numbers_as_such(tmp_path: Path) -> None:

@@ -18,10 +18,7 @@ from tolevo.models.measurable import NO_CHANGES, Changeable, Column, MeasurableM
 class Spring(MeasurableModel):
     """A spring with a dead zone of its own: twist = sgn(T) (|T|/100 + clearance)."""
 
-    columns = (
-        Column("torque_Nm", "Nm", "", role=Role.TORQUE),
-        Column("direction", "", "", role=Role.DIRECTION),
-    )
+    columns = (Column("torque_Nm", "Nm", "", role=Role.TORQUE), Column("direction", "", "", role=Role.DIRECTION))
     outputs = (Output("twist_arcmin", "arcmin", ""), Output("copy_mm", "mm", ""))
     parameters: ClassVar[tuple[Parameter, ...]] = ()
     free: ClassVar[Mapping[str, float]] = {}
@@ -36,10 +33,7 @@ class Spring(MeasurableModel):
         pass
 
     def predict(
-        self,
-        table: Mapping[str, NDArray[Any]],
-        rng: np.random.Generator,
-        changes: Mapping[str, Array] = NO_CHANGES,
+        self, table: Mapping[str, NDArray[Any]], rng: np.random.Generator, changes: Mapping[str, Array] = NO_CHANGES
     ) -> dict[str, Array]:
         load = np.asarray(table["torque_Nm"], dtype=float)
         zone = np.broadcast_to(changes.get("bearing_clearance_in", 0.0), load.shape)

@@ -21,8 +21,7 @@ LIBRARY = {
     "geometry by angle": "output_eccentricity pin_circle_runout eccentric_error two_disc_error"
     " sun_runout pitch_defect gear_order",
     "speed": "structural_resonance viscous_friction windage stribeck load_viscous",
-    "temperature, time": "differential_thermal_expansion thermal_friction drift creep wear"
-    " thermal_zero",
+    "temperature, time": "differential_thermal_expansion thermal_friction drift creep wear thermal_zero",
     "population": "process_mean_shift spread_inflation tool_wear_drift lot_mixture lot_offset",
     "manipulator": "joint_zero_offset arm_length_error base_tilt gravity_sag thermal_growth"
     " drive_eccentricity joint_clearance",
@@ -35,10 +34,7 @@ ELSEWHERE = ("population", "manipulator", "assembly")
 APART = ("directional_offset", "gear_order", "delay")
 """These need another output, no gear, or rows in their order."""
 NAMES = [
-    name
-    for family, names in LIBRARY.items()
-    for name in names.split()
-    if family not in ELSEWHERE and name not in APART
+    name for family, names in LIBRARY.items() for name in names.split() if family not in ELSEWHERE and name not in APART
 ]
 
 

@@ -101,10 +101,7 @@ def tau(row: Row) -> float:
 
 
 CASES: dict[str, tuple[dict[str, float], Callable[[Row], float]]] = {
-    "torsional_compliance": (
-        {"compliance_arcsec_per_Nm": 0.07},
-        lambda row: 0.07 * row["torque_Nm"],
-    ),
+    "torsional_compliance": ({"compliance_arcsec_per_Nm": 0.07}, lambda row: 0.07 * row["torque_Nm"]),
     "hertz_stiffening": (
         {"at_1_Nm_arcsec": 0.4},
         lambda row: 0.4 * sign(row["torque_Nm"]) * abs(row["torque_Nm"]) ** (2.0 / 3.0),
@@ -122,49 +119,22 @@ CASES: dict[str, tuple[dict[str, float], Callable[[Row], float]]] = {
     "two_disc_error": orders(78, 80),
     "sun_runout": orders(120, 121),
     "encoder_harmonics": orders(1, 2, 4),
-    "pitch_defect": (
-        {"height_arcsec": -4.0, "position_deg": 70.0, "width": 0.1, "form": 1.0},
-        pulse,
-    ),
+    "pitch_defect": ({"height_arcsec": -4.0, "position_deg": 70.0, "width": 0.1, "form": 1.0}, pulse),
     "structural_resonance": (
-        {
-            "cos_arcsec": 1.5,
-            "sin_arcsec": -0.8,
-            "frequency_Hz": 31.0,
-            "damping": 0.04,
-            "order": 78.0,
-        },
+        {"cos_arcsec": 1.5, "sin_arcsec": -0.8, "frequency_Hz": 31.0, "damping": 0.04, "order": 78.0},
         resonance,
     ),
-    "viscous_friction": (
-        {"rate_arcsec_per_rpm": 0.3},
-        lambda row: 0.3 * row["output_speed_rpm"] * row["direction"],
-    ),
-    "windage": (
-        {"rate_arcsec_per_rpm2": 0.02},
-        lambda row: 0.02 * row["output_speed_rpm"] ** 2 * row["direction"],
-    ),
-    "read_out_lag": (
-        {"rate_arcsec_per_rpm": 0.3},
-        lambda row: 0.3 * row["output_speed_rpm"] * row["direction"],
-    ),
-    "differential_thermal_expansion": (
-        {"rate_arcsec_per_K": -0.2},
-        lambda row: -0.2 * tau(row) * row["direction"],
-    ),
+    "viscous_friction": ({"rate_arcsec_per_rpm": 0.3}, lambda row: 0.3 * row["output_speed_rpm"] * row["direction"]),
+    "windage": ({"rate_arcsec_per_rpm2": 0.02}, lambda row: 0.02 * row["output_speed_rpm"] ** 2 * row["direction"]),
+    "read_out_lag": ({"rate_arcsec_per_rpm": 0.3}, lambda row: 0.3 * row["output_speed_rpm"] * row["direction"]),
+    "differential_thermal_expansion": ({"rate_arcsec_per_K": -0.2}, lambda row: -0.2 * tau(row) * row["direction"]),
     "thermal_friction": (
         {"half_width_arcsec": 5.0, "decay_per_K": 0.03},
         lambda row: 5.0 * row["direction"] * (math.exp(-0.03 * tau(row)) - 1.0),
     ),
     "drift": ({"rate_arcsec_per_s": 0.01}, lambda row: 0.01 * row["time_s"]),
-    "creep": (
-        {"rate_arcsec": 0.8, "begin_s": 30.0},
-        lambda row: 0.8 * math.log(1.0 + row["time_s"] / 30.0),
-    ),
-    "wear": (
-        {"rate_arcsec_per_s": 0.01},
-        lambda row: 0.01 * row["time_s"] * row["direction"],
-    ),
+    "creep": ({"rate_arcsec": 0.8, "begin_s": 30.0}, lambda row: 0.8 * math.log(1.0 + row["time_s"] / 30.0)),
+    "wear": ({"rate_arcsec_per_s": 0.01}, lambda row: 0.01 * row["time_s"] * row["direction"]),
     "clock_drift": (
         {"rate_arcsec_per_rpm_s": -0.001},
         lambda row: -0.001 * row["time_s"] * row["output_speed_rpm"] * row["direction"],

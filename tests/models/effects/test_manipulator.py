@@ -187,11 +187,7 @@ def test_height_by_drive_and_rod_is_that_of_finite_differences(follow_up: Follow
     machine, h = replace(Manipulator(), follow_up=follow_up), 1e-7
     by_drive, by_rod = lifts(machine, R, Z, PHI)
     for chain in range(3):
-        for place, expected in (
-            (7, by_drive[:, chain]),
-            (12, by_rod[:, chain, 0]),
-            (13, by_rod[:, chain, 1]),
-        ):
+        for place, expected in ((7, by_drive[:, chain]), (12, by_rod[:, chain, 0]), (13, by_rod[:, chain, 1])):
             errors = np.zeros((2, 63))
             errors[:, 21 * chain + place] = (h, -h)
             ends = exact_pose(machine, R[:, None], Z[:, None], PHI[:, None], errors).position

@@ -70,8 +70,7 @@ def test_directional_offset_is_mean_and_half_difference() -> None:
     """What a zero and friction would say: (a - b)/2 of a zero, (a + b)/2 along the direction."""
     a, b = 4.0, 1.5
     np.testing.assert_allclose(
-        added("directional_offset", forward_N=a, backward_N=b),
-        0.5 * (a - b) + 0.5 * (a + b) * TABLE["way"],
+        added("directional_offset", forward_N=a, backward_N=b), 0.5 * (a - b) + 0.5 * (a + b) * TABLE["way"]
     )
 
 
@@ -227,9 +226,7 @@ def test_a_linear_axis_has_newtons_per_metre_and_second() -> None:
         "load_viscous": "signed_um_per_N_m_per_s",
         "read_out_lag": "rate_um_per_m_per_s",
     }
-    assert registry.load("effects", "gear_order")().left_out(target) == (
-        "nothing turns by the angle"
-    )
+    assert registry.load("effects", "gear_order")().left_out(target) == ("nothing turns by the angle")
 
 
 def test_a_delay_is_looked_for_beneath_the_noise_of_a_channel() -> None:

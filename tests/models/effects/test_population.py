@@ -19,13 +19,7 @@ DOCUMENT: dict[str, Value] = {"model": "document"}
 """Units by document B's closed form."""
 
 N = 50
-NAMES = [
-    "process_mean_shift",
-    "spread_inflation",
-    "tool_wear_drift",
-    "lot_mixture",
-    "lot_offset",
-]
+NAMES = ["process_mean_shift", "spread_inflation", "tool_wear_drift", "lot_mixture", "lot_offset"]
 
 
 def batch(count: int) -> dict[str, np.ndarray]:
@@ -84,10 +78,7 @@ def test_tool_wear_runs_with_the_units_in_the_order_of_measuring() -> None:
 
 
 def test_repeats_of_a_unit_stay_one_unit() -> None:
-    table = {
-        "unit": np.array(["a", "b", "a", "c"], dtype=object),
-        "repeat": np.array([1.0, 1.0, 2.0, 1.0]),
-    }
+    table = {"unit": np.array(["a", "b", "a", "c"], dtype=object), "repeat": np.array([1.0, 1.0, 2.0, 1.0])}
     found = drawn(table, "tool_wear_drift", rate_per_unit_arcmin=0.1) - drawn(table)
     np.testing.assert_allclose(found, [0.0, 0.1, 0.0, 0.2], atol=1e-12)
     mixed = drawn(table, "lot_mixture", share=0.5, offset_arcmin=1.0)
@@ -109,9 +100,7 @@ def test_mixture_has_the_share_and_the_step() -> None:
 def test_mixture_goes_by_lots_where_they_are_known() -> None:
     table = batch(N)
     for seed in range(5):
-        step = drawn(table, "lot_mixture", seed, share=0.5, offset_arcmin=1.0) - drawn(
-            table, seed=seed
-        )
+        step = drawn(table, "lot_mixture", seed, share=0.5, offset_arcmin=1.0) - drawn(table, seed=seed)
         for lot in "ABC":
             assert np.ptp(step[table["lot"] == lot]) < 1e-12
 
@@ -122,19 +111,13 @@ def test_mixture_within_lots_goes_by_units() -> None:
     step = given - drawn(table)
     for lot in "ABC":
         assert set(np.round(step[table["lot"] == lot], 9)) == {0.0, 1.0}
-    effect, target = (
-        registry.load("effects", "lot_mixture")(),
-        target_of(RvBatch, "rv_batch", table),
-    )
+    effect, target = (registry.load("effects", "lot_mixture")(), target_of(RvBatch, "rv_batch", table))
     assert effect.parameter("within_lots", target).choices == (0.0, 1.0)
 
 
 def test_mixture_says_by_how_much_it_moves_the_mean() -> None:
     table = {"unit": np.arange(20_000)}
-    effect, target = (
-        registry.load("effects", "lot_mixture")(),
-        target_of(RvBatch, "rv_batch", table),
-    )
+    effect, target = (registry.load("effects", "lot_mixture")(), target_of(RvBatch, "rv_batch", table))
     carried = effect.carried({"share": 0.3, "offset_arcmin": -0.5}, target)
     step = drawn(table, "lot_mixture", share=0.3, offset_arcmin=-0.5) - drawn(table)
     assert step.mean() == pytest.approx(carried, abs=4.0 * 0.5 * np.sqrt(0.21 / 20_000))
@@ -192,9 +175,7 @@ def changed(model: RvBatch, table: dict[str, np.ndarray], by: dict[str, float]) 
 
 def test_unit_that_warms_up_as_a_whole_keeps_its_backlash() -> None:
     both = {"disc_temperature_K": 25.0, "housing_temperature_K": 25.0}
-    np.testing.assert_allclose(
-        changed(RvBatch(DOCUMENT), {"unit": np.arange(500)}, both), 0.0, atol=1e-12
-    )
+    np.testing.assert_allclose(changed(RvBatch(DOCUMENT), {"unit": np.arange(500)}, both), 0.0, atol=1e-12)
 
 
 def test_share_of_the_measured_temperature() -> None:
@@ -211,9 +192,7 @@ def test_share_of_the_measured_temperature() -> None:
 
 def test_cold_disc_cannot_open_what_interferes() -> None:
     """Units whose phi_2 is below zero gain less than the slope: the interference goes first."""
-    found = changed(
-        RvBatch(DOCUMENT | PRINTED), {"unit": np.arange(5000)}, {"housing_temperature_K": 1.0}
-    )
+    found = changed(RvBatch(DOCUMENT | PRINTED), {"unit": np.arange(5000)}, {"housing_temperature_K": 1.0})
     assert found.min() >= 0.0
     assert found.max() == pytest.approx(0.0582, abs=2e-4)
     assert np.mean(found < 0.058) > 0.3
@@ -223,9 +202,7 @@ def test_cold_disc_cannot_open_what_interferes() -> None:
 def test_change_of_an_error_is_that_of_its_mid_limit(error: str) -> None:
     table = {"unit": np.arange(1000)}
     wide: dict[str, Value] = {"pin_hole_radius_mid_um": 60.0}
-    mids = {
-        one.name: float(str(one.default)) for one in RvBatch.parameters if "_mid_um" in one.name
-    }
+    mids = {one.name: float(str(one.default)) for one in RvBatch.parameters if "_mid_um" in one.name}
     moved = RvBatch(wide | {f"{error}_mid_um": mids[f"{error}_mid_um"] + 2.0})
     rngs = [np.random.default_rng(0) for _ in range(2)]
     expected = moved.predict(table, rngs[0])["backlash_arcmin"]

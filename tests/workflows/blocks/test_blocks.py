@@ -65,9 +65,7 @@ def test_rows_are_those_of_the_problem_itself(whole: bytes, table: Path) -> None
 
 
 @pytest.mark.parametrize("block_rows", [1, 2 * GRAIN, None])
-def test_bytes_do_not_depend_on_the_block(
-    table: Path, whole: bytes, tmp_path: Path, block_rows: int | None
-) -> None:
+def test_bytes_do_not_depend_on_the_block(table: Path, whole: bytes, tmp_path: Path, block_rows: int | None) -> None:
     out = tmp_path / "out.csv"
     tolevo.evaluate(CONFIGURATION, table, out, block_rows=block_rows)
     assert out.read_bytes() == whole
@@ -121,9 +119,7 @@ def test_after_a_break_only_what_is_missing_is_computed(
     for after in (0, 2, 5):
         out, first, second = tmp_path / f"{after}.csv", Ending(after), Ending(99)
         for executor in (first, second):
-            monkeypatch.setattr(
-                "tolevo.workflows.execution.executor_of", lambda *_, one=executor: one
-            )
+            monkeypatch.setattr("tolevo.workflows.execution.executor_of", lambda *_, one=executor: one)
             arguments: dict[str, Any] = {"block_rows": GRAIN, "resume": executor is second}
             if executor is first:
                 with pytest.raises(RunError, match=rf"{after} of 6 blocks are saved.*--resume"):
@@ -254,9 +250,7 @@ def points(rows: int) -> pd.DataFrame:
     })  # fmt: skip
 
 
-def test_parquet_read_in_batches_gives_the_same_bytes(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_parquet_read_in_batches_gives_the_same_bytes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A file read as a whole, in batches, and three files of a directory."""
     rows, model = 200_000, {"model": "rv_lost_motion"}
     frame, folder = points(rows), tmp_path / "points"
@@ -267,9 +261,7 @@ def test_parquet_read_in_batches_gives_the_same_bytes(
     lines: list[str] = []
     tolevo.simulate(model, tmp_path / "p.parquet", tmp_path / "a.parquet")
     monkeypatch.setattr(streamed, "LONG", 1000)
-    found = tolevo.simulate(
-        model, tmp_path / "p.parquet", tmp_path / "b.parquet", tell=lines.append, frame=False
-    )
+    found = tolevo.simulate(model, tmp_path / "p.parquet", tmp_path / "b.parquet", tell=lines.append, frame=False)
     tolevo.simulate(model, folder, tmp_path / "c.parquet", frame=False)
     contents = {(tmp_path / f"{name}.parquet").read_bytes() for name in "abc"}
     assert len(contents) == 1
@@ -317,9 +309,7 @@ def test_tasks_bear_the_name_of_their_table(table: Path) -> None:
     rows = blocks.ArrayRows(np.zeros((3, 2)))
     keys = set()
     for configuration in ("a", "b"):
-        made = compute.Computed(
-            "evaluate", lambda rows, n: pd.DataFrame(rows), configuration, rows, 64
-        )
+        made = compute.Computed("evaluate", lambda rows, n: pd.DataFrame(rows), configuration, rows, 64)
         store = blocks.store.InMemory(made.about(None))
         keys |= {task.key for task in compute._tasks(made, store, 1, apart=False)}
     assert len(keys) == 2
@@ -375,9 +365,7 @@ def killed_until_done(table: Path, whole: bytes, tmp_path: Path, kills: int) -> 
     rng, caught = random.Random(3), 0
     while caught < moments:
         arguments: dict[str, Any] = {"block_rows": GRAIN, "resume": True}
-        one = context.Process(
-            target=tolevo.evaluate, args=(CONFIGURATION, table, out), kwargs=arguments
-        )
+        one = context.Process(target=tolevo.evaluate, args=(CONFIGURATION, table, out), kwargs=arguments)
         one.start()
         time.sleep(rng.uniform(0.02, 0.5))
         one.kill()
@@ -390,9 +378,7 @@ def killed_until_done(table: Path, whole: bytes, tmp_path: Path, kills: int) -> 
     assert out.read_bytes() == whole
 
 
-def test_killed_before_it_is_said_whose_blocks_they_are(
-    table: Path, whole: bytes, tmp_path: Path
-) -> None:
+def test_killed_before_it_is_said_whose_blocks_they_are(table: Path, whole: bytes, tmp_path: Path) -> None:
     out, folder = tmp_path / "o.csv", tmp_path / "o.csv.blocks"
     folder.mkdir()
     for name in ("_lock", "._table.json.0123abcd.part"):

@@ -48,9 +48,7 @@ def evaluated(table: Path, out: Path, store: str, **more: Any) -> None:
 
 
 def sound(postgres: Server, schema: str, blocks: int = BLOCKS) -> None:
-    assert postgres.ask(schema, "SELECT COUNT(*), COUNT(DISTINCT number) FROM blocks") == [
-        (blocks, blocks)
-    ]
+    assert postgres.ask(schema, "SELECT COUNT(*), COUNT(DISTINCT number) FROM blocks") == [(blocks, blocks)]
     assert postgres.ask(schema, "SELECT * FROM claims") == []
 
 
@@ -86,9 +84,7 @@ def test_the_bytes_are_those_of_one_process_and_nothing_is_computed_twice(
     sound(postgres, schema)
 
 
-def test_a_store_of_something_else_is_refused(
-    table: Path, postgres: Server, schema: str, tmp_path: Path
-) -> None:
+def test_a_store_of_something_else_is_refused(table: Path, postgres: Server, schema: str, tmp_path: Path) -> None:
     store = postgres.store(schema)
     evaluated(table, tmp_path / "a.csv", store)
     with pytest.raises(InputError) as caught:
@@ -135,9 +131,7 @@ def machine(table: Path, store: str, told: Told) -> None:
 
 
 @pytest.mark.slow
-def test_machines_and_the_server_are_killed_at_ten_moments(
-    postgres: Server, schema: str, tmp_path: Path
-) -> None:
+def test_machines_and_the_server_are_killed_at_ten_moments(postgres: Server, schema: str, tmp_path: Path) -> None:
     """Ten evaluations by two machines: at some share of each the server and one of them die."""
     blocks, context, struck = 50, multiprocessing.get_context("forkserver"), list[int]()
     context.set_forkserver_preload([__name__, "tolevo.api", "tolevo.workflows.blocks.table"])
@@ -147,9 +141,7 @@ def test_machines_and_the_server_are_killed_at_ten_moments(
     for moment in range(10):
         own = f"{schema[:50]}_{moment}"
         told = [Told(tmp_path / f"{name}{moment}.txt") for name in ("a", "b")]
-        both = [
-            context.Process(target=machine, args=(table, postgres.store(own), one)) for one in told
-        ]
+        both = [context.Process(target=machine, args=(table, postgres.store(own), one)) for one in told]
         for process in both:
             process.start()
         while min(one.done for one in told) < 0 or max(one.done for one in told) < 4.5 * moment:

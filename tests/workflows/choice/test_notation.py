@@ -21,9 +21,7 @@ from tolevo.workflows.choice.notation import drawing_number, inspection, notatio
         (Kind.NOMINAL, None, 0.0, -0.04, "", "-0.04 mm"),
     ],
 )
-def test_notation(
-    kind: Kind, nominal: float | None, mid: float, t: float, grade: str, text: str
-) -> None:
+def test_notation(kind: Kind, nominal: float | None, mid: float, t: float, grade: str, text: str) -> None:
     variable = Variable("a_t", "mm", kind, 0.0, 1.0, "a part")
     assert notation(variable, nominal, mid, t, grade) == text
 

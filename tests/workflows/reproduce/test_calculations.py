@@ -68,8 +68,7 @@ def test_stages_by_hand() -> None:
     np.testing.assert_allclose(value("backlash_stages", "cycloid_std_arcmin"), std, rtol=1e-3)
     for clearance in (2.0, 20.0):
         mean, spread = (
-            value("backlash_stages", f"output_{one}_arcmin", crank_bearing_um=clearance)
-            for one in ("mean", "std")
+            value("backlash_stages", f"output_{one}_arcmin", crank_bearing_um=clearance) for one in ("mean", "std")
         )
         np.testing.assert_allclose(mean, 0.5 * clearance * 1e-3 / 36 * arcmin)
         np.testing.assert_allclose(spread, mean / np.sqrt(3.0))
@@ -109,10 +108,7 @@ def test_tolerance_ratio_in_closed_form() -> None:
 
 
 def test_absent_parts_are_less_adjusted_the_dearer_it_is() -> None:
-    shares = [
-        value("assembly_structure", "absent_share_percent", absent_weight=weight)
-        for weight in (1e2, 1e3, 1e4)
-    ]
+    shares = [value("assembly_structure", "absent_share_percent", absent_weight=weight) for weight in (1e2, 1e3, 1e4)]
     assert shares[0] > shares[1] > shares[2]
     np.testing.assert_allclose(shares[1] / shares[2], 10.0, rtol=0.05)
 
@@ -180,9 +176,7 @@ def test_more_generations_end_nearer() -> None:
 def test_equal_settings_share_the_seeds() -> None:
     own = {"setting": "crossover", "a": 0.99, "b": 0.99, "seeds": 3, "generations": 10}
     assert value("ga_settings", "a_nearer_percent", **own) == 50.0
-    assert value("ga_settings", "a_gap_percent", **own) == value(
-        "ga_settings", "b_gap_percent", **own
-    )
+    assert value("ga_settings", "a_gap_percent", **own) == value("ga_settings", "b_gap_percent", **own)
 
 
 def study(folder: object, rows: list[tuple[float, int, float, float]]) -> None:
@@ -219,10 +213,7 @@ def test_faults(values: dict[str, object], said: str) -> None:
 
 def test_study_without_the_settings_is_refused(tmp_path: object) -> None:
     study(tmp_path, [(80.0, 0, 0.5, 1.0), (40.0, 0, 0.5, 1.0)])
-    for values, said in (
-        ({}, "it has 40, 80"),
-        ({"setting": "crossover"}, "has no algorithm.crossover.probability"),
-    ):
+    for values, said in (({}, "it has 40, 80"), ({"setting": "crossover"}, "has no algorithm.crossover.probability")):
         own = values | {"study": str(tmp_path)}
         with pytest.raises(InputError, match=said):
             kind("ga_settings")().compute(own, np.random.default_rng(0))

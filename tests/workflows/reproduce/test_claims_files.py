@@ -58,9 +58,7 @@ def reading(lines: str, unit: str = "1", printed: str = "1") -> str:
         ('"40"', 0.5), ("2.0", 0.5), ('"2.0"', 0.05), ('["1.71", "2.6"]', 0.05), ('"1e-3"', 5e-4),
     ],
 )  # fmt: skip
-def test_tolerance_is_half_a_unit_of_the_last_printed_digit(
-    printed: str, tolerance: float, tmp_path: Path
-) -> None:
+def test_tolerance_is_half_a_unit_of_the_last_printed_digit(printed: str, tolerance: float, tmp_path: Path) -> None:
     text = CLAIM.replace('"0.8125"', printed)
     if printed.startswith("["):
         text = text.replace('formula = "1.3 * 40 / 64"', 'formula = ["1", "2"]')

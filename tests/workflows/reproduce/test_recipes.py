@@ -109,9 +109,7 @@ def test_both_ends_of_a_derivative_take_the_same_random_numbers() -> None:
 def test_errors_pass_through_a_formula() -> None:
     """Two independent means: the variance of the difference is the sum; gradient of 3 a - b."""
     one = batch(Statistic("mean"))
-    formula = ByFormula(
-        (Formula("3 * a - b"),), {"a": (one, "arcmin"), "b": (one, "arcmin")}, "arcmin"
-    )
+    formula = ByFormula((Formula("3 * a - b"),), {"a": (one, "arcmin"), "b": (one, "arcmin")}, "arcmin")
     (found,) = formula.recomputed(rng()).quantities
     parts = [one.recomputed(stream).quantities[0] for stream in rng().spawn(2)]
     assert parts[0].value != parts[1].value

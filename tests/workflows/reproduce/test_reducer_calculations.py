@@ -68,9 +68,7 @@ def test_every_target_is_proven_and_keeps_the_gap_where_it_is_fixed() -> None:
     np.testing.assert_allclose(gap[fixed], 0.03, rtol=1e-9)
     assert np.all(table["deviation_um"][~fixed] <= table["deviation_um"][fixed] + 1e-9)
     np.testing.assert_allclose(
-        table["exact_backlash_arcmin"][fixed],
-        table["backlash_arcmin"][fixed] * 117.0 / 121.0,
-        atol=0.01,
+        table["exact_backlash_arcmin"][fixed], table["backlash_arcmin"][fixed] * 117.0 / 121.0, atol=0.01
     )
 
 

@@ -104,18 +104,12 @@ def done(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "paper.toml").write_text(PAPER, encoding="utf-8")
     found = tolevo("reproduce", folder / "paper.toml", "--out", folder / "out", "--workers", 1)
     assert found.exit_code == 0, found.output
-    assert "X: 2 reproduced, 1 reproduced under the stated reading, 1 not reproduced, 1 cannot" in (
-        found.stdout
-    )
+    assert "X: 2 reproduced, 1 reproduced under the stated reading, 1 not reproduced, 1 cannot" in (found.stdout)
     return folder / "out"
 
 
 def files(folder: Path) -> dict[str, bytes]:
-    return {
-        str(path.relative_to(folder)): path.read_bytes()
-        for path in sorted(folder.rglob("*"))
-        if path.is_file()
-    }
+    return {str(path.relative_to(folder)): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
 
 
 def test_every_file_is_known_by_name(done: Path) -> None:
@@ -131,9 +125,7 @@ def test_table(done: Path) -> None:
     assert table.loc["pair", "printed"] == "350.0; 250.0"
     assert table.loc["pair", "computed"] == "350.0; 250.0"
     assert table.loc["pair", "reading"] == "the height is 250 mm"
-    share, error = (
-        float(str(table.loc["exceed", name])) for name in ("computed", "standard_error")
-    )
+    share, error = (float(str(table.loc["exceed", name])) for name in ("computed", "standard_error"))
     np.testing.assert_allclose(error, np.sqrt(share * (1.0 - share) / 1000))
     assert (table["reason"] != "").all()
 
@@ -162,9 +154,7 @@ def test_the_page_is_built_again(done: Path, tmp_path: Path) -> None:
     found = tolevo("report", done, "--out", tmp_path / "again.html", "--figures", tmp_path / "f")
     assert found.exit_code == 0, found.output
     assert (tmp_path / "again.html").read_bytes() == (done / "report.html").read_bytes()
-    assert {one.name for one in (tmp_path / "f").iterdir()} == {
-        one.name for one in (done / "figures").glob("*")
-    }
+    assert {one.name for one in (tmp_path / "f").iterdir()} == {one.name for one in (done / "figures").glob("*")}
 
 
 def test_workers_change_no_byte(done: Path, paper: Path, tmp_path: Path) -> None:
@@ -177,12 +167,8 @@ def test_workers_change_no_byte(done: Path, paper: Path, tmp_path: Path) -> None
 
 def test_seed_changes_what_is_drawn_and_nothing_else(done: Path, paper: Path) -> None:
     out = paper.parent / "c"
-    assert (
-        tolevo("reproduce", paper, "--out", out, "--set", "seed=4", "--workers", 1).exit_code == 0
-    )
-    own, other = (
-        pd.read_csv(one / "claims.csv").set_index("id")["computed"] for one in (out, done)
-    )
+    assert tolevo("reproduce", paper, "--out", out, "--set", "seed=4", "--workers", 1).exit_code == 0
+    own, other = (pd.read_csv(one / "claims.csv").set_index("id")["computed"] for one in (out, done))
     assert own[own != other].index.tolist() == ["exceed", "gone"]  # an empty cell equals nothing
 
 
@@ -226,9 +212,7 @@ def test_broken_reproduction_goes_on(
     assert files(out) == files(done)
 
 
-def test_only_what_has_not_changed_is_kept(
-    done: Path, paper: Path, breaking: Callable[[int], Broken]
-) -> None:
+def test_only_what_has_not_changed_is_kept(done: Path, paper: Path, breaking: Callable[[int], Broken]) -> None:
     out, arguments = paper.parent / "e", ("--workers", 1, "--quiet", "--resume")
     assert tolevo("reproduce", paper, "--out", out, *arguments).exit_code == 0
     nothing = breaking(99)

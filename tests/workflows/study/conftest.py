@@ -29,17 +29,10 @@ class Synthetic:
         base: Mapping[str, Level] | None = None,
         response: str = "gap_percent",
     ) -> StudySettings:
-        return StudySettings(
-            "synthetic", factors, design, (response,), seeds, 0, base or {}, ("cost",)
-        )
+        return StudySettings("synthetic", factors, design, (response,), seeds, 0, base or {}, ("cost",))
 
     def data(
-        self,
-        settings: StudySettings,
-        effect: Effect,
-        noise: float,
-        rng: np.random.Generator,
-        common: float = 0.0,
+        self, settings: StudySettings, effect: Effect, noise: float, rng: np.random.Generator, common: float = 0.0
     ) -> StudyData:
         frame = settings.design.points(settings.factors, settings.base, rng)
         truth = effect(frame)

@@ -13,14 +13,7 @@ import pytest
 from tests.blanks import blanks
 from tolevo.reports.study import study_page
 from tolevo.workflows.study.analysed import FILES, analysed
-from tolevo.workflows.study.designs import (
-    Factorial,
-    LatinHypercube,
-    Morris,
-    OneAtATime,
-    Sobol,
-    Table,
-)
+from tolevo.workflows.study.designs import Factorial, LatinHypercube, Morris, OneAtATime, Sobol, Table
 from tolevo.workflows.study.records import Design, Factor, StudyData
 from tolevo.workflows.study.statistics import analyse
 
@@ -62,9 +55,7 @@ def analysis(settings: Any, data: StudyData) -> Any:
     return analyse(settings, data, np.random.default_rng(0))
 
 
-def test_every_design_comes_to_sensitivities_a_best_setting_and_a_page(
-    synthetic: Any, design: Design
-) -> None:
+def test_every_design_comes_to_sensitivities_a_best_setting_and_a_page(synthetic: Any, design: Design) -> None:
     settings, data = made(synthetic, design, 12)
     result = analysis(settings, data)
     known = result.sensitivity.set_index(["key", "statistic"])
@@ -83,9 +74,7 @@ def test_every_design_comes_to_sensitivities_a_best_setting_and_a_page(
 
 
 @pytest.mark.parametrize("seeds", [1, 2, 5])
-def test_few_seeds_and_lost_settings_claim_nothing(
-    synthetic: Any, design: Design, seeds: int
-) -> None:
+def test_few_seeds_and_lost_settings_claim_nothing(synthetic: Any, design: Design, seeds: int) -> None:
     settings, data = made(synthetic, design, seeds)
     lose(data, data.table.index[data.table["point"] == 1])
     lose(data, [len(data.table) - 1])
@@ -106,9 +95,7 @@ def test_a_study_of_failures_only_is_still_described(synthetic: Any, design: Des
     assert "<h2>Failed runs</h2>" in study_page(result)
 
 
-def test_statistics_are_written_once_and_again_where_runs_differ(
-    synthetic: Any, tmp_path: Path
-) -> None:
+def test_statistics_are_written_once_and_again_where_runs_differ(synthetic: Any, tmp_path: Path) -> None:
     settings, data = made(synthetic, OneAtATime(), 8)
     first = analysed(settings, data, tmp_path)
     assert all((tmp_path / name).is_file() for name in FILES)

@@ -16,12 +16,7 @@ from tolevo.workflows.study.statistics import analyse
 from tolevo.workflows.study.statistics.anova import level_test, surface_tests
 from tolevo.workflows.study.statistics.contrasts import Contrast, contrasts
 from tolevo.workflows.study.statistics.medians import interval_of_median, medians
-from tolevo.workflows.study.statistics.pairs import (
-    friedman_tests,
-    least_p,
-    pairs_needed,
-    wilcoxon_tests,
-)
+from tolevo.workflows.study.statistics.pairs import friedman_tests, least_p, pairs_needed, wilcoxon_tests
 from tolevo.workflows.study.statistics.readings import verdicts
 from tolevo.workflows.study.statistics.recommendation import recommendation
 from tolevo.workflows.study.statistics.runs import Runs, runs_of
@@ -188,9 +183,7 @@ def test_levels_are_compared_with_the_others_as_in_the_run_or_over_all() -> None
     assert contrasts("sobol", design, factors, BASE) == []
 
 
-def settings_and_data(
-    synthetic: Any, seeds: int, noise: float, shift: float
-) -> tuple[StudySettings, StudyData]:
+def settings_and_data(synthetic: Any, seeds: int, noise: float, shift: float) -> tuple[StudySettings, StudyData]:
     """Population 20 and 40 are worse by `shift` and half of it; mutation does nothing."""
     settings = synthetic.settings(OneAtATime(), (SIZE, RATE), seeds, BASE)
 

@@ -8,15 +8,7 @@ import pandas as pd
 import pytest
 
 from tolevo.errors import InputError
-from tolevo.workflows.study.designs import (
-    DESIGNS,
-    Factorial,
-    LatinHypercube,
-    Morris,
-    OneAtATime,
-    Sobol,
-    Table,
-)
+from tolevo.workflows.study.designs import DESIGNS, Factorial, LatinHypercube, Morris, OneAtATime, Sobol, Table
 from tolevo.workflows.study.designs.sobol import PARTS
 from tolevo.workflows.study.records import Design, Factor, Level
 
@@ -103,9 +95,7 @@ def test_sobol_blocks_are_a_then_one_key_from_b_then_b() -> None:
 
 @pytest.mark.parametrize("design", [LatinHypercube(), Morris(), Sobol()], ids=lambda d: d.kind)
 @pytest.mark.parametrize("seed", [0, 1])
-def test_the_same_seed_gives_the_same_points_and_another_gives_others(
-    design: Design, seed: int
-) -> None:
+def test_the_same_seed_gives_the_same_points_and_another_gives_others(design: Design, seed: int) -> None:
     pd.testing.assert_frame_equal(made(design, seed=seed), made(design, seed=seed))
     assert not made(design, seed=seed).equals(made(design, seed=seed + 1))
 
@@ -146,9 +136,7 @@ def test_one_seed_cannot_tell_noise_from_an_effect(kind: str) -> None:
 
 def test_a_table_is_read_as_it_is(tmp_path: Path) -> None:
     file = tmp_path / "settings.csv"
-    file.write_text(
-        f"{NAME.key},{SIZE.key},{WHOLE.key},{RATE.key}\nblend,40,2,0.05\nsbx,80,5,0.08\n"
-    )
+    file.write_text(f"{NAME.key},{SIZE.key},{WHOLE.key},{RATE.key}\nblend,40,2,0.05\nsbx,80,5,0.08\n")
     design = Table(str(file))
     assert messages(design) == ""
     frame = made(design)

@@ -124,9 +124,7 @@ def children() -> set[int]:
     return found
 
 
-def test_two_workers_one_killed_in_the_middle(
-    plan: StudyPlan, table: bytes, tmp_path: Path
-) -> None:
+def test_two_workers_one_killed_in_the_middle(plan: StudyPlan, table: bytes, tmp_path: Path) -> None:
     """SIGKILL to one of the two processes once runs have come back from them."""
     before, killed = children(), list[int]()
 
@@ -208,9 +206,7 @@ def test_two_processes_share_a_study(plan: StudyPlan, table: bytes, tmp_path: Pa
 
 
 @pytest.mark.slow
-def test_a_killed_study_leaves_no_worker_behind(
-    config: Path, plan: StudyPlan, table: bytes, tmp_path: Path
-) -> None:
+def test_a_killed_study_leaves_no_worker_behind(config: Path, plan: StudyPlan, table: bytes, tmp_path: Path) -> None:
     """`tolevo study --workers 2` by SIGKILL; its workers end too, and --resume finishes."""
     command = [sys.executable, "-m", "tolevo", "study", config, "--out", tmp_path, "--quiet",
                "--workers", 2, "--resume"]  # fmt: skip
@@ -263,9 +259,7 @@ class Losing(InProcess):
             yield task, Lost("its process was lost") if fatal else function(task)
 
 
-def test_of_a_lost_chunk_only_the_guilty_run_has_failed(
-    plan: StudyPlan, table: bytes, tmp_path: Path
-) -> None:
+def test_of_a_lost_chunk_only_the_guilty_run_has_failed(plan: StudyPlan, table: bytes, tmp_path: Path) -> None:
     study(plan, tmp_path, Losing())
     lines = zip((tmp_path / "study.csv").read_bytes().splitlines(), table.splitlines(), strict=True)
     other = [one for one, expected in lines if one != expected]
@@ -291,9 +285,7 @@ def listening(pids: set[int]) -> set[str]:
     return found
 
 
-def test_dask_a_worker_killed_then_the_scheduler(
-    plan: StudyPlan, table: bytes, tmp_path: Path
-) -> None:
+def test_dask_a_worker_killed_then_the_scheduler(plan: StudyPlan, table: bytes, tmp_path: Path) -> None:
     """Two workers, one killed in the middle; then a study whose scheduler is killed."""
     with cluster() as (process, address, workers):
         first = DaskKiller(lambda: workers[0].kill(), at=plan.total // 4)
@@ -345,9 +337,7 @@ def test_a_port_where_nothing_is(monkeypatch: pytest.MonkeyPatch) -> None:
         executor_of(1, "tcp://127.0.0.1:9")
 
 
-@pytest.mark.parametrize(
-    "address", ["nonsense", "tcp://", "udp://127.0.0.1:1", "tls://127.0.0.1:1"]
-)
+@pytest.mark.parametrize("address", ["nonsense", "tcp://", "udp://127.0.0.1:1", "tls://127.0.0.1:1"])
 def test_an_address_that_is_none(address: str) -> None:
     with pytest.raises(InputError, match="no Dask scheduler answers"):
         executor_of(1, address)

@@ -53,9 +53,7 @@ def studied(folder: Path, name: str, design: str, more: str = "") -> pd.DataFram
     return pd.read_csv(folder / name / "study.csv")
 
 
-def test_leaders_on_a_small_sample_are_run_on_the_full_one(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_leaders_on_a_small_sample_are_run_on_the_full_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Their runs are those of a study of all settings on the full sample."""
     monkeypatch.setattr(write, "figures", lambda result: ())
     (tmp_path / "rv_reducer.toml").write_text(RUN, encoding="utf-8")

@@ -167,9 +167,7 @@ def test_a_real_study_is_raced_the_same_wherever_it_runs(plan: StudyPlan, tmp_pa
     third = Late()
     study(plan, tmp_path / "b", third, resume=True)
     assert (again.surveys, third.surveys) == (1, 0)  # never again
-    with Database(
-        Site(tmp_path / "b").backend(), len(plan.points), plan.settings.responses
-    ) as kept:
+    with Database(Site(tmp_path / "b").backend(), len(plan.points), plan.settings.responses) as kept:
         assert len(kept.yardsticks()) == 1
 
 
@@ -210,7 +208,5 @@ def test_a_design_that_needs_every_run_is_not_raced(tmp_path: Path) -> None:
     (tmp_path / "study.toml").write_text(text, encoding="utf-8")
     with pytest.raises(InputError) as caught:
         read_study(tmp_path / "study.toml")
-    assert "stop.hopeless: cannot be had of morris: its statistics need every run" in str(
-        caught.value
-    )
+    assert "stop.hopeless: cannot be had of morris: its statistics need every run" in str(caught.value)
     assert "stop.hopeful: is not a known key" in str(caught.value)

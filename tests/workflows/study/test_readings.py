@@ -50,8 +50,6 @@ def test_readings_survive_the_resolved_configuration(tmp_path: Path) -> None:
         ('key = "algorithm.mutation.prob', 'key = "algorithm.mutation.pr', r"reading\[3\].key"),
     ],
 )
-def test_faults_of_readings_have_their_place(
-    tmp_path: Path, old: str, new: str, message: str
-) -> None:
+def test_faults_of_readings_have_their_place(tmp_path: Path, old: str, new: str, message: str) -> None:
     with pytest.raises(InputError, match=message):
         read_study(edited(tmp_path, old, new))

@@ -110,9 +110,7 @@ def test_a_run_is_that_of_search(whole: tuple[Path, StudyOutcome]) -> None:
     curve = curves[curves["replicate"] == 2]
     assert curve["value"].iloc[-1] == found.f.min()
     assert curve["evaluations"].iloc[-1] == found.evaluations == 600
-    np.testing.assert_array_equal(
-        curve["feasible_fraction"], [state.feasible_fraction for state in found.history]
-    )
+    np.testing.assert_array_equal(curve["feasible_fraction"], [state.feasible_fraction for state in found.history])
     assert data.exact["value"].to_numpy() == pytest.approx(np.full(4, optimum), rel=1e-9)
     shares = [state.feasible_fraction for state in found.history]
     assert row["feasible_fraction"] == pytest.approx(np.mean(shares))
@@ -219,10 +217,7 @@ def faulty(monkeypatch: pytest.MonkeyPatch, what: str) -> None:
 
 @pytest.mark.parametrize(
     ("what", "reason"),
-    [
-        ("exception", "ZeroDivisionError: a part has no size"),
-        ("nan", "ModelError: F is not finite at"),
-    ],
+    [("exception", "ZeroDivisionError: a part has no size"), ("nan", "ModelError: F is not finite at")],
 )
 def test_a_failed_run_is_recorded_and_the_study_goes_on(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, what: str, reason: str

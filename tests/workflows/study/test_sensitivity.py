@@ -90,9 +90,7 @@ def assert_covered(inside: pd.Series, level: float = 0.95) -> None:
 
 
 @pytest.mark.parametrize("noise", [3.7])
-def test_sobol_intervals_cover_the_truth_and_nothing_is_reported_as_nothing(
-    synthetic: Any, noise: float
-) -> None:
+def test_sobol_intervals_cover_the_truth_and_nothing_is_reported_as_nothing(synthetic: Any, noise: float) -> None:
     truth = ishigami_truth()
     inside, above = hits(synthetic, Sobol(samples=64), UNIT, ishigami, truth, noise, seeds=4)
     assert_covered(inside, 0.90)
@@ -312,9 +310,7 @@ def intervals(name: str, noise: float, repeats: int) -> tuple[Array, Array]:
 @pytest.mark.slow
 @pytest.mark.parametrize("noise", [0.0, 0.5, 1.0])
 @pytest.mark.parametrize("name", FUNCTIONS)
-def test_sobol_intervals_are_calibrated(
-    name: str, noise: float, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_sobol_intervals_are_calibrated(name: str, noise: float, monkeypatch: pytest.MonkeyPatch) -> None:
     """200 repeats: of all indices together 0.90 +- 0.05; none is off by more than chance."""
     monkeypatch.setattr(resampling, "DRAWS", 60)
     inside, width = intervals(name, noise, 200)
@@ -325,9 +321,7 @@ def test_sobol_intervals_are_calibrated(
     assert width.max() <= 1.5
 
 
-def test_sobol_intervals_are_as_wide_as_the_estimates_spread(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_sobol_intervals_are_as_wide_as_the_estimates_spread(monkeypatch: pytest.MonkeyPatch) -> None:
     """A sample of the test above."""
     monkeypatch.setattr(resampling, "DRAWS", 30)
     inside, width = intervals("settings", 0.5, 40)

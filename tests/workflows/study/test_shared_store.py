@@ -132,9 +132,7 @@ def test_the_table_is_that_of_a_file_and_a_second_machine_finds_it_done(
     assert postgres.ask(schema, "SELECT COUNT(*) FROM yardsticks") == [(len(plan.problems),)]
 
 
-def test_a_configuration_may_name_it(
-    config: Path, postgres: Server, schema: str, tmp_path: Path
-) -> None:
+def test_a_configuration_may_name_it(config: Path, postgres: Server, schema: str, tmp_path: Path) -> None:
     setting = f'execution.store="{postgres.store(schema)}"'
     assert command(config, tmp_path / "out", "--set", setting).exit_code == 0
     assert "postgresql" not in (tmp_path / "out" / "config.toml").read_text()
@@ -151,10 +149,7 @@ def test_a_configuration_may_name_it(
         ("postgresql://host/db?password=secret", "has a password in it: take it out"),
         ("mysql://host/db", "must begin with postgresql://"),
         ("postgresql://host:port/db", "is no address of a database"),
-        (
-            "postgresql://host/db?schema=A-b",
-            'schema must be small letters, digits and _, got "A-b"',
-        ),
+        ("postgresql://host/db?schema=A-b", 'schema must be small letters, digits and _, got "A-b"'),
         ("postgresql://127.0.0.1:1/db", "it cannot be reached (connection failed"),
     ],
 )
@@ -310,9 +305,7 @@ def at_work(process: Any) -> bool:
     return len(workers(process.pid)) == 2 or not process.is_alive()
 
 
-def killed_server(
-    postgres: Server, schema: str, plan: StudyPlan, table: bytes, folder: Path, moments: int
-) -> None:
+def killed_server(postgres: Server, schema: str, plan: StudyPlan, table: bytes, folder: Path, moments: int) -> None:
     """The server killed and started again so often while two workers write into it."""
     shares = sorted(random.Random(3).uniform(0.02, 0.9) for _ in range(moments))
     address, struck = postgres.store(schema), list[int]()
@@ -330,9 +323,7 @@ def killed_server(
     sound(postgres, schema, plan)
 
 
-def test_the_server_is_killed(
-    plan: StudyPlan, finished: Path, postgres: Server, schema: str, tmp_path: Path
-) -> None:
+def test_the_server_is_killed(plan: StudyPlan, finished: Path, postgres: Server, schema: str, tmp_path: Path) -> None:
     table = (finished / "study.csv").read_bytes()
     killed_server(postgres, schema, plan, table, tmp_path / "out", 1)
 
@@ -380,9 +371,7 @@ def test_two_machines_do_no_run_twice_and_wait_for_no_lock(
 
 
 @pytest.mark.slow
-def test_machines_are_killed_at_ten_moments(
-    config: Path, postgres: Server, schema: str, tmp_path: Path
-) -> None:
+def test_machines_are_killed_at_ten_moments(config: Path, postgres: Server, schema: str, tmp_path: Path) -> None:
     """Two machines of two workers each; now one is killed and begun again, now the other.
 
     A machine that begins again drops the claims that were made from its directory, so that nobody

@@ -19,12 +19,7 @@ from tolevo.workflows.study.statistics.contrasts import Contrast
 from tolevo.workflows.study.statistics.courses import COLUMNS, courses
 from tolevo.workflows.study.statistics.pairs import friedman_tests, wilcoxon_tests
 from tolevo.workflows.study.statistics.readings import verdicts
-from tolevo.workflows.study.statistics.resampling import (
-    DRAWS,
-    _spread,
-    over_settings,
-    random_settings,
-)
+from tolevo.workflows.study.statistics.resampling import DRAWS, _spread, over_settings, random_settings
 from tolevo.workflows.study.statistics.runs import Runs, runs_of
 from tolevo.workflows.study.statistics.sensitivity import sensitivity
 
@@ -53,9 +48,7 @@ def test_a_weighted_mean_over_settings_is_that_of_numpy_whatever_its_weights_add
 
 def mean_of(values: Array) -> Any:
     """A statistic of the settings alone: what the runs do is nothing."""
-    return lambda rows, runs: (
-        (rows @ values / rows.sum(-1))[:, None] + np.zeros((max(len(rows), len(runs)), 1))
-    )
+    return lambda rows, runs: (rows @ values / rows.sum(-1))[:, None] + np.zeros((max(len(rows), len(runs)), 1))
 
 
 def test_interval_of_a_mean_over_parts_is_that_of_student() -> None:
@@ -65,9 +58,7 @@ def test_interval_of_a_mean_over_parts_is_that_of_student() -> None:
     parts = values.reshape(4, 6).mean(axis=1)
     half = t.ppf(0.95, 3) * parts.std(ddof=1) / np.sqrt(4)
     np.testing.assert_allclose(found.value, values.mean())
-    np.testing.assert_allclose(
-        [found.low, found.high], values.mean() + half * np.array([[-1], [1]])
-    )
+    np.testing.assert_allclose([found.low, found.high], values.mean() + half * np.array([[-1], [1]]))
 
 
 def test_interval_of_a_mean_over_three_settings_is_that_of_student() -> None:

@@ -140,9 +140,7 @@ def test_seeds_may_grow_and_only_the_new_runs_are_made(config: Path, out: Path) 
         ('vary={"algorithm.population" = [8, 9]}', "vary.algorithm.population: is [8, 9]"),
     ],
 )
-def test_the_database_of_another_study_is_refused(
-    config: Path, out: Path, override: str, place: str
-) -> None:
+def test_the_database_of_another_study_is_refused(config: Path, out: Path, override: str, place: str) -> None:
     before = (out / DATABASE).read_bytes()
     assert place in refused(config, out, override)
     assert (out / DATABASE).read_bytes() == before
@@ -164,9 +162,7 @@ PRAGMA application_id = 1953264500;
 
 
 @pytest.mark.parametrize("version", [1, 2])
-def test_a_database_of_an_older_version_is_gone_on_with(
-    config: Path, out: Path, version: int
-) -> None:
+def test_a_database_of_an_older_version_is_gone_on_with(config: Path, out: Path, version: int) -> None:
     """All of its runs count, a claim of a process that is gone does not, a lost run is done."""
     table = (out / "study.csv").read_bytes()
     (out / DATABASE).rename(out / "new")
@@ -175,9 +171,7 @@ def test_a_database_of_an_older_version_is_gone_on_with(
     connection.execute("ATTACH ? AS new", (str(out / "new"),))
     connection.execute("INSERT INTO meta SELECT * FROM new.meta")
     connection.execute("INSERT INTO runs SELECT * FROM new.runs")
-    connection.execute(
-        "INSERT INTO yardsticks SELECT problem, CAST(value AS TEXT) FROM new.yardsticks"
-    )
+    connection.execute("INSERT INTO yardsticks SELECT problem, CAST(value AS TEXT) FROM new.yardsticks")
     connection.execute("DELETE FROM runs WHERE number = 7")
     connection.execute("INSERT INTO claims VALUES (7, '123-abc')")
     if version == 1:
@@ -240,9 +234,7 @@ def cut_short(path: Path) -> None:
 
 
 @pytest.mark.parametrize("damage", [pages_zeroed, cut_short])
-def test_what_is_whole_of_a_damaged_database_is_kept(
-    config: Path, out: Path, damage: Callable[[Path], None]
-) -> None:
+def test_what_is_whole_of_a_damaged_database_is_kept(config: Path, out: Path, damage: Callable[[Path], None]) -> None:
     before = (out / "study.csv").read_bytes()
     damage(out / DATABASE)
     outcome = resumed(config, out)

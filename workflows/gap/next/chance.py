@@ -35,16 +35,9 @@ class Duel:
     ahead: float
 
     @classmethod
-    def of(
-        cls,
-        record: tuple[Predictions, Predictions],
-        points: tuple[Predictions, Predictions],
-        ahead: float,
-    ) -> Duel:
+    def of(cls, record: tuple[Predictions, Predictions], points: tuple[Predictions, Predictions], ahead: float) -> Duel:
         """The duel from both predictions at the record and at the new measurements, whitened."""
-        wide = tuple(
-            _open(old.columns, new.columns) for old, new in zip(record, points, strict=True)
-        )
+        wide = tuple(_open(old.columns, new.columns) for old, new in zip(record, points, strict=True))
         apart = points[0].values - points[1].values
         r = np.asarray(np.linalg.qr(np.column_stack([apart, *wide]), mode="r"))
         first = 1 + wide[0].shape[1]
@@ -66,10 +59,7 @@ class Duel:
         draws = np.random.default_rng(0).standard_normal((len(self.apart), DRAWN))
         sign = 1.0 if right == 0 else -1.0
         apart = sign * np.sqrt(times) * self.apart[:, None]
-        roots = [
-            linalg.cholesky(covariance, lower=True)
-            for covariance in (right_covariance, wrong_covariance)
-        ]
+        roots = [linalg.cholesky(covariance, lower=True) for covariance in (right_covariance, wrong_covariance)]
         theirs = linalg.solve_triangular(roots[1], apart + roots[0] @ draws, lower=True)
         gained = np.sum(theirs**2, axis=0) - np.sum(draws**2, axis=0)
         return float(np.mean(gained + sign * self.ahead > by))

@@ -34,10 +34,7 @@ class Contest:
 
     @classmethod
     def of(
-        cls,
-        record: tuple[Predictions, Predictions],
-        points: tuple[Predictions, Predictions],
-        readings: int,
+        cls, record: tuple[Predictions, Predictions], points: tuple[Predictions, Predictions], readings: int
     ) -> Contest:
         """The contest from both predictions at the record and at candidates of `readings`
         measurements, all whitened; the rows of a candidate are adjacent.
@@ -67,11 +64,7 @@ class Contest:
         inverse = np.asarray(np.linalg.inv(self.gram + x.T @ x), dtype=np.float64)
         cross = self.cross + x.T @ y
         coefficients = inverse @ cross
-        return (
-            max(self.square + float(y @ y) - float(cross @ coefficients), 0.0),
-            coefficients,
-            inverse,
-        )
+        return (max(self.square + float(y @ y) - float(cross @ coefficients), 0.0), coefficients, inverse)
 
     def with_each(self, chosen: Chosen) -> Array:
         """Discrimination (C,) with these candidates and each one in addition."""

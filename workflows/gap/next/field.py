@@ -53,11 +53,7 @@ class Ahead:
     def __init__(self, setup: Setup, noises: Sequence[Noise], table: Table, base: Array) -> None:
         self.table, self.base = table, base
         self.columns: Columns = _Onward(setup, table)
-        self._space = Space(
-            tuple(
-                replace(noise, sigma=np.full(len(self), noise.level), good=None) for noise in noises
-            )
-        )
+        self._space = Space(tuple(replace(noise, sigma=np.full(len(self), noise.level), good=None) for noise in noises))
 
     def __len__(self) -> int:
         return len(next(iter(self.table.values())))
@@ -68,9 +64,7 @@ class Ahead:
 
     def white(self, prediction: Predictions) -> Predictions:
         """In noise units."""
-        return Predictions(
-            self._space.whiten(prediction.values), self._space.whiten(prediction.columns)
-        )
+        return Predictions(self._space.whiten(prediction.values), self._space.whiten(prediction.columns))
 
 
 @dataclass(frozen=True)
@@ -99,9 +93,7 @@ class Field:
         parts = np.split(together, len(self.noises))
         shape = (-1, self.per_candidate, together.shape[1])
         blocks = [
-            _chained(
-                (part / noise.level).reshape(shape), noise.rho if self.per_candidate > 1 else 0.0
-            )
+            _chained((part / noise.level).reshape(shape), noise.rho if self.per_candidate > 1 else 0.0)
             for part, noise in zip(parts, self.noises, strict=True)
         ]
         whole = np.stack(blocks, axis=1).reshape(-1, together.shape[1])
@@ -191,9 +183,7 @@ def like_now(setup: Setup, noises: Sequence[Noise], count: int) -> Ahead:
         rows = np.resize(np.arange(n), count)
     else:
         rows = np.sort(rng.choice(n, count, replace=False))
-    table: dict[str, NDArray[Any]] = {
-        name: values[rows] for name, values in setup.data.readings.table.items()
-    }
+    table: dict[str, NDArray[Any]] = {name: values[rows] for name, values in setup.data.readings.table.items()}
     name = _time(setup.data)
     if name is not None:
         old = np.asarray(setup.data.readings.table[name], dtype=float)

@@ -71,9 +71,7 @@ def _of_rivals(end: Ending, wanted: NextPlan) -> Planned:
     for scatter_rival in end.analysis.scatter[1:]:
         record = of_scatter(end, end.analysis.scatter[0], scatter_rival, wanted.readings)
         records.append(record)
-        measurements[record.names, record.instead_of] = Measurement(
-            record.text, readings=record.needed
-        )
+        measurements[record.names, record.instead_of] = Measurement(record.text, readings=record.needed)
     planned = new is not None and any(record.possible for record in records)
     return _planned(end, new if planned else None, inputs, tuple(records), (), (), measurements)
 
@@ -164,9 +162,7 @@ def _planned(
 ) -> Planned:
     if new is None:
         text = "; ".join(dict.fromkeys(pair.text for pair in pairs)) or NONE
-        return Planned(
-            NextMeasurement(text, pairs=pairs, effects=effects, notes=notes), None, measurements
-        )
+        return Planned(NextMeasurement(text, pairs=pairs, effects=effects, notes=notes), None, measurements)
     text = f"{len(new)} measurements at the points in {FILE}"
     if effects:
         text += f": {effects[0]}"
@@ -179,9 +175,7 @@ def _measurement(record: Separation, new: Ahead | None, inputs: Sequence[str]) -
     """The measurement listed with a rival."""
     if new is None or not record.possible:
         return Measurement(record.text)
-    ends = {
-        name: (float(np.min(new.table[name])), float(np.max(new.table[name]))) for name in inputs
-    }
+    ends = {name: (float(np.min(new.table[name])), float(np.max(new.table[name]))) for name in inputs}
     rms = float(np.sqrt(max(record.expected - record.now, 0.0) / len(new)))
     return Measurement(f"{record.text} ({FILE})", ends, rms, record.needed)
 
@@ -194,11 +188,7 @@ def _reads(end: Ending, fit: Fit) -> bool:
     """Whether an effect in a fit acts on the measurement itself, as rounding does."""
     data = end.setup.data
     return any(
-        bool(
-            m.candidate.effect.act(
-                data.readings, m.candidate.values(m.shape, c), data.target
-            ).reading
-        )
+        bool(m.candidate.effect.act(data.readings, m.candidate.values(m.shape, c), data.target).reading)
         for m, c in zip(fit.members, fit.coefficients, strict=True)
     )
 

@@ -151,13 +151,7 @@ def _corners(inputs: int) -> Array:
     """Corners of the unit box, those of pairs of inputs where there are too many."""
     if inputs <= CORNERS:
         return np.array(list(product((0.0, 1.0), repeat=inputs))).reshape(2**inputs, inputs)
-    pairs = [
-        (i, j, a, b)
-        for i in range(inputs)
-        for j in range(i)
-        for a in (0.0, 1.0)
-        for b in (0.0, 1.0)
-    ]
+    pairs = [(i, j, a, b) for i in range(inputs) for j in range(i) for a in (0.0, 1.0) for b in (0.0, 1.0)]
     points = np.full((len(pairs), inputs), 0.5)
     for row, (i, j, a, b) in zip(points, pairs, strict=True):
         row[i], row[j] = a, b
@@ -178,10 +172,7 @@ def _edges(inputs: int) -> Array:
 
 def _visited(data: GapData, axes: tuple[Axis, ...]) -> dict[str, Array]:
     """Points of the record that lie in the box, evenly along it."""
-    table = {
-        axis.column.name: np.asarray(data.readings.table[axis.column.name], dtype=float)
-        for axis in axes
-    }
+    table = {axis.column.name: np.asarray(data.readings.table[axis.column.name], dtype=float) for axis in axes}
     within = np.ones(len(data), dtype=bool)
     for axis in axes:
         values = table[axis.column.name]

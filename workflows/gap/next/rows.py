@@ -100,9 +100,7 @@ def _moving(columns: Columns, member: Member, coefficients: Array) -> Iterator[A
         value = member.shape[parameter.name]
         step = STRIDE * (abs(value) or 1.0)
         ends = max(value - step, parameter.low), min(value + step, parameter.high)
-        low, high = (
-            columns.of(member.candidate, {**member.shape, parameter.name: end}) for end in ends
-        )
+        low, high = (columns.of(member.candidate, {**member.shape, parameter.name: end}) for end in ends)
         yield (high - low) @ coefficients / max(ends[1] - ends[0], 1e-300)
 
 
@@ -122,6 +120,4 @@ def of_record(fitter: Fitter, fit: Fit) -> Predictions:
 
 def distance(explanation: Predictions, rival: Predictions) -> float:
     """Squared norm of the difference of two predictions outside the span of the rival's columns."""
-    return float(
-        np.sum(projected_out(explanation.values - rival.values, basis(rival.columns)) ** 2)
-    )
+    return float(np.sum(projected_out(explanation.values - rival.values, basis(rival.columns)) ** 2))

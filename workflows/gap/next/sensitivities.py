@@ -48,8 +48,7 @@ def wanted_effects(end: Ending, wanted: NextPlan) -> tuple[list[Sought], list[st
     """
     search = end.analysis.initial_null_model.search
     members = {
-        candidate.member.name: candidate.member
-        for candidate in scan(search.fitter, search.white, search.book, ())
+        candidate.member.name: candidate.member for candidate in scan(search.fitter, search.white, search.book, ())
     }
     names = wanted.effects or tuple(wanted.amounts) or tuple(members)
     sought, notes = [], []
@@ -57,20 +56,14 @@ def wanted_effects(end: Ending, wanted: NextPlan) -> tuple[list[Sought], list[st
     for name in names:
         member = members.get(name)
         if member is None or member.candidate.is_nonlinear:
-            why = (
-                "it does not apply to these data"
-                if member is None
-                else "its form changes with its size"
-            )
+            why = "it does not apply to these data" if member is None else "its form changes with its size"
             notes.append(f"{name}: no points can be planned, {why}")
             continue
         effect = _sought(end, member, wanted.amounts.get(name))
         if effect is not None and not listed and _detected(end, effect):
             continue
         if effect is None:
-            notes.append(
-                f"{name}: cannot be detected in these data, because free parameters do the same"
-            )
+            notes.append(f"{name}: cannot be detected in these data, because free parameters do the same")
             continue
         sought.append(effect)
         if not listed and len(sought) == NEAREST:
@@ -82,9 +75,7 @@ def _detected(end: Ending, effect: Sought) -> bool:
     """Whether the record shows the effect already: then its form is in question, not its
     presence.
     """
-    detectable_norm = (
-        float(np.sqrt(end.analysis.initial_null_model.search.thresholds.library)) + NINE_OF_TEN
-    )
+    detectable_norm = float(np.sqrt(end.analysis.initial_null_model.search.thresholds.library)) + NINE_OF_TEN
     return distance(*effect.record) > detectable_norm**2
 
 
@@ -152,21 +143,11 @@ def sensitivity(end: Ending, sought: Sought, new: Ahead, alike: Ahead) -> Sensit
     levels = [distance(*sought.record)]
     levels += [joined(*sought.record, *_at(sought, at)) for at in (new, alike)]
     size, candidate = sought.size, sought.member.candidate
-    now, then, like = (
-        1.0 - float(chndtr(limit, max(len(size), 1), max(level, TINY))) for level in levels
-    )
+    now, then, like = (1.0 - float(chndtr(limit, max(len(size), 1), max(level, TINY))) for level in levels)
     column = int(np.argmax(np.abs(size)))
     detectable_size = abs(float(size[column])) * (np.sqrt(limit) + NINE_OF_TEN)
     least = [detectable_size / float(np.sqrt(max(level, TINY))) for level in levels]
     parameter = candidate.linear[column]
     return Sensitivity(
-        candidate.name,
-        parameter.name,
-        parameter.unit,
-        float(size[column]),
-        now,
-        then,
-        like,
-        least[0],
-        least[1],
+        candidate.name, parameter.name, parameter.unit, float(size[column]), now, then, like, least[0], least[1]
     )

@@ -53,10 +53,7 @@ class Pair:
     def with_fit(self, fit: Fit, record: Predictions, contest: Contest) -> Pair:
         """The pair with one more value under consideration."""
         return replace(
-            self,
-            fits=(*self.fits, fit),
-            records=(*self.records, record),
-            contests=(*self.contests, contest),
+            self, fits=(*self.fits, fit), records=(*self.records, record), contests=(*self.contests, contest)
         )
 
     def least(self, chosen: Chosen) -> float:
@@ -72,9 +69,7 @@ def paired(end: Ending, rival: Other, field: Field | None = None) -> Pair:
     return Pair(rival, mine, (rival.fit,), (record,), contests)
 
 
-def _contest(
-    end: Ending, field: Field, mine: Predictions, record: Predictions, rival: Fit
-) -> Contest:
+def _contest(end: Ending, field: Field, mine: Predictions, record: Predictions, rival: Fit) -> Contest:
     points = field.says(end.fit), field.says(rival)
     return Contest.of((mine, record), points, field.values_per_candidate)
 
@@ -85,9 +80,7 @@ def most(pair: Pair, count: int) -> float:
     return pair.least(np.resize(few, count)) - pair.least(few[:0])
 
 
-def design(
-    end: Ending, field: Field, pairs: Sequence[Pair], count: int
-) -> tuple[Chosen, list[Pair]]:
+def design(end: Ending, field: Field, pairs: Sequence[Pair], count: int) -> tuple[Chosen, list[Pair]]:
     """The candidates that separate the worst of these pairs best, and the pairs with the values of
     nonlinear parameters that imitate best.
     """
@@ -140,9 +133,7 @@ def separation(end: Ending, pair: Pair, new: Ahead, alike: Ahead) -> Separation:
         for rival_fit, record in zip(pair.fits, pair.records, strict=True)
     ]
     planned, like = (
-        Duel.of(
-            (pair.mine, pair.records[0]), (at.says(fit), at.says(pair.fits[0])), pair.rival.distance
-        )
+        Duel.of((pair.mine, pair.records[0]), (at.says(fit), at.says(pair.fits[0])), pair.rival.distance)
         for at in (new, alike)
     )
     now = min(distance(pair.mine, record) for record in pair.records)
@@ -157,9 +148,7 @@ def record_of(
     planned, alike = duels
     if levels[1] <= TIE:
         nan = float("nan")
-        return Separation(
-            pair.names, pair.instead_of, *levels, nan, nan, nan, 0, NONE, possible=False
-        )
+        return Separation(pair.names, pair.instead_of, *levels, nan, nan, nan, 0, NONE, possible=False)
     needed = count * planned.times_until(CERTAIN)
     readings = max(FEWEST, int(np.ceil(needed))) if np.isfinite(needed) else 0
     chance, like = planned.chance(), alike.chance()
@@ -168,14 +157,10 @@ def record_of(
         f"better ({like:.2f} with as many measurements like the present ones); "
     )
     text += f"{readings} such readings for {CERTAIN}" if readings else f"no number brings {CERTAIN}"
-    return Separation(
-        pair.names, pair.instead_of, *levels, chance, like, planned.chance(by=apart), readings, text
-    )
+    return Separation(pair.names, pair.instead_of, *levels, chance, like, planned.chance(by=apart), readings, text)
 
 
-def joined(
-    mine: Predictions, rival: Predictions, new_mine: Predictions, new_rival: Predictions
-) -> float:
+def joined(mine: Predictions, rival: Predictions, new_mine: Predictions, new_rival: Predictions) -> float:
     """The discrimination by the record and new measurements together."""
     values = np.concatenate([mine.values, new_mine.values])
     rival_values = np.concatenate([rival.values, new_rival.values])

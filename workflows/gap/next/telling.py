@@ -28,11 +28,7 @@ def telling(field: Field, contest: Contest, chosen: Chosen) -> tuple[str, ...]:
         values = np.asarray(field.data.readings.table[axis.column.name], dtype=float)
         return max(_ratio(values, signed), _ratio(values, signed**2))
 
-    moving = [
-        axis
-        for axis in field.axes
-        if axis.span.high > axis.span.low and axis.column.role is not Role.TIME
-    ]
+    moving = [axis for axis in field.axes if axis.span.high > axis.span.low and axis.column.role is not Role.TIME]
     return tuple(axis.column.name for axis in sorted(moving, key=strength, reverse=True)[:2])
 
 

@@ -81,17 +81,13 @@ def _moments(right: Law, wrong: BatchLikelihood) -> tuple[float, float]:
     return float(max(ratio.mean(), 0.0)), float(ratio.var())
 
 
-def _chance(
-    moments: Sequence[tuple[float, float]], ahead: float, count: int, by: float = 0.0
-) -> float:
+def _chance(moments: Sequence[tuple[float, float]], ahead: float, count: int, by: float = 0.0) -> float:
     """The probability that the right one is ahead by more than `by` after `count` units; the prior
     probability of each follows from its fit.
     """
     mine = 1.0 / (1.0 + np.exp(-0.5 * ahead))
     chance = 0.0
-    for weight, (mean, variance), start in zip(
-        (mine, 1.0 - mine), moments, (ahead, -ahead), strict=True
-    ):
+    for weight, (mean, variance), start in zip((mine, 1.0 - mine), moments, (ahead, -ahead), strict=True):
         gained = start + 2.0 * count * mean - by
         chance += weight * ndtr(gained / np.sqrt(max(4.0 * count * variance, 1e-12)))
     return float(chance)

@@ -37,10 +37,7 @@ def of_batch(end: Ending) -> tuple[Attribution, ...]:
     attributions = decided(weighed, names, output.name, output.unit)
     if not sources.basis:
         return attributions
-    return tuple(
-        replace(attribution, text=f"{attribution.text} ({sources.basis})")
-        for attribution in attributions
-    )
+    return tuple(replace(attribution, text=f"{attribution.text} ({sources.basis})") for attribution in attributions)
 
 
 def decided(weighed: Weighed, effect: str, output: str, unit: str) -> tuple[Attribution, ...]:
@@ -55,32 +52,22 @@ def decided(weighed: Weighed, effect: str, output: str, unit: str) -> tuple[Attr
             text = f"{weighed.rival} explain the batch; no change of one input alone does"
             return (of("", "none", text),)
         best = max(weighed.tables.changes, key=lambda change: change.best[1])
-        text = (
-            "no admissible change of one input alone explains the batch; nearest is a "
-            f"{best.kind} of {best.name}"
-        )
+        text = f"no admissible change of one input alone explains the batch; nearest is a {best.kind} of {best.name}"
         return (of(best.kind, "none", text),)
     text = explanation(weighed, unit)
     if all(change.source is None for change in weighed.standing):
         text = f"no input alone explains it within its limits; {text}"
         return (of(weighed.standing[0].kind, "none", text),)
     alone = len(weighed.standing) == 1 and not weighed.mixed
-    names = {
-        kind: tuple(change.name for change in weighed.standing if change.kind == kind)
-        for kind in KINDS
-    }
+    names = {kind: tuple(change.name for change in weighed.standing if change.kind == kind) for kind in KINDS}
     verdict = "attributed" if alone else "cannot tell"
-    return tuple(
-        of(kind, verdict, text, kind_names) for kind, kind_names in names.items() if kind_names
-    )
+    return tuple(of(kind, verdict, text, kind_names) for kind, kind_names in names.items() if kind_names)
 
 
 def _records(weighed: Weighed, kind: str, unit: str) -> tuple[InputChange, ...]:
     changes = [change for change in weighed.tables.changes if change.kind == kind]
     records = [weighed.record(change, unit) for change in changes]
-    return tuple(
-        sorted(records, key=lambda record: (bool(record.excluded_because), record.distance))
-    )
+    return tuple(sorted(records, key=lambda record: (bool(record.excluded_because), record.distance)))
 
 
 def explanation(weighed: Weighed, unit: str) -> str:
@@ -93,17 +80,11 @@ def explanation(weighed: Weighed, unit: str) -> str:
         change = weighed.standing[0]
         times = change.kind == "widening" and change.source is not None
         what = "times" if times else change.unit or unit
-        sentence = (
-            f"{names[0]} ({change.shown(change.best[0]):.3g} {what}) alone would explain the batch"
-        )
+        sentence = f"{names[0]} ({change.shown(change.best[0]):.3g} {what}) alone would explain the batch"
         return f"{sentence}; several inputs together may do so as well"
     listed = ", ".join(names[:6]) + (f" and {len(names) - 6} more" if len(names) > 6 else "")
     text = f"cannot tell with n = {len(weighed.tables.y)} between {listed}"
-    parts = {
-        change.source: parts_of(change, change.best[0])
-        for change in weighed.standing
-        if change.source
-    }
+    parts = {change.source: parts_of(change, change.best[0]) for change in weighed.standing if change.source}
     known = {source: k for source, k in parts.items() if k}
     if not known:
         return text
@@ -118,9 +99,7 @@ def _way(change: Change) -> str:
 
 
 def _names(end: Ending) -> str:
-    return ", ".join(
-        [*end.fit.names, *(effect.candidate.name for effect in end.analysis.scatter[:1])]
-    )
+    return ", ".join([*end.fit.names, *(effect.candidate.name for effect in end.analysis.scatter[:1])])
 
 
 def _refused(end: Ending) -> str:
@@ -130,8 +109,7 @@ def _refused(end: Ending) -> str:
         return f"cannot tell with n = {count} which input it is due to"
     setup = end.analysis.initial_null_model.setup
     if any(
-        on_scatter(active.effect, active.values, setup.data.readings, setup.data.target)
-        for active in setup.plan.active
+        on_scatter(active.effect, active.values, setup.data.readings, setup.data.target) for active in setup.plan.active
     ):
         return "cannot tell to which input: the model contains an effect on the scatter already"
     return ""
@@ -154,11 +132,7 @@ def _subtracted_effects(end: Ending) -> str:
     """The sentence on effects that are subtracted before attribution; empty where there are
     none.
     """
-    out = [
-        name
-        for name in end.fit.names
-        if name not in (*trends(end), *end.analysis.initial_null_model.batch.levels)
-    ]
+    out = [name for name in end.fit.names if name not in (*trends(end), *end.analysis.initial_null_model.batch.levels)]
     return f"given {', '.join(out)}, nothing remains to attribute to an input" if out else ""
 
 

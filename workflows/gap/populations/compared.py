@@ -62,11 +62,7 @@ def _of_batch(end: Ending, model: str, stream: int) -> tuple[PopulationLine, ...
     order = unit_numbers(readings)[kept].astype(float)
     lots = between_lots(labels_of(readings[Role.LOT])[1][kept]) if Role.LOT in readings else None
     looks = looks_of(
-        output.unit,
-        order,
-        two_of(law),
-        unlike(law.histogram.ppf((np.arange(len(x)) + 0.5) / len(x))),
-        lots,
+        output.unit, order, two_of(law), unlike(law.histogram.ppf((np.arange(len(x)) + 0.5) / len(x))), lots
     )
     settings, rng = setup.plan.settings, np.random.default_rng([setup.plan.seed, 14, stream])
     count = batches(len(x))
@@ -81,9 +77,7 @@ def _of_batch(end: Ending, model: str, stream: int) -> tuple[PopulationLine, ...
     return whole.lines(model, output.name, offset, rng)
 
 
-def _of_pairs(
-    end: Ending, at: int, model: str, stream: int, simulated: Array
-) -> tuple[PopulationLine, ...]:
+def _of_pairs(end: Ending, at: int, model: str, stream: int, simulated: Array) -> tuple[PopulationLine, ...]:
     setup = end.setup
     output, kept = setup.data.outputs[at], end.analysis.initial_null_model.noises[at].counted
     s, measured = simulated[kept], setup.data.measured[output.name][kept]
@@ -93,9 +87,7 @@ def _of_pairs(
     looks = _looks(output.unit, s, order)
     if float(np.std(r)) <= EXACT * scale and abs(float(r.mean())) <= EXACT * scale:
         shown = _shown(s, order)
-        return tuple(
-            _unchanged_line(look, model, output.name, shown.get(look.name, 0.0)) for look in looks
-        )
+        return tuple(_unchanged_line(look, model, output.name, shown.get(look.name, 0.0)) for look in looks)
     rng = np.random.default_rng([setup.plan.seed, 15, stream, at])
     settings = setup.plan.settings
     count = batches(len(r))
@@ -140,19 +132,7 @@ def _drawn(look: Look, normal: Array) -> Look:
 def _unchanged_line(look: Look, model: str, output: str, value: float) -> PopulationLine:
     difference = low = high = chance = would_show = 0.0
     return PopulationLine(
-        model,
-        output,
-        look.aspect,
-        look.name,
-        look.unit,
-        value,
-        value,
-        difference,
-        low,
-        high,
-        chance,
-        would_show,
-        NONE,
+        model, output, look.aspect, look.name, look.unit, value, value, difference, low, high, chance, would_show, NONE
     )
 
 

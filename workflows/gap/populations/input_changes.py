@@ -67,10 +67,7 @@ class Change:
         """Points of the grid that enclose any interval."""
         inside = np.flatnonzero(self.log > self.log.max() - LIKELY)
         last = len(self.grid) - 1
-        return (
-            float(self.grid[max(inside[0] - 1, 0)]),
-            float(self.grid[min(inside[-1] + 1, last)]),
-        )
+        return (float(self.grid[max(inside[0] - 1, 0)]), float(self.grid[min(inside[-1] + 1, last)]))
 
     @cached_property
     def _dense(self) -> tuple[Array, Array]:
@@ -149,14 +146,9 @@ class Tables:
         coarse = (*self._shifts(), *self._widenings(), *self._trends())
         top = max(float(change.log.max()) for change in coarse)
         fine: dict[tuple[str, bool, str], tuple[Array, Array]] = {}
-        return tuple(
-            change if change.log.max() < top - NEAR else self._finely(change, fine)
-            for change in coarse
-        )
+        return tuple(change if change.log.max() < top - NEAR else self._finely(change, fine) for change in coarse)
 
-    def _finely(
-        self, change: Change, kept: dict[tuple[str, bool, str], tuple[Array, Array]]
-    ) -> Change:
+    def _finely(self, change: Change, kept: dict[tuple[str, bool, str], tuple[Array, Array]]) -> Change:
         """The change with more amounts about the likeliest; inputs that act alike have the same
         grid.
         """
@@ -185,11 +177,7 @@ class Tables:
         """Log densities (m, k) of the model with a zone wider, or a clipped input shifted."""
         if change.kind != "widening":
             return self.law.shifted(amounts)
-        return (
-            self.law.blurred(amounts)
-            if change.source is None
-            else self.law.widened(change.source, amounts)
-        )
+        return self.law.blurred(amounts) if change.source is None else self.law.widened(change.source, amounts)
 
     def _off(self, amounts: Array, over: Array | float = 1.0) -> Array:
         """Log likelihoods (m,) of measurements that are off by amounts, or by amounts times
@@ -220,12 +208,7 @@ class Tables:
 
     def _moved(self, kind: str, by: Array, log: Array, clipped: bool) -> Iterator[Change]:
         for source in self.law.sources.inputs:
-            if (
-                source.clipped is clipped
-                and source.tolerance > 0.0
-                and source.moves
-                and source.per_unit != 0.0
-            ):
+            if source.clipped is clipped and source.tolerance > 0.0 and source.moves and source.per_unit != 0.0:
                 per = source.per_unit / self.law.sources.unit
                 most = 2.0 * self.out * source.tolerance * abs(per)
                 yield Change(kind, source, by, log, -most, most, per)
@@ -247,9 +230,7 @@ class Tables:
         """
         law, near = self.law, np.abs(SHIFTS) < 1.5
         off = (law.read_off(by) for by in SHIFTS[near][::3] * law.std)
-        tried = np.vstack(
-            [law.shifts[near][::2], *off, *(table[::2] for _, table in law.wider), law.noisy[1::2]]
-        )
+        tried = np.vstack([law.shifts[near][::2], *off, *(table[::2] for _, table in law.wider), law.noisy[1::2]])
         fraction = np.exp(law.base) * law.step
         kept = np.flatnonzero(fraction > LEAST)
         fractions, rng = fraction[kept] / fraction[kept].sum(), np.random.default_rng([seed, 13])
@@ -266,9 +247,7 @@ class Tables:
 
     def between(self, table: Array, by: Array) -> Array:
         """Values of a table (m, k) over SHIFTS and the lattice at shifts (n,) and the units."""
-        row = np.clip(
-            np.interp(by / self.law.std, SHIFTS, np.arange(len(SHIFTS))), 0.0, len(SHIFTS) - 1.001
-        )
+        row = np.clip(np.interp(by / self.law.std, SHIFTS, np.arange(len(SHIFTS))), 0.0, len(SHIFTS) - 1.001)
         column = np.clip((self.y - self.law.x[0]) / self.law.step, 0.0, len(self.law.x) - 1.001)
         i, j = row.astype(np.int64), column.astype(np.int64)
         a, b = row - i, column - j

@@ -55,9 +55,7 @@ class Compared:
     ) -> tuple[PopulationLine, ...]:
         """One line per statistic; a difference exceeds what any line reaches by chance."""
         simulated = values_of(self.looks, self.drawn)
-        measured = {
-            name: float(value[0]) for name, value in values_of(self.looks, self.x[None]).items()
-        }
+        measured = {name: float(value[0]) for name, value in values_of(self.looks, self.x[None]).items()}
         middle = {name: float(np.mean(value)) for name, value in simulated.items()}
         limits = self._limits(simulated, middle)
         drawn = rng.integers(0, len(self.x), (AGAIN, len(self.x)))

@@ -77,9 +77,7 @@ class Records:
     @property
     def inputs(self) -> tuple[Column, ...]:
         """Numeric inputs of the model."""
-        return tuple(
-            c for c in self.end.setup.data.target.columns if c.role is Role.INPUT and not c.text
-        )
+        return tuple(c for c in self.end.setup.data.target.columns if c.role is Role.INPUT and not c.text)
 
     @cached_property
     def zeros(self) -> tuple[Wrong, ...]:
@@ -88,9 +86,7 @@ class Records:
         for kind, shape in (("bias", np.ones(len(data))), ("trend", self.order)):
             for at, output in enumerate(data.outputs):
                 column = np.kron(np.eye(len(data.outputs))[at], shape)
-                gauge_errors.append(
-                    self._of_column(f"gauge of {output.name}", kind, output.unit, column)
-                )
+                gauge_errors.append(self._of_column(f"gauge of {output.name}", kind, output.unit, column))
         return tuple(gauge_errors)
 
     @cached_property
@@ -116,9 +112,7 @@ class Records:
 
     def _fitted(self, column: Column, kind: str, size: float) -> Wrong:
         """The error with its likeliest admissible amount, by Newton's method."""
-        low, high = (
-            (GAIN_LOW, GAIN_HIGH) if kind == "gain" else (-BIAS_AT_MOST * size, BIAS_AT_MOST * size)
-        )
+        low, high = (GAIN_LOW, GAIN_HIGH) if kind == "gain" else (-BIAS_AT_MOST * size, BIAS_AT_MOST * size)
         step = STEP * (1.0 if kind == "gain" else size)
         amount, wanted, slope = 0.0, 0.0, np.zeros_like(self.y)
         for _ in range(NEWTON):
@@ -182,11 +176,7 @@ class Records:
     def gauges(self) -> float:
         """The squared residual given only the gauge biases that gain more than their price."""
         whole = float(self.y @ self.y)
-        pays = (
-            max(whole - gauge.residual_square - self.price, 0.0)
-            for gauge in self.zeros
-            if gauge.kind == "bias"
-        )
+        pays = (max(whole - gauge.residual_square - self.price, 0.0) for gauge in self.zeros if gauge.kind == "bias")
         return whole - sum(pays)
 
 
@@ -203,16 +193,10 @@ def of_recorded(end: Ending) -> tuple[Attribution, ...]:
     best = min(records.wrong, key=lambda wrong: wrong.residual_square, default=None)
     if best is None or float(records.y @ records.y) - best.residual_square <= least:
         return ()
-    top = min(
-        *(wrong.residual_square + records.price for wrong in every),
-        records.score_of_identified,
-        records.gauges,
-    )
+    top = min(*(wrong.residual_square + records.price for wrong in every), records.score_of_identified, records.gauges)
     max_distance = end.setup.plan.settings.set_distance
     standing = [
-        wrong
-        for wrong in every
-        if not wrong.objection and wrong.residual_square + records.price - top <= max_distance
+        wrong for wrong in every if not wrong.objection and wrong.residual_square + records.price - top <= max_distance
     ]
     standing = [wrong for wrong in standing if records.explains(wrong)]
     if not any(wrong.is_input for wrong in standing):
@@ -222,10 +206,7 @@ def of_recorded(end: Ending) -> tuple[Attribution, ...]:
 
 
 def _none(end: Ending, best: Wrong) -> Attribution:
-    text = (
-        "no input recorded wrongly explains these units alone; nearest is a "
-        f"{best.kind} of {best.name}"
-    )
+    text = f"no input recorded wrongly explains these units alone; nearest is a {best.kind} of {best.name}"
     return Attribution("", _outputs(end), best.kind, (), "none", (), text)
 
 
@@ -234,9 +215,7 @@ def _records_of(
 ) -> tuple[Attribution, ...]:
     """One record per remaining kind."""
     effect = ", ".join(end.fit.names)
-    alone = len(standing) == 1 and not (
-        effect and records.score_of_identified - top <= max_distance
-    )
+    alone = len(standing) == 1 and not (effect and records.score_of_identified - top <= max_distance)
     verdict = "attributed" if alone else "cannot tell"
     text = _text(end, records, standing, alone)
     attributions = []
@@ -244,13 +223,10 @@ def _records_of(
         errors = [wrong for wrong in (*records.wrong, *records.zeros) if wrong.kind == kind]
         errors.sort(key=lambda wrong: wrong.residual_square)
         records_of_kind = tuple(
-            _record(end, wrong, wrong in standing, wrong.residual_square + records.price - top)
-            for wrong in errors
+            _record(end, wrong, wrong in standing, wrong.residual_square + records.price - top) for wrong in errors
         )
         names = tuple(wrong.name for wrong in standing if wrong.kind == kind)
-        attributions.append(
-            Attribution(effect, _outputs(end), kind, names, verdict, records_of_kind, text)
-        )
+        attributions.append(Attribution(effect, _outputs(end), kind, names, verdict, records_of_kind, text))
     return tuple(attributions)
 
 
@@ -277,9 +253,7 @@ def _text(end: Ending, records: Records, standing: list[Wrong], alone: bool) -> 
         return f"{first.kind} of {first.name} as it was recorded ({size}) explains these units"
     names = [f"{wrong.kind} of {wrong.name}" for wrong in standing]
     names += list(end.fit.names)
-    return (
-        f"cannot tell between {', '.join(names)}; measure {first.name} of {READ_AGAIN} parts again"
-    )
+    return f"cannot tell between {', '.join(names)}; measure {first.name} of {READ_AGAIN} parts again"
 
 
 def _outputs(end: Ending) -> str:

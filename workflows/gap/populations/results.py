@@ -27,9 +27,7 @@ def inputs_instead(end: Ending, attributions: Sequence[Attribution]) -> tuple[Ri
 
     Clipped interference changes the shape of the distribution as a second supplier does.
     """
-    levels = (
-        end.analysis.initial_null_model.batch.levels if end.setup.data.target.population else ()
-    )
+    levels = end.analysis.initial_null_model.batch.levels if end.setup.data.target.population else ()
     apart = [effect.candidate for effect in end.analysis.scatter[:1] if effect.apart_from_inputs]
     shifts = [
         attribution
@@ -38,35 +36,24 @@ def inputs_instead(end: Ending, attributions: Sequence[Attribution]) -> tuple[Ri
     ]
     if not apart or not levels or not shifts or end.verdict not in ("named", "ambiguous"):
         return ()
-    nearest = min(
-        (change.distance for change in shifts[0].candidates if not change.excluded_because),
-        default=0.0,
-    )
+    nearest = min((change.distance for change in shifts[0].candidates if not change.excluded_because), default=0.0)
     return (Rival(levels[:1], (apart[0].name,), nearest, Measurement(shifts[0].text)),)
 
 
-def summary_messages(
-    lines: Sequence[PopulationLine], attribution: Sequence[Attribution]
-) -> list[str]:
+def summary_messages(lines: Sequence[PopulationLine], attribution: Sequence[Attribution]) -> list[str]:
     """The summary: the differences before correction, and the inputs that may cause them."""
     before = [line for line in lines if line.model == "before"]
     differ = [
-        f"{line.output} {line.statistic} ({line.simulated:.4g}, measured {line.measured:.4g} "
-        f"{line.unit}".rstrip()
-        + ")"
+        f"{line.output} {line.statistic} ({line.simulated:.4g}, measured {line.measured:.4g} {line.unit}".rstrip() + ")"
         for line in before
         if line.differs
     ]
     sentences = []
     if differ:
         more = f" and {len(differ) - SHOWN} more" if len(differ) > SHOWN else ""
-        sentences.append(
-            f"units differ from the simulated ones in {', '.join(differ[:SHOWN])}{more}"
-        )
+        sentences.append(f"units differ from the simulated ones in {', '.join(differ[:SHOWN])}{more}")
     elif any(not line.enough for line in before):
         sentences.append(f"units compared with the simulated ones: {before[0].verdict}")
     elif before:
         sentences.append(f"units as simulated: no difference detected in {len(before)} statistics")
-    return sentences + [
-        f"input: {text}" for text in dict.fromkeys(record.text for record in attribution)
-    ]
+    return sentences + [f"input: {text}" for text in dict.fromkeys(record.text for record in attribution)]

@@ -82,9 +82,7 @@ def between_lots(of_lot: NDArray[np.int64]) -> Statistic | None:
         means = part @ indicator / sizes
         between = (sizes * (means - part.mean(axis=1, keepdims=True)) ** 2).sum(axis=1)
         within = ((part - means @ indicator.T) ** 2).sum(axis=1)
-        return np.asarray(
-            between / (len(large_lots) - 1) / (within / (sizes.sum() - len(large_lots)))
-        )
+        return np.asarray(between / (len(large_lots) - 1) / (within / (sizes.sum() - len(large_lots))))
 
     return ratio
 
@@ -96,9 +94,7 @@ def two_of(law: Law = NORMAL) -> Statistic:
     distribution by chance is simulated.
     """
     single, steps = law.standardised(LATTICE), law.std * np.array(STEPS)
-    ratios = np.array(
-        [law.mixed(by, p).standardised(LATTICE, p * by) - single for by in steps for p in SHARES]
-    )
+    ratios = np.array([law.mixed(by, p).standardised(LATTICE, p * by) - single for by in steps for p in SHARES])
 
     def gain(x: Array) -> Array:
         about = (x - x.mean(axis=1, keepdims=True)) / x.std(axis=1, keepdims=True)

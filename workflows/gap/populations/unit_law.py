@@ -33,9 +33,7 @@ REACH = 6.0
 FACTORS = np.geomspace(0.3, 8.0, 22)
 NOISES = np.linspace(0.0, 2.0, 21)
 """Standard deviations of a gauge, in those of the units."""
-SHIFTS = np.concatenate(
-    [np.arange(-REACH, -2.5, 0.1), np.arange(-2.5, 2.5, 0.03), np.arange(2.5, REACH, 0.1)]
-)
+SHIFTS = np.concatenate([np.arange(-REACH, -2.5, 0.1), np.arange(-2.5, 2.5, 0.03), np.arange(2.5, REACH, 0.1)])
 """In standard deviations of the units."""
 Integers = NDArray[np.int64]
 
@@ -124,9 +122,7 @@ class UnitLaw:
         both = rest[0] * changed[0], rest[1] + changed[1]
         return self._log(*both, *self._free) if source.clipped else self._log(*self._clipped, *both)
 
-    def _built_anew(
-        self, source: Source, factors: Array, widened: Callable[[Source, float], Term]
-    ) -> Array:
+    def _built_anew(self, source: Source, factors: Array, widened: Callable[[Source, float], Term]) -> Array:
         """The same where the inputs of the clipped part do not simply add."""
         sums = [self._sum((widened(source, float(factor)),)) for factor in factors]
         transform = np.concatenate([transform for transform, _ in sums])
@@ -164,9 +160,7 @@ class UnitLaw:
         density = (1.0 - ODD) * self._density(*parts) + ODD * odd
         return np.asarray(np.log(np.maximum(density, ODD**4 / self.std)))
 
-    def _density(
-        self, clipped: Spectrum, start: Integers, free: Spectrum, free_start: Integers
-    ) -> Array:
+    def _density(self, clipped: Spectrum, start: Integers, free: Spectrum, free_start: Integers) -> Array:
         """Density (m, k) of the sum of both parts: the mass of C below zero is put at zero."""
         at = np.full(len(clipped), -(POINTS // 2))
         mass = window(clipped, start, at, POINTS)

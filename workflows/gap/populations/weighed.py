@@ -99,15 +99,9 @@ class Weighed:
         if 2.0 * (self.top - log) > self.distance:
             return "the shape of the batch differs"
         if change.kind != "widening":
-            return (
-                f"it would need {abs(change.share(amount)):.3g} of its tolerance; its parts are "
-                "inspected"
-            )
+            return f"it would need {abs(change.share(amount)):.3g} of its tolerance; its parts are inspected"
         if amount < change.low:
-            return (
-                f"it would need {amount:.3g} of its tolerance, and parts are made over its whole "
-                "width"
-            )
+            return f"it would need {amount:.3g} of its tolerance, and parts are made over its whole width"
         return f"it would need {amount:.3g} times its tolerance"
 
     def _units_to_separate(self, change: Change) -> int:

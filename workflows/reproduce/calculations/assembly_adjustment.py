@@ -18,9 +18,7 @@ from ..calculation import Calculation, Computed, ComputedTable, Quantity
 LABELS = ("q0", "q5", "q10", "ideal")
 """The rows: precision weight 0, 5, 10, infinite."""
 UNITS = {"mrad": "mrad", "percent": "percent", "mrad2": "mrad**2", "arcsec": "arcsec", "N": "N"}
-SCALARS = tuple(
-    field.name for field in fields(Row) if field.name not in ("precision_weight", "state_mrad")
-)
+SCALARS = tuple(field.name for field in fields(Row) if field.name not in ("precision_weight", "state_mrad"))
 STATES = tuple(f"state_{at}_mrad" for at in range(1, 5))
 _FIT = "assumed: no document prints how the angles act on the contact"
 
@@ -40,9 +38,7 @@ class AssemblyAdjustment(Calculation):
     reference = "document A, table of precision weights"
     sampled = False
     parameters = (
-        Parameter(
-            "reading", READINGS[0], "", "what the weight Q weighs", "document A", choices=READINGS
-        ),
+        Parameter("reading", READINGS[0], "", "what the weight Q weighs", "document A", choices=READINGS),
         Parameter(
             "insertion",
             INSERTIONS[0],
@@ -61,14 +57,7 @@ class AssemblyAdjustment(Calculation):
             choices=ECCENTRICS,
         ),
         Parameter(
-            "absorption",
-            1.0,
-            "",
-            "share of an angle that reaches the contact",
-            _FIT,
-            assumed=True,
-            low=0.0,
-            high=10.0,
+            "absorption", 1.0, "", "share of an angle that reaches the contact", _FIT, assumed=True, low=0.0, high=10.0
         ),
         Parameter(
             "floor_arcsec",
@@ -90,12 +79,8 @@ class AssemblyAdjustment(Calculation):
     def compute(self, values: Mapping[str, Value], rng: np.random.Generator) -> Computed:
         parameters = self.completed(values)
         floor = number(parameters["floor_arcsec"]) * ARCSEC
-        mapping = AngleMapping(
-            str(parameters["eccentrics"]), number(parameters["absorption"]), floor
-        )
-        computed_rows = rows(
-            Transmission(mapping=mapping), str(parameters["reading"]), str(parameters["insertion"])
-        )
+        mapping = AngleMapping(str(parameters["eccentrics"]), number(parameters["absorption"]), floor)
+        computed_rows = rows(Transmission(mapping=mapping), str(parameters["reading"]), str(parameters["insertion"]))
         quantities = {
             f"{label}_{name}": Quantity(value, _unit(name))
             for label, row in zip(LABELS, computed_rows, strict=True)

@@ -28,9 +28,7 @@ class AssemblyStructure(Calculation):
     reference = "document A, case study and general example"
     sampled = False
     parameters = (
-        Parameter(
-            "precision_weight", 10.0, "", "weight Q of the gains", "document A", low=0.0, high=1e9
-        ),
+        Parameter("precision_weight", 10.0, "", "weight Q of the gains", "document A", low=0.0, high=1e9),
         Parameter(
             "absent_weight",
             1000.0,
@@ -51,11 +49,7 @@ class AssemblyStructure(Calculation):
             for a in (1, 2)
             for b in (1, 2)
         ),
-        *(
-            Output(f"observed_{a}_{b}", "1", f"C, row {a}, column {b}")
-            for a in (1, 2)
-            for b in STEPS
-        ),
+        *(Output(f"observed_{a}_{b}", "1", f"C, row {a}, column {b}") for a in (1, 2) for b in STEPS),
         Output(
             "absent_share_percent",
             "percent",
@@ -81,9 +75,7 @@ class AssemblyStructure(Calculation):
             for name, matrix in matrices.items()
             for (a, b), value in np.ndenumerate(matrix)
         }
-        tolerances = [
-            variable for variable in RvTransmissionError.declaration.variables if variable.tolerance
-        ]
+        tolerances = [variable for variable in RvTransmissionError.declaration.variables if variable.tolerance]
         numbers["absent_share_percent"] = Quantity(_absent(gain, chain.adjustable()), "percent")
         numbers["tolerances"] = Quantity(float(len(tolerances)), "1")
         return Computed(numbers, (_table(gain),))

@@ -54,11 +54,7 @@ class BacklashStages(Calculation):
         for declaration in (
             Output(f"{stage}_mean_arcmin", "arcmin", f"mean of the {stage} stage"),
             Output(f"{stage}_std_arcmin", "arcmin", f"standard deviation of the {stage} stage"),
-            Output(
-                f"{stage}_variance_percent",
-                "percent",
-                f"share of the {stage} stage in the variance of the sum",
-            ),
+            Output(f"{stage}_variance_percent", "percent", f"share of the {stage} stage in the variance of the sum"),
         )
     )
 
@@ -67,9 +63,7 @@ class BacklashStages(Calculation):
         at = {variable.name: float(variable.document or 0.0) for variable in declared.VARIABLES}
         at |= {name: number(value) for name, value in parameters.items()}
         design = {name: np.array([value]) for name, value in at.items()}
-        total = declared.backlash_model({READING: PRINTED}, None, {}).total(
-            declared.allocation(design)
-        )
+        total = declared.backlash_model({READING: PRINTED}, None, {}).total(declared.allocation(design))
         involute, output = total.free
         parts = [total_cumulants(terms) for terms in ((involute,), total.clipped, (output,))]
         mean, variance = np.array([[float(part[k][0]) for part in parts] for k in (0, 1)])

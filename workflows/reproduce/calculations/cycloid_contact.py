@@ -55,20 +55,14 @@ class Finite:
 
     def mean(self, name: str, shape: tuple[int, ...]) -> float:
         """The difference by an error that all pins or teeth have in common."""
-        ends = [
-            self.backlash(PartErrors(**{name: np.full(shape, sign * self.step)})).mean()
-            for sign in (1.0, -1.0)
-        ]
+        ends = [self.backlash(PartErrors(**{name: np.full(shape, sign * self.step)})).mean() for sign in (1.0, -1.0)]
         return float(ends[0] - ends[1]) / (2.0 * self.step)
 
     def adverse_position(self) -> float:
         """That by pins displaced along the circle, on both flanks so that the gap opens."""
         phase = self.contact.geometry.phase(self.angles)[:, 0, :]
         side = np.sign(np.sin(phase))[:, None, :] * self.step  # a unit for every angle
-        ends = [
-            np.diagonal(self.backlash(PartErrors(tangential_position=sign * side))).mean()
-            for sign in (-1.0, 1.0)
-        ]
+        ends = [np.diagonal(self.backlash(PartErrors(tangential_position=sign * side))).mean() for sign in (-1.0, 1.0)]
         return abs(float(ends[0] - ends[1])) / (2.0 * self.step)
 
     def worst_phase(self, name: str, size: float) -> float:
@@ -100,16 +94,7 @@ class CycloidContact(Calculation):
             open_low=True,
             high=10.0,
         ),
-        Parameter(
-            "angles",
-            40,
-            "",
-            "crank angles over a pin pitch",
-            "assumed",
-            assumed=True,
-            low=1,
-            high=1000,
-        ),
+        Parameter("angles", 40, "", "crank angles over a pin pitch", "assumed", assumed=True, low=1, high=1000),
         Parameter(
             "true_levers",
             True,
@@ -128,9 +113,7 @@ class CycloidContact(Calculation):
             (Axis("error", ""), Axis("exact", "1", "by exact contact")),
             (np.array(list(sensitivities)), np.array(list(sensitivities.values()))),
         )
-        return Computed(
-            {name: Quantity(value, "1") for name, value in sensitivities.items()}, (table,)
-        )
+        return Computed({name: Quantity(value, "1") for name, value in sensitivities.items()}, (table,))
 
 
 def _finite(values: Mapping[str, Value]) -> Finite:

@@ -61,11 +61,7 @@ class GaSettings(Calculation):
         Output("a_evaluations", "1", "median of the evaluations until 99 %, with a"),
         Output("b_evaluations", "1", "the same with b"),
         Output("a_nearer_percent", "percent", "share of the seeds with which a ends nearer"),
-        Output(
-            "a_slower_percent",
-            "percent",
-            "share of the seeds with which a takes more evaluations to 99 %",
-        ),
+        Output("a_slower_percent", "percent", "share of the seeds with which a takes more evaluations to 99 %"),
         Output("seeds", "1", "number of seeds"),
     )
 
@@ -73,9 +69,7 @@ class GaSettings(Calculation):
         problems = (
             []
             if values["study"]
-            else [
-                fault for name in "ab" for fault in _misplaced(str(values["setting"]), name, values)
-            ]
+            else [fault for name in "ab" for fault in _misplaced(str(values["setting"]), name, values)]
         )
         try:
             if values["study"]:
@@ -96,15 +90,11 @@ def _quantities(a: Array, b: Array) -> dict[str, Quantity]:
     gap, evaluations = ([a[:, at], b[:, at]] for at in (0, 1))
     numbers = {"seeds": Quantity(float(len(a)), "1")}
     for name, values in zip("ab", gap, strict=True):
-        numbers[f"{name}_gap_percent"] = Quantity(
-            float(np.median(values)), "percent", _error(values)
-        )
+        numbers[f"{name}_gap_percent"] = Quantity(float(np.median(values)), "percent", _error(values))
     for name, values in zip("ab", evaluations, strict=True):
         numbers[f"{name}_evaluations"] = Quantity(float(np.median(values)), "1", _error(values))
     numbers["a_nearer_percent"] = _share(gap[0] < gap[1], gap[0] == gap[1])
-    numbers["a_slower_percent"] = _share(
-        evaluations[0] > evaluations[1], evaluations[0] == evaluations[1]
-    )
+    numbers["a_slower_percent"] = _share(evaluations[0] > evaluations[1], evaluations[0] == evaluations[1])
     return numbers
 
 
@@ -126,10 +116,7 @@ def _own_runs(parameters: Mapping[str, Value], rng: np.random.Generator) -> tupl
     seeds = rng.integers(0, 2**31, int(number(parameters["seeds"]))).tolist()
     budget = Budget(generations=int(number(parameters["generations"])))
     settings = [_settings(str(parameters["setting"]), number(parameters[name])) for name in "ab"]
-    a, b = (
-        np.array([_run(problem, setting, budget, seed, measure) for seed in seeds])
-        for setting in settings
-    )
+    a, b = (np.array([_run(problem, setting, budget, seed, measure) for seed in seeds]) for setting in settings)
     return a, b
 
 
@@ -151,9 +138,7 @@ def _settings(setting: str, value: float) -> NSGA2:
     return replace(BASE, mutation=Mutation(probability=value))
 
 
-def _run(
-    problem: PoseAccuracy, settings: NSGA2, budget: Budget, seed: int, measure: Yardstick
-) -> tuple[float, float]:
+def _run(problem: PoseAccuracy, settings: NSGA2, budget: Budget, seed: int, measure: Yardstick) -> tuple[float, float]:
     course = Course(Box(measure.box.ideal, measure.box.nadir), measure.level)
     watch(problem, settings, budget, seed, course, "array")
     course.curve()
@@ -191,10 +176,7 @@ def _of_study(parameters: Mapping[str, Value]) -> tuple[Array, Array]:
             f"{parameters['study']} has no two runs of {key} = {parameters['a']} and "
             f"{parameters['b']} alike in all else; it has {levels}",
         )
-    a, b = (
-        both[[f"{name}_{side}" for name in RESPONSES]].fillna(np.inf).to_numpy(dtype=float)
-        for side in "ab"
-    )
+    a, b = (both[[f"{name}_{side}" for name in RESPONSES]].fillna(np.inf).to_numpy(dtype=float) for side in "ab")
     return a, b
 
 

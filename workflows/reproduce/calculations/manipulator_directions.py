@@ -39,16 +39,9 @@ class ManipulatorDirections(Calculation):
     sampled = False
     parameters = declared.PARAMETERS
     outputs = (
-        *(
-            Output(f"{group}_percent", "percent", f"sources fixed to the {group}, one by one")
-            for group in GROUPS
-        ),
+        *(Output(f"{group}_percent", "percent", f"sources fixed to the {group}, one by one") for group in GROUPS),
         Output("all_percent", "percent", "all sources, one by one"),
-        Output(
-            "base_together_percent",
-            "percent",
-            "base-fixed errors along x and y of one size together",
-        ),
+        Output("base_together_percent", "percent", "base-fixed errors along x and y of one size together"),
     )
 
     def compute(self, values: Mapping[str, Value], rng: np.random.Generator) -> Computed:
@@ -59,15 +52,11 @@ class ManipulatorDirections(Calculation):
         sizes = np.stack([_sizes(first_order(machine, r, z, phi)) for phi in around])
         change = _change(sizes).max(axis=0)  # of every source, at its worst pose and output
         largest = {
-            f"{group}_percent": max(
-                change[at] for at, name in enumerate(NAMES) if name.startswith(stems)
-            )
+            f"{group}_percent": max(change[at] for at, name in enumerate(NAMES) if name.startswith(stems))
             for group, stems in GROUPS.items()
         }
         largest["all_percent"] = max(largest.values())
-        pairs = [
-            (NAMES.index(f"origin_{i}_x_um"), NAMES.index(f"origin_{i}_y_um")) for i in (1, 2, 3)
-        ]
+        pairs = [(NAMES.index(f"origin_{i}_x_um"), NAMES.index(f"origin_{i}_y_um")) for i in (1, 2, 3)]
         together = np.stack([np.hypot(sizes[..., a], sizes[..., b]) for a, b in pairs], axis=-1)
         largest["base_together_percent"] = float(_change(together).max())
         table = ComputedTable(
@@ -81,9 +70,7 @@ class ManipulatorDirections(Calculation):
 
 def _sizes(maps: object) -> Array:
     """Sizes (2 poses, 63) of turn and movement per unit of each source."""
-    turn, move = (
-        np.linalg.norm(getattr(maps, field), axis=1) for field in ("orientation", "position")
-    )
+    turn, move = (np.linalg.norm(getattr(maps, field), axis=1) for field in ("orientation", "position"))
     return np.concatenate([turn, move])
 
 

@@ -46,9 +46,7 @@ class ManipulatorSources(Calculation):
         Output("position_acting", "1", "those of them that move the platform"),
         Output("kinds", "1", "kinds of orientation sources that share a tolerance"),
         Output("chain_3_squareness", "1", "largest effect of chain 3 on squareness, of chain 1's"),
-        Output(
-            "joint_distance_3", "1", "effect of chain 3's relative joint distance, of chain 1's"
-        ),
+        Output("joint_distance_3", "1", "effect of chain 3's relative joint distance, of chain 1's"),
         Output("rod_length_1_squareness", "mrad/mm", "squareness per relative rod length, chain 1"),
         Output("rod_length_1_yaw", "mrad/mm", "yaw per relative rod length of chain 1"),
         Output("rod_length_3_yaw", "mrad/mm", "yaw per relative rod length of chain 3"),
@@ -101,11 +99,7 @@ def _counts(maps: Maps, names: list[str]) -> dict[str, Quantity]:
 
 def _slopes(names: list[str], slopes: Array) -> dict[str, Quantity]:
     """Squareness and yaw per relative rod length."""
-    places = {
-        "rod_length_1_squareness": (1, 0),
-        "rod_length_1_yaw": (1, 1),
-        "rod_length_3_yaw": (3, 1),
-    }
+    places = {"rod_length_1_squareness": (1, 0), "rod_length_1_yaw": (1, 1), "rod_length_3_yaw": (3, 1)}
     return {
         name: Quantity(float(slopes[names.index(f"rod_length_{chain}"), at]) * MM / MRAD, "mrad/mm")
         for name, (chain, at) in places.items()
@@ -120,14 +114,10 @@ def _ranking(names: list[str], effect: Array) -> dict[str, Quantity]:
     """Place and lead of the relative rod length, each kind by its largest source or by its rss."""
     numbers = {}
     for column, output in enumerate(("squareness", "yaw")):
-        effects_by_kind = {
-            kind: effect[[name.startswith(kind) for name in names], column] for kind in KINDS
-        }
+        effects_by_kind = {kind: effect[[name.startswith(kind) for name in names], column] for kind in KINDS}
         sizes = {
             "": {kind: float(effects.max()) for kind, effects in effects_by_kind.items()},
-            "rss_": {
-                kind: float(np.linalg.norm(effects)) for kind, effects in effects_by_kind.items()
-            },
+            "rss_": {kind: float(np.linalg.norm(effects)) for kind, effects in effects_by_kind.items()},
         }
         for how, kinds in sizes.items():
             rod = kinds.pop("rod_length")

@@ -77,8 +77,7 @@ PARAMETERS: tuple[Parameter, ...] = (
         "cp",
         1.0,
         "",
-        "process capability of the distributions that have one (normal, "
-        "truncated normal, Rayleigh)",
+        "process capability of the distributions that have one (normal, truncated normal, Rayleigh)",
         "assumed",
         assumed=True,
         low=0.0,
@@ -102,9 +101,7 @@ def total_of(model: BacklashModel, values: Mapping[str, Value], **swept: Any) ->
     """The sum over units; `swept` replaces designs by name with arrays (n,), in their unit."""
     count = max((np.size(column) for column in swept.values()), default=1)
     design = {v.name: swept.get(v.name, number(values[v.name])) for v in declared.VARIABLES}
-    arrays = {
-        name: np.broadcast_to(np.asarray(column, float), count) for name, column in design.items()
-    }
+    arrays = {name: np.broadcast_to(np.asarray(column, float), count) for name, column in design.items()}
     return model.total(declared.allocation(arrays))
 
 

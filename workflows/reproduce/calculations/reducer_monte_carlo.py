@@ -67,9 +67,7 @@ class ReducerMonteCarlo(Calculation):
             low=-1e4,
             high=1e4,
         ),
-        Parameter(
-            "bins", 50, "", "bins of the histogram", "assumed", assumed=True, low=1, high=10_000
-        ),
+        Parameter("bins", 50, "", "bins of the histogram", "assumed", assumed=True, low=1, high=10_000),
     )
 
     def compute(self, values: Mapping[str, Value], rng: np.random.Generator) -> Computed:
@@ -82,9 +80,7 @@ class ReducerMonteCarlo(Calculation):
         exact = Convolution().propagate(total, COVERAGE, limit)
         edges = _edges(total, exact, int(number(parameters["bins"])))
         drawn = batch(total, int(number(parameters["units"])), limit, edges, rng)
-        numbers = (
-            _spread(drawn) | _capability(drawn, parameters) | _proportions(drawn) | _exact(exact)
-        )
+        numbers = _spread(drawn) | _capability(drawn, parameters) | _proportions(drawn) | _exact(exact)
         tables = (_histogram(drawn, parameters), _compared(numbers))
         return Computed(quantities(numbers), tables)
 
@@ -93,8 +89,7 @@ def _edges(total: ClippedSum, exact: Propagated, bins: int) -> np.ndarray:
     """Edges [rad] of the histogram of the backlash."""
     free, clipped = ([term.bounds() for term in part] for part in (total.free, total.clipped))
     ends = [
-        sum(float(bounds[side][0]) for bounds in free)
-        + max(0.0, sum(float(bounds[side][0]) for bounds in clipped))
+        sum(float(bounds[side][0]) for bounds in free) + max(0.0, sum(float(bounds[side][0]) for bounds in clipped))
         for side in (0, 1)
     ]
     mean, std = float(exact.mean.value[0]), float(exact.std.value[0])
@@ -119,11 +114,7 @@ def _capability(drawn: Batch, parameters: Mapping[str, Value]) -> dict[str, Stat
     sums = drawn.sums["backlash"]
     names = ("lower_limit_arcmin", "backlash_limit_arcmin")
     lower, upper = (number(parameters[name]) * ARCMIN for name in names)
-    return {
-        "cp": sums.cp(lower, upper),
-        "cpk": sums.cpk(lower, upper),
-        "cpk_upper": sums.to_limit(upper, 1),
-    }
+    return {"cp": sums.cp(lower, upper), "cpk": sums.cpk(lower, upper), "cpk_upper": sums.to_limit(upper, 1)}
 
 
 def _proportions(drawn: Batch) -> dict[str, Stated]:

@@ -22,18 +22,14 @@ def output(name: str, meaning: str) -> Output:
 def quantities(numbers: Mapping[str, float | Stated]) -> dict[str, Quantity]:
     """Numbers by name, with the unit that the name ends with and their standard error, if any."""
     stated = {
-        name: number if isinstance(number, Stated) else Stated(float(number), 0.0)
-        for name, number in numbers.items()
+        name: number if isinstance(number, Stated) else Stated(float(number), 0.0) for name, number in numbers.items()
     }
     return {
-        name: Quantity(estimate.value, split_unit(name)[1] or "1", estimate.error)
-        for name, estimate in stated.items()
+        name: Quantity(estimate.value, split_unit(name)[1] or "1", estimate.error) for name, estimate in stated.items()
     }
 
 
-def tabulated(
-    name: str, meaning: str, columns: Mapping[str, Any], chart: Chart | None = None
-) -> ComputedTable:
+def tabulated(name: str, meaning: str, columns: Mapping[str, Any], chart: Chart | None = None) -> ComputedTable:
     """A table of columns (n,) by name; the unit is what the name ends with."""
     axes = tuple(Axis(column, split_unit(column)[1]) for column in columns)
     return ComputedTable(name, meaning, axes, tuple(map(np.asarray, columns.values())), chart)

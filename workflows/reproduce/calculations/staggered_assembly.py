@@ -51,8 +51,7 @@ OUTPUTS = (
     output("journal_phase_mrad", "or: phase of a disc's journals on all cranks"),
     output("journal_offset_um", "the same as a displacement of the journal's centre"),
     output(
-        "contact_by_turn_arcmin",
-        "what the contact model says that turned discs take from the backlash of the discs",
+        "contact_by_turn_arcmin", "what the contact model says that turned discs take from the backlash of the discs"
     ),
     output("contact_by_journals_arcmin", "the same of discs on journals ahead and behind"),
 )
@@ -70,11 +69,7 @@ class StaggeredAssembly(Calculation):
     sampled = False
     outputs = OUTPUTS
     parameters = (
-        *(
-            parameter
-            for parameter in reducer_inputs.PARAMETERS
-            if parameter.name != "stagger_arcmin"
-        ),
+        *(parameter for parameter in reducer_inputs.PARAMETERS if parameter.name != "stagger_arcmin"),
         Parameter(
             "stagger_arcmin",
             0.2,
@@ -95,9 +90,7 @@ class StaggeredAssembly(Calculation):
             high=60.0,
             open_low=True,
         ),
-        Parameter(
-            "points", 31, "", "points of the sweep", "assumed", assumed=True, low=2, high=10_000
-        ),
+        Parameter("points", 31, "", "points of the sweep", "assumed", assumed=True, low=2, high=10_000),
     )
 
     def compute(self, values: Mapping[str, Value], rng: np.random.Generator) -> Computed:
@@ -110,9 +103,7 @@ class StaggeredAssembly(Calculation):
         numbers = _outcome(propagated, total, limit, model)
         numbers |= _parts(model.geometry, at[1] * ARCMIN)
         numbers |= _contact(model.geometry, parameters, at[1] * ARCMIN)
-        sweep = np.linspace(
-            0.0, number(parameters["stagger_most_arcmin"]), int(number(parameters["points"]))
-        )
+        sweep = np.linspace(0.0, number(parameters["stagger_most_arcmin"]), int(number(parameters["points"])))
         swept = reducer_inputs.total_of(model, parameters, stagger_arcmin=sweep)
         table = _sweep(sweep, Convolution().propagate(swept, COVERAGE, limit))
         return Computed(quantities(numbers), (table, _ways(sweep, model.geometry)))
@@ -120,15 +111,11 @@ class StaggeredAssembly(Calculation):
 
 def _most(total: ClippedSum) -> tuple[Array, Array]:
     """Largest phi_1 + phi_3 and phi_2 that the zones allow [rad], each (n,)."""
-    free, clipped = (
-        np.sum([term.bounds()[1] for term in part], axis=0) for part in (total.free, total.clipped)
-    )
+    free, clipped = (np.sum([term.bounds()[1] for term in part], axis=0) for part in (total.free, total.clipped))
     return free, clipped
 
 
-def _outcome(
-    propagated: Propagated, total: ClippedSum, limit: float, model: BacklashModel
-) -> dict[str, float]:
+def _outcome(propagated: Propagated, total: ClippedSum, limit: float, model: BacklashModel) -> dict[str, float]:
     """Without and with the stagger (rows 0 and 1)."""
     free, clipped = _most(total)
     worst = free + np.maximum(clipped, 0.0)
@@ -138,9 +125,7 @@ def _outcome(
         for row, prefix in ((0, "without_"), (1, ""))
         for name, column in columns.items()
     }
-    needed = np.maximum(free[0] + clipped[0] - limit, 0.0) / (
-        model.output_factor * model.stagger_gain
-    )
+    needed = np.maximum(free[0] + clipped[0] - limit, 0.0) / (model.output_factor * model.stagger_gain)
     reached = needed if free[0] <= limit else np.inf
     return named | {"stagger_for_every_unit_arcmin": float(reached) / ARCMIN}
 
@@ -173,9 +158,7 @@ def _dimensions(geometry: RvGeometry, staggers: Array) -> dict[str, Array]:
     }
 
 
-def _contact(
-    geometry: RvGeometry, parameters: Mapping[str, Value], turn: float
-) -> dict[str, float]:
+def _contact(geometry: RvGeometry, parameters: Mapping[str, Value], turn: float) -> dict[str, float]:
     """What the contact model says that the discs' turn takes from the backlash of the discs."""
     dr_rp, dr_p = (number(parameters[name]) * MM for name in ("dr_rp_mm", "dr_p_mm"))
     contact = LoadedContact(ContactGeometry(geometry, dr_rp, dr_p), exact=True)

@@ -8,12 +8,7 @@ import numpy as np
 
 from ....declarations import Output, Parameter, Value, number
 from ....problems.rv_transmission_error.declared import AXES, DOCUMENT_MRAD, PARTS
-from ....problems.rv_transmission_error.implied import (
-    COMPOSITES,
-    implied_costs,
-    optimal_allocation,
-    sensitivities,
-)
+from ....problems.rv_transmission_error.implied import COMPOSITES, implied_costs, optimal_allocation, sensitivities
 from ....records import Axis
 from ..calculation import Calculation, Computed, ComputedTable, Quantity
 
@@ -70,17 +65,7 @@ class ToleranceRatio(Calculation):
         table = ComputedTable(
             "implied_costs",
             "Relative costs, mean 1, under which the printed allocation is the optimum",
-            (
-                Axis("tolerance", ""),
-                Axis("printed_mrad", "mrad"),
-                Axis("implied_cost", "1"),
-                Axis("influence", "1"),
-            ),
-            (
-                np.array([f"{part} {axis}" for part in PARTS for axis in AXES]),
-                printed,
-                costs,
-                influence,
-            ),
+            (Axis("tolerance", ""), Axis("printed_mrad", "mrad"), Axis("implied_cost", "1"), Axis("influence", "1")),
+            (np.array([f"{part} {axis}" for part in PARTS for axis in AXES]), printed, costs, influence),
         )
         return Computed({name: Quantity(value, "1") for name, value in numbers.items()}, (table,))

@@ -13,15 +13,7 @@ from ....models.rv_reducer.backlash import BacklashModel
 from ....models.rv_reducer.cycloid import LINEAR_ERRORS, coefficients
 from ....models.rv_reducer.modification import modification_backlash
 from ....models.rv_reducer.reading import PRINTED
-from ....models.rv_reducer.zone_optimum import (
-    ERRORS,
-    Bounds,
-    Stage,
-    ZoneOptimum,
-    equal_shares,
-    least,
-    least_clipped,
-)
+from ....models.rv_reducer.zone_optimum import ERRORS, Bounds, Stage, ZoneOptimum, equal_shares, least, least_clipped
 from ....units import ARCMIN, MM, UM
 from ..calculation import Calculation, Computed, ComputedTable
 from .results import output, quantities, tabulated
@@ -77,10 +69,7 @@ def _zone(error: str) -> Parameter:
 
 
 OUTPUTS = (
-    output(
-        "phi_2_arcmin",
-        "least phi_2 within the bounds, modification included; below 0: interference",
-    ),
+    output("phi_2_arcmin", "least phi_2 within the bounds, modification included; below 0: interference"),
     output("bound_arcmin", "its proven lower bound"),
     output("gap_arcmin", "what the proof leaves open"),
     output("without_modification_arcmin", "the errors' part of it"),
@@ -108,9 +97,7 @@ class ToleranceZones(Calculation):
     outputs = OUTPUTS
     parameters = (
         *(parameter for parameter in declared.PARAMETERS if parameter.name in _SIZES),
-        Parameter(
-            "dr_rp_mm", -0.040, "mm", "equidistance modification", "document B", low=-1.0, high=1.0
-        ),
+        Parameter("dr_rp_mm", -0.040, "mm", "equidistance modification", "document B", low=-1.0, high=1.0),
         Parameter("dr_p_mm", -0.070, "mm", "shift modification", "document B", low=-1.0, high=1.0),
         *(_zone(error) for error in ERRORS),
     )
@@ -198,9 +185,7 @@ def _towards(optimum: ZoneOptimum) -> np.ndarray:
     return np.asarray(text)
 
 
-def _table(
-    stage: Stage, bounds: Bounds, optimum: ZoneOptimum, clipped: ZoneOptimum
-) -> ComputedTable:
+def _table(stage: Stage, bounds: Bounds, optimum: ZoneOptimum, clipped: ZoneOptimum) -> ComputedTable:
     """One row per error; empty (NaN) where the document prints nothing."""
     total = float(_shares(stage).sum()) * ARCMIN
     equal = equal_shares(stage, total)

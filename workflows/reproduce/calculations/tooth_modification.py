@@ -13,12 +13,7 @@ from ....errors import Fault, InputError
 from ....models.rv_reducer import clearance_targets as targets
 from ....models.rv_reducer.clearance_targets import Target
 from ....models.rv_reducer.geometry import RvGeometry
-from ....models.rv_reducer.modification import (
-    clearance,
-    modification_backlash,
-    raw_clearance,
-    zero_backlash_pair,
-)
+from ....models.rv_reducer.modification import clearance, modification_backlash, raw_clearance, zero_backlash_pair
 from ....models.rv_reducer.printed_clearance import printed_clearance
 from ....models.rv_reducer.tooth_fit import CLEARANCES, LARGEST, Fit, fit
 from ....problems.settings import Settings
@@ -81,85 +76,30 @@ class ToothModificationTargets(Calculation):
     outputs = OUTPUTS
     parameters = (
         *loaded.PARAMETERS,
+        Parameter("printed_dr_rp_mm", -0.040, "mm", "printed optimum, equidistance", "document B", low=-1.0, high=0.0),
+        Parameter("printed_dr_p_mm", -0.070, "mm", "printed optimum, shift", "document B", low=-1.0, high=0.0),
         Parameter(
-            "printed_dr_rp_mm",
-            -0.040,
-            "mm",
-            "printed optimum, equidistance",
-            "document B",
-            low=-1.0,
-            high=0.0,
+            "radial_gap_mm", 0.03, "mm", "gap at tip and root, dr_rp - dr_p", "document B", low=0.0, high=LARGEST / MM
         ),
-        Parameter(
-            "printed_dr_p_mm",
-            -0.070,
-            "mm",
-            "printed optimum, shift",
-            "document B",
-            low=-1.0,
-            high=0.0,
-        ),
-        Parameter(
-            "radial_gap_mm",
-            0.03,
-            "mm",
-            "gap at tip and root, dr_rp - dr_p",
-            "document B",
-            low=0.0,
-            high=LARGEST / MM,
-        ),
-        Parameter(
-            "radial_gap",
-            "fixed",
-            "",
-            "whether the radial gap is kept",
-            "document B",
-            choices=("fixed", "free"),
-        ),
+        Parameter("radial_gap", "fixed", "", "whether the radial gap is kept", "document B", choices=("fixed", "free")),
         Parameter(
             "clearance",
             "raw",
             "",
-            "raw: in the nominal position; after_contact: once the "
-            "disc has turned to first contact",
+            "raw: in the nominal position; after_contact: once the disc has turned to first contact",
             "the printed form is garbled",
             assumed=True,
             choices=tuple(CLEARANCES),
         ),
+        Parameter("intervals", 360, "", "n: intervals of phi in [0, pi]", "assumed", assumed=True, low=2, high=20_000),
         Parameter(
-            "intervals",
-            360,
-            "",
-            "n: intervals of phi in [0, pi]",
-            "assumed",
-            assumed=True,
-            low=2,
-            high=20_000,
-        ),
-        Parameter(
-            "target",
-            "film",
-            "",
-            "what the clearance should be",
-            "assumed: not printed",
-            assumed=True,
-            choices=TARGETS,
+            "target", "film", "", "what the clearance should be", "assumed: not printed", assumed=True, choices=TARGETS
         ),
         _assumed("film_um", 1.0, "um", "lubrication film, over the band", 1000.0),
         _assumed("band_deg", (30.0, 45.0), "deg", "band of phi in which the film counts", 180.0),
+        _assumed("rotation_arcmin", 0.05, "arcmin", "near_conjugate: turn of the rotation-modified profile", 60.0),
         _assumed(
-            "rotation_arcmin",
-            0.05,
-            "arcmin",
-            "near_conjugate: turn of the rotation-modified profile",
-            60.0,
-        ),
-        _assumed(
-            "working_deg",
-            (20.0, 120.0),
-            "deg",
-            "near_conjugate: flank between the reliefs at root and tip",
-            180.0,
+            "working_deg", (20.0, 120.0), "deg", "near_conjugate: flank between the reliefs at root and tip", 180.0
         ),
         _assumed(
             "table_um",
@@ -297,12 +237,7 @@ def _printed(case: Case) -> dict[str, float]:
 def _curves(case: Case) -> dict[str, Array]:
     """Clearances [m] at the printed optimum, in the order of `CURVES`."""
     at = case.geometry, *case.printed, case.phi
-    curves = (
-        printed_clearance(*at),
-        printed_clearance(*at, own_phase=True),
-        raw_clearance(*at),
-        clearance(*at),
-    )
+    curves = (printed_clearance(*at), printed_clearance(*at, own_phase=True), raw_clearance(*at), clearance(*at))
     return dict(zip(CURVES, curves, strict=True))
 
 

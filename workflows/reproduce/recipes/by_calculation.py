@@ -33,8 +33,7 @@ class ByCalculation(Recipe):
         raise_all(
             Fault(
                 self.place,
-                f'"{name}" is no quantity of {self.kind.name}{nearest(name, known)}; '
-                f"it computes {', '.join(known)}",
+                f'"{name}" is no quantity of {self.kind.name}{nearest(name, known)}; it computes {", ".join(known)}',
             )
             for name in self.quantities
             if name not in known
@@ -78,9 +77,7 @@ def _hashable(item: tuple[str, Value]) -> tuple[str, Hashable]:
 
 
 @lru_cache(maxsize=KEPT)
-def _without_chance(
-    kind: type[Calculation], parameters: tuple[tuple[str, Hashable], ...]
-) -> Computed:
+def _without_chance(kind: type[Calculation], parameters: tuple[tuple[str, Hashable], ...]) -> Computed:
     """A result that does not depend on random numbers."""
     values: dict[str, Value] = {
         name: dict(value) if isinstance(value, frozenset) else value for name, value in parameters

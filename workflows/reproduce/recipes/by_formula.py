@@ -46,22 +46,16 @@ class ByFormula(Recipe):
         values: dict[str, Array] = {}
         errors: dict[str, float] = {}
         tables: dict[str, ComputedTable] = {}
-        for stream, (name, (recipe, unit)) in zip(
-            rng.spawn(len(self.terms)), self.terms.items(), strict=True
-        ):
+        for stream, (name, (recipe, unit)) in zip(rng.spawn(len(self.terms)), self.terms.items(), strict=True):
             computed = recipe.recomputed(stream)
             (quantity,) = computed.quantities
             values[name] = np.asarray(converted(quantity.value, quantity.unit, unit))
             zero = converted(0.0, quantity.unit, unit)
             errors[name] = converted(quantity.standard_error, quantity.unit, unit) - zero
             tables.update(computed.tables)
-        return Recomputed(
-            tuple(self._quantity(formula, values, errors) for formula in self.formulas), tables
-        )
+        return Recomputed(tuple(self._quantity(formula, values, errors) for formula in self.formulas), tables)
 
-    def _quantity(
-        self, formula: Formula, values: Mapping[str, Array], errors: Mapping[str, float]
-    ) -> Quantity:
+    def _quantity(self, formula: Formula, values: Mapping[str, Array], errors: Mapping[str, float]) -> Quantity:
         value = float(formula.value(values))
         if not np.isfinite(value):
             shown = ", ".join(f"{name} = {float(term):g}" for name, term in values.items())

@@ -19,17 +19,7 @@ from ..sampling import share_error
 from .recipe import Recipe, Recomputed
 
 Array = NDArray[np.float64]
-STATISTICS = (
-    "value",
-    "mean",
-    "std",
-    "min",
-    "max",
-    "range",
-    "quantile",
-    "fraction_above",
-    "fraction_below",
-)
+STATISTICS = ("value", "mean", "std", "min", "max", "range", "quantile", "fraction_above", "fraction_below")
 """`value` is that of a single row; `quantile` needs a level, a fraction a threshold."""
 SHARES = ("fraction_above", "fraction_below")
 
@@ -75,9 +65,7 @@ class Statistic:
             case "std":
                 centred = values - values.mean()
                 variance = np.mean(centred**2)
-                return float(
-                    np.sqrt((np.mean(centred**4) - variance**2) / (4.0 * variance * count))
-                )
+                return float(np.sqrt((np.mean(centred**4) - variance**2) / (4.0 * variance * count)))
             case "quantile":
                 low, high = (int(binom.ppf(level, count, self.at)) for level in (0.1587, 0.8413))
                 ordered = np.sort(values)
@@ -115,8 +103,7 @@ class ByModel(Recipe):
         """The operating points; columns of labels number their rows."""
         count = self.drawn or max((len(values) for values in self.at.values()), default=1)
         columns: dict[str, NDArray[Any]] = {
-            name: np.broadcast_to(np.array(values, dtype=float), count).copy()
-            for name, values in self.at.items()
+            name: np.broadcast_to(np.array(values, dtype=float), count).copy() for name, values in self.at.items()
         }
         for column in self.kind.columns:
             if column.text and column.needed:
@@ -151,9 +138,7 @@ class ByModel(Recipe):
         return {p.name: p.unit for p in self.kind.parameters if isinstance(p.default, float)}
 
     def unit_of(self, name: str) -> str | None:
-        columns = {
-            column.name: column.unit for column in self.kind.columns if column.name in self.at
-        }
+        columns = {column.name: column.unit for column in self.kind.columns if column.name in self.at}
         return (columns | self._variables() | self._parameters()).get(name)
 
     def shifted(self, name: str, step: float) -> ByModel:
@@ -161,9 +146,7 @@ class ByModel(Recipe):
             moved = tuple(value + step for value in self.at[name])
             return replace(self, at=dict(self.at) | {name: moved})
         if name in self._variables():
-            document = {
-                variable.name: float(variable.document or 0.0) for variable in self.kind.variables
-            }
+            document = {variable.name: float(variable.document or 0.0) for variable in self.kind.variables}
             current = (document | dict(self.designs))[name]
             return replace(self, designs=dict(self.designs) | {name: current + step})
         value = number(completed(self.kind.parameters, self.parameters)[name]) + step

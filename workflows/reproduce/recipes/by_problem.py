@@ -24,16 +24,12 @@ class ByProblem(Recipe):
 
     def recomputed(self, rng: np.random.Generator) -> Recomputed:
         whole = Accuracy.of(self.problem).reported().outputs_of(np.array([self.design]))
-        errors = {
-            output.error_of: output.name for output in self.problem.outputs if output.error_of
-        }
+        errors = {output.error_of: output.name for output in self.problem.outputs if output.error_of}
         units = {output.name: output.unit for output in self.problem.outputs}
         return Recomputed(
             tuple(
                 Quantity(
-                    float(whole[name][0]),
-                    units[name] or "1",
-                    float(whole[errors[name]][0]) if name in errors else 0.0,
+                    float(whole[name][0]), units[name] or "1", float(whole[errors[name]][0]) if name in errors else 0.0
                 )
                 for name in self.outputs
             )
@@ -44,11 +40,7 @@ class ByProblem(Recipe):
         return f"problem {self.name}"
 
     def _parameters(self) -> dict[str, str]:
-        return {
-            p.name: p.unit
-            for p in self.problem.declaration.parameters
-            if isinstance(p.default, float)
-        }
+        return {p.name: p.unit for p in self.problem.declaration.parameters if isinstance(p.default, float)}
 
     def shiftable(self) -> tuple[str, ...]:
         return (*self.problem.names, *self._parameters())

@@ -39,12 +39,7 @@ class Factorial(Design):
     def size(self, factors: tuple[Factor, ...]) -> int:
         return prod(len(factor.grid()) or 1 for factor in factors)
 
-    def points(
-        self,
-        factors: tuple[Factor, ...],
-        base: Mapping[str, Level],
-        rng: np.random.Generator,
-    ) -> pd.DataFrame:
+    def points(self, factors: tuple[Factor, ...], base: Mapping[str, Level], rng: np.random.Generator) -> pd.DataFrame:
         rows = list(product(*(factor.grid() for factor in factors)))
         columns = zip(factors, zip(*rows, strict=True), strict=True)
         return pd.DataFrame({factor.key: column(values) for factor, values in columns})

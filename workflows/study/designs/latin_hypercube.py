@@ -40,10 +40,5 @@ class LatinHypercube(Design):
     def size(self, factors: tuple[Factor, ...]) -> int:
         return self.samples
 
-    def points(
-        self,
-        factors: tuple[Factor, ...],
-        base: Mapping[str, Level],
-        rng: np.random.Generator,
-    ) -> pd.DataFrame:
+    def points(self, factors: tuple[Factor, ...], base: Mapping[str, Level], rng: np.random.Generator) -> pd.DataFrame:
         return frame_of(factors, qmc.LatinHypercube(len(factors), rng=rng).random(self.samples))

@@ -40,12 +40,7 @@ class Morris(Design):
     def size(self, factors: tuple[Factor, ...]) -> int:
         return self.trajectories * (len(factors) + 1)
 
-    def points(
-        self,
-        factors: tuple[Factor, ...],
-        base: Mapping[str, Level],
-        rng: np.random.Generator,
-    ) -> pd.DataFrame:
+    def points(self, factors: tuple[Factor, ...], base: Mapping[str, Level], rng: np.random.Generator) -> pd.DataFrame:
         """Columns `_share_<key>` hold the place of each key in the grid."""
         from SALib.sample.morris import sample
 

@@ -25,8 +25,7 @@ def level_faults(factors: tuple[Factor, ...], kind: str) -> list[Fault]:
     return [
         Fault(
             f"vary.{factor.key}",
-            f"has one level or none: {kind} needs two or more; give a list "
-            "of values, or `levels` with low and high",
+            f"has one level or none: {kind} needs two or more; give a list of values, or `levels` with low and high",
         )
         for factor in factors
         if len(factor.grid()) < 2

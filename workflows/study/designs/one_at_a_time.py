@@ -27,12 +27,7 @@ class OneAtATime(Design):
     def size(self, factors: tuple[Factor, ...]) -> int:
         return 1 + sum(len(factor.grid()) for factor in factors)
 
-    def points(
-        self,
-        factors: tuple[Factor, ...],
-        base: Mapping[str, Level],
-        rng: np.random.Generator,
-    ) -> pd.DataFrame:
+    def points(self, factors: tuple[Factor, ...], base: Mapping[str, Level], rng: np.random.Generator) -> pd.DataFrame:
         base_levels = {factor.key: base[factor.key] for factor in factors}
         varied = [
             base_levels | {factor.key: level}

@@ -37,20 +37,13 @@ class Sobol(Design):
         if self.samples & (self.samples - 1):
             lower = 1 << (self.samples.bit_length() - 1)
             text = f"is {self.samples}: a Sobol sequence is balanced at powers of 2; use"
-            issues.append(
-                Fault("samples", f"{text} {max(lower, LEAST)} or {max(2 * lower, LEAST)}")
-            )
+            issues.append(Fault("samples", f"{text} {max(lower, LEAST)} or {max(2 * lower, LEAST)}"))
         return issues + replicate_faults(seeds, "Sobol indices")
 
     def size(self, factors: tuple[Factor, ...]) -> int:
         return self.samples * (len(factors) + 2)
 
-    def points(
-        self,
-        factors: tuple[Factor, ...],
-        base: Mapping[str, Level],
-        rng: np.random.Generator,
-    ) -> pd.DataFrame:
+    def points(self, factors: tuple[Factor, ...], base: Mapping[str, Level], rng: np.random.Generator) -> pd.DataFrame:
         """Row `block * (keys + 2) + at`: at 0 is A, 1 to keys is A with that key from B, then B."""
         from SALib.sample.sobol import sample
 
@@ -60,8 +53,5 @@ class Sobol(Design):
             "bounds": [[0.0, 1.0]] * len(factors),
         }
         # A generator: SALib takes the seed 0 for none.
-        parts = [
-            sample(cube, self.samples // PARTS, calc_second_order=False, seed=rng)
-            for _ in range(PARTS)
-        ]
+        parts = [sample(cube, self.samples // PARTS, calc_second_order=False, seed=rng) for _ in range(PARTS)]
         return frame_of(factors, np.concatenate(parts))

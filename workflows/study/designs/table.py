@@ -29,12 +29,7 @@ class Table(Design):
             return [Fault("file", "is missing: name the CSV or Parquet file of the settings")]
         return self._parsed(factors)[1]
 
-    def points(
-        self,
-        factors: tuple[Factor, ...],
-        base: Mapping[str, Level],
-        rng: np.random.Generator,
-    ) -> pd.DataFrame:
+    def points(self, factors: tuple[Factor, ...], base: Mapping[str, Level], rng: np.random.Generator) -> pd.DataFrame:
         settings, faults = self._parsed(factors)
         if faults:
             raise InputError(faults)
@@ -63,19 +58,15 @@ def _bad_cells(factor: Factor, cells: pd.Series) -> dict[Any, str]:
         names = [str(level) for level in factor.levels]
         known = ", ".join(names)
         return {
-            at: f"must be one of {known}, got {_shown(value)}{nearest(str(value), names)}"
-            for at, value in bad.items()
+            at: f"must be one of {known}, got {_shown(value)}{nearest(str(value), names)}" for at, value in bad.items()
         }
     bad = present[(present < factor.low) | (present > factor.high)]
     messages = {
-        at: f"must lie in [{factor.low:.10g}, {factor.high:.10g}], got {_shown(value)}"
-        for at, value in bad.items()
+        at: f"must lie in [{factor.low:.10g}, {factor.high:.10g}], got {_shown(value)}" for at, value in bad.items()
     }
     if factor.integer:
         broken = present[present != np.floor(present)]
-        messages |= {
-            at: f"must be a whole number, got {_shown(value)}" for at, value in broken.items()
-        }
+        messages |= {at: f"must be a whole number, got {_shown(value)}" for at, value in broken.items()}
     return messages
 
 

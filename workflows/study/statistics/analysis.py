@@ -34,9 +34,7 @@ def analyse(settings: StudySettings, data: StudyData, rng: np.random.Generator) 
     design = data.design.reset_index(drop=True)
     keys = [factor.key for factor in settings.factors]
     key_contrasts = contrasts(settings.design.analysis, design, settings.factors, settings.base)
-    responses = tuple(
-        Response(name, name in LARGER_IS_BETTER, BEST.get(name)) for name in settings.responses
-    )
+    responses = tuple(Response(name, name in LARGER_IS_BETTER, BEST.get(name)) for name in settings.responses)
     all_runs = [runs_of(data.table, name, len(design)) for name in settings.responses]
     tested = _joined([tests(runs, design, settings, key_contrasts, rng) for runs in all_runs])
     alone = key_contrasts if settings.design.analysis == "one_at_a_time" else []
@@ -51,9 +49,7 @@ def analyse(settings: StudySettings, data: StudyData, rng: np.random.Generator) 
             for factor in settings.factors
         ),
         medians=_joined([medians(runs, rng) for runs in all_runs]),
-        sensitivity=_joined(
-            [sensitivity(runs, design, settings, key_contrasts, rng) for runs in all_runs]
-        ),
+        sensitivity=_joined([sensitivity(runs, design, settings, key_contrasts, rng) for runs in all_runs]),
         tests=tested,
         courses=courses(data, alone, rng),
         course_of=settings.objectives[0] if len(settings.objectives) == 1 else "hypervolume",
@@ -73,9 +69,7 @@ def _joined(parts: list[pd.DataFrame]) -> pd.DataFrame:
     return pd.concat(full, ignore_index=True) if full else parts[0]
 
 
-def _notes(
-    settings: StudySettings, table: pd.DataFrame, all_runs: list[Runs], tested: pd.DataFrame
-) -> list[str]:
+def _notes(settings: StudySettings, table: pd.DataFrame, all_runs: list[Runs], tested: pd.DataFrame) -> list[str]:
     """What the reader must know: failures, what is left out and why."""
     notes = []
     failed = int((table["status"] == "failed").sum())
@@ -84,17 +78,13 @@ def _notes(
     for runs in all_runs:
         if not runs.reached:
             count = int(np.isinf(runs.array).sum())
-            text = (
-                f"{runs.response}: {count} of {runs.array.size} runs did not get there within the"
-            )
+            text = f"{runs.response}: {count} of {runs.array.size} runs did not get there within the"
             notes.append(
                 f"{text} budget of their setting; they count as worse than all others in "
                 "ranks, and the response has no variance to be shared out"
             )
     if settings.seeds < 2:
-        notes.append(
-            "one seed per setting: noise and effects are confounded, and nothing is tested"
-        )
+        notes.append("one seed per setting: noise and effects are confounded, and nothing is tested")
     pairs = tested[tested["kind"] == "wilcoxon"] if len(tested) else tested
     counts = pairs.groupby("response").size() if len(pairs) else pd.Series(dtype=int)
     needed = max((pairs_needed(int(count)) for count in counts), default=0)

@@ -15,9 +15,7 @@ from .resampling import Array
 from .runs import complete
 
 
-def surface_tests(
-    values: Array, design: pd.DataFrame, factors: tuple[Factor, ...]
-) -> list[dict[str, Any]]:
+def surface_tests(values: Array, design: pd.DataFrame, factors: tuple[Factor, ...]) -> list[dict[str, Any]]:
     """F of every key on the means over the seeds, against what the model does not explain."""
     means = complete(values).mean(axis=1)
     full = OLS(means, model(design, factors)).fit()

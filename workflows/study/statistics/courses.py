@@ -10,17 +10,7 @@ from .contrasts import Contrast
 from .medians import interval_of_median
 from .resampling import LEVEL
 
-COLUMNS = (
-    "key",
-    "level",
-    "generation",
-    "median",
-    "low",
-    "high",
-    "level_of_interval",
-    "n",
-    "optimum",
-)
+COLUMNS = ("key", "level", "generation", "median", "low", "high", "level_of_interval", "n", "optimum")
 SHOWN = 80
 """Generations of a course at most."""
 
@@ -55,6 +45,4 @@ def _course(curves: pd.DataFrame, rng: np.random.Generator) -> pd.DataFrame:
     chosen = np.unique(np.linspace(0, len(wide) - 1, SHOWN).astype(int))
     intervals = interval_of_median(wide.to_numpy()[chosen], rng)
     columns = dict(zip(("median", "low", "high"), intervals.T, strict=True))
-    return pd.DataFrame({"generation": wide.index[chosen]} | columns).assign(
-        level_of_interval=LEVEL, n=wide.shape[1]
-    )
+    return pd.DataFrame({"generation": wide.index[chosen]} | columns).assign(level_of_interval=LEVEL, n=wide.shape[1])

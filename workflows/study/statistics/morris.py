@@ -27,15 +27,11 @@ def effects(values: Array, shares: Array, rng: np.random.Generator) -> Estimates
     slope, known = np.where(known, ordered, 0.0).swapaxes(0, 1), known.swapaxes(0, 1)
 
     def statistic(rows: Array, runs: Array) -> Array:
-        per_key = [
-            _of_key(key_slope, runs * at, rows) for key_slope, at in zip(slope, known, strict=True)
-        ]
+        per_key = [_of_key(key_slope, runs * at, rows) for key_slope, at in zip(slope, known, strict=True)]
         return np.stack([*(mean for mean, _ in per_key), *(v for _, v in per_key)], axis=-1)
 
     estimates = random_settings(statistic, len(paths), values.shape[1], rng)
-    value, low, high = (
-        _rooted(side, keys) for side in (estimates.value, estimates.low, estimates.high)
-    )
+    value, low, high = (_rooted(side, keys) for side in (estimates.value, estimates.low, estimates.high))
     return Estimates(value, low, high)
 
 

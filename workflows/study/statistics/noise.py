@@ -4,14 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .resampling import (
-    Array,
-    Estimates,
-    crossed,
-    fixed_settings,
-    over_settings,
-    random_settings,
-)
+from .resampling import Array, Estimates, crossed, fixed_settings, over_settings, random_settings
 
 
 def noise_share(values: Array, group: int, rng: np.random.Generator) -> Estimates:

@@ -54,9 +54,7 @@ def wilcoxon_tests(runs: Runs, contrasts: list[Contrast], rng: np.random.Generat
         values = contrast.table(runs.array)
         for i, j in combinations(range(len(contrast.levels)), 2):
             pair = paired(values[:, i], values[:, j], rng)
-            rows.append(
-                {"key": contrast.key, "a": contrast.levels[i], "b": contrast.levels[j]} | pair
-            )
+            rows.append({"key": contrast.key, "a": contrast.levels[i], "b": contrast.levels[j]} | pair)
     return _corrected(runs.response, "wilcoxon", rows, pairs_needed)
 
 

@@ -17,25 +17,14 @@ def verdicts(readings: tuple[Hypothesis, ...], tests: pd.DataFrame) -> tuple[Ver
         row = _row(reading, tests)
         verdict, because = _verdict(reading, row)
         words = f"{reading.figure}, “{reading.says}”: {verdict}. {because}"
-        outcomes.append(
-            Verdict(
-                reading.figure,
-                reading.key,
-                (reading.a, reading.b),
-                reading.response,
-                verdict,
-                words,
-            )
-        )
+        outcomes.append(Verdict(reading.figure, reading.key, (reading.a, reading.b), reading.response, verdict, words))
     return tuple(outcomes)
 
 
 def _row(reading: Hypothesis, tests: pd.DataFrame) -> dict[str, Any] | None:
     """The comparison of the two levels, turned so that `a` comes first."""
     of_key = tests[
-        (tests["kind"] == "wilcoxon")
-        & (tests["key"] == reading.key)
-        & (tests["response"] == reading.response)
+        (tests["kind"] == "wilcoxon") & (tests["key"] == reading.key) & (tests["response"] == reading.response)
     ]
     for row in of_key.to_dict("records"):
         if (row["a"], row["b"]) == (reading.a, reading.b):
@@ -66,10 +55,7 @@ def _verdict(reading: Hypothesis, row: dict[str, Any] | None) -> tuple[str, str]
         return "not shown", f"{evidence}: no difference is shown."
     larger = row["effect"] > 0
     better = larger == (reading.response in LARGER_IS_BETTER)
-    return (
-        "holds" if better == reading.better else "does not hold: it is the other way round",
-        f"{evidence}.",
-    )
+    return ("holds" if better == reading.better else "does not hold: it is the other way round", f"{evidence}.")
 
 
 def _evidence(reading: Hypothesis, row: dict[str, Any]) -> str:
@@ -78,10 +64,7 @@ def _evidence(reading: Hypothesis, row: dict[str, Any]) -> str:
         f"{reading.response} at {reading.a} less that at {reading.b} is "
         f"{row['difference']:.3g}{_interval(row)} in the median"
     )
-    return (
-        f"{size} (rank correlation {row['effect']:.2f}, p = {row['p_holm']:.2g} after Holm, "
-        f"{row['n']} seeds)"
-    )
+    return f"{size} (rank correlation {row['effect']:.2f}, p = {row['p_holm']:.2g} after Holm, {row['n']} seeds)"
 
 
 def _interval(row: dict[str, Any]) -> str:

@@ -23,11 +23,7 @@ UNKNOWN = (np.nan, np.nan, np.nan)
 
 
 def recommendation(
-    runs: Runs,
-    design: pd.DataFrame,
-    base: Mapping[str, Level],
-    response: Response,
-    rng: np.random.Generator,
+    runs: Runs, design: pd.DataFrame, base: Mapping[str, Level], response: Response, rng: np.random.Generator
 ) -> Recommendation:
     """The setting with the best median over the even replicates, tested on the odd ones.
 
@@ -50,9 +46,7 @@ def recommendation(
         return Recommendation(response.name, best, settings, False, UNKNOWN, text)
     if best == reference:
         text = f"{named} is the best of {len(design)}; nothing is to be changed"
-        return Recommendation(
-            response.name, best, settings, False, UNKNOWN, f"{response.name}: {text}."
-        )
+        return Recommendation(response.name, best, settings, False, UNKNOWN, f"{response.name}: {text}.")
     test = paired(held_out[best], held_out[reference], rng)
     improves = (test["effect"] > 0) == runs.larger_is_better
     shown = bool(test["p"] <= ALPHA and improves and test["least"] <= ALPHA)
@@ -101,9 +95,7 @@ def _sentence(
     what = ", ".join(f"{key} = {_value_text(value)}" for key, value in settings.items())
     half = f"{test['n']} seeds that did not choose it"
     if not test["n"]:
-        return (
-            f"{response.name}: {what} is the best observed; there is no other seed to test it with."
-        )
+        return f"{response.name}: {what} is the best observed; there is no other seed to test it with."
     if not shown:
         missing = pairs_needed(1)
         why = (

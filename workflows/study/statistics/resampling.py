@@ -64,12 +64,7 @@ def over_settings(values: Array, weights: Array) -> Array:
 
 
 def random_settings(
-    statistic: Statistic,
-    settings: int,
-    replicates: int,
-    rng: np.random.Generator,
-    parts: int = 0,
-    level: float = LEVEL,
+    statistic: Statistic, settings: int, replicates: int, rng: np.random.Generator, parts: int = 0, level: float = LEVEL
 ) -> Estimates:
     """Estimates where the settings are a sample (blocks of a Sobol design, trajectories).
 
@@ -106,9 +101,7 @@ def _jackknifed(estimates: Array) -> Array:
 def fixed_settings(statistic: Statistic, replicates: int, rng: np.random.Generator) -> Estimates:
     """Estimates for exactly the settings of the design; the seeds are the sample."""
     value, flat = _value(statistic, 1, replicates)
-    variance = _spread(
-        lambda n: statistic(flat, rng.exponential(size=(n, 1, replicates))), replicates
-    )
+    variance = _spread(lambda n: statistic(flat, rng.exponential(size=(n, 1, replicates))), replicates)
     return _around(value, variance, replicates - 1)
 
 

@@ -21,11 +21,7 @@ Rows = list[dict[str, Any]]
 
 
 def sensitivity(
-    runs: Runs,
-    design: pd.DataFrame,
-    settings: StudySettings,
-    contrasts: list[Contrast],
-    rng: np.random.Generator,
+    runs: Runs, design: pd.DataFrame, settings: StudySettings, contrasts: list[Contrast], rng: np.random.Generator
 ) -> pd.DataFrame:
     """Rows of one response, noise last; `distinct` where the interval lies above 0.
 
@@ -55,11 +51,7 @@ def sensitivity(
 
 
 def _variances(
-    values: Array,
-    design: pd.DataFrame,
-    settings: StudySettings,
-    contrasts: list[Contrast],
-    rng: np.random.Generator,
+    values: Array, design: pd.DataFrame, settings: StudySettings, contrasts: list[Contrast], rng: np.random.Generator
 ) -> Rows:
     """Shares of variance; seeds that failed at any setting are left out."""
     kind = settings.design.analysis
@@ -72,8 +64,7 @@ def _variances(
         names = [contrast.key for contrast in contrasts]
         parts = [key_shares(values, contrast, rng) for contrast in contrasts]
         value, low, high = (
-            np.concatenate([getattr(part, side) for part in parts])
-            for side in ("value", "low", "high")
+            np.concatenate([getattr(part, side) for part in parts]) for side in ("value", "low", "high")
         )
         shares = Estimates(value, low, high)
     return _rows([(name, "anova_share") for name in names], shares, complete(values).shape[1])
@@ -88,14 +79,6 @@ def _ends(values: Array, group: int) -> Array:
 def _rows(names: list[tuple[str, str]], estimates: Estimates, n: int) -> Rows:
     sides = zip(names, estimates.value, estimates.low, estimates.high, strict=True)
     return [
-        {
-            "key": key,
-            "statistic": name,
-            "value": value,
-            "low": low,
-            "high": high,
-            "n": n,
-            "level": estimates.level,
-        }
+        {"key": key, "statistic": name, "value": value, "low": low, "high": high, "n": n, "level": estimates.level}
         for (key, name), value, low, high in sides
     ]

@@ -36,14 +36,10 @@ def key_shares(values: Array, contrast: Contrast, rng: np.random.Generator) -> E
     return fixed_settings(statistic, levels.shape[1], rng)
 
 
-def factorial_shares(
-    values: Array, contrasts: list[Contrast], rng: np.random.Generator
-) -> tuple[list[str], Estimates]:
+def factorial_shares(values: Array, contrasts: list[Contrast], rng: np.random.Generator) -> tuple[list[str], Estimates]:
     """Shares of every key and every pair of keys, and their names."""
     whole = complete(values)
-    means: dict[tuple[str, ...], Array] = {
-        (contrast.key,): _means(whole, contrast.members) for contrast in contrasts
-    }
+    means: dict[tuple[str, ...], Array] = {(contrast.key,): _means(whole, contrast.members) for contrast in contrasts}
     effects = dict(means)
     for a, b in combinations(contrasts, 2):
         cells = _cells(len(values), a, b)
@@ -96,9 +92,7 @@ def surface_shares(
     return fixed_settings(statistic, whole.shape[1], rng)
 
 
-def _projections(
-    design: pd.DataFrame, factors: tuple[Factor, ...], without: Factor | None
-) -> Array:
+def _projections(design: pd.DataFrame, factors: tuple[Factor, ...], without: Factor | None) -> Array:
     """Orthonormal columns of the model without one key."""
     columns = model(design, tuple(factor for factor in factors if factor is not without))
     return np.linalg.qr(columns)[0]

@@ -46,9 +46,7 @@ def indices(values: Array, keys: int, rng: np.random.Generator) -> Estimates:
 def _shares(parts: list[Array], total: Array) -> Array:
     """Variances as shares of the whole, (draws, keys); 0 where there is none."""
     variances = np.stack(parts, axis=-1)
-    return np.divide(
-        variances, total[:, None], out=np.zeros_like(variances), where=total[:, None] > 0.0
-    )
+    return np.divide(variances, total[:, None], out=np.zeros_like(variances), where=total[:, None] > 0.0)
 
 
 def _mean_of_seeds(ends: Array) -> Array:

@@ -16,11 +16,7 @@ from .runs import Runs, complete
 
 
 def tests(
-    runs: Runs,
-    design: pd.DataFrame,
-    settings: StudySettings,
-    contrasts: list[Contrast],
-    rng: np.random.Generator,
+    runs: Runs, design: pd.DataFrame, settings: StudySettings, contrasts: list[Contrast], rng: np.random.Generator
 ) -> pd.DataFrame:
     """Wilcoxon for pairs, Friedman for more, analysis of variance; Holm within each kind."""
     parts = [
@@ -32,9 +28,7 @@ def tests(
     return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame(columns=list(COLUMNS))
 
 
-def _variances(
-    runs: Runs, design: pd.DataFrame, settings: StudySettings, contrasts: list[Contrast]
-) -> pd.DataFrame:
+def _variances(runs: Runs, design: pd.DataFrame, settings: StudySettings, contrasts: list[Contrast]) -> pd.DataFrame:
     """Tests of the analysis of variance; none where values are missing for it."""
     if not runs.reached:
         return pd.DataFrame()

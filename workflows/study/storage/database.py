@@ -34,12 +34,7 @@ class Database(Store):
     """
 
     def __init__(
-        self,
-        backend: Backend,
-        points: int,
-        responses: tuple[str, ...],
-        prefix: str = "",
-        reading: bool = False,
+        self, backend: Backend, points: int, responses: tuple[str, ...], prefix: str = "", reading: bool = False
     ) -> None:
         super().__init__(backend, prefix, reading)
         self.points = points
@@ -56,13 +51,9 @@ class Database(Store):
 
     def missing(self, total: int) -> list[int]:
         """Numbers of the runs that have not ended, by point and replicate."""
-        ended = self.read(
-            lambda connection: {n for (n,) in connection.execute(select(RUNS.c.number))}
-        )
+        ended = self.read(lambda connection: {n for (n,) in connection.execute(select(RUNS.c.number))})
         open_numbers = (number for number in range(total) if number not in ended)
-        return sorted(
-            open_numbers, key=lambda number: (number % self.points, number // self.points)
-        )
+        return sorted(open_numbers, key=lambda number: (number % self.points, number // self.points))
 
     def free(self, numbers: Sequence[int]) -> list[int]:
         """The numbers from the first one on that nobody has done or is at work on."""
@@ -86,10 +77,7 @@ class Database(Store):
 
     def runs(self, total: int) -> list[RunRecord]:
         """The runs that have ended, by point and replicate."""
-        return sorted(
-            self._records(ALL.where(RUNS.c.number < total)),
-            key=lambda run: (run.point, run.replicate),
-        )
+        return sorted(self._records(ALL.where(RUNS.c.number < total)), key=lambda run: (run.point, run.replicate))
 
     def of_point(self, point: int, total: int) -> list[RunRecord]:
         """The runs of one setting that have ended, by replicate."""
@@ -170,9 +158,7 @@ class Database(Store):
         }
         value = json.dumps(sealed_record(record, of=str(problem))).encode()
         row = self.backend.insert(YARDSTICKS).values(problem=problem, value=value)
-        text = row.on_conflict_do_update(
-            index_elements=[YARDSTICKS.c.problem], set_={"value": row.excluded.value}
-        )
+        text = row.on_conflict_do_update(index_elements=[YARDSTICKS.c.problem], set_={"value": row.excluded.value})
 
         def work(connection: Connection) -> None:
             connection.execute(text)

@@ -36,9 +36,7 @@ class Unopened(Exception):
     """A database that may be sound cannot be opened: its path, why, and what helps."""
 
 
-def opened(
-    plan: StudyPlan, backend: Backend, alone: bool, prefix: str = ""
-) -> tuple[Database, tuple[str, ...]]:
+def opened(plan: StudyPlan, backend: Backend, alone: bool, prefix: str = "") -> tuple[Database, tuple[str, ...]]:
     """The open store of a study, and what the user should know of it.
 
     Where this process is `alone`, claims of earlier ones whose names begin with `prefix` are
@@ -83,9 +81,7 @@ def _sound(backend: Backend, plan: StudyPlan, prefix: str) -> tuple[Database, tu
         database.close()
         raise
     runs = _runs_text(wrong, plan)
-    return database, (
-        (f"{runs} of {backend.display_name} had been changed and are done again",) if wrong else ()
-    )
+    return database, ((f"{runs} of {backend.display_name} had been changed and are done again",) if wrong else ())
 
 
 def _database(backend: Backend, plan: StudyPlan, prefix: str = "") -> Database:
@@ -161,16 +157,12 @@ def differences(before: str, after: str, anew: str = SqliteFile.anew) -> list[Fa
     return faults
 
 
-def _recovered(
-    backend: SqliteFile, plan: StudyPlan, error: str
-) -> tuple[Database, tuple[str, ...]]:
+def _recovered(backend: SqliteFile, plan: StudyPlan, error: str) -> tuple[Database, tuple[str, ...]]:
     """A new database with every row of a damaged one that can be read and is as it was written."""
     path = backend.path
     identity, rows, holes = _salvaged(path, plan)
     if not rows:
-        raise refuse(
-            str(path), f"is damaged ({error}) and none of its runs can be read: {backend.anew}"
-        )
+        raise refuse(str(path), f"is damaged ({error}) and none of its runs can be read: {backend.anew}")
     identity = identity or _stored_configuration(path)
     aside = _put_aside(path)
     database = _database(SqliteFile(path), plan)
@@ -227,9 +219,7 @@ def _stored_configuration(path: Path) -> str:
 
 def _put_aside(path: Path) -> Path:
     """Move a damaged database to a name of its own, with its log."""
-    aside = next(
-        name for k in count(1) if not (name := path.with_name(f"{path.name}.damaged-{k}")).exists()
-    )
+    aside = next(name for k in count(1) if not (name := path.with_name(f"{path.name}.damaged-{k}")).exists())
     path.rename(aside)
     for tail in ("-wal", "-shm"):
         log = path.with_name(path.name + tail)

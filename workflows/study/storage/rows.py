@@ -13,17 +13,7 @@ from ....algorithms.course import CURVE
 from ..records import RESPONSES
 from ..trial import RunRecord
 
-COLUMNS = (
-    "point",
-    "replicate",
-    "seed",
-    "status",
-    "reason",
-    "evaluations",
-    "cpu_s",
-    *RESPONSES,
-    "curve",
-)
+COLUMNS = ("point", "replicate", "seed", "status", "reason", "evaluations", "cpu_s", *RESPONSES, "curve")
 """Columns of a run in addition to its number and its checksum."""
 Row = tuple[Any, ...]
 
