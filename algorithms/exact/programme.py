@@ -9,7 +9,7 @@ allocation that breaks them least, or by none where its tangents prove that.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +32,8 @@ BETWEEN = 17
 """Places between the tightest and the loosest tolerances that a search without a start looks at."""
 TINY = 1e-6
 """Fraction of a limit that counts as a step where nothing moves its value."""
+CORNER = 1e-10
+"""Fraction of a limit below which the room that the tightest tolerances leave is none."""
 CHORDS = 8
 """Times that a way back to the limits is made longer, where rounding leaves it too short."""
 CLEARLY = 1e-9
@@ -67,11 +69,32 @@ class Programme:
                     start = np.clip(starts[row], c.low, c.high)
                 first = self._between(limit, inner) if start is None else start
                 start, multiplier[row] = self._solved(limit, first, inner, tolerance)
+                corner = self._cornered(limit)
+                start = start if corner is None else corner
                 t[row] = start
                 proven, multiplier[row] = self._proven(limit, start, multiplier[row])
                 bound[row] = max(bound[row], proven)
             cost[row] = c.cost(t[row][None, :])[0]
         return Solved(t, cost, np.minimum(bound, cost), multiplier)
+
+    def _cornered(self, limit: Array) -> Array | None:
+        """Tolerances (features,) of least cost where the tightest alone keep a limit, else None.
+
+        What contributes to such a limit stays at its tightest, and the rest is solved for the other
+        limits: at that corner no step keeps all limits, so that SLSQP stops anywhere.
+        """
+        c = self.combination
+        least = c.values(c.low[None, :])[0]
+        tight = np.isfinite(limit) & (limit - least <= CORNER * np.abs(limit))
+        if self._compensating or not np.any(tight):
+            return None
+        raised = c.values(np.where(np.eye(len(c.low), dtype=bool), c.high, c.low))
+        pinned = np.any((raised > least)[:, tight], axis=1)
+        ways = [replace(way, high=way.low) if fixed else way for way, fixed in zip(c.ways, pinned, strict=True)]
+        features = tuple(replace(f, ways=(way,)) for f, way in zip(c.form.features, ways, strict=True))
+        rest = Programme(Combination(replace(c.form, features=features), (0,) * len(features)))
+        t = rest.least_cost(np.where(tight, np.inf, limit)[None, :]).t[0]
+        return t if self._keeps(t, limit) else None
 
     def allocation(self, limit: Array, start: Array | None = None) -> Array | None:
         """Tolerances (features,) of least cost near limits (r,), from a `start`; nothing is proven.

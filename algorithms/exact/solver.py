@@ -88,7 +88,7 @@ def exact_vectors(problem: ToleranceProblem, form: Form, points: int) -> Array:
     tighter = np.where(np.isfinite(form.own_limits), TIGHTER_SHARE, TIGHTER)
     least, slack = tightest(form)[real], (tighter * np.abs(upper))[real]
     if np.any(np.abs(upper[real] - least) <= slack):
-        return _corner(problem, form)
+        return _corner(problem, form, upper)
     upper[real] -= slack
     if problem.n_obj == 1:
         return _cheapest(problem, form, upper)
@@ -117,8 +117,14 @@ def _solved_limits(problem: ToleranceProblem, form: Form) -> Array:
     return limits
 
 
-def _corner(problem: ToleranceProblem, form: Form) -> Array:
-    """The search vector (one) of the tightest tolerances, which such a limit alone allows."""
+def _corner(problem: ToleranceProblem, form: Form, upper: Array) -> Array:
+    """The search vector (one) within limits of which one is kept by the tightest tolerances alone.
+
+    The least cost within the limits as they are, or that corner where rounding leaves nothing else.
+    """
+    x = search_vectors(problem, form, least_cost(form, upper[None, :]))
+    if len(x) and np.all(_in_truth(problem, form, x, upper)[0]):
+        return x
     ways = tightest_ways(form)
     nothing = np.zeros(1)
     low = [feature.ways[way].low for feature, way in zip(form.features, ways, strict=True)]

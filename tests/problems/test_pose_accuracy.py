@@ -23,7 +23,7 @@ from tolevo.models.manipulator.sources import SOURCES as ELEMENTARY
 from tolevo.problems.interfaces import WithEffects
 from tolevo.problems.pose_accuracy import PoseAccuracy
 from tolevo.problems.pose_accuracy.grouping import NINE, SOURCES
-from tolevo.problems.settings import Settings
+from tolevo.problems.settings import Bound, Settings
 from tolevo.testing import ProblemContract
 
 
@@ -33,6 +33,11 @@ class TestContract(ProblemContract):
 
 def problem_of(index: str, objectives: tuple[str, ...] = ("cost",)) -> PoseAccuracy:
     return PoseAccuracy(Settings(parameters={"index": index}, objectives=objectives))
+
+
+def limited(limits: dict[str, float]) -> PoseAccuracy:
+    bounds = {name: Bound(high=high) for name, high in limits.items()}
+    return PoseAccuracy(Settings(parameters={"index": "rms_plane"}, objectives=("cost",), limits=bounds))
 
 
 def optimum(problem: PoseAccuracy) -> tuple[float, np.ndarray, float]:
@@ -113,6 +118,32 @@ def test_exact_front_beats_random_designs_and_is_its_own_bound() -> None:
     assert np.all(proven.bound <= values["cost"][kept])
     own = proof(problem, dict(zip(problem.objectives, found.f.T, strict=True)), len(found.f))
     np.testing.assert_allclose(own.bound, found.f[:, 0], rtol=1e-6)
+
+
+@pytest.mark.parametrize("above", [-1e-15, 0.0, 1e-15, 1e-13, 1e-12, 1e-11, 1e-9])
+def test_at_the_tightest_limit_only_what_contributes_to_it_is_paid_for(above: float) -> None:
+    """Six of nine tolerances make the squareness: at its least they are tightest, 10 each.
+
+    Of the other three (cost 10 low / t) two make the yaw in addition, along whose limit the least
+    cost is sought by a scan; the third is at its loosest, low / high = 1 / 40.
+    """
+    form = closed_form(limited({"squareness_mrad": 1.0, "yaw_mrad": 1.0}))
+    assert form is not None and form.outputs == ("squareness_mrad", "yaw_mrad")
+    a = np.array([f.ways[0].spread for f in form.features])
+    low = np.array([f.ways[0].low for f in form.features])
+    least = np.sqrt(((a * low[:, None]) ** 2).sum(axis=0))
+    limit = least[0] * (1.0 + above), 1.5 * least[1]
+    room = limit[1] ** 2 - ((np.delete(a[:, 1] * low, [2, 8])) ** 2).sum()
+    t2 = np.linspace(low[2], 40.0 * low[2], 400_001)
+    t8 = np.sqrt(np.maximum(room - (a[2, 1] * t2) ** 2, 0.0)) / a[8, 1]
+    t8 = np.where(t8 < low[8], np.nan, np.minimum(t8, 40.0 * low[8]))
+    exact = 60.0 + 10.0 / 40.0 + float(np.nanmin(10.0 * low[2] / t2 + 10.0 * low[8] / t8))
+    bounded = limited({"squareness_mrad": float(limit[0]), "yaw_mrad": float(limit[1])})
+    result = search(bounded, Exact(), Budget(), 0)
+    if above < 0.0:
+        assert not len(result.x)
+    else:
+        assert result.f[0, 0] == pytest.approx(exact, rel=1e-9 if above < 1e-10 else 1e-7)
 
 
 BASE = """problem = "pose_accuracy"
