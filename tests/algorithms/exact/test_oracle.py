@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from tolevo.algorithms.exact.choices import least_cost
+from tolevo.algorithms.exact.front import tightest
 from tolevo.models.costs import Reciprocal
 from tolevo.problems.forms import Feature, Form, Way
 
@@ -86,3 +87,16 @@ def test_optimum_and_bound_are_those_of_cones(parts: int, requirements: int, way
     assert found.cost[0] == pytest.approx(oracle, rel=CLOSE)
     assert found.bound[0] <= oracle * (1.0 + CLOSE)
     assert found.bound[0] >= found.cost[0] * (1.0 - 1e-6)
+
+
+@pytest.mark.parametrize("above", [1e-14, 1e-12, 3e-11, 3e-10, 1e-8])
+@pytest.mark.parametrize("seed", range(3))
+def test_least_cost_at_a_limit_that_the_tightest_tolerances_alone_keep(seed: int, above: float) -> None:
+    """The cones' limit is looser by 1e-6, for Clarabel needs room: their cost falls by as much."""
+    form, limit = generated(6, 3, 2 if seed == 2 else 1, seed)
+    least = tightest(form)[seed]
+    limit[seed] = least * (1.0 + above)
+    optimum = least_cost(form, limit[None, :])
+    limit[seed] = least * (1.0 + 1e-6)
+    assert optimum.cost[0] == pytest.approx(by_cones(form, limit), rel=2e-5)
+    assert optimum.bound[0] <= optimum.cost[0] <= optimum.bound[0] * (1.0 + 1e-6)
