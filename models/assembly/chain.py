@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import Fault, raise_all
-
-Array = NDArray[np.float64]
+from ..inputs.distribution import Array
 
 
 @dataclass(frozen=True, slots=True)

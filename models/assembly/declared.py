@@ -9,17 +9,16 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...declarations import Parameter, Value
 from ...errors import Fault, InputError, refuse
 from ...units import MRAD
+from ..inputs.distribution import Array
 from .chain import DatumFlowChain
 from .estimator import Estimator, kalman
 from .process import Process
 from .regulator import INSERTIONS, READINGS
 
-Array = NDArray[np.float64]
 _TABLE = "document A, table of steps"
 STEPS = 4
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...units import ARCSEC, MRAD
 from .assemble import assemble
@@ -13,7 +12,6 @@ from .process import Process, plane_process
 from .regulator import gains, terminal_weight
 from .transmission import AngleMapping, Transmission, about_z
 
-Array = NDArray[np.float64]
 PART_ERRORS_MRAD = (-1.6, 5.3, 5.8, 3.2)
 """Printed angular errors of the four parts."""
 PRECISION_WEIGHTS = (0.0, 5.0, 10.0, np.inf)

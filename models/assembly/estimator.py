@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import Fault, raise_all
+from ..inputs.distribution import Array
 from .process import Process
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import Fault, raise_all
+from ..inputs.distribution import Array
 from .chain import DatumFlowChain
 
-Array = NDArray[np.float64]
 TURN = 3
 """Components of a small rotation: about x, y and z."""
 

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...errors import Fault, raise_all
+from ..inputs.distribution import Array
 from .process import Process
 
-Array = NDArray[np.float64]
 READINGS = ("printed", "consistent")
 INSERTIONS = ("before", "after")
 

@@ -5,13 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..inputs.distribution import Array
 from .assemble import IDEAL, Departures, assemble
 from .estimator import Estimator
 from .process import Process
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -22,15 +22,14 @@ from dataclasses import dataclass, field
 from math import pi
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..inputs.distribution import Array
 from ..rv_reducer.contact.contact import LoadedContact
 from ..rv_reducer.contact.errors import PartErrors
 from ..rv_reducer.contact.mesh import Mesh
 from ..rv_reducer.dynamics.steady import Oscillator, transfer
 from ..rv_reducer.dynamics.train import Train
 
-Array = NDArray[np.float64]
 ECCENTRICS = ("one_crank", "own_cranks")
 CRANKSHAFTS, GEARS = (0, 2), (1, 3)
 BLOCK = 128

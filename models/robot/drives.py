@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from ..inputs.distribution import Array
+
 WHOLE = 6
 """Least number of joints with which position and orientation can both be kept."""
 STILL = 1e-9

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..inputs.distribution import Array
 from ..manipulator import sources
 from ..manipulator.compensation import split
 from ..manipulator.geometry import Manipulator, TaskRing
@@ -15,7 +15,6 @@ from ..manipulator.maps import first_order
 from .drives import Drives
 from .joints import GRAVITY
 
-Array = NDArray[np.float64]
 CALIBRATED = ("none", "position")
 DRIVES = tuple(f"drive_zero_{chain}_mrad" for chain in (1, 2, 3))
 AT = [sources.NAMES.index(name) for name in DRIVES]

@@ -14,10 +14,10 @@ import scipy
 from numpy.typing import NDArray
 from scipy.special import ndtri
 
+from ..inputs.distribution import Array
 from .drives import Drives
 from .measures import COVERAGE
 
-Array = NDArray[np.float64]
 POSES = 512
 PER_JOINT = 4
 """Dimensions of a joint in addition to its backlash: side, phase, two components of the wave."""

@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..inputs import Distribution, Uniform
+from ..inputs.distribution import Array
 from ..propagation import ClippedSum, Term
 from ..propagation.sums import total_cumulants
 from . import involute, output_stage
@@ -17,8 +17,6 @@ from .geometry import RvGeometry
 from .modification import modification_backlash
 from .tighter_of import tighter_of
 from .tighter_planet import TighterPlanet
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

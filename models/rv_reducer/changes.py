@@ -7,15 +7,13 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...errors import Fault, raise_all
 from ...units import ARCMIN, MRAD, UM
+from ..inputs.distribution import Array
 from ..measurable import Changeable
 from .loaded_unit import LoadedUnit
 from .order_table import LEFT_OUT, OrderTable
-
-Array = NDArray[np.float64]
 
 
 def _errors(unit: LoadedUnit, name: str, added: Array) -> LoadedUnit:

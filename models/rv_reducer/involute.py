@@ -6,11 +6,10 @@ from dataclasses import dataclass
 from math import cos, radians, sin, sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..inputs.distribution import Array
 from .geometry import RvGeometry
 
-Array = NDArray[np.float64]
 REFERENCE_GRADE = 7
 """ISO grade of the default deviations; they grow by sqrt(2) per grade."""
 

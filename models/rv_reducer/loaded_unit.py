@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 from math import pi
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...declarations import Parameter, Value, number
 from ...errors import Fault
@@ -24,7 +23,6 @@ from .contact.geometry import ContactGeometry
 from .contact.mesh import Mesh
 from .geometry import RvGeometry
 
-Array = NDArray[np.float64]
 _GEOMETRY = (
     "pin_circle_radius_mm",
     "pin_radius_mm",

@@ -8,11 +8,9 @@ it interferes at its own optimum); the forms here are the corrected ones (docs/d
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..inputs.distribution import Array
 from .geometry import RvGeometry
-
-Array = NDArray[np.float64]
 
 
 def _profile(geometry: RvGeometry, phi: Array) -> tuple[Array, Array]:

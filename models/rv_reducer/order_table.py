@@ -8,11 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...units import ARCMIN
+from ..inputs.distribution import Array
 from .contact.mesh import Mesh
-from .dynamics.spectrum import spectrum
+from .dynamics.spectrum import ComplexArray, spectrum
 
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 SOFT = 2.0
 """[N m] Nodes are even in asinh(T/SOFT): dense where the mesh is soft."""
 NODES = 24

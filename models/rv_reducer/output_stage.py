@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-
+from ..inputs.distribution import Array
 from .geometry import RvGeometry
-
-Array = NDArray[np.float64]
 
 
 def backlash_zone(geometry: RvGeometry, clearance: Array) -> tuple[Array, Array]:

@@ -8,12 +8,10 @@ optimum; `modification` has the corrected forms (docs/decisions/0004).
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..inputs.distribution import Array
 from .geometry import RvGeometry
 from .modification import contact_angle
-
-Array = NDArray[np.float64]
 
 
 def printed_clearance(

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import Fault, raise_all
+from ..inputs.distribution import Array
 from ..measurable import Outside
 from .contact.contact import OverloadWarning
 
-Array = NDArray[np.float64]
 SPEED = "must be above 0 (leave the column out for quasi-static readings; the sense of turning is `direction`)"
 
 

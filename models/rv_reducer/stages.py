@@ -12,11 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..inputs.distribution import Array
 from ..propagation import ClippedSum
 from ..propagation.power_sums import PowerSums
 from .batch import PART, summed
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

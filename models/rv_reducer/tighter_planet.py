@@ -10,10 +10,9 @@ import scipy
 from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
-from ..inputs.distribution import Distribution
+from ..inputs.distribution import Array, Distribution
 from ..inputs.uniform import Uniform
 
-Array = NDArray[np.float64]
 UNIFORM = Uniform()
 REACH = 37.0
 """Range of y = 2 artanh z in the table: at its ends 1 - |z| is 2e-16."""

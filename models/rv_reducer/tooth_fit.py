@@ -13,14 +13,13 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from ...units import UM
+from ..inputs.distribution import Array
 from .clearance_targets import Target
 from .geometry import RvGeometry
 from .modification import clearance, raw_clearance
 
-Array = NDArray[np.float64]
 Clearance = Callable[[RvGeometry, Array, Array, Array], Array]
 CLEARANCES: dict[str, Clearance] = {"raw": raw_clearance, "after_contact": clearance}
 """D_raw, the profile in its nominal position, and D, after the disc has turned to first contact."""

@@ -20,9 +20,10 @@ from .changes import CHANGEABLE, Answers
 from .dynamics.contact_mesh import tabulated
 from .dynamics.displaced import DisplacedMesh
 from .dynamics.full import FullDynamics
+from .dynamics.spectrum import ComplexArray
 from .dynamics.steady import Oscillator, transfer
 from .dynamics.train import Train
-from .order_table import LEFT_OUT, ComplexArray, OrderTable
+from .order_table import LEFT_OUT, OrderTable
 from .readings import Rows, outside, warn_of_overload
 
 SAMPLES_PER_PIN = 100

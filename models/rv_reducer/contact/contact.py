@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from ....errors import raise_all
 from ....units import ARCMIN
+from ...inputs.distribution import Array
 from .errors import PartErrors
 from .faults import faults
 from .gaps import gaps
@@ -21,7 +22,6 @@ from .geometry import ContactGeometry
 from .mesh import Mesh
 from .nominal import Nominal
 
-Array = NDArray[np.float64]
 Engine = Literal["auto", "arrays", "numba"]
 BLOCK = 512
 """Meshes (a unit at a crank angle) solved at once by arrays, so that they stay in the cache."""

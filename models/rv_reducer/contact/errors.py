@@ -8,9 +8,8 @@ from types import MappingProxyType
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from ...inputs.distribution import Array
 
 _PIN = ("units", "discs", "pins")
 _DISC = ("units", "discs")

@@ -7,14 +7,11 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...inputs.distribution import Array
 from .errors import PartErrors
-from .geometry import ContactGeometry, curve, foot, nominal_pin, unit
+from .geometry import Complex, ContactGeometry, curve, foot, nominal_pin, unit
 from .nominal import Nominal
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

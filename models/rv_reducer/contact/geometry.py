@@ -14,9 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ...inputs.distribution import Array
 from ..geometry import RvGeometry
 
-Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 _SPACING = 1e-3
 """Spacing [rad] of the points of C from which its nearest point is sought."""

@@ -12,11 +12,10 @@ from typing import Any
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
+from ...inputs.distribution import Array
 from .nominal import STEEP
 
-Array = NDArray[np.float64]
 LANES = 128
 """Units solved side by side."""
 _ARMLESS = 1e-9

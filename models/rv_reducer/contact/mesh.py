@@ -6,11 +6,10 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...inputs.distribution import Array
 from .gaps import Gaps
 
-Array = NDArray[np.float64]
 _ARMLESS = 1e-9
 """Lever arms [m] below this do not count: such a pin pushes through the disc's centre."""
 _FAR = 1e3

@@ -6,12 +6,10 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
-from .geometry import ContactGeometry, curve, foot, lever, nominal_pin
+from ...inputs.distribution import Array
+from .geometry import Complex, ContactGeometry, curve, foot, lever, nominal_pin
 
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 STEEP = 1500.0
 """Bend [1/m] from which the series of the osculating circle is not used: radii below 0.7 mm."""
 

@@ -7,12 +7,11 @@ import warnings
 import numpy as np
 from numpy.typing import NDArray
 
+from ...inputs.distribution import Array
 from .mesh import Mesh
 from .steady import Oscillator, steady_state
 from .sweep import ELEMENTS, samples_needed
 from .train import Train
-
-Array = NDArray[np.float64]
 
 
 class NoSteadyState(UserWarning):

@@ -14,11 +14,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ...inputs.distribution import Array
 from .cyclic import second_symbol, solve
 from .mesh import Mesh, operating_stiffness
 from .train import Train
 
-Array = NDArray[np.float64]
 HIGH = 4.0
 """Waves whose inertia exceeds this many stiffnesses are corrected by themselves."""
 OVERSHOOT, HALVINGS = 1.5, 6

@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....errors import Fault, raise_all
+from ...inputs.distribution import Array
 from .mesh import Mesh
 from .spectrum import spectrum
 from .steady import Oscillator, steady_state
 from .train import Train
 
-Array = NDArray[np.float64]
 POINTS_PER_WAVE = 16
 """Samples over a wave at the resonance that the differences in Newton's step need."""
 ELEMENTS = 2_000_000

@@ -9,7 +9,8 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from ...inputs.distribution import Array
+
 Loads = Callable[[Array], tuple[Array, Array]]
 """Torque and tangent stiffness (m, n) at twists (m, 1)."""
 Peak = Callable[[Array], Array]

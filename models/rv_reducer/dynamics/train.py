@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ....errors import Fault
-
-Array = NDArray[np.float64]
+from ...inputs.distribution import Array
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,9 +8,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-Single = NDArray[np.float32]
+from .lattice import Single
+
 BLOCK = 512
 """Units in one block."""
 

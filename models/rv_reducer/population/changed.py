@@ -6,15 +6,13 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ....units import UM
+from ...inputs.distribution import Array
 from ..contact.geometry import ContactGeometry, unit
 from ..cycloid import pin_circle_growth
 from .sample import BaseSample
 from .scaled import Scaled, pitch_turn
-
-Array = NDArray[np.float64]
 
 
 def changed(geometry: ContactGeometry, units: Scaled, sample: BaseSample, changes: Mapping[str, Array]) -> Scaled:

@@ -14,6 +14,7 @@ from types import ModuleType
 import numpy as np
 from numpy.typing import NDArray
 
+from ...inputs.distribution import Array
 from .elastic_springs import Loading, Springs
 from .gradient import NAMES, Slopes
 from .lattice import Lattice
@@ -21,7 +22,6 @@ from .scaled import Scaled
 from .table import Table
 from .touch import Engine, Single, packed, uses_numba
 
-Array = NDArray[np.float64]
 CASES: Mapping[str, tuple[str, ...]] = {
     "lost_motion": ("forward", "backward"),
     "preload_torque": ("none",),

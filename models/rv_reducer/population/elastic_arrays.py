@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....units import ARCMIN
+from ...inputs.distribution import Array
 from ..contact.gaps import Gaps
 from ..contact.mesh import Mesh
+from .lattice import Single
 
-Array = NDArray[np.float64]
-Single = NDArray[np.float32]
 BLOCK = 256
 """Units in one block, so that they stay in the cache."""
 _TINY = 1e-20

@@ -14,9 +14,9 @@ from typing import Any
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
-Single = NDArray[np.float32]
+from .lattice import Single
+
 Mesh = tuple[Single, Single, Any]
 """Gaps (contacts, lanes), stiffness (contacts), and contacts by disc and flank (discs, 2, 2)."""
 Discs = tuple[Single, Single, Single, Any]

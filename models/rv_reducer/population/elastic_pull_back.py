@@ -14,9 +14,9 @@ from typing import Any
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
-Single = NDArray[np.float32]
+from .lattice import Single
+
 LANES = 256
 """Units in one block, so that they stay in the cache."""
 

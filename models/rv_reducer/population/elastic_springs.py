@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from ....units import ARCMIN
 from ..contact.performance import LOST_MOTION_SHARE
+from .lattice import Single
 from .table import Table
 
-Single = NDArray[np.float32]
 LEAST_SHARE = 1e-4
 """Fraction of rated torque that replaces zero in the transmission error: one flank bears."""
 

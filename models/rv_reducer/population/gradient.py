@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from importlib import import_module
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ....units import ARCMIN, UM
+from ...inputs.distribution import Array
 from ..contact.geometry import ContactGeometry, unit
 from .design import ERRORS
 from .lattice import Lattice
@@ -21,7 +21,6 @@ from .scaled import Complex, bore_axes, crank_lines, pitch_turn, sides
 from .table import Table
 from .touch import Engine, Single, Touch, uses_numba
 
-Array = NDArray[np.float64]
 NAMES = (*ERRORS, "stagger", "dr_rp", "dr_p")
 """Variables of a gradient: zones [arcmin/um], of crank_phase [arcmin/mrad], stagger, and both
 modifications [arcmin/mm]."""

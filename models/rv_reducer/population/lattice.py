@@ -8,12 +8,11 @@ from math import gcd
 import numpy as np
 from numpy.typing import NDArray
 
+from ...inputs.distribution import Array
 from ..contact.gaps import Axes
-from ..contact.geometry import ContactGeometry, lever, unit
+from ..contact.geometry import Complex, ContactGeometry, lever, unit
 from .profile import LEAST_LEVER, Profile
 
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 Single = NDArray[np.float32]
 
 

@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....units import ARCMIN, UM
+from ...inputs.distribution import Array
 from .gradient import Slopes
 from .statistics import Involute, Statistic, deviation, mean, ordered_quantile, quantile, share_below, share_within
 from .turn import Turn
 
-Array = NDArray[np.float64]
 Spread = Callable[[Array], Array]
 INTERFERENCE = ("turn_mean", "share_of_turn", "overlap", "preload")
 

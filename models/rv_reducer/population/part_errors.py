@@ -5,16 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ....units import ARCMIN, MRAD, UM
+from ...inputs.distribution import Array
 from ..contact.errors import PartErrors
 from ..contact.geometry import ContactGeometry
 from .design import UnitDesign
 from .sample import BaseSample
 from .scaled import sides
-
-Array = NDArray[np.float64]
 
 
 def modified(geometry: ContactGeometry, design: UnitDesign) -> ContactGeometry:

@@ -8,14 +8,12 @@ from typing import Literal
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
 from ...inputs import Distribution, Uniform
+from ...inputs.distribution import Array
 from ..contact.geometry import ContactGeometry
 
-Array = NDArray[np.float64]
-Single = NDArray[np.float32]
 PIN_ERRORS = ("pin_position", "pin_hole_radius", "pin_radius")
 DISC_ERRORS = ("equidistance", "shift")
 ONCE = ("pitch", "runout")

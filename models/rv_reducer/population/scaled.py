@@ -5,16 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ....units import ARCMIN, UM
-from ..contact.geometry import ContactGeometry, unit
+from ...inputs.distribution import Array
+from ..contact.geometry import Complex, ContactGeometry, unit
 from .design import UnitDesign
+from .lattice import Single
 from .sample import BaseSample
-
-Array = NDArray[np.float64]
-Single = NDArray[np.float32]
-Complex = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -11,12 +11,11 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import betainc, ndtr
 
+from ...inputs.distribution import Array
 from ..tighter_planet import TighterPlanet
 
-Array = NDArray[np.float64]
 SMOOTHING = 0.01
 """Scale [arcmin] at which a stage without backlash is smoothed, far below that of any unit."""
 GRID = np.linspace(-1.0, 1.0, 16_385)

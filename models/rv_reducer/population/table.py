@@ -5,13 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ....units import ARCMIN, MM, UM
-from .lattice import Lattice
+from ...inputs.distribution import Array
+from .lattice import Lattice, Single
 
-Array = NDArray[np.float64]
-Single = NDArray[np.float32]
 COLUMNS = ("gap", "lever", "radial", "tangential", "x", "y", "cos", "sin", "by_shift")
 
 

@@ -10,12 +10,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from .lattice import Lattice
+from .lattice import Lattice, Single
 from .scaled import Scaled
 from .table import Table
 
-Array = NDArray[np.float64]
-Single = NDArray[np.float32]
 Contacts = NDArray[np.int32]
 Engine = Literal["auto", "arrays", "numba"]
 

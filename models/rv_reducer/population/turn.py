@@ -5,19 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...inputs.distribution import Array
 from ..contact.geometry import ContactGeometry
 from .design import UnitDesign
 from .gradient import Slopes, pull_back
-from .lattice import Lattice, turn_lattice
+from .lattice import Lattice, Single, turn_lattice
 from .sample import BaseSample, Hierarchy
 from .scaled import Scaled
 from .table import Table
 from .touch import Engine, Touch, touch
-
-Array = NDArray[np.float64]
-Single = NDArray[np.float32]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
