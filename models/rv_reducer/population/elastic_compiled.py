@@ -326,35 +326,18 @@ def _case(mesh: Mesh, discs: Discs, behind: float, torque: float, state: State, 
 
 
 @_compiled
-def balances(
-    rows: Single,
-    stiff: Single,
-    force: Single,
-    pins: Any,
-    start: Any,
-    stop: Any,
-    axes: Single,
-    across: Single,
-    along: Single,
-    discs: Single,
-    circle: Single,
-    behind: float,
-    torques: Any,
-    rated: int,
-    x: Single,
-    side: Any,
-    turn: Single,
-    preload: Single,
-    peak: Single,
-    where: Any,
-    which: Any,
-) -> None:
+def balances(contacts: Any, springs: Any, errors: Any, torques: Any, rated: int, into: Any) -> None:
     """Balances of all units at all positions under `torques` (cases) on the discs.
 
-    `stiff` [N m/arcmin] and `force` [N/arcmin] (contacts). Fills `x`, `side`
-    (cases, positions, discs, units), `turn` (cases, positions, units), `preload` (positions, units)
-    of the case without torque, and `peak`, `where`, `which` (units) of the case `rated`, if any.
+    `contacts` and `errors` as in `compiled.touch`; `springs` in the order of the fields of
+    `Springs`. Fills `into`, arrays in the order of the fields of `elastic.Balances`: turns, discs
+    and sides of every case, the preload of the case without torque, and the peak with its position
+    and contact of the case `rated`, if any.
     """
+    rows, pins, start, stop, axes = contacts
+    stiff, force, _, behind = springs
+    across, along, discs, circle = errors
+    turn, x, side, preload, peak, where, which = into
     many, wide = start.shape[1], 0
     for a in range(start.shape[0]):
         wide = max(wide, stop[a, many - 1, 1] - start[a, 0, 0])

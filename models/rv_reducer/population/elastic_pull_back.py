@@ -200,37 +200,19 @@ def _weighed(of_turn: Single, of_preload: Single, of_peak: Single, first: int, u
 
 
 @_compiled
-def pull_back(
-    of_turn: Single,
-    of_preload: Single,
-    of_peak: Single,
-    which: Any,
-    rows: Single,
-    lean: Single,
-    stiff: Single,
-    force: Single,
-    pins: Any,
-    start: Any,
-    stop: Any,
-    axes: Single,
-    across: Single,
-    along: Single,
-    discs: Single,
-    circle: Single,
-    behind: float,
-    x: Single,
-    side: Any,
-    of_unit: Single,
-    of_discs: Single,
-    of_pins: Single,
-    total: Any,
-) -> None:
+def pull_back(weights: Any, contacts: Any, springs: Any, errors: Any, balance: Any, slopes: Any, total: Any) -> None:
     """Adds to `total` (16) the slopes of the weighted sum of the outputs of one load case.
 
-    `of_turn`, `of_preload`, `of_peak` (positions, units) weigh the turn, the torque of the forward
-    flanks and the force on the contact `which` (units). `x`, `side` (positions, discs, units) are
-    the balance; the rest as in `balances` and `compiled.pull_back`.
+    `weights` (positions, units) are those of the turn, of the torque of the forward flanks and of
+    the largest pin force. `balance`: turns and sides (positions, discs, units), and the contact
+    (units) with that force; the rest as in `balances` and `compiled.pull_back`.
     """
+    of_turn, of_preload, of_peak = weights
+    rows, pins, start, stop, axes = contacts
+    stiff, force, lean, behind = springs
+    across, along, discs, circle = errors
+    x, side, which = balance
+    of_unit, of_discs, of_pins = slopes
     many, wide, zero = start.shape[1], 0, np.float32(0.0)
     for a in range(start.shape[0]):
         wide = max(wide, stop[a, many - 1, 1] - start[a, 0, 0])

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ....units import ARCMIN
 from ..contact.performance import LOST_MOTION_SHARE
@@ -78,8 +77,9 @@ class Springs:
         force = loading.normal_stiffness * table.arm * ARCMIN
         behind = np.float32(1.0 / (loading.series_stiffness * ARCMIN))
         lean = table.arm_by_shift / table.arm
-        return cls(_single(force * table.arm), _single(force), _single(lean), behind)
+        return cls(*(value.astype(np.float32) for value in (force * table.arm, force, lean)), behind)
 
-
-def _single(value: NDArray[np.float64]) -> Single:
-    return value.astype(np.float32)
+    @property
+    def arrays(self) -> tuple[Single, Single, Single, np.float32]:
+        """The fields, as the kernels take them."""
+        return self.stiff, self.force, self.lean, self.behind

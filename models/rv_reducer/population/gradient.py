@@ -90,15 +90,9 @@ def pull_back(
     name = ".compiled" if uses_numba(engine) else ".arrays"
     import_module(name, __package__).pull_back(
         _single(weight[rows] / ratio),
-        touch.ahead[rows],
-        touch.behind[rows],
-        table.values,
-        lattice.pin,
-        lattice.disc,
-        lattice.directions[rows],
-        slopes.of_unit,
-        slopes.of_discs,
-        slopes.of_pins,
+        (touch.ahead[rows], touch.behind[rows]),
+        (table.values, lattice.pin, lattice.disc, lattice.directions[rows]),
+        (slopes.of_unit, slopes.of_discs, slopes.of_pins),
         total,
     )
     total[14] *= 1e3

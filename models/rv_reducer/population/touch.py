@@ -38,26 +38,15 @@ class Touch:
 
 def touch(lattice: Lattice, table: Table, units: Scaled, engine: Engine = "auto") -> Touch:
     """First contact of all units at all positions."""
-    discs, circle = packed(units)
     shape = (lattice.shape[0], units.units)
     contact = Touch(
         np.empty(shape, np.float32), np.empty(shape, np.float32), np.zeros(shape, np.int32), np.zeros(shape, np.int32)
     )
     name = ".compiled" if uses_numba(engine) else ".arrays"
     import_module(name, __package__).touch(
-        table.values,
-        lattice.pin,
-        lattice.start,
-        lattice.stop,
-        lattice.directions,
-        units.across,
-        units.along,
-        discs,
-        circle,
-        contact.high,
-        contact.low,
-        contact.ahead,
-        contact.behind,
+        (table.values, lattice.pin, lattice.start, lattice.stop, lattice.directions),
+        packed(units),
+        (contact.high, contact.low, contact.ahead, contact.behind),
     )
     return contact
 
@@ -67,12 +56,13 @@ def uses_numba(engine: Engine) -> bool:
     return engine == "numba" or (engine == "auto" and find_spec("numba") is not None)
 
 
-def packed(units: Scaled) -> tuple[Single, Single]:
-    """Errors of discs (discs, 12, n) and of the circle (2, n), as the kernels take them."""
+def packed(units: Scaled) -> tuple[Single, ...]:
+    """Errors across and along pins (pins, n), of discs (discs, 12, n) and of the circle (2, n)."""
     columns = [units.normal, units.radial, units.play, units.ahead]
     for errors in (units.turning, units.offset, units.around, units.pitch):
         columns += [errors.real, errors.imag]
     wide = np.broadcast_shapes(*(column.shape for column in columns))
     discs = np.stack([np.broadcast_to(column, wide) for column in columns], axis=1)
     circle = np.stack([units.circle.real, units.circle.imag])
-    return (np.ascontiguousarray(discs, dtype=np.float32), np.ascontiguousarray(circle, dtype=np.float32))
+    errors = (units.across, units.along, discs, circle)
+    return tuple(np.ascontiguousarray(values, dtype=np.float32) for values in errors)
