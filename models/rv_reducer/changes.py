@@ -16,22 +16,16 @@ from .loaded_unit import LoadedUnit
 from .order_table import LEFT_OUT, OrderTable
 
 
-def _errors(unit: LoadedUnit, name: str, added: Array) -> LoadedUnit:
-    errors = np.asarray(getattr(unit.errors, name), dtype=float)
-    errors = errors.reshape((1,) * (added.ndim - errors.ndim) + errors.shape)
-    return replace(unit, errors=replace(unit.errors, **{name: errors + added}))
+def _part_error(name: str, pattern: object) -> Callable[[LoadedUnit, float], LoadedUnit]:
+    """The change that adds `pattern` times an amount to a part error of the unit."""
 
+    def apply(unit: LoadedUnit, amount: float) -> LoadedUnit:
+        added = amount * np.asarray(pattern, dtype=float)
+        errors = np.asarray(getattr(unit.errors, name), dtype=float)
+        errors = errors.reshape((1,) * (added.ndim - errors.ndim) + errors.shape)
+        return replace(unit, errors=replace(unit.errors, **{name: errors + added}))
 
-def _pin_circle(unit: LoadedUnit, amount: float) -> LoadedUnit:
-    return _errors(unit, "circle_radius", np.full(1, amount))
-
-
-def _equidistance(unit: LoadedUnit, amount: float) -> LoadedUnit:
-    return _errors(unit, "equidistance", np.full((1, 1), amount))
-
-
-def _bearing(unit: LoadedUnit, amount: float) -> LoadedUnit:
-    return _errors(unit, "bearing_clearance", np.full((1, 1, 1), amount))
+    return apply
 
 
 def _sharing(unit: LoadedUnit, amount: float) -> LoadedUnit:
@@ -43,16 +37,12 @@ def _series(unit: LoadedUnit, amount: float) -> LoadedUnit:
     return replace(unit, contact=replace(unit.contact, series_stiffness=stiffness))
 
 
-def _phase_1(unit: LoadedUnit, amount: float) -> LoadedUnit:
-    return _errors(unit, "crank_phase", np.array([[[amount, 0.0], [0.0, 0.0]]]))
-
-
-def _phase_2(unit: LoadedUnit, amount: float) -> LoadedUnit:
-    return _errors(unit, "crank_phase", np.array([[[0.0, amount], [0.0, 0.0]]]))
-
-
-def _stagger(unit: LoadedUnit, amount: float) -> LoadedUnit:
-    return _errors(unit, "angle", np.array([[-amount, amount]]))
+_pin_circle = _part_error("circle_radius", [1.0])
+_equidistance = _part_error("equidistance", [[1.0]])
+_bearing = _part_error("bearing_clearance", [[[1.0]]])
+_phase_1 = _part_error("crank_phase", [[[1.0, 0.0], [0.0, 0.0]]])
+_phase_2 = _part_error("crank_phase", [[[0.0, 1.0], [0.0, 0.0]]])
+_stagger = _part_error("angle", [[-1.0, 1.0]])
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,8 +88,8 @@ tolerance under load (docs/transmission_error.md)."""
 CHANGEABLE = tuple(Changeable(change.name, change.unit, change.meaning) for change in CHANGES)
 
 
-class Answers:
-    """First-order responses of the twist to changes, each computed at its first use."""
+class Responses:
+    """First-order responses of the twist to changes, computed at their first use."""
 
     def __init__(self, unit: LoadedUnit, samples: int, most: float) -> None:
         self.unit, self.samples, self.most = unit, samples, most
@@ -109,14 +99,12 @@ class Answers:
         """d twist/d quantity [rad per unit], by order and torque."""
         if name not in self._cached:
             change = next(candidate for candidate in CHANGES if candidate.name == name)
-            low, high = (self._twist(change, step) for step in (change.low, change.high))
-            step = change.high - change.low
-            self._cached[name] = high.difference(low, step, LEFT_OUT)
+            low, high = (
+                OrderTable.of(change.applied(self.unit, amount).mesh(self.samples), self.most, left_out=0.0)
+                for amount in (change.low, change.high)
+            )
+            self._cached[name] = high.difference(low, change.high - change.low, LEFT_OUT)
         return self._cached[name]
-
-    def _twist(self, change: Change, amount: float) -> OrderTable:
-        mesh = change.applied(self.unit, amount).mesh(self.samples)
-        return OrderTable.of(mesh, self.most, left_out=0.0)
 
     def of(self, changes: Mapping[str, Any], rows: int) -> list[tuple[OrderTable, Array]]:
         """Table and amount (n,) of every change that is not zero.

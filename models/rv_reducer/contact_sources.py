@@ -66,8 +66,7 @@ class ContactSources:
         design = self.units.design
         unit = "mrad" if error == IN_MRAD else "um"
         from_zero = error == "crank_bearing"
-        part = f"{_words(error)} error"
-        part = "clearance of the crank-arm bearings" if from_zero else part
+        part = "clearance of the crank-arm bearings" if from_zero else f"{error.replace('_', ' ')} error"
         half = design.width(error) * (0.5 if from_zero else 1.0)
         return Source(
             f"{error}_{unit}",
@@ -115,7 +114,3 @@ class ContactSources:
             law=involute.planet,
             widest=widest,
         )
-
-
-def _words(error: str) -> str:
-    return error.replace("_", " ")

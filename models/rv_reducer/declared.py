@@ -219,7 +219,7 @@ def backlash_model(
     mids = {error: p[f"{error}_mid_um"] for error in ERRORS} | dict(mids_um or {})
     mid = {error: value * UM for error, value in mids.items()}
     return BacklashModel(
-        _geometry(p),
+        nominal_geometry(p),
         _stage(p),
         _law(p),
         mid,
@@ -236,17 +236,15 @@ def _law(p: Mapping[str, float]) -> EccentricityLaw:
     return EccentricityLaw(p["eccentricity_linear"], quadratic, p["eccentricity_factor"])
 
 
-def _geometry(p: Mapping[str, float]) -> RvGeometry:
+def nominal_geometry(p: Mapping[str, float]) -> RvGeometry:
+    """The geometry (SI) of parameters by declared name; lengths that `p` omits keep their defaults."""
+    lengths = ("pin_circle_radius", "pin_radius", "eccentricity", "sun_pitch_radius", "centre_distance")
     return RvGeometry(
-        pin_circle_radius=p["pin_circle_radius_mm"] * MM,
-        pin_radius=p["pin_radius_mm"] * MM,
-        eccentricity=p["eccentricity_mm"] * MM,
         cycloid_teeth=int(p["cycloid_teeth"]),
         pins=int(p["pins"]),
         reduction_ratio=p["reduction_ratio"],
-        sun_pitch_radius=p["sun_pitch_radius_mm"] * MM,
-        centre_distance=p["centre_distance_mm"] * MM,
-        expansion=p["thermal_expansion_per_K"],
+        expansion=p.get("thermal_expansion_per_K", RvGeometry().expansion),
+        **{name: p[f"{name}_mm"] * MM for name in lengths if f"{name}_mm" in p},
     )
 
 

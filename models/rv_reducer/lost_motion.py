@@ -15,9 +15,10 @@ from ..gear import RV_40E, Gear
 from ..inputs.distribution import Array, Distribution
 from ..measurable import NO_CHANGES, Column, MeasurableModel, Outside, Role
 from . import loaded_unit
-from .changes import CHANGEABLE, Answers
+from .changes import CHANGEABLE, Responses
+from .contact.contact import warn_of_overload
 from .order_table import LEFT_OUT, OrderTable
-from .readings import Rows, outside, warn_of_overload
+from .readings import Rows, outside
 
 SAMPLES_PER_PIN = 50
 """Enough for 0.01 arcmin: the order of the mesh of one tooth (1560, 0.006') is not resolved."""
@@ -68,7 +69,7 @@ class RvLostMotion(MeasurableModel):
         self.momentary = self.unit.contact.momentary_torque
         most = REACH * self.momentary
         self.static = OrderTable.of(self.unit.mesh(samples), most, LEFT_OUT)
-        self.answers = Answers(self.unit, samples, most)
+        self.responses = Responses(self.unit, samples, most)
 
     @classmethod
     def gear_of(cls, parameters: Mapping[str, Any]) -> Gear | None:
@@ -83,8 +84,8 @@ class RvLostMotion(MeasurableModel):
         rows = Rows.of(table)
         warn_of_overload(rows.torque, self.momentary)
         twist = _twist(self.static, rows)
-        for answer, amount in self.answers.of(changes, len(rows)):
-            twist = twist + amount * _twist(answer, rows)
+        for response, amount in self.responses.of(changes, len(rows)):
+            twist = twist + amount * _twist(response, rows)
         return {"twist_arcmin": twist / ARCMIN}
 
 

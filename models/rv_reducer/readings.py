@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -13,7 +12,6 @@ from numpy.typing import NDArray
 from ...errors import Fault, raise_all
 from ..inputs.distribution import Array
 from ..measurable import Outside
-from .contact.contact import OverloadWarning
 
 SPEED = "must be above 0 (leave the column out for quasi-static readings; the sense of turning is `direction`)"
 
@@ -78,11 +76,3 @@ def outside(table: Mapping[str, NDArray[Any]], momentary: float) -> Outside:
         wrong = np.asarray(table["output_speed_rpm"], dtype=float) <= 0.0
         rows["output_speed_rpm"] = wrong, SPEED
     return rows
-
-
-def warn_of_overload(torque: Array, momentary: float) -> None:
-    """Warn (`OverloadWarning`) of torques [N m] beyond the momentary one; they are computed."""
-    most = float(np.abs(torque).max(initial=0.0))
-    if most > momentary:
-        text = f"torque {most:g} N m is beyond the momentary torque {momentary:g} N m"
-        warnings.warn(text, OverloadWarning, stacklevel=3)

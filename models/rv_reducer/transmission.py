@@ -16,7 +16,8 @@ from ..gear import RV_40E, Gear
 from ..inputs.distribution import Array, Distribution
 from ..measurable import NO_CHANGES, Column, MeasurableModel, Outside, Role
 from . import declared, loaded_unit
-from .changes import CHANGEABLE, Answers
+from .changes import CHANGEABLE, Responses
+from .contact.contact import warn_of_overload
 from .dynamics.contact_mesh import tabulated
 from .dynamics.displaced import DisplacedMesh
 from .dynamics.full import FullDynamics
@@ -24,7 +25,7 @@ from .dynamics.spectrum import ComplexArray
 from .dynamics.steady import Oscillator, transfer
 from .dynamics.train import Train
 from .order_table import LEFT_OUT, OrderTable
-from .readings import Rows, outside, warn_of_overload
+from .readings import Rows, outside
 
 SAMPLES_PER_PIN = 100
 REACH = 1.25
@@ -135,7 +136,7 @@ class RvTransmission(MeasurableModel):
         excitation = _excitation(p, self.unit)
         self.static = OrderTable.of(mesh, most, LEFT_OUT).plus(excitation)
         self.train = self._scaled(train, p["first_mode_Hz"])
-        self.answers = Answers(self.unit, self.samples, most)
+        self.responses = Responses(self.unit, self.samples, most)
         self.full: FullDynamics | None = None
         if values["dynamics"] == "full":
             angle = 2.0 * pi * np.arange(self.samples) / self.samples
@@ -162,8 +163,8 @@ class RvTransmission(MeasurableModel):
             te = self._twist(self.static, rows, side, speed)
         else:
             te = self.full.twist(rows.angle, rows.torque, speed)
-        for answer, amount in self.answers.of(changes, len(rows)):
-            te = te + amount * self._twist(answer, rows, side, speed)
+        for response, amount in self.responses.of(changes, len(rows)):
+            te = te + amount * self._twist(response, rows, side, speed)
         if self.removed:
             te = te - self.static.mean_only().twist(rows.angle, rows.torque, side, None)
         te = te + self.eccentricity * np.cos(rows.angle - self.largest_at)

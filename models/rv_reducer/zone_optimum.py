@@ -32,8 +32,8 @@ class Stage:
         """Contribution of one error [m] to phi_2 [rad]."""
         if name == "eccentricity":
             law = self.law
-            return law.factor * (law.linear + law.quadratic * error) * error / self._lever
-        return coefficients(self.geometry)[name] * error / self._lever
+            return law.factor * (law.linear + law.quadratic * error) * error / self.geometry.lever
+        return coefficients(self.geometry)[name] * error / self.geometry.lever
 
     def backlash(self, errors: Mapping[str, float]) -> float:
         """phi_2 [rad] of errors [m] by name; below 0 it is interference."""
@@ -46,7 +46,7 @@ class Stage:
         worse end, a parabola that bends down lies above its chord, another above its vertex.
         """
         linear = sum(
-            min(coefficients(self.geometry)[name] * end for end in ends) / self._lever
+            min(coefficients(self.geometry)[name] * end for end in ends) / self.geometry.lever
             for name, ends in bounds.items()
             if name != "eccentricity"
         )
@@ -57,13 +57,9 @@ class Stage:
         a, b, unit = self.law.linear, self.law.quadratic, self.law.factor
         if b > 0.0:
             vertex = float(np.clip(-0.5 * a / b, low, high))
-            return unit * (b * (vertex + 0.5 * a / b) ** 2 - 0.25 * a**2 / b) / self._lever
+            return unit * (b * (vertex + 0.5 * a / b) ** 2 - 0.25 * a**2 / b) / self.geometry.lever
         chord = [(a + b * (low + high)) * end - b * low * high for end in (low, high)]
-        return unit * min(chord) / self._lever
-
-    @property
-    def _lever(self) -> float:
-        return self.geometry.lever
+        return unit * min(chord) / self.geometry.lever
 
 
 @dataclass(frozen=True, slots=True)

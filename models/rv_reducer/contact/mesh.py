@@ -123,12 +123,24 @@ class Mesh:
         further, (units, angles, discs) [rad] against the mesh.
         """
         turned = rotation[..., None] * self.ratio + self.gaps.turn + extra
-        nearest = np.clip(turned, self.discs.low, self.discs.high)
-        beyond = turned - nearest
-        torque, stiffness = self.discs.at(turned - np.clip(beyond, -self.gaps.play, self.gaps.play))
+        beyond, play = self._beyond(turned)
+        torque, stiffness = self.discs.at(turned - play)
         free = np.abs(beyond) <= self.gaps.play
         bears = ~(free & (self.gaps.play > 0.0))
         return torque * bears, stiffness * bears
+
+    def _beyond(self, turned: Array) -> tuple[Array, Array]:
+        """Turn of discs beyond their rotations without torque, and the part of it that is play."""
+        beyond = turned - np.clip(turned, self.discs.low, self.discs.high)
+        return beyond, np.clip(beyond, -self.gaps.play, self.gaps.play)
+
+    def pressed(self, rotation: Array) -> tuple[Array, Array]:
+        """Torque [N m] of each disc at rotations (units, angles) [rad] of the carrier, and its turn
+        against the mesh [rad] after play and compliance, (units, angles, discs).
+        """
+        torque, _ = self.disc_torque(rotation)
+        turned = rotation[..., None] * self.ratio + self.gaps.turn
+        return torque, turned - self._beyond(turned)[1] - torque * self.compliance
 
     def torque(self, rotation: Array, extra: Array | float = 0.0) -> tuple[Array, Array]:
         """Torque [N m] on the carrier and tangent stiffness [N m/rad], (units, angles).
@@ -187,10 +199,5 @@ class Mesh:
 
     def pin_forces(self, rotation: Array) -> Array:
         """Normal forces [N] on the pins, (units, angles, discs, pins)."""
-        torque, _ = self.disc_torque(rotation)
-        turned = rotation[..., None] * self.ratio + self.gaps.turn
-        nearest = np.clip(turned, self.discs.low, self.discs.high)
-        play = np.clip(turned - nearest, -self.gaps.play, self.gaps.play)
-        disc = turned - play - torque * self.compliance
-        closed = self.gaps.lever * disc[..., None] - self.gaps.gap
+        closed = self.gaps.lever * self.pressed(rotation)[1][..., None] - self.gaps.gap
         return np.asarray(self.stiffness * np.maximum(closed, 0.0))

@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 from ...inputs.distribution import Array
 from .mesh import Mesh
 from .steady import Oscillator, steady_state
-from .sweep import ELEMENTS, samples_needed
+from .sweep import ELEMENTS, resolved
 from .train import Train
 
 
 class NoSteadyState(UserWarning):
-    """Operating points at which no periodic vibration was found."""
+    """Operating points at which Newton's method reaches no periodic vibration."""
 
 
 class FullDynamics:
@@ -32,16 +32,10 @@ class FullDynamics:
         twists = np.empty(len(angle))
         pairs, row = np.unique(np.stack([torque, speed]), axis=1, return_inverse=True)
         points = Oscillator.of(self.mesh, self.train, pairs[0], pairs[1])
-        needed = samples_needed(self.mesh.samples, points)
-        for n in np.unique(needed):
-            fine = self.mesh.resampled(int(n))
-            at = np.flatnonzero(needed == n)
-            for part in np.array_split(at, -(-len(at) * int(n) // ELEMENTS)):
-                chosen = np.isin(np.arange(len(needed)), part)
-                lines = self._orders(fine, points.part(chosen))
-                rows = np.flatnonzero(chosen[row])
-                place = np.searchsorted(part, row[rows])
-                twists[rows] = _read(lines, place, angle[rows])
+        for fine, chosen in resolved(self.mesh, points):
+            lines = self._orders(fine, points.part(chosen))
+            rows = np.flatnonzero(np.isin(row, chosen))
+            twists[rows] = _summed(lines, np.searchsorted(chosen, row[rows]), angle[rows])
         self._warn(twists, pairs[:, row])
         return twists
 
@@ -61,7 +55,7 @@ class FullDynamics:
             warnings.warn(f"{text}, {missing.sum()} readings", NoSteadyState, stacklevel=3)
 
 
-def _read(lines: NDArray[np.complex128], place: NDArray[np.intp], angle: Array) -> Array:
+def _summed(lines: NDArray[np.complex128], place: NDArray[np.intp], angle: Array) -> Array:
     """Twist (n,) of spectra (b, m), at the spectrum and the angle of each row."""
     order = np.arange(lines.shape[1])
     twist = np.empty(len(angle))

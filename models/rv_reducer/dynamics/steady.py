@@ -9,7 +9,7 @@ where the oscillator is soft, and the waves far above its resonance are correcte
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,10 +53,9 @@ class Oscillator:
         """Order (b,) per output turn that meets the first mode."""
         return np.asarray(np.sqrt(self.stiffness / self.inertia) / np.abs(self.speed))
 
-    def part(self, chosen: NDArray[np.bool_]) -> Oscillator:
+    def part(self, chosen: NDArray[np.bool_] | NDArray[np.intp]) -> Oscillator:
         """The chosen points."""
-        fields = ("inertia", "damping", "torque", "stiffness", "speed")
-        return Oscillator(*(getattr(self, name)[chosen] for name in fields))
+        return Oscillator(*(getattr(self, field.name)[chosen] for field in fields(self)))
 
     def symbol(self, n: int) -> NDArray[np.complex128]:
         """-J w^2 + i c w (b, n/2 + 1) of the orders that n samples carry."""

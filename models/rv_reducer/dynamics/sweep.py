@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -42,16 +43,24 @@ def sweep(mesh: Mesh, train: Train, torque: Array | float, speed: Array | float,
     """
     raise_all(faults(train, torque, speed))
     points = Oscillator.of(mesh, train, np.asarray(torque), np.asarray(speed))
-    count = len(points.speed)
-    response = Response(*(np.full(count, np.nan) for _ in range(3)))
+    response = Response(*(np.full(len(points.speed), np.nan) for _ in range(3)))
+    for fine, chosen in resolved(mesh, points):
+        state = steady_state(fine, points.part(chosen), tolerance)
+        reached, force = state.converged(tolerance), fine.peak_force(state.twist)
+        response.residual[chosen] = state.residual
+        response.amplitude[chosen] = np.where(reached, 0.5 * np.ptp(state.twist, axis=-1), np.nan)
+        response.peak_force[chosen] = np.where(reached, force, np.nan)
+    return response
+
+
+def resolved(mesh: Mesh, points: Oscillator) -> Iterator[tuple[Mesh, NDArray[np.intp]]]:
+    """Blocks of points, by their numbers, with the mesh at samples that resolve their resonance."""
     needed = samples_needed(mesh.samples, points)
     for n in np.unique(needed):
         fine = mesh.resampled(int(n))
         at = np.flatnonzero(needed == n)
         for part in np.array_split(at, -(-len(at) * int(n) // ELEMENTS)):
-            chosen = np.isin(np.arange(count), part)
-            _fill(response, chosen, fine, points.part(chosen), tolerance)
-    return response
+            yield fine, part
 
 
 def faults(train: Train, torque: Array | float, speed: Array | float) -> list[Fault]:
@@ -69,15 +78,6 @@ def samples_needed(samples: int, points: Oscillator) -> NDArray[np.int64]:
     needed = POINTS_PER_WAVE * points.resonance
     doublings = np.ceil(np.log2(np.maximum(needed / samples, 1.0))).astype(np.int64)
     return np.asarray(np.where(points.resonance > 0.51 * samples, samples, samples << doublings))
-
-
-def _fill(response: Response, chosen: NDArray[np.bool_], mesh: Mesh, points: Oscillator, tolerance: float) -> None:
-    state = steady_state(mesh, points, tolerance)
-    reached = state.converged(tolerance)
-    twist, force = state.twist, mesh.peak_force(state.twist)
-    response.residual[chosen] = state.residual
-    response.amplitude[chosen] = np.where(reached, 0.5 * np.ptp(twist, axis=-1), np.nan)
-    response.peak_force[chosen] = np.where(reached, force, np.nan)
 
 
 def warnings(mesh: Mesh, train: Train, torque: float, speed: Array, momentary: float = 2058.0) -> tuple[str, ...]:

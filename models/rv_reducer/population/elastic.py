@@ -15,12 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...inputs.distribution import Array
+from ..contact.contact import Engine, uses_numba
 from .elastic_springs import Loading, Springs
 from .gradient import NAMES, Slopes
 from .lattice import Lattice
 from .scaled import Scaled
 from .table import Table
-from .touch import Engine, Single, packed, uses_numba
+from .touch import Single, packed
 
 CASES: Mapping[str, tuple[str, ...]] = {
     "lost_motion": ("forward", "backward"),

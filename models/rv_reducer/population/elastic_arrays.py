@@ -114,10 +114,7 @@ def _mesh(position: _Position, gaps: Array, play: Array, turn: Array, arm: Array
 
 def _discs(mesh: Mesh, rotation: Array) -> tuple[Array, NDArray[np.int8]]:
     """Turns of the discs [arcmin] after play and springs, and the flank that bears, (discs, n)."""
-    torque, _ = mesh.disc_torque(rotation)
-    turned = rotation[..., None] + mesh.gaps.turn
-    beyond = turned - np.clip(turned, mesh.discs.low, mesh.discs.high)
-    turned = turned - np.clip(beyond, -mesh.gaps.play, mesh.gaps.play) - torque * mesh.compliance
+    torque, turned = mesh.pressed(rotation)
     bears = np.where(np.abs(torque[:, 0].T) > _NONE, np.sign(torque[:, 0].T), 0.0)
     return turned[:, 0].T / ARCMIN, bears.astype(np.int8)
 

@@ -8,6 +8,7 @@ from typing import Literal
 
 import numpy as np
 import scipy
+from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
 from ...inputs import Distribution, Uniform
@@ -89,7 +90,7 @@ class BaseSample:
             z[name] = laws.of(name).quantile(u)
         return cls(units, z, phase, planets)
 
-    def part(self, chosen: slice) -> BaseSample:
+    def part(self, chosen: slice | NDArray[np.int64]) -> BaseSample:
         """Some of the units."""
         z = {name: value[..., chosen] for name, value in self.z.items()}
         phase = {name: value[..., chosen] for name, value in self.phase.items()}

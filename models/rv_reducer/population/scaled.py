@@ -56,7 +56,7 @@ class Scaled:
             along=(width("pin_position") * z["pin_position"]).astype(np.float32),
             normal=mid("equidistance") + width("equidistance") * z["equidistance"],
             radial=growth - mid("shift") - width("shift") * z["shift"],
-            play=0.5 * arm * _clearance(sample, design).mean(axis=0),
+            play=0.5 * arm * bearing_clearance(sample, design).mean(axis=0),
             ahead=arm * tangential + design.stagger * sides(geometry)[:, None],
             turning=journals.mean(axis=0),
             offset=0.5 * _waves(sample, design, "runout") - bores(geometry, sample, design),
@@ -105,7 +105,7 @@ def bores(geometry: ContactGeometry, sample: BaseSample, design: UnitDesign) -> 
     return np.asarray(design.width("bore") * (position * bore_axes(geometry)).mean(axis=0))
 
 
-def _clearance(sample: BaseSample, design: UnitDesign) -> Array:
+def bearing_clearance(sample: BaseSample, design: UnitDesign) -> Array:
     """Radial clearance [um] of each bearing in its zone [0, c], (cranks, discs, n).
 
     A mid-limit, which no document has, is added to every clearance.

@@ -4,18 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from importlib import import_module
-from importlib.util import find_spec
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..contact.contact import Engine, uses_numba
 from .lattice import Lattice, Single
 from .scaled import Scaled
 from .table import Table
 
 Contacts = NDArray[np.int32]
-Engine = Literal["auto", "arrays", "numba"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -49,11 +47,6 @@ def touch(lattice: Lattice, table: Table, units: Scaled, engine: Engine = "auto"
         (contact.high, contact.low, contact.ahead, contact.behind),
     )
     return contact
-
-
-def uses_numba(engine: Engine) -> bool:
-    """Whether the compiled kernels are used."""
-    return engine == "numba" or (engine == "auto" and find_spec("numba") is not None)
 
 
 def packed(units: Scaled) -> tuple[Single, ...]:

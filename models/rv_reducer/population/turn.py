@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...inputs.distribution import Array
+from ..contact.contact import Engine
 from ..contact.geometry import ContactGeometry
 from .design import UnitDesign
 from .gradient import Slopes, pull_back
@@ -14,7 +15,7 @@ from .lattice import Lattice, Single, turn_lattice
 from .sample import BaseSample, Hierarchy
 from .scaled import Scaled
 from .table import Table
-from .touch import Engine, Touch, touch
+from .touch import Touch, touch
 
 
 @dataclass(frozen=True, slots=True, eq=False)
