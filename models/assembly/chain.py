@@ -87,8 +87,7 @@ class DatumFlowChain:
         matrix = np.full((self.steps, self.steps), rule.absent)
         for step in range(self.steps):
             carrying = {parent - 1 for parent in self.hangs_on[: step + 1]}
-            for part in range(step + 1):
-                matrix[step, part] = rule.loaded if part in carrying else rule.free
+            matrix[step, : step + 1] = [rule.loaded if part in carrying else rule.free for part in range(step + 1)]
         return matrix
 
     def coupling(self) -> Array:

@@ -58,27 +58,20 @@ def rows(
         insertion,
     )
     turned = full.turn(about_z(outcome.state))
-    sizes = {
-        "norm": np.linalg.norm(outcome.state, axis=1) / MRAD,
-        "combined": np.linalg.norm(outcome.state @ process.observation.T, axis=1) / MRAD,
-        "te": full.amplitude(turned) / ARCSEC,
-        "force": full.peak(turned),
-    }
-    falls = {name: 100.0 * (1.0 - value / value[0]) for name, value in sizes.items()}
+    sizes = np.stack(
+        [
+            np.linalg.norm(outcome.state, axis=1) / MRAD,
+            np.linalg.norm(outcome.state @ process.observation.T, axis=1) / MRAD,
+            full.amplitude(turned) / ARCSEC,
+            full.peak(turned),
+        ]
+    )
+    falls = 100.0 * (1.0 - sizes / sizes[:, :1])
     effort = outcome.effort(process) / MRAD**2
+    columns = (outcome.state / MRAD, effort, sizes.T, falls.T)
     return tuple(
-        Row(
-            precision_weight=weight,
-            state_mrad=tuple((outcome.state[at] / MRAD).tolist()),
-            norm_mrad=float(sizes["norm"][at]),
-            combined_mrad=float(sizes["combined"][at]),
-            effort_mrad2=float(effort[at]),
-            te_amplitude_arcsec=float(sizes["te"][at]),
-            peak_mesh_force_N=float(sizes["force"][at]),
-            norm_fall_percent=float(falls["norm"][at]),
-            combined_fall_percent=float(falls["combined"][at]),
-            te_fall_percent=float(falls["te"][at]),
-            force_fall_percent=float(falls["force"][at]),
+        Row(weight, tuple(state), norm, combined, adjusting, te, force, *fallen)
+        for weight, state, adjusting, (norm, combined, te, force), fallen in zip(
+            PRECISION_WEIGHTS, *(column.tolist() for column in columns), strict=True
         )
-        for at, weight in enumerate(PRECISION_WEIGHTS)
     )

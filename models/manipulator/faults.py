@@ -55,11 +55,10 @@ def _of_ring(ring: TaskRing, place: str) -> Iterator[Fault]:
         if len(ends) != 2:
             yield Fault(key, f"must hold 2 numbers, the low and the high end, got {len(ends)}")
             continue
-        shown = _shown(ends)
         if not np.isfinite(ends).all() or not ends[0] < ends[1]:
-            yield Fault(key, f"must be [low, high] with low below high, got {shown}")
+            yield Fault(key, f"must be [low, high] with low below high, got {_shown(ends)}")
         elif not ends[0] > lowest:
-            yield Fault(key, f"must be above 0: a ring has a hole, got {shown}")
+            yield Fault(key, f"must be above 0: a ring has a hole, got {_shown(ends)}")
 
 
 def _poses(manipulator: Manipulator, ring: TaskRing) -> tuple[Array, Array]:

@@ -36,12 +36,6 @@ class Drives:
         """Squared displacement (n, joints) [(m/rad)^2]."""
         return np.asarray(np.sum(self.move**2, axis=1))
 
-    def worst_of_two(self, first: int = 0, second: int = 1) -> Array:
-        """Squared displacement (n,) of two joints at 1 rad each, in the worse relative sense."""
-        first_move, second_move = self.move[:, :, first], self.move[:, :, second]
-        together, against = (np.sum((first_move + s * second_move) ** 2, axis=1) for s in (1.0, -1.0))
-        return np.asarray(np.maximum(together, against))
-
     def approach_sides(self, directions: Array) -> Array:
         """Signs (approaches, n, joints) of the joints' motion towards `directions` (k, 3).
 

@@ -6,19 +6,12 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from tolevo.errors import InputError
-from tolevo.models.assembly import (
-    AdjustmentWeights,
-    DatumFlowChain,
-    Departures,
-    Process,
-    assemble,
-    gains,
-    kalman,
-    plane_process,
-    response,
-    space_process,
-    terminal_weight,
-)
+from tolevo.models.assembly.assemble import Departures, assemble
+from tolevo.models.assembly.chain import AdjustmentWeights, DatumFlowChain
+from tolevo.models.assembly.estimator import kalman
+from tolevo.models.assembly.process import Process, plane_process, space_process
+from tolevo.models.assembly.regulator import gains, terminal_weight
+from tolevo.models.assembly.response import response
 
 Array = NDArray[np.float64]
 PRINTED_F = np.array([[1.0, 0, 0, 0], [1, 1, 0, 0], [0, 0, 1, 0], [0, 0, 1, 1]])

@@ -90,12 +90,7 @@ class Measures:
         at, units = np.argmax(play, axis=0), np.arange(play.shape[1])
         values = np.maximum(play[at, units].astype(np.float64), 0.0)
 
-        def spread(weight: Array) -> Array:
-            weights = np.zeros(play.shape)
-            weights[at, units] = np.where(values > 0.0, weight, 0.0)
-            return weights
-
-        return values, spread
+        return values, partial(_at_positions, play.shape, at, values > 0.0)
 
     @cached_property
     def _average(self) -> tuple[Array, Spread]:
@@ -137,13 +132,7 @@ class Measures:
         if kind == "overlap":
             at, units = np.argmin(play, axis=0), np.arange(play.shape[1])
             values, limit = play[at, units].astype(np.float64), -self.conditions.overlap
-
-            def least(weight: Array) -> Array:
-                weights = np.zeros(play.shape)
-                weights[at, units] = weight
-                return weights
-
-            return Measure(share_below(values, limit, growth, radius), least)
+            return Measure(share_below(values, limit, growth, radius), partial(_at_positions, play.shape, at, True))
         values = play.mean(axis=0, dtype=np.float64)
         return Measure(share_below(values, 0.0, growth, radius), partial(_everywhere, play.shape))
 
@@ -152,13 +141,8 @@ class Measures:
         play = self.turn.play
         at, units = np.argmin(play, axis=0), np.arange(play.shape[1])
         values = np.maximum(-play[at, units].astype(np.float64), 0.0)
-
-        def spread(weight: Array) -> Array:
-            weights = np.zeros(play.shape)
-            weights[at, units] = np.where(values > 0.0, -weight, 0.0)
-            return weights
-
-        return Measure(ordered_quantile(values, 0.95), spread)
+        spread = partial(_at_positions, play.shape, at, values > 0.0)
+        return Measure(ordered_quantile(values, 0.95), lambda weight: spread(-weight))
 
     def _fraction_of_turn(self, growth: Array, radius: Array) -> Measure:
         play = self.turn.play.astype(np.float64)
@@ -173,6 +157,15 @@ class Measures:
 
 # These are not methods: a measure that refers to the `Measures` that keep it would be a cycle, and
 # the arrays of every design would stay in memory until Python searches for cycles.
+
+
+def _at_positions(
+    shape: tuple[int, int], at: NDArray[np.intp], counted: NDArray[np.bool_] | bool, weight: Array
+) -> Array:
+    """Weights of the units that are counted, each at its position `at` (n,)."""
+    weights = np.zeros(shape)
+    weights[at, np.arange(shape[1])] = np.where(counted, weight, 0.0)
+    return weights
 
 
 def _evenly(play: NDArray[np.float32], weight: Array) -> Array:
