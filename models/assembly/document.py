@@ -17,7 +17,7 @@ PART_ERRORS_MRAD = (-1.6, 5.3, 5.8, 3.2)
 PRECISION_WEIGHTS = (0.0, 5.0, 10.0, np.inf)
 """Printed rows; the last is the document's "ideal, error-free"."""
 MAPPINGS = (AngleMapping(), AngleMapping("own_cranks", absorption=1.2, floor=2.0 * ARCSEC))
-"""Mappings that reproduce the printed figures; they were chosen for that, see docs."""
+"""Mappings that reproduce the printed figures; they were chosen for this purpose (docs/rv_transmission_error.md)."""
 _LARGE = 1e9
 """Stands for the infinite weight."""
 
@@ -48,7 +48,7 @@ def rows(
     insertion: str = "before",
     process: Process | None = None,
 ) -> tuple[Row, ...]:
-    """The document's table by the full model, one set of physical parameters for every row."""
+    """The document's table by the full model, with the same physical parameters in every row."""
     process, full = process or plane_process(), transmission or Transmission()
     weights = np.minimum(PRECISION_WEIGHTS, _LARGE)
     outcome = assemble(

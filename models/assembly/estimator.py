@@ -61,7 +61,7 @@ def kalman(
 
 
 def _present(process: Process, insertion: str) -> NDArray[np.bool_]:
-    """Shape (N, n): the states whose own part is installed when step k is measured."""
+    """Shape (N, n): the states whose part is installed at the measurement of step k."""
     present = process.present
     if insertion == "before":
         present = np.vstack([np.zeros_like(present[:1]), present[:-1]])

@@ -79,7 +79,7 @@ def _weights(process: Process, weights: Array, absent: float) -> list[Fault]:
         Fault(
             f"adjustment_weights_{step + 1}[{part}]",
             f"step {step + 1} adjusts part {part + 1}, "
-            f"which is put in at step {arrival[part]}; until then give it the weight "
+            f"which is installed at step {arrival[part]}; until then give it the weight "
             f"{absent:g} of an absent part",
         )
         for step, part in np.argwhere(early).tolist()

@@ -48,11 +48,11 @@ def response(
     parts = process.error.shape[-1]
     errors, noise = np.eye(parts), None
     if estimator is not None:
-        readings = estimator.gain.shape[0], estimator.gain.shape[-1]
-        count = readings[0] * readings[1]
+        measurements = estimator.gain.shape[0], estimator.gain.shape[-1]
+        count = measurements[0] * measurements[1]
         errors = np.vstack([errors, np.zeros((count, parts))])
         units = np.vstack([np.zeros((parts, count)), np.eye(count)])
-        noise = units.reshape(parts + count, *readings)
+        noise = units.reshape(parts + count, *measurements)
     gain = gains[..., None, :, :, :]
     outcome = assemble(process, gain, errors, insertion, departures, estimator, noise)
     return Response(np.moveaxis(outcome.state, -2, -1), np.moveaxis(outcome.adjustments, -3, -1))

@@ -65,12 +65,12 @@ PARAMETERS: tuple[Parameter, ...] = (
 )
 """Parameters of both."""
 
-ERRORS = Parameter("elementary_errors", {}, "", "elementary errors by name; those left out are 0", choices=NAMES)
+ERRORS = Parameter("elementary_errors", {}, "", "elementary errors by name; omitted errors are 0", choices=NAMES)
 COMPENSATION = Parameter(
     "compensation",
     "none",
     "",
-    "position: outputs are what a command leaves that is corrected until the position is exact",
+    "position: outputs are the residual errors after the command is corrected until the position is exact",
     choices=("none", "position"),
 )
 
@@ -98,7 +98,7 @@ def task_ring(parameters: Mapping[str, Value]) -> TaskRing:
 def elementary_errors(parameters: Mapping[str, Value]) -> Array:
     """All 63 errors (63,) [m, rad] of the table `elementary_errors`.
 
-    A single one may also stand in `parameters` as `elementary_errors.NAME`, the name that a
+    A single error may also be given in `parameters` as `elementary_errors.NAME`, the name that a
     recalibration uses. Raises InputError.
     """
     table: dict[str, Any] = dict(parameters.get(ERRORS.name, {}))  # type: ignore[arg-type]

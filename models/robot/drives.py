@@ -11,7 +11,7 @@ from ..inputs.distribution import Array
 
 WHOLE = 6
 """Least number of joints with which position and orientation can both be kept."""
-STILL = 1e-9
+NOT_MOVING = 1e-9
 """Rate of a joint, over the largest, below which it is rounding."""
 
 
@@ -45,7 +45,7 @@ class Drives:
         whole = self.move.shape[2] >= WHOLE
         rows = np.concatenate([self.move, self.turn], axis=1) if whole else self.move
         rate = np.einsum("nji,ki->knj", np.linalg.pinv(rows)[:, :, :3], directions)
-        return np.where(np.abs(rate) > STILL * np.abs(rate).max(), np.sign(rate), 0.0)
+        return np.where(np.abs(rate) > NOT_MOVING * np.abs(rate).max(), np.sign(rate), 0.0)
 
     def variation(self, reversing: Array, directions: Array | None = None, free: Array | None = None) -> Array:
         """Squared vAP (n,) [m^2] of reversals `reversing` (joints,) [rad]: their root mean squares.

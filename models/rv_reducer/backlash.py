@@ -24,7 +24,7 @@ class Allocation:
     """Tolerances of n designs: lengths in metres, angles in radians, all arrays of shape (n,).
 
     `half_width` has the eight errors of `LINEAR_ERRORS` and `eccentricity`; `crank_bearing` is the
-    full clearance c of the zone [0, c]; `stagger` the turn of each disc, one ahead and one back.
+    full clearance c of the zone [0, c]; `stagger` the angle by which one disc is turned ahead and the other back.
     """
 
     half_width: Mapping[str, Array]
@@ -47,9 +47,9 @@ class BacklashModel:
     phi_2 below zero is interference, not backlash: it is the clipped part of the sum.
 
     phi_1 is that of the tighter of the planets (`tighter`). With `sun_held` phi_2 and phi_3, turns
-    of the discs, are divided by how far a disc turns per turn of the carrier. Discs turned by the
-    stagger delta, one ahead and one back, take `stagger_gain` delta from phi_2. Where not
-    `position_mids_count`, the mid-limits of `ROTATIONS` move no unit's backlash.
+    of the discs, are divided by the turn of a disc per turn of the carrier. The stagger delta of the
+    discs reduces phi_2 by `stagger_gain` delta. Without `position_mids_count` the mid-limits of
+    `ROTATIONS` do not change the backlash of a unit.
     """
 
     geometry: RvGeometry = RvGeometry()
@@ -68,11 +68,11 @@ class BacklashModel:
         return 1.0 / self.geometry.output_ratio if self.sun_held else 1.0
 
     def gain(self, name: str) -> float:
-        """Change of phi_2 [rad/m] with one of the `LINEAR_ERRORS` that differs between units."""
+        """Change of phi_2 [rad/m] with an error of `LINEAR_ERRORS` that differs between units."""
         return self.output_factor * coefficients(self.geometry)[name] / self.geometry.lever
 
     def moves(self, name: str) -> bool:
-        """Whether an error that all units have alike moves their backlash."""
+        """Whether an error that is the same in all units changes their backlash."""
         return self.position_mids_count or name not in ROTATIONS
 
     def opening(self, changes: Mapping[str, Array | float]) -> Array | float:

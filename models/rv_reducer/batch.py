@@ -31,7 +31,7 @@ PART = 16384
 class RvBatch(MeasurableModel):
     """Backlash of a batch of RV reducers, each unit built to the same allocation.
 
-    By contact: phi_1 and the backlash of the cycloid stage by first contact of all pins, the
+    With `model` "contact": phi_1 and the backlash of the cycloid stage by first contact of all pins, the
     largest (or mean) over `positions` of a turn, or at `output_angle_deg`. With `model` "document":
     phi_1 + max(0, phi_2) + phi_3 of document B. Every error is drawn from its distribution. Rows of
     the same `unit` (and `lot`) are the same unit where the table has a column `repeat`, or one of
@@ -43,7 +43,7 @@ class RvBatch(MeasurableModel):
         Column("unit", "", "name or number of the unit", text=True, role=Role.UNIT),
         Column("temperature_C", "C", "temperature of the unit", False, role=Role.TEMPERATURE),
         Column("lot", "", "production lot", needed=False, text=True, role=Role.LOT),
-        Column(ANGLE, "deg", "angle of the output at which a row was read", False),
+        Column(ANGLE, "deg", "angle of the output at which a row was measured", False),
     )
     outputs = (Output("backlash_arcmin", "arcmin", "effective backlash of the unit", low=0.0),)
     parameters = batch_declared.PARAMETERS

@@ -79,10 +79,16 @@ CHANGES = (
     Change("eccentric_phase_1_mrad", "mrad", "phase of crank 1's eccentric for disc 1", MRAD, -0.1, 0.1, _phase_1),
     Change("eccentric_phase_2_mrad", "mrad", "phase of crank 1's eccentric for disc 2", MRAD, -0.1, 0.1, _phase_2),
     Change(
-        "stagger_arcmin", "arcmin", "turn of each disc, disc 2 ahead and disc 1 back", ARCMIN, -0.01, 0.01, _stagger
+        "stagger_arcmin",
+        "arcmin",
+        "angle by which disc 2 is turned ahead and disc 1 back",
+        ARCMIN,
+        -0.01,
+        0.01,
+        _stagger,
     ),
 )
-"""First order is exact for none of them, but within a few percent for changes of the size of a
+"""First-order responses are within a few percent of the exact change for changes of the size of a
 tolerance under load (docs/transmission_error.md)."""
 
 CHANGEABLE = tuple(Changeable(change.name, change.unit, change.meaning) for change in CHANGES)
@@ -116,7 +122,7 @@ class Responses:
         raise_all(
             [
                 *(
-                    Fault(name, f"is not changeable; these are: {', '.join(sorted(known))}")
+                    Fault(name, f"cannot be changed; the changeable quantities are {', '.join(sorted(known))}")
                     for name in amounts
                     if name not in known
                 ),

@@ -1,4 +1,4 @@
-"""Effects of changes of one toleranced input on units on the exact contact, for a batch."""
+"""Effects of a change of a toleranced input on units on the exact contact, for a batch."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ STEP = 0.5
 CENTRED = ("circle_offset", "bore", "crank_phase")
 """Errors without a mid-limit: they have no sign, or no mean."""
 IN_MRAD = "crank_phase"
-BASIS = "a shift of an input by the contact's own derivative of the mean, a wider zone by units built anew"
+BASIS = "a shift of an input by the derivative of the mean on the contact, a wider zone by a new sample of units"
 
 
 @dataclass(frozen=True)

@@ -51,7 +51,7 @@ PARAMETERS: tuple[Parameter, ...] = (
         200.0,
         "",
         "stiffness [N/um] of a pin contact along its normal",
-        "linear in place of the line contact's own",
+        "linear in place of the stiffness of the line contact",
         1e6,
     ),
     _assumed(
@@ -72,21 +72,21 @@ PARAMETERS: tuple[Parameter, ...] = (
     _error(
         "pin_circle_runout_um", "um", "distance of the pin circle's centre from the main bearing's", 100.0, signed=False
     ),
-    _error("pin_circle_phase_deg", "deg", "where in the housing the pin circle is displaced to", 360.0),
+    _error("pin_circle_phase_deg", "deg", "direction in the housing of the displacement of the pin circle", 360.0),
     _error("pin_radius_um", "um", "radius of pin 1 alone, over its full length", 50.0),
     _error("pin_radius_disc_1_um", "um", "radius of pin 1 alone, at disc 1 only", 50.0),
     _error("eccentric_phase_1_mrad", "mrad", "phase of crank 1's eccentric for disc 1", 20.0),
     _error(
         "eccentric_phase_2_mrad",
         "mrad",
-        "phase of crank 1's eccentric for disc 2; equal to the other: of the whole crank",
+        "phase of crank 1's eccentric for disc 2; equal to that for disc 1, it is a phase of the whole crank",
         20.0,
     ),
     _error("eccentricity_1_um", "um", "eccentricity error of crank 1's eccentric for disc 1", 50.0),
     _error("eccentricity_2_um", "um", "eccentricity error of crank 1's eccentric for disc 2", 50.0),
     _error("disc_runout_um", "um", "runout of both discs (twice the distance of the centres)", 100.0, signed=False),
     _error("disc_pitch_um", "um", "cumulative pitch error of both discs", 100.0, signed=False),
-    _error("stagger_arcmin", "arcmin", "turn of each disc, disc 2 ahead and disc 1 back", 5.0),
+    _error("stagger_arcmin", "arcmin", "angle by which disc 2 is turned ahead and disc 1 back", 5.0),
     _error("crank_bearing_um", "um", "radial clearance of the crank bearings", 50.0, signed=False),
 )
 

@@ -43,9 +43,7 @@ class RvLostMotion(MeasurableModel):
             False,
             role=Role.DIRECTION,
         ),
-        Column(
-            "output_angle_deg", "deg", "angle of the output; left out: the mean over a turn", False, role=Role.ANGLE
-        ),
+        Column("output_angle_deg", "deg", "angle of the output; omitted: the mean over a turn", False, role=Role.ANGLE),
         Column("temperature_C", "C", "temperature; acts through effects only", False, role=Role.TEMPERATURE),
     )
     outputs = (Output("twist_arcmin", "arcmin", "twist of the output, with the torque's sign"),)
@@ -90,7 +88,7 @@ class RvLostMotion(MeasurableModel):
 
 
 def _twist(orders: OrderTable, rows: Rows) -> Array:
-    """Twist (n,) [rad], on the flank that the torque, or the direction, or neither chooses."""
+    """Twist (n,) [rad], on the flank that the torque or the direction selects, or the mean of both flanks."""
     if not rows.angled:
         orders = orders.mean_only()
     last = np.zeros(len(rows)) if rows.direction is None else -rows.direction

@@ -1,4 +1,4 @@
-"""Quasi-static twist of one unit, by order of the output angle, tabulated over torque."""
+"""Quasi-static twist of a unit, by order of the output angle, tabulated over torque."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ class OrderTable:
         return OrderTable(self.order[:1], self.nodes, self.values[..., :1], self.slopes[..., :1], self.stiffness)
 
     def difference(self, other: OrderTable, step: float, left_out: float) -> OrderTable:
-        """(self - other)/step, of tables that hold all orders; `left_out` as in `kept`."""
+        """(self - other)/step, of tables that hold all orders; `left_out` as in `largest_orders`."""
         values, slopes = self.values - other.values, self.slopes - other.slopes
         table = OrderTable(self.order, self.nodes, values, slopes, self.stiffness).largest_orders(left_out)
         return OrderTable(table.order, table.nodes, table.values / step, table.slopes / step, table.stiffness)

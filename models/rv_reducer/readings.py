@@ -13,15 +13,15 @@ from ...errors import Fault, raise_all
 from ..inputs.distribution import Array
 from ..measurable import Outside
 
-SPEED = "must be above 0 (leave the column out for quasi-static readings; the sense of turning is `direction`)"
+SPEED = "must be above 0 (omit the column for quasi-static measurements; the sense of turning is `direction`)"
 
 
 @dataclass(frozen=True, slots=True)
 class Rows:
-    """Columns (n,) of a table in SI; `speed` and `direction` are None where there are none.
+    """Columns (n,) of a table in SI; `speed` and `direction` are None where the table has none.
 
-    `angle` [rad] and `torque` [N m] are zero where there are none, `speed` is in rad/s, `direction`
-    +1 or -1; `angled` says whether the table has angles.
+    `angle` [rad] and `torque` [N m] are zero where the table has none, `speed` is in rad/s,
+    `direction` is +1 or -1; `angled` is true where the table has angles.
     """
 
     angle: Array

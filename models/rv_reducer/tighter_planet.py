@@ -76,7 +76,7 @@ class TighterPlanet(Distribution):
 
     @property
     def is_single(self) -> bool:
-        """Whether the least clearance is that of any one planet."""
+        """Whether the least clearance has the law of a single planet."""
         return self.planets == 1 or self.share == 1.0
 
 

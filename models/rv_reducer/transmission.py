@@ -33,7 +33,7 @@ REACH = 1.25
 
 
 def _inertia(name: str, default: float, meaning: str) -> Parameter:
-    source = "a first mode of 55 Hz, as of reducers of this class"
+    source = "a first mode of 55 Hz, typical of reducers of this class"
     return Parameter(name, default, "", meaning, source, assumed=True, low=0.0, high=1e6, open_low=True)
 
 
@@ -41,13 +41,18 @@ def _unit_error(name: str, unit: str, meaning: str, high: float) -> Parameter:
     return Parameter(name, 0.0, unit, meaning, "a perfect unit", low=-high, high=high)
 
 
-OWN: tuple[Parameter, ...] = (
+OF_TRANSMISSION: tuple[Parameter, ...] = (
     next(parameter for parameter in declared.PARAMETERS if parameter.name == "sun_pitch_radius_mm"),
-    _unit_error("sun_runout_um", "um", "runout of the sun (twice its eccentricity), as one planet meets it", 200.0),
-    _unit_error("sun_runout_phase_deg", "deg", "where in a turn of the sun it advances most", 360.0),
+    _unit_error("sun_runout_um", "um", "runout of the sun (twice its eccentricity) in mesh with one planet", 200.0),
+    _unit_error("sun_runout_phase_deg", "deg", "angle of the sun at which the runout advances the output most", 360.0),
     _unit_error("input_error_arcmin", "arcmin", "error of the input angle, once per turn of the input", 60.0),
-    _unit_error("output_eccentricity_arcsec", "arcsec", "error of the reading at the output, once per turn", 3600.0),
-    _unit_error("output_eccentricity_phase_deg", "deg", "output angle at which it is largest", 360.0),
+    _unit_error("output_eccentricity_arcsec", "arcsec", "error of the output encoder, once per turn", 3600.0),
+    _unit_error(
+        "output_eccentricity_phase_deg",
+        "deg",
+        "output angle at which the error of the output encoder is largest",
+        360.0,
+    ),
     _inertia("input_inertia_kgm2", 8e-4, "inertia at the input shaft [kg m^2]: motor and sun"),
     _inertia("load_inertia_kgm2", 4.216, "inertia at the output [kg m^2]"),
     Parameter(
@@ -65,7 +70,7 @@ OWN: tuple[Parameter, ...] = (
         "first_mode_Hz",
         0.0,
         "Hz",
-        "frequency of the first mode at rated torque, to which both inertias are scaled; 0: as the inertias give it",
+        "frequency of the first mode at rated torque, to which both inertias are scaled; 0: inertias as stated",
         "",
         low=0.0,
         high=1e4,
@@ -81,14 +86,14 @@ OWN: tuple[Parameter, ...] = (
         "wind_up",
         "included",
         "",
-        "mean wind-up under the torque: part of the reading, or removed from it",
+        "mean wind-up under the torque: part of the output, or removed from it",
         choices=("included", "removed"),
     ),
 )
 
 
 class RvTransmission(MeasurableModel):
-    """Transmission error in/i - out of one unit: loaded contact, and vibration about it.
+    """Transmission error in/i - out of a unit: loaded contact, and vibration about it.
 
     The wind-up T/K(T) is part of the output, as encoders at both ends measure it, unless `wind_up`
     is "removed". Without `output_speed_rpm` the output is quasi-static; without torque it is that
@@ -103,7 +108,7 @@ class RvTransmission(MeasurableModel):
         Column("direction", "", "sense of turning, 1 or -1; left out: 1", False, role=Role.DIRECTION),
     )
     outputs = (Output("te_arcsec", "arcsec", "transmission error, signed"),)
-    parameters = (*loaded_unit.PARAMETERS, *OWN)
+    parameters = (*loaded_unit.PARAMETERS, *OF_TRANSMISSION)
     free: ClassVar[Mapping[str, float]] = {}
     changeable = CHANGEABLE
     gear = RV_40E
@@ -115,8 +120,8 @@ class RvTransmission(MeasurableModel):
         designs: Mapping[str, float] | None = None,
         inputs: Mapping[str, Distribution] | None = None,
     ) -> None:
-        values = {parameter.name: parameter.default for parameter in OWN} | dict(parameters or {})
-        p = {parameter.name: number(values[parameter.name]) for parameter in OWN if not parameter.choices}
+        values = {parameter.name: parameter.default for parameter in OF_TRANSMISSION} | dict(parameters or {})
+        p = {parameter.name: number(values[parameter.name]) for parameter in OF_TRANSMISSION if not parameter.choices}
         self.unit = loaded_unit.loaded_unit(values)
         self.gear = loaded_unit.gear_of(values)
         train = Train(

@@ -350,8 +350,8 @@ def test_every_fault_of_the_weights_is_named() -> None:
     with pytest.raises(InputError) as caught:
         plane_process(weights=weights)
     text = str(caught.value)
-    assert "adjustment_weights_1[2]: step 1 adjusts part 3, which is put in at step 3" in text
-    assert "adjustment_weights_2[3]: step 2 adjusts part 4, which is put in at step 4" in text
+    assert "adjustment_weights_1[2]: step 1 adjusts part 3, which is installed at step 3" in text
+    assert "adjustment_weights_2[3]: step 2 adjusts part 4, which is installed at step 4" in text
     assert "adjustment_weights_3[0]: must be above 0" in text
 
 

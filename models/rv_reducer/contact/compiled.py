@@ -24,7 +24,7 @@ def rotation(
     torque: Array,
     direction: int,
 ) -> Array:
-    """Rotation of the carrier [rad], (units, angles), as `Mesh.rotation` has it.
+    """Rotation of the carrier [rad], (units, angles), as `Mesh.rotation` computes it.
 
     `normal` [N/m] and `series` [N m/rad] stiffness fit (units, angles, discs), `torque` [N m] fits
     (units, angles).

@@ -36,5 +36,5 @@ PARAMETERS: tuple[Parameter, ...] = (
     Parameter("dr_rp_mm", -0.040, "mm", "equidistance modification", _B, low=-1.0, high=1.0),
     Parameter("dr_p_mm", -0.070, "mm", "shift modification", _B, low=-1.0, high=1.0),
     _torque("rated_torque_Nm", 412.0, "rated torque"),
-    _torque("momentary_torque_Nm", 2058.0, "momentary maximum torque; beyond it warned"),
+    _torque("momentary_torque_Nm", 2058.0, "momentary maximum torque; a larger torque gives a warning"),
 )

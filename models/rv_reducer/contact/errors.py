@@ -85,7 +85,7 @@ class PartErrors:
             np.shape(getattr(self, name))[0] for name, axes in AXES.items() if np.ndim(getattr(self, name)) == len(axes)
         } - {1}
         if len(lengths) > 1:
-            raise ValueError(f"errors are of different numbers of units: {sorted(lengths)}")
+            raise ValueError(f"errors have different numbers of units: {sorted(lengths)}")
         return lengths.pop() if lengths else 1
 
     def full(self, name: str, sizes: Mapping[str, int]) -> Array:

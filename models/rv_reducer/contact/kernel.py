@@ -184,7 +184,7 @@ def _without_torque(arms: Array, gap: Array, normal: float) -> tuple[float, floa
 def balance(
     arms: Array, gap: Array, normal: Array, behind: Array, turn: Array, play: Array, torque: float, direction: int
 ) -> float:
-    """Rotation against the mesh of one unit at one angle, as `Mesh.rotation` finds it.
+    """Rotation against the mesh of one unit at one angle, as `Mesh.rotation` computes it.
 
     `arms`, `gap` (discs, pins); `normal`, `behind`, `turn`, `play` (discs).
     """

@@ -195,7 +195,7 @@ class Mesh:
             if np.all(done | (np.abs(ahead - at) <= 1e-18)):
                 return at
             at = np.where(done, at, ahead)
-        raise ArithmeticError("no balance of torque found")
+        raise ArithmeticError("Newton's method reaches no balance of torque; the errors are too large")
 
     def pin_forces(self, rotation: Array) -> Array:
         """Normal forces [N] on the pins, (units, angles, discs, pins)."""

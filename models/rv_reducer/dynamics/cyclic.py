@@ -2,7 +2,7 @@
 
 u'' and u' by five-point differences of fourth order on n equal steps. The samples are folded (0,
 n-1, 1, n-2, ...), which makes the cyclic matrix a banded one, and the points of a batch follow
-each other in one banded matrix. Cutting the cycle instead (and mending it by a low-rank
+each other in one banded matrix. Cutting the cycle instead (and correcting it by a low-rank
 update) fails: an oscillator over a cut turn grows by exp(zeta omega_n t).
 """
 

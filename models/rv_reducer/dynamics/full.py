@@ -27,7 +27,7 @@ class FullDynamics:
     def twist(self, angle: Array, torque: Array, speed: Array) -> Array:
         """Twist (n,) [rad] at output angles [rad], torques [N m] and signed speeds [rad/s].
 
-        NaN, and a `NoSteadyState` warning, where none was found.
+        NaN, and a `NoSteadyState` warning, where Newton's method reaches no steady state.
         """
         twists = np.empty(len(angle))
         pairs, row = np.unique(np.stack([torque, speed]), axis=1, return_inverse=True)
@@ -40,7 +40,7 @@ class FullDynamics:
         return twists
 
     def _orders(self, mesh: Mesh, points: Oscillator) -> NDArray[np.complex128]:
-        """Complex amplitudes (b, m) of the twist by whole orders; NaN where there is none."""
+        """Complex amplitudes (b, m) of the twist by whole orders; NaN where there is no steady state."""
         state = steady_state(mesh, points, self.tolerance)
         lines = np.fft.rfft(state.twist)[:, : self.mesh.samples // 2] * (2.0 / mesh.samples)
         lines[:, 0] *= 0.5
@@ -51,8 +51,9 @@ class FullDynamics:
         if (missing := np.isnan(twist)).any():
             worst = pairs[:, np.argmax(missing)]
             rpm = worst[1] * 60.0 / (2.0 * np.pi)
-            text = f"no steady vibration found at {worst[0]:g} N m and {rpm:g} rpm"
-            warnings.warn(f"{text}, {missing.sum()} readings", NoSteadyState, stacklevel=3)
+            point = f"at {worst[0]:g} N m and {rpm:g} rpm"
+            text = f"no steady vibration was computed {point}; {missing.sum()} measurements have no value"
+            warnings.warn(text, NoSteadyState, stacklevel=3)
 
 
 def _summed(lines: NDArray[np.complex128], place: NDArray[np.intp], angle: Array) -> Array:

@@ -69,7 +69,7 @@ def faults(train: Train, torque: Array | float, speed: Array | float) -> list[Fa
     if not np.all(np.isfinite(torque)):
         problems.append(Fault("torque", "must be finite, in N m"))
     if not np.all(np.isfinite(speed) & (np.asarray(speed) > 0.0)):
-        problems.append(Fault("speed", "must be finite and above 0 rad/s; a sense of turning is not part of it"))
+        problems.append(Fault("speed", "must be finite and above 0 rad/s; it has no sense of turning"))
     return problems
 
 
@@ -89,9 +89,9 @@ def warnings(mesh: Mesh, train: Train, torque: float, speed: Array, momentary: f
     points = Oscillator.of(mesh, train, np.asarray(torque), speeds)
     line = spectrum(mesh.equilibrium(np.asarray(torque))).amplitude[1:]
     excited = 1 + np.flatnonzero(np.abs(line) >= EXCITED * np.abs(line).max(initial=0.0))
-    missed = sorted({int(k) for k in excited if np.abs(line[k - 1]) > 0.0 and _leapt(points, train, float(k))})
-    if missed:
-        orders = ", ".join(str(k) for k in missed[:5]) + (", ..." if len(missed) > 5 else "")
+    unresolved = sorted({int(k) for k in excited if np.abs(line[k - 1]) > 0.0 and _skipped(points, train, float(k))})
+    if unresolved:
+        orders = ", ".join(str(k) for k in unresolved[:5]) + (", ..." if len(unresolved) > 5 else "")
         width = float(np.max(2.0 * np.asarray(train.damping_ratio)))
         messages.append(
             f"the speeds do not resolve the resonance with order {orders}: near it their"
@@ -100,7 +100,7 @@ def warnings(mesh: Mesh, train: Train, torque: float, speed: Array, momentary: f
     return tuple(messages)
 
 
-def _leapt(points: Oscillator, train: Train, order: float) -> bool:
+def _skipped(points: Oscillator, train: Train, order: float) -> bool:
     """Whether the step over the resonance with `order` is wider than its half-power width."""
     resonant_speed = points.speed * points.resonance / order
     beyond = np.searchsorted(points.speed, resonant_speed.mean())

@@ -33,7 +33,7 @@ CASES: Mapping[str, tuple[str, ...]] = {
 """Load cases of each output."""
 OUTPUTS = tuple(CASES)
 TE_POSITIONS = 251
-"""Positions at which a unit's transmission error at rated torque comes out 3.6 % too small in the
+"""Positions at which a unit's transmission error at rated torque is 3.6 % too small in the
 mean, its 99 % quantile 2 %: the turn's waves of orders 39 to 80 are met at every phase. With
 61 positions the deficits are 9 and 6 %, with 1021 they are 1 %. They are larger for primes that are
 nearly a multiple of 1/k of the teeth (59: 26 %, 79, 97 and 137: 14 %, 127 and 157: 10 %)."""
@@ -45,9 +45,9 @@ HALF_ARCSEC = 30.0
 class Balances:
     """Balances of n units at every position under the torques of load cases.
 
-    `turn` (cases, positions, n) [arcmin] is what the units turn their meshes by, `disc`
-    (cases, positions, discs, n) [arcmin] what each disc is turned by against its mesh, after play
-    and springs, `side` of that shape the flank that takes its torque (0: none does). `preload`
+    `turn` (cases, positions, n) [arcmin] is the turn of the units against their meshes, `disc`
+    (cases, positions, discs, n) [arcmin] that of every disc against its mesh, after play and
+    springs, `side` of that shape the flank that takes its torque (0: none does). `preload`
     (positions, n) [N m] is the torque of the forward flanks in the case "none"; `peak` (n,) [N] the
     largest pin force in the case "rated", at position `peak_position` on contact `peak_contact`.
     """
@@ -134,7 +134,7 @@ class Elastic:
         return by_case
 
     def _add(self, into: Single, name: str, case: str, weight: Array) -> None:
-        """Adds the weights of one output in one of its load cases."""
+        """Adds the weights of an output in a load case."""
         balances, ratio = self.balances, self.lattice.geometry.output_ratio
         positions, units = into.shape[1:]
         unit = np.arange(units)

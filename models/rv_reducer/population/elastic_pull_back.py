@@ -118,10 +118,10 @@ def _spread(
     of_torque: Single,
     of_force: Single,
     star: Any,
-    kept: Single,
+    of_contact: Single,
     sums: Single,
 ) -> Any:
-    """Adds one contact's weights to `sums` (7, lanes), and leaves them in `kept`.
+    """Adds the weights of a contact to `sums` (7, lanes), and writes them to `of_contact`.
 
     Returns the part by the shift modification, with which the lever arm grows by `lean` [1/mm]:
     stiffness goes with the square of the arm, the force on a pin with the arm.
@@ -129,12 +129,12 @@ def _spread(
     lever, radial, nx, ny = row[1], row[2], row[4], row[5]
     c, s, zero, two = row[6], row[7], np.float32(0.0), np.float32(2.0)
     by_shift = zero
-    for u in range(kept.size):
+    for u in range(of_contact.size):
         bears = stiff if closed[u] != zero else zero
         through = (factor[u] - of_torque[u]) * bears
         direct = force * of_force[u] if star[u] == contact else zero
         a = through - direct
-        kept[u] = a
+        of_contact[u] = a
         sums[0, u] += a
         sums[1, u] += a * lever
         sums[2, u] += a * radial
@@ -217,7 +217,7 @@ def pull_back(weights: Any, contacts: Any, springs: Any, errors: Any, balance: A
     for a in range(start.shape[0]):
         wide = max(wide, stop[a, many - 1, 1] - start[a, 0, 0])
     indices, nothing = np.empty(LANES, np.int64), np.zeros(LANES, np.float32)
-    terms, kept = np.empty((6, LANES), np.float32), np.empty(LANES, np.float32)
+    terms, weight = np.empty((6, LANES), np.float32), np.empty(LANES, np.float32)
     closed, sums = np.empty((wide, LANES), np.float32), np.empty((7, LANES), np.float32)
     rise, fixed, factor = np.empty((3, many, LANES), np.float32)
     bearing = np.empty(wide, np.bool_)
@@ -263,8 +263,8 @@ def pull_back(weights: Any, contacts: Any, springs: Any, errors: Any, balance: A
                             taken,
                             load,
                             star,
-                            kept[lanes],
+                            weight[lanes],
                             sums,
                         )
-                        _add_pin(rows[i], kept[lanes], units, of_pins[:, pins[i]], total)
+                        _add_pin(rows[i], weight[lanes], units, of_pins[:, pins[i]], total)
                 _add_disc(sums, axes[a, d], of_discs[d][:, units], by_unit, toward[d], total)

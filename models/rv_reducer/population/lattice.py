@@ -28,12 +28,12 @@ def shares_a_factor(positions: int, geometry: ContactGeometry) -> bool:
 
 
 def merit(positions: int, geometry: ContactGeometry) -> int:
-    """The least h |g| of waves h z_c + g per output turn, h > 0, that all positions see alike.
+    """The least h |g| of waves h z_c + g per output turn, h > 0, that are equal at all positions.
 
     A wave of the crank's order h and the disc's order g looks constant where positions divide
     h z_c + g, so that the turn is sampled along a few lines. 0 where z_c and positions share a
-    factor, z_c at most (h = 1). The greatest backlash over the turn is found as well as positions
-    allow from a tenth of them, or z_c, upwards.
+    factor, z_c at most (h = 1). The largest backlash over the turn is as accurate as the
+    number of positions allows where this is at least a tenth of them, or z_c.
     """
     teeth = geometry.nominal.cycloid_teeth
     rest = [(h * teeth) % positions for h in range(1, positions)]
@@ -52,7 +52,7 @@ def nearest_prime(positions: int, geometry: ContactGeometry) -> int:
         for candidate in (positions + step, positions - step):
             if _prime(candidate) and spreads_evenly(candidate, geometry):
                 return candidate
-    raise ArithmeticError(f"no even lattice of about {positions} positions found")
+    raise ArithmeticError(f"no prime near {positions} positions spreads evenly over the turn")
 
 
 def _prime(number: int) -> bool:

@@ -155,7 +155,7 @@ class Measures:
         return Measure(statistic, lambda weight: by_place * weight)
 
 
-# These are not methods: a measure that refers to the `Measures` that keep it would be a cycle, and
+# These are not methods: a measure that refers to the `Measures` that cache it would be a cycle, and
 # the arrays of every design would stay in memory until Python searches for cycles.
 
 

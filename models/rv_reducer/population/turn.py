@@ -48,7 +48,7 @@ class Population:
         return self.sample.units
 
     def alike(self) -> Slopes:
-        """Slopes by what all units have alike: every standardised error is 1."""
+        """Slopes by errors that are the same in all units: every standardised error is 1."""
         sample = self.sample
         ones = {name: np.ones_like(z) for name, z in sample.z.items()}
         return Slopes.of(self.lattice.geometry, replace(sample, z=ones))
