@@ -13,7 +13,7 @@ from .process import Process
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Departures:
-    """Departures of a real assembly from the ideal process; numbers, or arrays (n,) over assemblies."""
+    """Departures of a real assembly from the ideal; numbers, or arrays (n,) over assemblies."""
 
     gain_error: float | Array = 0.0
     """The achieved adjustment is (1 + gain_error) times the commanded one."""

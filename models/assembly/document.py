@@ -17,7 +17,7 @@ PART_ERRORS_MRAD = (-1.6, 5.3, 5.8, 3.2)
 PRECISION_WEIGHTS = (0.0, 5.0, 10.0, np.inf)
 """Printed rows; the last is the document's "ideal, error-free"."""
 MAPPINGS = (AngleMapping(), AngleMapping("own_cranks", absorption=1.2, floor=2.0 * ARCSEC))
-"""Mappings that reproduce the printed figures; they were chosen for this purpose (docs/rv_transmission_error.md)."""
+"""Mappings chosen to reproduce the printed figures (docs/rv_transmission_error.md)."""
 _LARGE = 1e9
 """Stands for the infinite weight."""
 

@@ -24,7 +24,8 @@ class Allocation:
     """Tolerances of n designs: lengths in metres, angles in radians, all arrays of shape (n,).
 
     `half_width` has the eight errors of `LINEAR_ERRORS` and `eccentricity`; `crank_bearing` is the
-    full clearance c of the zone [0, c]; `stagger` the angle by which one disc is turned ahead and the other back.
+    full clearance c of the zone [0, c]; `stagger` the angle by which one disc is turned ahead and
+    the other back.
     """
 
     half_width: Mapping[str, Array]
@@ -47,8 +48,8 @@ class BacklashModel:
     phi_2 below zero is interference, not backlash: it is the clipped part of the sum.
 
     phi_1 is that of the tighter of the planets (`tighter`). With `sun_held` phi_2 and phi_3, turns
-    of the discs, are divided by the turn of a disc per turn of the carrier. The stagger delta of the
-    discs reduces phi_2 by `stagger_gain` delta. Without `position_mids_count` the mid-limits of
+    of the discs, are divided by the turn of a disc per turn of the carrier. The stagger delta of
+    the discs reduces phi_2 by `stagger_gain` delta. Without `position_mids_count` the mid-limits of
     `ROTATIONS` do not change the backlash of a unit.
     """
 

@@ -31,12 +31,13 @@ PART = 16384
 class RvBatch(MeasurableModel):
     """Backlash of a batch of RV reducers, each unit built to the same allocation.
 
-    With `model` "contact": phi_1 and the backlash of the cycloid stage by first contact of all pins, the
-    largest (or mean) over `positions` of a turn, or at `output_angle_deg`. With `model` "document":
-    phi_1 + max(0, phi_2) + phi_3 of document B. Every error is drawn from its distribution. Rows of
-    the same `unit` (and `lot`) are the same unit where the table has a column `repeat`, or one of
-    angles; otherwise every row is a unit. Temperature and lot act through effects only; changes of
-    the errors of the cycloid stage and of temperatures act before interference is cut off.
+    With `model` "contact": phi_1 and the backlash of the cycloid stage by first contact of all
+    pins, the largest (or mean) over `positions` of a turn, or at `output_angle_deg`. With `model`
+    "document": phi_1 + max(0, phi_2) + phi_3 of document B. Every error is drawn from its
+    distribution. Rows of the same `unit` (and `lot`) are the same unit where the table has a column
+    `repeat`, or one of angles; otherwise every row is a unit. Temperature and lot act through
+    effects only; changes of the errors of the cycloid stage and of temperatures act before
+    interference is cut off.
     """
 
     columns = (

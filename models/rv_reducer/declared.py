@@ -237,7 +237,7 @@ def _law(p: Mapping[str, float]) -> EccentricityLaw:
 
 
 def nominal_geometry(p: Mapping[str, float]) -> RvGeometry:
-    """The geometry (SI) of parameters by declared name; lengths that `p` omits keep their defaults."""
+    """The geometry (SI) of parameters by declared name; omitted lengths keep their defaults."""
     lengths = ("pin_circle_radius", "pin_radius", "eccentricity", "sun_pitch_radius", "centre_distance")
     return RvGeometry(
         cycloid_teeth=int(p["cycloid_teeth"]),

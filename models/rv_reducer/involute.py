@@ -36,7 +36,7 @@ class InvoluteStage:
 
     @property
     def compensation(self) -> float:
-        """Delta: what gear errors take from the smallest clearance [m]."""
+        """Delta: reduction of the smallest clearance by gear errors [m]."""
         s, c = sin(self.pressure_angle), cos(self.pressure_angle)
         return sqrt(
             (2.0 * self.centre_distance * s) ** 2

@@ -18,7 +18,7 @@ from . import loaded_unit
 from .changes import CHANGEABLE, Responses
 from .contact.contact import warn_of_overload
 from .order_table import LEFT_OUT, OrderTable
-from .readings import Rows, outside
+from .rows import Rows, outside
 
 SAMPLES_PER_PIN = 50
 """Enough for 0.01 arcmin: the order of the mesh of one tooth (1560, 0.006') is not resolved."""
@@ -88,7 +88,7 @@ class RvLostMotion(MeasurableModel):
 
 
 def _twist(orders: OrderTable, rows: Rows) -> Array:
-    """Twist (n,) [rad], on the flank that the torque or the direction selects, or the mean of both flanks."""
+    """Twist (n,) [rad] on the flank of the torque or of the direction, or the mean of both."""
     if not rows.angled:
         orders = orders.mean_only()
     last = np.zeros(len(rows)) if rows.direction is None else -rows.direction

@@ -1,9 +1,9 @@
 """Staggered assembly: discs turned against each other, and the parts that do it.
 
 The stagger is the angle by which one disc is turned ahead and the other back. Rigid discs on one
-carrier touch forward by the disc that is turned ahead and backward by the other, so that they reduce
-the backlash of the cycloid stage by exactly the angle between them: twice the stagger. Document B
-writes phi_2' = phi_2 - 4 delta': its delta' is then half of the stagger.
+carrier touch forward by the disc that is turned ahead and backward by the other, so that they
+reduce the backlash of the cycloid stage by exactly the angle between them: twice the stagger.
+Document B writes phi_2' = phi_2 - 4 delta': its delta' is then half of the stagger.
 """
 
 from __future__ import annotations

@@ -25,7 +25,7 @@ from .dynamics.spectrum import ComplexArray
 from .dynamics.steady import Oscillator, transfer
 from .dynamics.train import Train
 from .order_table import LEFT_OUT, OrderTable
-from .readings import Rows, outside
+from .rows import Rows, outside
 
 SAMPLES_PER_PIN = 100
 REACH = 1.25
@@ -102,10 +102,10 @@ class RvTransmission(MeasurableModel):
 
     columns = (
         Column("output_angle_deg", "deg", "angle of the output", role=Role.ANGLE),
-        Column("torque_Nm", "Nm", "torque that resists + motion; left out: 0", False, role=Role.TORQUE),
-        Column("output_speed_rpm", "rpm", "speed of the output; left out: quasi-static", False, role=Role.SPEED),
+        Column("torque_Nm", "Nm", "torque that resists + motion; omitted: 0", False, role=Role.TORQUE),
+        Column("output_speed_rpm", "rpm", "speed of the output; omitted: quasi-static", False, role=Role.SPEED),
         Column("temperature_C", "C", "temperature; acts through effects only", False, role=Role.TEMPERATURE),
-        Column("direction", "", "sense of turning, 1 or -1; left out: 1", False, role=Role.DIRECTION),
+        Column("direction", "", "sense of turning, 1 or -1; omitted: 1", False, role=Role.DIRECTION),
     )
     outputs = (Output("te_arcsec", "arcsec", "transmission error, signed"),)
     parameters = (*loaded_unit.PARAMETERS, *OF_TRANSMISSION)

@@ -1,4 +1,4 @@
-"""Errors of the cycloid stage that leave least backlash within bounds (document B, section 4).
+"""Errors of the cycloid stage with the least backlash within bounds (document B, section 4).
 
 phi_2 = phi_mod + sum c_i delta_i/(e z_c) + f (a d + b d^2)/(e z_c), d the eccentricity error, is a
 sum of functions of one error each, so that the optimum over a box is found error by error: a line
@@ -80,8 +80,8 @@ def least(stage: Stage, bounds: Bounds) -> ZoneOptimum:
 def least_clipped(stage: Stage, bounds: Bounds) -> ZoneOptimum:
     """Least max(0, phi_2) within bounds [m]: interference is no backlash.
 
-    Where `least` interferes, every point of a whole surface phi_2 = 0 is an optimum; the one on the
-    line from the middle of the bounds to that of `least` is returned.
+    Where `least` interferes, every point of a whole surface phi_2 = 0 is an optimum; the point on
+    the line from the middle of the bounds to that of `least` is returned.
     """
     optimum = least(stage, bounds)
     if optimum.backlash >= 0.0:

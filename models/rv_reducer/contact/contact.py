@@ -62,7 +62,7 @@ class LoadedContact:
     between one disc and the carrier (bearings, cranks, carrier; `inf` without) are assumptions;
     both may be arrays that fit (units, angles, discs), so that discs share unequally or stiffness
     depends on the angle. Torques [N m] of the catalogue. `exact`: see `gaps`. `engine`: numba where
-    it is installed ("auto"), or one of the two; `rotation` alone uses it. Raises InputError where
+    it is installed ("auto"), "arrays" or "numba"; only `rotation` uses it. Raises InputError where
     the profile interferes or is undercut (`faults`).
     """
 

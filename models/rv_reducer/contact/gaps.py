@@ -36,11 +36,11 @@ class Displacements:
     """Displacements by part errors; complex numbers are points of the plane [m], or directions.
 
     `pins` (units, discs, pins) displaces pins in axes of the housing, `across` the same shape [m]
-    is the change of the gap by radii. The rest is (units, discs): `turning` displaces the disc's centre
-    in axes that turn with its eccentric, `offset` in those of the disc; `around` [rad] turns it by
-    its part across the line of the cranks, `angle` [rad] forward; `play` as in `Gaps`; `shift` [m];
-    `pitch` [rad] is the turn F_p/(2 r_p) exp(i phase) of a tooth at angle u, to be taken at
-    exp(i u) as a scalar product.
+    is the change of the gap by radii. The rest is (units, discs): `turning` displaces the disc's
+    centre in axes that turn with its eccentric, `offset` in those of the disc; `around` [rad] turns
+    it by its part across the line of the cranks, `angle` [rad] forward; `play` as in `Gaps`;
+    `shift` [m]; `pitch` [rad] is the turn F_p/(2 r_p) exp(i phase) of a tooth at angle u, to be
+    taken at exp(i u) as a scalar product.
     """
 
     pins: Complex
@@ -110,11 +110,11 @@ def gaps(
 ) -> Gaps:
     """Gaps of all units at the crank angles [rad], (angles,).
 
-    Errors act to third order about the exact nominal profile (`Nominal.displaced`): within 1 nm
-    of exact geometry where a pin's displacements add up to 20 um and its phase is 25 degrees or
-    more; nearer to the bottom of a tooth space, where no torque is carried, they are coarser.
-    With `exact` the nearest point of the profile is computed for every pin instead. `nominal` at these angles
-    may be passed where it is already computed.
+    Errors act to third order about the exact nominal profile (`Nominal.displaced`): within 1 nm of
+    exact geometry where a pin's displacements add up to 20 um and its phase is 25 degrees or more;
+    nearer to the bottom of a tooth space, where no torque is carried, they are coarser. With
+    `exact` the nearest point of the profile is computed for every pin instead. `nominal` at these
+    angles may be passed where it is already computed.
     """
     displacement, axes = displacements(geometry, errors), Axes.at(geometry, angles)
     phi, shift = geometry.phase(angles), displacement.shift[:, None, :, None]

@@ -1,9 +1,9 @@
 """Nominal geometry of the loaded contact: the modified profile around one pin, exactly.
 
-Everything around a pin is expressed in axes that point from the housing's centre to the pin (real part) and
-counter-clockwise (imaginary part). With phi the angle from the pin to the eccentric, the pin's
-centre relative to that of the disc is r_p - e exp(i phi), and the curve that it must follow is
-C(v) = (r_p + dr_p) exp(i v) - e exp(i (phi + z_p v)); the tooth is its inner parallel curve at
+Everything around a pin is expressed in axes that point from the housing's centre to the pin (real
+part) and counter-clockwise (imaginary part). With phi the angle from the pin to the eccentric, the
+pin's centre relative to that of the disc is r_p - e exp(i phi), and the curve that it must follow
+is C(v) = (r_p + dr_p) exp(i v) - e exp(i (phi + z_p v)); the tooth is its inner parallel curve at
 r_rp + dr_rp. The gap is the distance of the pin's centre from C plus dr_rp.
 """
 

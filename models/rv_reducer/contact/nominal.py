@@ -18,9 +18,9 @@ STEEP = 1500.0
 class Nominal:
     """The nominal profile at given phases; all arrays have the same shape.
 
-    `gap` [m]; `lever` [m], how much of it a forward turn of the disc closes per radian; in the pin's
-    axes `normal` (outward) and `tangent` of the profile and `radial`, the direction in which a
-    shift modification moves it; `bend` [1/m], kappa/(1 + kappa d) with the curvature kappa of the
+    `gap` [m]; `lever` [m], how much of it a forward turn of the disc closes per radian; in the
+    pin's axes `normal` (outward) and `tangent` of the profile and `radial`, the direction in which
+    a shift modification moves it; `bend` [1/m], kappa/(1 + kappa d) with the curvature kappa of the
     curve C and the distance d from it; `cubic` [1/m^2], (d kappa/ds)/6/(1 + kappa d)^3; `mixed`
     [1/m], how the effect of a shift changes along C.
     """

@@ -14,7 +14,7 @@ from .contact import LoadedContact
 from .errors import PartErrors
 
 LOST_MOTION_SHARE = 0.03
-"""Fraction of the rated torque, either way, at which the catalogue states lost motion."""
+"""Fraction of the rated torque, in either sense, at which the catalogue states lost motion."""
 
 
 def backlash(contact: LoadedContact, errors: PartErrors, angles: Array) -> Array:

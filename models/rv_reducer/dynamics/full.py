@@ -40,7 +40,7 @@ class FullDynamics:
         return twists
 
     def _orders(self, mesh: Mesh, points: Oscillator) -> NDArray[np.complex128]:
-        """Complex amplitudes (b, m) of the twist by whole orders; NaN where there is no steady state."""
+        """Complex amplitudes (b, m) of the twist by whole orders; NaN without a steady state."""
         state = steady_state(mesh, points, self.tolerance)
         lines = np.fft.rfft(state.twist)[:, : self.mesh.samples // 2] * (2.0 / mesh.samples)
         lines[:, 0] *= 0.5

@@ -3,8 +3,9 @@
 J theta'' + c theta' + tau(theta, angle) = T with angle = speed * time. Derivatives are exact for
 trigonometric polynomials (FFT), the torque is sampled; so the error falls faster than any power of
 the number of samples n while the torque is smooth, and as 1/n^2 where contacts make and break.
-Newton's method, with the derivatives of the slope matrix by differences (`cyclic`): they are accurate
-where the oscillator is soft, and the waves far above its resonance are corrected separately.
+Newton's method, with the derivatives of the slope matrix by differences (`cyclic`): they are
+accurate where the oscillator is soft, and the waves far above its resonance are corrected
+separately.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ class Oscillator:
     """b operating points over a mesh: inertia, damping, torque, stiffness (b,), speed (b,).
 
     `speed` [rad/s] is that of the output, negative for turning backwards; `stiffness` [N m/rad] the
-    mean one about the operating torque.
+    mean stiffness about the operating torque.
     """
 
     inertia: Array
@@ -140,7 +141,7 @@ class _Balance:
         return _Balance(self.mesh, self.points.part(chosen))
 
     def step(self, twist: Array, residual: Array, slope: Array) -> tuple[Array, Array, Array]:
-        """The twist after a step, its residual and stiffness; the step is halved while it overshoots."""
+        """Twist after a step, its residual and stiffness; steps that overshoot are halved."""
         change = -self._soft(residual, slope)
         before = OVERSHOOT * self.relative(residual)
         for _ in range(HALVINGS):

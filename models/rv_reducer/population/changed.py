@@ -18,8 +18,9 @@ from .scaled import Scaled, pitch_turn
 def changed(geometry: ContactGeometry, units: Scaled, sample: BaseSample, changes: Mapping[str, Array]) -> Scaled:
     """Units (n) with their errors [um] and temperatures [K] changed, each by a number or by (n,).
 
-    A change of an error is a change of its mid-limit, the same for every pin and disc of the unit. A warmer
-    housing widens the pin circle against the discs; a change of pin position turns the unit only.
+    A change of an error is a change of its mid-limit, the same for every pin and disc of the unit.
+    A warmer housing widens the pin circle against the discs; a change of pin position turns the
+    unit only.
     """
 
     def of(error: str) -> Array:

@@ -27,8 +27,8 @@ def _disc(axes: Single, disc: Single, circle: Single, terms: Single) -> None:
 
     `axes` (6) are cos and sin of eccentric, disc, and eccentric against the cranks; `disc`
     (12, lanes): normal, radial, play, ahead, then real and imaginary parts of turning, offset,
-    around, pitch; `circle` (2, lanes). `terms`: what adds to the gap along the normal, with its
-    radial part, x and y of the pin against the disc, pitch x and y, play, forward turn.
+    around, pitch; `circle` (2, lanes). `terms`: changes of the gap along the normal and
+    radially, x and y of the pin against the disc, pitch x and y, play, forward turn.
     """
     ex, ey, dx, dy, cx, cy = axes[0], axes[1], axes[2], axes[3], axes[4], axes[5]
     for u in range(terms.shape[1]):

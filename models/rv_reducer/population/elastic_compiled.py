@@ -168,12 +168,12 @@ def _pins(mesh: Mesh, d: int, u: int, x: float) -> tuple[float, float, float]:
 
 
 @_compiled
-def _bent(mesh: Mesh, d: int, u: int, behind: float, wanted: float, low: float, high: float) -> Any:
-    """The turn x in [low, high] with x + behind M(x) = wanted."""
+def _bent(mesh: Mesh, d: int, u: int, behind: float, target: float, low: float, high: float) -> Any:
+    """The turn x in [low, high] with x + behind M(x) = target."""
     x = 0.5 * (low + high)
     for _ in range(_STEPS):
         _, torque, rise = _pins(mesh, d, u, x)
-        miss = x + behind * torque - wanted
+        miss = x + behind * torque - target
         low, high = max(low, x) if miss < 0.0 else low, min(high, x) if miss >= 0.0 else high
         ahead = x - miss / (1.0 + behind * rise)
         if not low <= ahead <= high:
@@ -219,14 +219,14 @@ def _loaded(
     Returns its turn against the mesh, the flank that takes its torque, the torque of the forward
     flank, and the torque and stiffness that act on the carrier.
     """
-    wanted, toward = min(max(turned, low), high), 0
+    target, toward = min(max(turned, low), high), 0
     if turned > high + play:
-        wanted, toward = turned - play, 1
+        target, toward = turned - play, 1
     elif turned < low - play:
-        wanted, toward = turned + play, -1
-    x = wanted
+        target, toward = turned + play, -1
+    x = target
     if toward != 0 and behind > 0.0:
-        x = _bent(mesh, d, u, behind, wanted, min(low, wanted), max(high, wanted))
+        x = _bent(mesh, d, u, behind, target, min(low, target), max(high, target))
     forward, torque, rise = _pins(mesh, d, u, x)
     if toward == 0:
         torque = rise = 0.0

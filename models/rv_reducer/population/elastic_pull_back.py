@@ -27,7 +27,7 @@ def _compiled(function: Any) -> Any:
 
 @_compiled
 def _terms(axes: Single, disc: Single, circle: Single, terms: Single) -> None:
-    """Fills `terms` (6, lanes) of one disc at one position: what adds to gaps, as in `compiled`."""
+    """Fills `terms` (6, lanes) of one disc at one position: changes of gaps, as in `compiled`."""
     ex, ey, dx, dy = axes[0], axes[1], axes[2], axes[3]
     for u in range(disc.shape[1]):
         terms[0, u] = disc[0, u]

@@ -41,13 +41,13 @@ def merit(positions: int, geometry: ContactGeometry) -> int:
 
 
 def spreads_evenly(positions: int, geometry: ContactGeometry) -> bool:
-    """Whether the positions cover disc and crank alike; 79, 157 and 313 of 39 teeth do not."""
+    """Whether the positions cover disc and crank evenly; 79, 157 and 313 of 39 teeth do not."""
     least = min(geometry.nominal.cycloid_teeth, 0.1 * positions)
     return not shares_a_factor(positions, geometry) and merit(positions, geometry) >= least
 
 
 def nearest_prime(positions: int, geometry: ContactGeometry) -> int:
-    """The prime nearest to `positions` that shares no factor with teeth and pins, and spreads."""
+    """The prime nearest to `positions` without a factor of teeth and pins that spreads evenly."""
     for step in range(positions + 50):
         for candidate in (positions + step, positions - step):
             if _prime(candidate) and spreads_evenly(candidate, geometry):

@@ -87,10 +87,8 @@ class Measures:
     def _largest(self) -> tuple[Array, Spread]:
         """Largest backlash of the cycloid stage over the turn."""
         play = self.turn.play
-        at, units = np.argmax(play, axis=0), np.arange(play.shape[1])
-        values = np.maximum(play[at, units].astype(np.float64), 0.0)
-
-        return values, partial(_at_positions, play.shape, at, values > 0.0)
+        values = np.maximum(play.max(axis=0).astype(np.float64), 0.0)
+        return values, partial(_at_positions, play.shape, play.argmax(axis=0), values > 0.0)
 
     @cached_property
     def _average(self) -> tuple[Array, Spread]:
@@ -130,18 +128,16 @@ class Measures:
         if kind == "share_of_turn":
             return self._fraction_of_turn(growth, radius)
         if kind == "overlap":
-            at, units = np.argmin(play, axis=0), np.arange(play.shape[1])
-            values, limit = play[at, units].astype(np.float64), -self.conditions.overlap
-            return Measure(share_below(values, limit, growth, radius), partial(_at_positions, play.shape, at, True))
+            below = share_below(play.min(axis=0).astype(np.float64), -self.conditions.overlap, growth, radius)
+            return Measure(below, partial(_at_positions, play.shape, play.argmin(axis=0), True))
         values = play.mean(axis=0, dtype=np.float64)
         return Measure(share_below(values, 0.0, growth, radius), partial(_everywhere, play.shape))
 
     def _overlap(self) -> Measure:
         """Largest overlap over the turn that 95 % of the units stay below [arcmin]."""
         play = self.turn.play
-        at, units = np.argmin(play, axis=0), np.arange(play.shape[1])
-        values = np.maximum(-play[at, units].astype(np.float64), 0.0)
-        spread = partial(_at_positions, play.shape, at, values > 0.0)
+        values = np.maximum(-play.min(axis=0).astype(np.float64), 0.0)
+        spread = partial(_at_positions, play.shape, play.argmin(axis=0), values > 0.0)
         return Measure(ordered_quantile(values, 0.95), lambda weight: spread(-weight))
 
     def _fraction_of_turn(self, growth: Array, radius: Array) -> Measure:
@@ -150,8 +146,7 @@ class Measures:
         below = share_below(play.ravel(), 0.0, *wide)
         by_place = below.weight.reshape(play.shape)
         error = float(np.std(np.mean(play < 0.0, axis=0))) / np.sqrt(play.shape[1])
-        ones = np.ones(play.shape[1])
-        statistic = Statistic(below.value, ones, 0.0, error, below.by_zone)
+        statistic = Statistic(below.value, np.ones(play.shape[1]), 0.0, error, below.by_zone)
         return Measure(statistic, lambda weight: by_place * weight)
 
 

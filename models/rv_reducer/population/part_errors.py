@@ -24,7 +24,7 @@ def part_errors(geometry: ContactGeometry, sample: BaseSample, design: UnitDesig
     """Part errors [m, rad] of the units of a design, for the contact of `modified` geometry.
 
     Pins have full length: their errors are the same at all discs. A deviation z of half the zone
-    moves both models alike; `PartErrors` also has terms beyond the first order.
+    changes both models by the same amount; `PartErrors` also has terms beyond the first order.
     """
 
     def zone(error: str, source: str | None = None) -> Array:

@@ -35,7 +35,7 @@ class Hierarchy:
     inputs: Mapping[str, Distribution] = field(default_factory=dict)
 
     def of(self, error: str) -> Distribution:
-        """Distribution of an error over its zone; both directions of a bore are alike."""
+        """Distribution of an error over its zone; both directions of a bore have the same."""
         return self.inputs.get(error.removesuffix("_radial").removesuffix("_tangential"), Uniform())
 
 

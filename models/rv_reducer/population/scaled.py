@@ -20,7 +20,7 @@ class Scaled:
 
     By pin (pins, n) [um]: `across` adds to the gap, `along` displaces the pin counter-clockwise. By
     disc (discs, n): `normal` [um] adds to the gap, `radial` [um] is the growth of the pin circle
-    against the profile, `play` [arcmin] the free turn either way, `ahead` [arcmin] the forward
+    against the profile, `play` [arcmin] the free turn in either sense, `ahead` [arcmin] the forward
     turn.
     Complex (discs, n): `turning` and `offset` [um] displace the disc's centre in axes of its
     eccentric and of the disc, `around` [arcmin] turns it by its part across the line of cranks,

@@ -164,7 +164,8 @@ def share_below(values: Array, limit: float, growth: Array, z: Array) -> Statist
     """P(Y < limit), each unit integrated over its uniform error z of a zone.
 
     Y of unit i grows by `growth` (n,) per unit of `z` (n,): with u_i the z at which it would meet
-    the limit, its probability is the part of [-1, 1] on that side (0 or 1 where the width of the zone is 0).
+    the limit, its probability is the part of [-1, 1] on that side (0 or 1 where the width of the
+    zone is 0).
     """
     safe = np.where(growth > 0.0, growth, 1.0)
     meets = z + (limit - values) / safe
