@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...declarations import Output, Value
-from ...errors import refuse
+from ...errors import raise_all
 from ...units import ARCMIN, UM
 from ..inputs import Uniform
 from ..inputs.distribution import Array, Distribution
@@ -70,10 +70,7 @@ class RvBatch(MeasurableModel):
         values = {p.name: p.default for p in self.parameters} | dict(parameters or {})
         laws = {name.removesuffix("_um"): law for name, law in (inputs or {}).items()}
         self.model = declared.backlash_model(parameters or {}, None, laws)
-        k1 = self.model.geometry.k1
-        if not k1 < 1.0:
-            text = f"e z_p/r_p must be below 1 (no undercut), got {k1:.4g}; lower the eccentricity"
-            raise refuse("parameters.eccentricity_mm", text)
+        raise_all(declared.undercut(self.model.geometry))
         design = {v.name: float(v.document or 0.0) for v in self.variables} | dict(designs or {})
         self.contact = (
             ContactUnits(values, design, inputs or {})

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from math import radians
 
 from ...declarations import READING, Kind, Parameter, Value, Variable, completed, number
+from ...errors import Fault
 from ...units import ARCMIN, MM, UM
 from ..inputs.distribution import Array, Distribution
 from .backlash import Allocation, BacklashModel
@@ -246,6 +247,14 @@ def nominal_geometry(p: Mapping[str, float]) -> RvGeometry:
         expansion=p.get("thermal_expansion_per_K", RvGeometry().expansion),
         **{name: p[f"{name}_mm"] * MM for name in lengths if f"{name}_mm" in p},
     )
+
+
+def undercut(geometry: RvGeometry) -> list[Fault]:
+    """The fault of an eccentricity that undercuts the profile, if there is one."""
+    if geometry.k1 < 1.0:
+        return []
+    text = f"e z_p/r_p must be below 1 (no undercut), got {geometry.k1:.4g}; lower the eccentricity"
+    return [Fault("parameters.eccentricity_mm", text)]
 
 
 def _stage(p: Mapping[str, float]) -> InvoluteStage:

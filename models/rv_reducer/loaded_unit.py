@@ -140,10 +140,7 @@ def faults(parameters: Mapping[str, Value]) -> list[Fault]:
     if geometry.pins != geometry.cycloid_teeth + 1:
         text = f"must be one more than cycloid_teeth, got {geometry.pins} and {p['cycloid_teeth']}"
         problems.append(Fault("parameters.pins", text))
-    if not geometry.k1 < 1.0:
-        text = f"e z_p/r_p must be below 1 (no undercut), got {geometry.k1:.4g}"
-        problems.append(Fault("parameters.eccentricity_mm", f"{text}; lower the eccentricity"))
-    return problems
+    return problems + declared.undercut(geometry)
 
 
 def _part_errors(p: Mapping[str, float], geometry: ContactGeometry) -> PartErrors:

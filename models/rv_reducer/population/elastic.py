@@ -18,10 +18,10 @@ from ...inputs.distribution import Array
 from ..contact.contact import Engine, uses_numba
 from .elastic_springs import Loading, Springs
 from .gradient import NAMES, Slopes
-from .lattice import Lattice
+from .lattice import Lattice, Single
 from .scaled import Scaled
 from .table import Table
-from .touch import Single, packed
+from .touch import packed
 
 CASES: Mapping[str, tuple[str, ...]] = {
     "lost_motion": ("forward", "backward"),

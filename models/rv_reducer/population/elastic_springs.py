@@ -76,8 +76,9 @@ class Springs:
         """The springs of a loading at a table's modification."""
         force = loading.normal_stiffness * table.arm * ARCMIN
         behind = np.float32(1.0 / (loading.series_stiffness * ARCMIN))
-        lean = table.arm_by_shift / table.arm
-        return cls(*(value.astype(np.float32) for value in (force * table.arm, force, lean)), behind)
+        columns = (force * table.arm, force, table.arm_by_shift / table.arm)
+        stiff, of_force, lean = (column.astype(np.float32) for column in columns)
+        return cls(stiff, of_force, lean, behind)
 
     @property
     def arrays(self) -> tuple[Single, Single, Single, np.float32]:

@@ -14,13 +14,13 @@ import numpy as np
 from ....units import ARCMIN, UM
 from ...inputs.distribution import Array
 from ..contact.contact import Engine, uses_numba
-from ..contact.geometry import ContactGeometry, unit
+from ..contact.geometry import Complex, ContactGeometry, unit
 from .design import ERRORS
-from .lattice import Lattice
+from .lattice import Lattice, Single
 from .sample import BaseSample
-from .scaled import Complex, bore_axes, crank_lines, pitch_turn, sides
+from .scaled import bore_axes, crank_lines, pitch_turn, sides
 from .table import Table
-from .touch import Single, Touch
+from .touch import Touch
 
 NAMES = (*ERRORS, "stagger", "dr_rp", "dr_p")
 """Variables of a gradient: zones [arcmin/um], of crank_phase [arcmin/mrad], stagger, and both

@@ -57,5 +57,5 @@ def packed(units: Scaled) -> tuple[Single, ...]:
     wide = np.broadcast_shapes(*(column.shape for column in columns))
     discs = np.stack([np.broadcast_to(column, wide) for column in columns], axis=1)
     circle = np.stack([units.circle.real, units.circle.imag])
-    errors = (units.across, units.along, discs, circle)
-    return tuple(np.ascontiguousarray(values, dtype=np.float32) for values in errors)
+    arrays = (units.across, units.along, discs, circle)
+    return tuple(np.ascontiguousarray(values, dtype=np.float32) for values in arrays)
