@@ -17,14 +17,14 @@ from .geometry import Manipulator, TaskRing
 from .indices import INDICES
 from .sources import NAMES, error_vector
 
-_LOST = "assumed: the document's Table 1 is lost"
+_ASSUMED = "assumed: the document's Table 1 is lost"
 _RING = "document M, section Sensitivity analysis"
 INDEX_CHOICES = (*INDICES, "every_pose")
 DOTTED = "elementary_errors."
 
 
 def _length(name: str, default: Value, meaning: str, low: float = 0.0) -> Parameter:
-    return Parameter(name, default, "mm", meaning, _LOST, assumed=True, low=low, high=1e6, open_low=low == 0.0)
+    return Parameter(name, default, "mm", meaning, _ASSUMED, assumed=True, low=low, high=1e6, open_low=low == 0.0)
 
 
 PARAMETERS: tuple[Parameter, ...] = (

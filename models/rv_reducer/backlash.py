@@ -11,7 +11,7 @@ from ..inputs import Distribution, Uniform
 from ..inputs.distribution import Array
 from ..propagation import ClippedSum, Term
 from ..propagation.sums import total_cumulants
-from . import involute, output_stage
+from . import involute
 from .cycloid import LINEAR_ERRORS, ROTATIONS, EccentricityLaw, coefficients, pin_circle_growth
 from .geometry import RvGeometry
 from .modification import modification_backlash
@@ -93,10 +93,9 @@ class BacklashModel:
         return Term(tighter_of(self._input("involute_grade"), self.tighter), mid, half)
 
     def output_term(self, allocation: Allocation) -> Term:
-        """phi_3."""
-        mid, half = output_stage.backlash_zone(self.geometry, allocation.crank_bearing)
-        factor = self.output_factor
-        return Term(self._input("crank_bearing"), factor * mid, factor * half)
+        """phi_3 = du/a_0, du the play of the crank-arm bearings in [0, c]."""
+        half = self.output_factor * (0.5 * allocation.crank_bearing / self.geometry.centre_distance)
+        return Term(self._input("crank_bearing"), half, half)
 
     def nominal(self, dr_rp: Array, dr_p: Array, stagger: Array) -> Array:
         """phi_2 of parts without errors [rad], (n,), from modification and stagger."""

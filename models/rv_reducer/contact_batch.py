@@ -80,7 +80,7 @@ class ContactUnits:
                 if lattice is None or angles is None:
                     cycloid = self._measured(by_row, row_changes)
                 else:
-                    cycloid = self._read(lattice, angles[rows], by_row, row_changes)
+                    cycloid = self._measured_at(lattice, angles[rows], by_row, row_changes)
                 backlash[rows] = cycloid + self._involute(by_row)
         return backlash
 
@@ -151,7 +151,7 @@ class ContactUnits:
         teeth = self.basis.geometry.nominal.cycloid_teeth
         return different, *self._with_table(np.deg2rad(different) * teeth)
 
-    def _read(
+    def _measured_at(
         self, mesh: tuple[Array, Lattice, Table], angles: Array, sample: BaseSample, changes: Mapping[str, Array]
     ) -> Array:
         """Backlash (n,) [arcmin] of the cycloid stage, each row at an angle of `angles` (n,)."""

@@ -16,6 +16,7 @@ from .contact_batch import ContactUnits
 from .involute import lever
 from .population.design import ERRORS
 from .population.sample import BaseSample
+from .sources import flank_clearance
 
 UNITS = 2048
 """Units of the fixed sample, which is built again for every change."""
@@ -102,15 +103,4 @@ class ContactSources:
         arm = lever(basis.stage, basis.geometry.nominal)
         per = UM / arm / ARCMIN if basis.geared else 0.0
         half = involute.half / per if per else 0.0
-        widest = involute.middle / max(involute.half, 1e-300)
-        return Source(
-            "flank_clearance_um",
-            "um",
-            "flank clearance j_n of the involute stage",
-            half,
-            per,
-            clipped=False,
-            at=0,
-            law=involute.planet,
-            widest=widest,
-        )
+        return flank_clearance(half, per, involute.planet, involute.middle / max(involute.half, 1e-300))

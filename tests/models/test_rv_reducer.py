@@ -12,8 +12,8 @@ from scipy.optimize import brentq
 
 from tolevo.models.inputs import Zone
 from tolevo.models.propagation import Convolution, Propagated
-from tolevo.models.rv_reducer import declared, involute, modification, output_stage
-from tolevo.models.rv_reducer.backlash import Allocation, stage_means
+from tolevo.models.rv_reducer import declared, involute, modification
+from tolevo.models.rv_reducer.backlash import Allocation, BacklashModel, stage_means
 from tolevo.models.rv_reducer.cycloid import LINEAR_ERRORS, EccentricityLaw, coefficients
 from tolevo.models.rv_reducer.geometry import RvGeometry
 from tolevo.units import ARCMIN, MM, UM
@@ -73,9 +73,11 @@ def test_zero_backlash_pair() -> None:
 
 
 def test_output_stage_per_micrometre() -> None:
-    mid, half = output_stage.backlash_zone(GEOMETRY, np.array([UM]))
-    np.testing.assert_allclose((mid + half) / ARCMIN, 0.0955, atol=5e-5)
-    np.testing.assert_allclose(mid - half, 0.0, atol=1e-18)
+    document = {variable.name: np.array([variable.document]) for variable in declared.VARIABLES}
+    allocation = declared.allocation(document | {"crank_bearing_um": np.array([1.0])})
+    term = BacklashModel(GEOMETRY, sun_held=False).output_term(allocation)
+    np.testing.assert_allclose((term.constant + term.linear) / ARCMIN, 0.0955, atol=5e-5)
+    np.testing.assert_allclose(term.constant - term.linear, 0.0, atol=1e-18)
 
 
 def test_coefficients_of_section_2() -> None:

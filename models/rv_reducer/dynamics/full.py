@@ -52,7 +52,7 @@ class FullDynamics:
             worst = pairs[:, np.argmax(missing)]
             rpm = worst[1] * 60.0 / (2.0 * np.pi)
             point = f"at {worst[0]:g} N m and {rpm:g} rpm"
-            text = f"no steady vibration was computed {point}; {missing.sum()} measurements have no value"
+            text = f"no steady vibration was computed {point}; measurements without a value: {missing.sum()}"
             warnings.warn(text, NoSteadyState, stacklevel=3)
 
 

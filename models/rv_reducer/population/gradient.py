@@ -96,5 +96,5 @@ def pull_back(
         (slopes.of_unit, slopes.of_discs, slopes.of_pins),
         total,
     )
-    total[14] *= 1e3
+    total[NAMES.index("dr_rp")] *= 1e3  # from micrometres to millimetres
     return total
