@@ -20,7 +20,7 @@ from statistics import median
 
 import numpy as np
 
-from tolevo.models.rv_reducer.contact.contact import LoadedContact
+from tolevo.models.rv_reducer.contact.contact import Engine, LoadedContact
 from tolevo.models.rv_reducer.contact.geometry import ContactGeometry
 from tolevo.models.rv_reducer.contact.performance import backlash, loading, lost_motion
 from tolevo.models.rv_reducer.population.design import UnitDesign
@@ -29,7 +29,6 @@ from tolevo.models.rv_reducer.population.elastic_springs import Loading
 from tolevo.models.rv_reducer.population.measures import Conditions, Measures
 from tolevo.models.rv_reducer.population.part_errors import modified, part_errors
 from tolevo.models.rv_reducer.population.statistics import Involute
-from tolevo.models.rv_reducer.population.touch import Engine
 from tolevo.models.rv_reducer.population.turn import Population
 from tolevo.models.rv_reducer.tighter_planet import TighterPlanet
 from tolevo.units import ARCMIN

@@ -5,17 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..inputs.distribution import Array
 from .estimator import Estimator
 from .process import Process
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Departures:
-    """How a real assembly departs from the ideal one; each is a number or one per assembly (n,)."""
+    """Departures of a real assembly from the ideal; numbers, or arrays (n,) over assemblies."""
 
     gain_error: float | Array = 0.0
     """The achieved adjustment is (1 + gain_error) times the commanded one."""
@@ -64,7 +62,7 @@ def assemble(
 ) -> Assembled:
     """Final states and adjustments of assemblies with part errors `errors` (..., p) [rad].
 
-    `gains` (N, m, n), or one set per assembly (..., N, m, n). At step k only the errors of
+    `gains` (N, m, n), or a set for every assembly (..., N, m, n). At step k only the errors of
     the parts installed there are added: with `insertion` "before" the adjustment precedes them, as
     printed; with "after" it follows them. With an `estimator` the adjustment is computed from the
     estimated state; `noise` (..., N, q) [rad] is that of the measurements.
@@ -92,7 +90,7 @@ def assemble(
 
 
 def _column(value: float | Array) -> Array:
-    """A number, or one per assembly as a column."""
+    """A number, or an array (n,) over assemblies as a column (n, 1)."""
     return np.asarray(value, dtype=float)[..., None]
 
 

@@ -1,4 +1,4 @@
-"""Datum flow chain: which part hangs on which, and the matrices that follow from it."""
+"""Datum flow chain: the part that each part hangs on, and the matrices that follow from it."""
 
 from __future__ import annotations
 
@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import Fault, raise_all
-
-Array = NDArray[np.float64]
+from ..inputs.distribution import Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,14 +18,14 @@ class AdjustmentWeights:
     free: float = 5.0
     """Weight of a part that carries nothing yet."""
     loaded: float = 10.0
-    """Weight of a part that already carries another one."""
+    """Weight of a part that already carries another part."""
     absent: float = 1000.0
     """Weight of a part that is not installed yet: it cannot be adjusted."""
 
 
 @dataclass(frozen=True, slots=True)
 class DatumFlowChain:
-    """Parts in their order of assembly; each hangs on an earlier one or on the housing.
+    """Parts in their order of assembly; each hangs on an earlier part or on the housing.
 
     `hangs_on[j]` is the number (from 1) of the part that part j + 1 hangs on, 0 for the housing
     (KC0). The defaults are document A's two chains: crankshaft and cycloidal gear, twice.
@@ -40,13 +39,13 @@ class DatumFlowChain:
 
     def _faults(self) -> list[Fault]:
         if len(self.parts) != len(self.hangs_on) or not self.parts:
-            text = f"must name one part for each of {len(self.parts)}, got {len(self.hangs_on)}"
+            text = f"must have an entry for each of the {len(self.parts)} parts, got {len(self.hangs_on)}"
             return [Fault("chain.hangs_on", text)]
         return [
             Fault(
                 f"chain.hangs_on[{at}]",
                 f"{self.parts[at]} must hang on the housing (0) or on "
-                f"a part put in before it (1 .. {at}), got {parent}",
+                f"a part installed before it (1 .. {at}), got {parent}",
             )
             for at, parent in enumerate(self.hangs_on)
             if not 0 <= parent <= at
@@ -54,7 +53,7 @@ class DatumFlowChain:
 
     @property
     def steps(self) -> int:
-        """Number of steps N: one part each."""
+        """Number of steps N; every step installs one part."""
         return len(self.parts)
 
     def error_matrix(self) -> Array:
@@ -66,7 +65,7 @@ class DatumFlowChain:
         return errors
 
     def depth(self) -> NDArray[np.int64]:
-        """Place (N,) of each part in its own chain, from 0 at the housing."""
+        """Place (N,) of each part in its chain, from 0 at the housing."""
         return np.asarray(self.error_matrix().sum(axis=1).round() - 1, dtype=np.int64)
 
     def root(self) -> NDArray[np.int64]:
@@ -88,8 +87,7 @@ class DatumFlowChain:
         matrix = np.full((self.steps, self.steps), rule.absent)
         for step in range(self.steps):
             carrying = {parent - 1 for parent in self.hangs_on[: step + 1]}
-            for part in range(step + 1):
-                matrix[step, part] = rule.loaded if part in carrying else rule.free
+            matrix[step, : step + 1] = [rule.loaded if part in carrying else rule.free for part in range(step + 1)]
         return matrix
 
     def coupling(self) -> Array:

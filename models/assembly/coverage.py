@@ -6,10 +6,10 @@ from collections.abc import Callable
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 from scipy.special import ndtri
 
-Array = NDArray[np.float64]
+from ..inputs.distribution import Array
+
 DIRECTIONS = 64
 NEWTON_STEPS = 30
 CHUNK = 2**21

@@ -1,4 +1,4 @@
-"""What the assembly models declare, by the names of configurations.
+"""Declarations of the assembly models, by the names of configurations.
 
 Shared by the model `assembly` and the problem `rv_transmission_error`.
 """
@@ -9,17 +9,16 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...declarations import Parameter, Value
 from ...errors import Fault, InputError, refuse
 from ...units import MRAD
+from ..inputs.distribution import Array
 from .chain import DatumFlowChain
 from .estimator import Estimator, kalman
 from .process import Process
 from .regulator import INSERTIONS, READINGS
 
-Array = NDArray[np.float64]
 _TABLE = "document A, table of steps"
 STEPS = 4
 
@@ -28,8 +27,8 @@ PARAMETERS: tuple[Parameter, ...] = (
         "reading",
         "printed",
         "",
-        "what the precision weight weighs: every angle (printed), or the "
-        "combined errors y = C x of the document's own cost (consistent)",
+        "quantities that the precision weight acts on: every angle (printed), or the "
+        "combined errors y = C x of the document's cost (consistent)",
         "document A",
         choices=READINGS,
     ),
@@ -37,7 +36,7 @@ PARAMETERS: tuple[Parameter, ...] = (
         "insertion",
         "before",
         "",
-        "whether step k adjusts before part k is put in (printed) or after",
+        "whether step k adjusts before part k is installed (printed) or after",
         "document A",
         choices=INSERTIONS,
     ),
@@ -76,7 +75,7 @@ PARAMETERS: tuple[Parameter, ...] = (
         "measured",
         "angles",
         "",
-        "what is measured at each step of what is there: every angle, or the combined errors C x",
+        "quantities of the installed parts that each step measures: every angle, or the combined errors C x",
         "assumed",
         assumed=True,
         choices=("angles", "combined"),
@@ -88,7 +87,7 @@ PART_STD = Parameter(
     "part_std_mrad",
     3.0,
     "mrad",
-    "standard deviation of part errors that the estimate counts on where measurement_std_mrad is above 0",
+    "standard deviation of part errors that the estimate assumes where measurement_std_mrad is above 0",
     "assumed: rms of the document's four errors is 4.3",
     assumed=True,
     low=0.0,

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...units import ARCSEC, MRAD
 from .assemble import assemble
@@ -13,13 +12,12 @@ from .process import Process, plane_process
 from .regulator import gains, terminal_weight
 from .transmission import AngleMapping, Transmission, about_z
 
-Array = NDArray[np.float64]
 PART_ERRORS_MRAD = (-1.6, 5.3, 5.8, 3.2)
 """Printed angular errors of the four parts."""
 PRECISION_WEIGHTS = (0.0, 5.0, 10.0, np.inf)
 """Printed rows; the last is the document's "ideal, error-free"."""
 MAPPINGS = (AngleMapping(), AngleMapping("own_cranks", absorption=1.2, floor=2.0 * ARCSEC))
-"""Mappings that reproduce the printed figures; they were chosen for that, see docs."""
+"""Mappings chosen to reproduce the printed figures (docs/rv_transmission_error.md)."""
 _LARGE = 1e9
 """Stands for the infinite weight."""
 
@@ -50,7 +48,7 @@ def rows(
     insertion: str = "before",
     process: Process | None = None,
 ) -> tuple[Row, ...]:
-    """The document's table by the full model, one set of physical parameters for every row."""
+    """The document's table by the full model, with the same physical parameters in every row."""
     process, full = process or plane_process(), transmission or Transmission()
     weights = np.minimum(PRECISION_WEIGHTS, _LARGE)
     outcome = assemble(
@@ -60,27 +58,20 @@ def rows(
         insertion,
     )
     turned = full.turn(about_z(outcome.state))
-    sizes = {
-        "norm": np.linalg.norm(outcome.state, axis=1) / MRAD,
-        "combined": np.linalg.norm(outcome.state @ process.observation.T, axis=1) / MRAD,
-        "te": full.amplitude(turned) / ARCSEC,
-        "force": full.peak(turned),
-    }
-    falls = {name: 100.0 * (1.0 - value / value[0]) for name, value in sizes.items()}
+    sizes = np.stack(
+        [
+            np.linalg.norm(outcome.state, axis=1) / MRAD,
+            np.linalg.norm(outcome.state @ process.observation.T, axis=1) / MRAD,
+            full.amplitude(turned) / ARCSEC,
+            full.peak(turned),
+        ]
+    )
+    falls = 100.0 * (1.0 - sizes / sizes[:, :1])
     effort = outcome.effort(process) / MRAD**2
+    columns = (outcome.state / MRAD, effort, sizes.T, falls.T)
     return tuple(
-        Row(
-            precision_weight=weight,
-            state_mrad=tuple((outcome.state[at] / MRAD).tolist()),
-            norm_mrad=float(sizes["norm"][at]),
-            combined_mrad=float(sizes["combined"][at]),
-            effort_mrad2=float(effort[at]),
-            te_amplitude_arcsec=float(sizes["te"][at]),
-            peak_mesh_force_N=float(sizes["force"][at]),
-            norm_fall_percent=float(falls["norm"][at]),
-            combined_fall_percent=float(falls["combined"][at]),
-            te_fall_percent=float(falls["te"][at]),
-            force_fall_percent=float(falls["force"][at]),
+        Row(weight, tuple(state), norm, combined, adjusting, te, force, *fallen)
+        for weight, state, adjusting, (norm, combined, te, force), fallen in zip(
+            PRECISION_WEIGHTS, *(column.tolist() for column in columns), strict=True
         )
-        for at, weight in enumerate(PRECISION_WEIGHTS)
     )

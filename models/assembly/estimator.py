@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import Fault, raise_all
+from ..inputs.distribution import Array
 from .process import Process
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,7 +61,7 @@ def kalman(
 
 
 def _present(process: Process, insertion: str) -> NDArray[np.bool_]:
-    """Shape (N, n): the states whose own part is installed when step k is measured."""
+    """Shape (N, n): the states whose part is installed at the measurement of step k."""
     present = process.present
     if insertion == "before":
         present = np.vstack([np.zeros_like(present[:1]), present[:-1]])

@@ -18,9 +18,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ..inputs.distribution import Array
 from .transmission import GEARS, Transmission
 
-Array = NDArray[np.float64]
 STEP = 1e-3
 """[rad] Half-step of the differences: the size of the document's tolerances."""
 WIDEST = 40e-3

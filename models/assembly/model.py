@@ -1,4 +1,4 @@
-"""Assemblies of one reducer after another, as measured on the assembly line."""
+"""Assemblies of successive reducers, as measured on the assembly line."""
 
 from __future__ import annotations
 
@@ -55,10 +55,10 @@ class Assembly(MeasurableModel):
     made_to_a_drawing = True
     geometry = ("reading", "insertion", "hangs_on")
     changeable = (
-        Changeable("adjustment_gain_error", "", "achieved over commanded adjustment, less one"),
+        Changeable("adjustment_gain_error", "", "relative error of the achieved adjustment"),
         Changeable("adjustment_backlash_mrad", "mrad", "dead band of every adjustment"),
-        Changeable("chain_coupling", "", "share of what putting in chain 2 moves that chain 1 moves as well"),
-        Changeable("springback", "", "share of the total adjustment that returns at the end"),
+        Changeable("chain_coupling", "", "fraction of the movement by installing chain 2 that chain 1 follows"),
+        Changeable("springback", "", "fraction of the total adjustment that returns at the end"),
     )
 
     def __init__(
@@ -112,5 +112,5 @@ class Assembly(MeasurableModel):
         """Noise (n, N, q) [rad] of the measurements during assembly, None where there is none."""
         if self.estimator is None or self.noise == 0.0:
             return None
-        steps, _, readings = self.estimator.gain.shape
-        return self.noise * rng.standard_normal((count, steps, readings))
+        steps, _, measurements = self.estimator.gain.shape
+        return self.noise * rng.standard_normal((count, steps, measurements))

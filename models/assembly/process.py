@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import Fault, raise_all
+from ..inputs.distribution import Array
 from .chain import DatumFlowChain
 
-Array = NDArray[np.float64]
 TURN = 3
 """Components of a small rotation: about x, y and z."""
 
@@ -79,7 +79,7 @@ def _weights(process: Process, weights: Array, absent: float) -> list[Fault]:
         Fault(
             f"adjustment_weights_{step + 1}[{part}]",
             f"step {step + 1} adjusts part {part + 1}, "
-            f"which is put in at step {arrival[part]}; until then give it the weight "
+            f"which is installed at step {arrival[part]}; until then give it the weight "
             f"{absent:g} of an absent part",
         )
         for step, part in np.argwhere(early).tolist()

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...errors import Fault, raise_all
+from ..inputs.distribution import Array
 from .process import Process
 
-Array = NDArray[np.float64]
 READINGS = ("printed", "consistent")
 INSERTIONS = ("before", "after")
 
@@ -25,16 +24,12 @@ def terminal_weight(process: Process, precision: float | Array, reading: str = "
     if weight.ndim == 2:
         raise_all(_matrix_faults(weight, len(observation)))
         return np.asarray(observation.T @ weight @ observation)
-    faults = [] if np.all(np.isfinite(weight) & (weight >= 0.0)) else [_negative(weight)]
+    wrong = weight[~(np.isfinite(weight) & (weight >= 0.0))]
+    faults = [Fault("precision_weight", f"must be finite and at least 0, got {value:g}") for value in wrong[:1]]
     if reading not in READINGS:
         faults.append(Fault("reading", f"must be one of {', '.join(READINGS)}, got {reading}"))
     raise_all(faults)
     return np.asarray(weight[..., None, None] * (observation.T @ observation))
-
-
-def _negative(weight: Array) -> Fault:
-    wrong = np.ravel(weight)[~(np.isfinite(weight) & (weight >= 0.0)).ravel()]
-    return Fault("precision_weight", f"must be finite and at least 0, got {wrong[0]:g}")
 
 
 def _matrix_faults(weight: Array, size: int) -> list[Fault]:
@@ -53,7 +48,7 @@ def gains(process: Process, terminal: Array, running: Array | None = None) -> Ar
     form Q(k) + (A - BK)'P(A - BK) + K'RK, which stays symmetric and positive for any weight.
     `running` is Q(k), shape (n, n), of a cost on the state at every step; the document has none.
     """
-    stage = np.zeros(terminal.shape[-2:]) if running is None else running
+    every_step = np.zeros(terminal.shape[-2:]) if running is None else running
     gains_by_step, ahead = [], terminal
     for step in reversed(range(process.steps)):
         a, b, r = process.transition[step], process.control[step], process.weight[step]
@@ -61,6 +56,6 @@ def gains(process: Process, terminal: Array, running: Array | None = None) -> Ar
         gain = np.linalg.solve(r + through_input @ b, through_input @ a)
         closed = a - b @ gain
         turned = np.swapaxes(gain, -1, -2)
-        ahead = stage + np.swapaxes(closed, -1, -2) @ ahead @ closed + turned @ r @ gain
+        ahead = every_step + np.swapaxes(closed, -1, -2) @ ahead @ closed + turned @ r @ gain
         gains_by_step.append(gain)
     return np.stack(gains_by_step[::-1], axis=-3)

@@ -5,13 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..inputs.distribution import Array
 from .assemble import IDEAL, Departures, assemble
 from .estimator import Estimator
 from .process import Process
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,11 +48,11 @@ def response(
     parts = process.error.shape[-1]
     errors, noise = np.eye(parts), None
     if estimator is not None:
-        readings = estimator.gain.shape[0], estimator.gain.shape[-1]
-        count = readings[0] * readings[1]
+        measurements = estimator.gain.shape[0], estimator.gain.shape[-1]
+        count = measurements[0] * measurements[1]
         errors = np.vstack([errors, np.zeros((count, parts))])
         units = np.vstack([np.zeros((parts, count)), np.eye(count)])
-        noise = units.reshape(parts + count, *readings)
+        noise = units.reshape(parts + count, *measurements)
     gain = gains[..., None, :, :, :]
     outcome = assemble(process, gain, errors, insertion, departures, estimator, noise)
     return Response(np.moveaxis(outcome.state, -2, -1), np.moveaxis(outcome.adjustments, -3, -1))

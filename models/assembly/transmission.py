@@ -1,6 +1,6 @@
 """From the final angles of an assembly to transmission error and mesh forces.
 
-The mapping is an assumption: document A does not print its own. With the residual angles delta
+The mapping is an assumption: document A prints none. With the residual angles delta
 (x, y, z) of key characteristic n, an absorption a, the distance L of the disc mid-planes, the face
 width b and the eccentricity e:
 
@@ -11,8 +11,8 @@ width b and the eccentricity e:
     gear about x, y          a tilt: at the loaded edge the profile is displaced in the disc by
                              a (b/2) (delta_x, delta_y)
 
-Crankshaft 1 acts on disc 1, crankshaft 2 on disc 2: on the eccentrics of one and the same crank
-(`one_crank`), or each on the eccentric of a crank of its own (`own_cranks`). On both eccentrics of
+Crankshaft 1 acts on disc 1, crankshaft 2 on disc 2: on the eccentrics of the same crank
+(`one_crank`), or on the eccentrics of two different cranks (`own_cranks`). On both eccentrics of
 a crank order 40 cancels, and no figure of the document is reproduced.
 """
 
@@ -22,15 +22,14 @@ from dataclasses import dataclass, field
 from math import pi
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..inputs.distribution import Array
 from ..rv_reducer.contact.contact import LoadedContact
 from ..rv_reducer.contact.errors import PartErrors
 from ..rv_reducer.contact.mesh import Mesh
 from ..rv_reducer.dynamics.steady import Oscillator, transfer
 from ..rv_reducer.dynamics.train import Train
 
-Array = NDArray[np.float64]
 ECCENTRICS = ("one_crank", "own_cranks")
 CRANKSHAFTS, GEARS = (0, 2), (1, 3)
 BLOCK = 128

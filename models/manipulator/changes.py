@@ -29,7 +29,7 @@ def _of_drives() -> Iterator[Changeable]:
         for part in ("cos", "sin"):
             meaning = f"{'cosine' if part == 'cos' else 'sine'} component, over a turn of the arm"
             yield Changeable(f"drive_{part}_{i}_mrad", "mrad", f"{meaning}, of drive {i}")
-        meaning = f"compliance of drive {i} times the mass that it carries"
+        meaning = f"compliance of drive {i} times the mass that the drive carries"
         yield Changeable(f"drive_sag_{i}", "mrad kg/Nm", meaning)
 
 
@@ -38,7 +38,7 @@ CHANGEABLE = (
     *(Changeable(name, "mrad", f"rotation of the base about its {name[5]}") for name in TILTS),
     Changeable("growth_ppm", "ppm", "growth of all lengths, base included"),
     *_of_drives(),
-    Changeable("joint_clearance_um", "um", "play of a rod's joints, on the side that it is pulled"),
+    Changeable("joint_clearance_um", "um", "play of a rod's joints, on the side to which the rod is pulled"),
 )
 
 
@@ -59,7 +59,7 @@ def changed_errors(
             changed[:, source.at] += by_name[source.name] * source.scale
     if "growth_ppm" in by_name:
         changed += by_name["growth_ppm"][:, None] * PPM * lengths(manipulator)
-    changed[:, _at(sources.DRIVE_ZERO)] += _waves(manipulator, r, z, phi, by_name)
+    changed[:, _places(sources.DRIVE_ZERO)] += _waves(manipulator, r, z, phi, by_name)
     if "joint_clearance_um" in by_name or any(f"drive_sag_{i}" in by_name for i in (1, 2, 3)):
         for first in range(0, len(r), BLOCK):
             at = slice(first, first + BLOCK)
@@ -90,8 +90,8 @@ def base_tilt(changes: Mapping[str, Array], phi: Array) -> Array:
     return np.stack([c * x + s * y, c * y - s * x, np.zeros_like(phi)], axis=-1)
 
 
-def _at(within: int) -> list[int]:
-    """Places of one error of all chains."""
+def _places(within: int) -> list[int]:
+    """Places in a vector of all errors of the error `within` each chain."""
     return [chain * PER_CHAIN + within for chain in range(CHAINS)]
 
 

@@ -26,9 +26,9 @@ class Split:
     """First-order effects at poses (n,) of the 63 sources, split by what a command corrects.
 
     `compensatable` (n, 3, 63): the whole position error, which the three drives can remove;
-    `through_orientation` (n, 3, 63): the part of it that the orientation causes; `left` (n, 3, 63):
-    the residual orientation, both tilts unchanged and the yaw less dt/r, by which the machine is
-    turned about z to remove dt.
+    `through_orientation` (n, 3, 63): the part of it that the orientation causes; `residual` (n, 3,
+    63): the residual orientation, both tilts unchanged and the yaw less dt/r, by which the machine
+    is turned about z to remove dt.
     """
 
     compensatable: Array

@@ -17,14 +17,14 @@ from .geometry import Manipulator, TaskRing
 from .indices import INDICES
 from .sources import NAMES, error_vector
 
-_LOST = "assumed: the document's Table 1 is lost"
+_ASSUMED = "assumed: the document's Table 1 is lost"
 _RING = "document M, section Sensitivity analysis"
 INDEX_CHOICES = (*INDICES, "every_pose")
 DOTTED = "elementary_errors."
 
 
 def _length(name: str, default: Value, meaning: str, low: float = 0.0) -> Parameter:
-    return Parameter(name, default, "mm", meaning, _LOST, assumed=True, low=low, high=1e6, open_low=low == 0.0)
+    return Parameter(name, default, "mm", meaning, _ASSUMED, assumed=True, low=low, high=1e6, open_low=low == 0.0)
 
 
 PARAMETERS: tuple[Parameter, ...] = (
@@ -65,12 +65,12 @@ PARAMETERS: tuple[Parameter, ...] = (
 )
 """Parameters of both."""
 
-ERRORS = Parameter("elementary_errors", {}, "", "elementary errors by name; those left out are 0", choices=NAMES)
+ERRORS = Parameter("elementary_errors", {}, "", "elementary errors by name; omitted errors are 0", choices=NAMES)
 COMPENSATION = Parameter(
     "compensation",
     "none",
     "",
-    "position: outputs are what a command leaves that is corrected until the position is exact",
+    "position: outputs are the residual errors after the command is corrected until the position is exact",
     choices=("none", "position"),
 )
 
@@ -98,7 +98,7 @@ def task_ring(parameters: Mapping[str, Value]) -> TaskRing:
 def elementary_errors(parameters: Mapping[str, Value]) -> Array:
     """All 63 errors (63,) [m, rad] of the table `elementary_errors`.
 
-    A single one may also stand in `parameters` as `elementary_errors.NAME`, the name that a
+    A single error may also be given in `parameters` as `elementary_errors.NAME`, the name that a
     recalibration uses. Raises InputError.
     """
     table: dict[str, Any] = dict(parameters.get(ERRORS.name, {}))  # type: ignore[arg-type]

@@ -26,12 +26,11 @@ def faults(manipulator: Manipulator, ring: TaskRing, place: str = "parameters") 
     Wrong lists and lengths first; without these, chains that do not close, poses out of reach and
     singular poses of the ring, each with the pose, the chain and the number that shows it.
     """
-    named = [*_of_lengths(manipulator, place), *_of_ring(ring, place)]
-    if not named:
-        r, z = _poses(manipulator, ring)
-        named = [*_of_reach(manipulator, r, z, place)]
-        named = named or [*_of_singularities(manipulator, r, z, place)]
-    return named
+    listed = [*_of_lengths(manipulator, place), *_of_ring(ring, place)]
+    if listed:
+        return listed
+    r, z = _poses(manipulator, ring)
+    return [*_of_reach(manipulator, r, z, place)] or [*_of_singularities(manipulator, r, z, place)]
 
 
 def _of_lengths(manipulator: Manipulator, place: str) -> Iterator[Fault]:
@@ -46,7 +45,7 @@ def _of_lengths(manipulator: Manipulator, place: str) -> Iterator[Fault]:
         elif np.ndim(value) and len(value) != CHAINS:
             yield Fault(key, f"must hold {CHAINS} numbers, one per chain, got {len(value)}")
         elif not np.all((np.asarray(value) > 0.0) & np.isfinite(value)):
-            yield Fault(key, f"must be above 0, got {_shown(value)}")
+            yield Fault(key, f"must be above 0, got {_millimetres(value)}")
 
 
 def _of_ring(ring: TaskRing, place: str) -> Iterator[Fault]:
@@ -55,11 +54,10 @@ def _of_ring(ring: TaskRing, place: str) -> Iterator[Fault]:
         if len(ends) != 2:
             yield Fault(key, f"must hold 2 numbers, the low and the high end, got {len(ends)}")
             continue
-        shown = _shown(ends)
         if not np.isfinite(ends).all() or not ends[0] < ends[1]:
-            yield Fault(key, f"must be [low, high] with low below high, got {shown}")
+            yield Fault(key, f"must be [low, high] with low below high, got {_millimetres(ends)}")
         elif not ends[0] > lowest:
-            yield Fault(key, f"must be above 0: a ring has a hole, got {shown}")
+            yield Fault(key, f"must be above 0: a ring has a hole, got {_millimetres(ends)}")
 
 
 def _poses(manipulator: Manipulator, ring: TaskRing) -> tuple[Array, Array]:
@@ -108,7 +106,7 @@ def _of_singularities(manipulator: Manipulator, r: Array, z: Array, place: str) 
             f"{place}.ring_r_mm",
             f"the ring {'crosses' if crossed else 'comes close to'} a singularity of the {name} at"
             f" the pose {_pose(r_here, z_here, 0)}, chain {chain}: condition number"
-            f" {condition:.4g} (below {WORST_CONDITION:g} wanted)",
+            f" {condition:.4g} (must be below {WORST_CONDITION:g})",
         )
 
 
@@ -152,7 +150,7 @@ def _pose(r: Array, z: Array, at: int) -> str:
     return f"r = {r[at] / MM:.6g} mm, z = {z[at] / MM:.6g} mm"
 
 
-def _shown(value: float | tuple[float, ...]) -> str:
+def _millimetres(value: float | tuple[float, ...]) -> str:
     """Metres as the millimetres of a configuration."""
     numbers = [f"{number / MM:.10g}" for number in np.atleast_1d(value)]
     return f"[{', '.join(numbers)}]" if np.ndim(value) else numbers[0]

@@ -15,7 +15,7 @@ from ..gaussian_length import exceedance, principal, quantile
 from ..inputs.distribution import Array
 
 Rows = NDArray[np.int64]
-KEPT = 1e-9
+EQUAL = 1e-9
 """Relative difference of two probabilities that counts as equal."""
 
 
@@ -54,11 +54,11 @@ def worst_exceedance(variances: Array, bound: float) -> tuple[Array, Rows]:
 def worst_quantile(variances: Array, coverage: float) -> tuple[Array, Rows]:
     """Largest quantile (n,) of the length over poses, and the pose (n,) where it is.
 
-    A pose has a larger quantile than another where its error exceeds that of the other with a
-    probability above 1 - coverage. The widest axis of all poses alone, half-normal, gives a lower
+    A pose has a larger quantile than another where its error exceeds the quantile of the other with
+    a probability above 1 - coverage. The widest axis of all poses alone, half-normal, gives a lower
     bound of the worst quantile: only poses that exceed it too often are examined again.
     """
-    rows, missed = np.arange(len(variances)), (1.0 - coverage) * (1.0 + KEPT)
+    rows, missed = np.arange(len(variances)), (1.0 - coverage) * (1.0 + EQUAL)
     axis = np.zeros((len(variances), 3))
     axis[:, 0] = variances[..., 0].max(axis=1)
     over = exceedance(variances, quantile(axis, coverage)[:, None])

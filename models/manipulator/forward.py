@@ -179,7 +179,7 @@ def _follow_up(machine: Machine, state: _State) -> tuple[Array, Array, Array, Ar
 def _no_pose(size: Array, first: int) -> NoPose:
     bad = np.flatnonzero(~(size <= ENOUGH))
     message = (
-        f"Newton's method finds no pose ({len(bad)} of {len(size)} next to it fail; its last step "
+        f"Newton's method does not converge ({len(bad)} of {len(size)} poses in its block fail; its last step "
         f"is {size[bad[0]]:.3g}); give smaller errors, or another pose"
     )
     return NoPose([Fault(f"pose {first + int(bad[0]) + 1}", message)])

@@ -62,7 +62,7 @@ def reach(manipulator: Manipulator, r: Array, z: Array) -> Array:
 def angles(manipulator: Manipulator, r: Array, z: Array) -> Array:
     """Angles (..., 3) [rad] of the arms from e_r, at poses r, z (...) [m].
 
-    The drives of chains 1 and 2 stand at phi plus these. Raises OutOfReach.
+    The drives of chains 1 and 2 are at phi plus these angles. Raises OutOfReach.
     """
     r, z = np.broadcast_arrays(np.asarray(r, dtype=float), np.asarray(z, dtype=float))
     cosine = reach(manipulator, r, z)
@@ -108,7 +108,7 @@ def _refuse_out_of_reach(cosine: Array, r: Array, z: Array) -> None:
         faults.append(
             Fault(
                 f"pose {at + 1} ({pose})",
-                f"is out of reach of chain {chain + 1} ({count} of {r.size} poses are): the cosine"
+                f"is out of reach of chain {chain + 1} ({count} of {r.size} poses are out of its reach): the cosine"
                 f" of its arm's angle would be {cosine[..., chain].flat[at]:.6g}",
             )
         )

@@ -90,9 +90,10 @@ class ManipulatorPose(MeasurableModel):
             pose = exact_pose(self.machine, r, z, phi, errors)
             start = vector(r, 0.0, z)
             position = turned(start + pose.position, tilt) - start
-            turn = _after(pose.orientation, tilt)
-        readings = np.concatenate([position / MM, turn / MRAD], axis=-1)
-        return {output.name: readings[:, i] for i, output in enumerate(self.outputs)}
+            frame = turned(np.eye(3), pose.orientation[:, None, :])
+            turn = rotation_vector(turned(frame, tilt[:, None, :]))
+        measurements = np.concatenate([position / MM, turn / MRAD], axis=-1)
+        return {output.name: measurements[:, i] for i, output in enumerate(self.outputs)}
 
     def _residual(self, r: Array, z: Array, phi: Array, changes: Mapping[str, Array], tilt: Array) -> Array:
         """Residual rotation vectors (n, 3) [rad] when the position is made exact.
@@ -107,8 +108,3 @@ class ManipulatorPose(MeasurableModel):
         axes = about_up(turned(np.eye(3), residual[:, None, :]), ahead[:, None])
         # the frame at phi + ahead, turned back to axes that begin at phi
         return rotation_vector(turned(axes, tilt[:, None, :]))
-
-
-def _after(turn: Array, tilt: Array) -> Array:
-    """Rotation vectors (n, 3) [rad] of `turn`, then `tilt`."""
-    return rotation_vector(turned(turned(np.eye(3), turn[:, None, :]), tilt[:, None, :]))

@@ -116,7 +116,7 @@ class Machines:
 
         `worst` is the row of the pose at which most exceed it.
         """
-        fractions = self._shares(bound, worst)
+        fractions = self._fractions(bound, worst)
         error = float(fractions.std(ddof=1) / np.sqrt(len(fractions)))
         return min(1.0, float(fractions.mean())), error
 
@@ -131,7 +131,7 @@ class Machines:
         relevant, row = self._relevant(least, worst, 1.0 - coverage)
 
         def fraction(bound: float) -> float:
-            return float(relevant._shares(bound, row).mean())
+            return float(relevant._fractions(bound, row).mean())
 
         high = WIDER * least
         while fraction(high) > 1.0 - coverage:
@@ -152,14 +152,14 @@ class Machines:
         kept = np.union1d(order[np.cumsum(over[order]) > NONE * fraction], [worst])
         return self.at(kept), int(np.searchsorted(kept, worst))
 
-    def _shares(self, bound: float, worst: int) -> Array:
+    def _fractions(self, bound: float, worst: int) -> Array:
         """Fraction of machines that exceed the bound at some pose (replicates,)."""
         worst_pose = slice(worst, worst + 1)
-        more = self._outside(bound, slice(None)) - self._outside(bound, worst_pose)
+        more = self._exceeding(bound, slice(None)) - self._exceeding(bound, worst_pose)
         at_worst = float(exceedance(self.variances[worst], bound))
         return np.asarray(at_worst + np.mean(more.reshape(self.replicates, -1), axis=1))
 
-    def _outside(self, bound: float, poses: slice) -> Array:
+    def _exceeding(self, bound: float, poses: slice) -> Array:
         """Probability (m,) of a rho at which the bound is exceeded at one of the poses."""
         square = bound**2 * self.inverse[poses] - self.apart[poses]
         missed = np.min(square, axis=0) < 0.0
@@ -177,8 +177,8 @@ def _quadratic(effects: Array, a: Array, b: Array) -> tuple[Array, Array, Array]
     for start in range(0, shape[1], BLOCK):
         some = slice(start, start + BLOCK)
         for row in rows:
-            ours, along = row @ a[:, some], row @ b[:, some]
-            products = along * along, ours * along, ours * ours
+            fixed, along = row @ a[:, some], row @ b[:, some]
+            products = along * along, fixed * along, fixed * fixed
             for total, product in zip(products_of, products, strict=True):
                 total[:, some] += product
     return products_of

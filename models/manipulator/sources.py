@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...errors import Fault, InputError, nearest
+from ...errors import Fault, nearest, raise_all
 from ...units import MRAD, UM
 from ..inputs.distribution import Array
 
@@ -90,8 +90,7 @@ def error_vector(errors: Mapping[str, float], place: str = "elementary_errors") 
         for name, value in errors.items()
         if not np.isfinite(value)
     ]
-    if faults:
-        raise InputError(faults)
+    raise_all(faults)
     vector = np.zeros(len(SOURCES))
     for name, value in errors.items():
         vector[by_name[name].at] = value * by_name[name].scale

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from ..inputs.distribution import Array
+
 WHOLE = 6
 """Least number of joints with which position and orientation can both be kept."""
-STILL = 1e-9
+NOT_MOVING = 1e-9
 """Rate of a joint, over the largest, below which it is rounding."""
 
 
@@ -36,12 +36,6 @@ class Drives:
         """Squared displacement (n, joints) [(m/rad)^2]."""
         return np.asarray(np.sum(self.move**2, axis=1))
 
-    def worst_of_two(self, first: int = 0, second: int = 1) -> Array:
-        """Squared displacement (n,) of two joints at 1 rad each, in the worse relative sense."""
-        first_move, second_move = self.move[:, :, first], self.move[:, :, second]
-        together, against = (np.sum((first_move + s * second_move) ** 2, axis=1) for s in (1.0, -1.0))
-        return np.asarray(np.maximum(together, against))
-
     def approach_sides(self, directions: Array) -> Array:
         """Signs (approaches, n, joints) of the joints' motion towards `directions` (k, 3).
 
@@ -51,7 +45,7 @@ class Drives:
         whole = self.move.shape[2] >= WHOLE
         rows = np.concatenate([self.move, self.turn], axis=1) if whole else self.move
         rate = np.einsum("nji,ki->knj", np.linalg.pinv(rows)[:, :, :3], directions)
-        return np.where(np.abs(rate) > STILL * np.abs(rate).max(), np.sign(rate), 0.0)
+        return np.where(np.abs(rate) > NOT_MOVING * np.abs(rate).max(), np.sign(rate), 0.0)
 
     def variation(self, reversing: Array, directions: Array | None = None, free: Array | None = None) -> Array:
         """Squared vAP (n,) [m^2] of reversals `reversing` (joints,) [rad]: their root mean squares.

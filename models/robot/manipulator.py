@@ -5,17 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..inputs.distribution import Array
 from ..manipulator import sources
 from ..manipulator.compensation import split
-from ..manipulator.geometry import Manipulator, TaskRing
-from ..manipulator.indices import Index, quadrature
+from ..manipulator.geometry import Manipulator
 from ..manipulator.maps import first_order
 from .drives import Drives
 from .joints import GRAVITY
 
-Array = NDArray[np.float64]
 CALIBRATED = ("none", "position")
 DRIVES = tuple(f"drive_zero_{chain}_mrad" for chain in (1, 2, 3))
 AT = [sources.NAMES.index(name) for name in DRIVES]
@@ -40,11 +38,6 @@ def drives(manipulator: Manipulator, r: Array, z: Array, weight: Array) -> Drive
     return Drives(weight, maps.position[:, :, AT], maps.orientation[:, :, AT])
 
 
-def drives_over(manipulator: Manipulator, ring: TaskRing, index: Index = "rms_plane", order: int = ORDER) -> Drives:
-    """The same at Gauss-Legendre nodes over the task ring."""
-    return drives(manipulator, *quadrature(ring, index, order))
-
-
 def links(manipulator: Manipulator, r: Array, z: Array, calibrated: str = "none") -> LinkMaps:
     """The maps of the links' sources at poses r, z (n,) [m]. Raises OutOfReach."""
     if calibrated == "position":
@@ -60,12 +53,3 @@ def gravity_torque(machine: Drives, payload: float) -> Array:
     The platform hangs on inclined rods, so that arms which turn in a plane lift it as well.
     """
     return np.asarray(payload * GRAVITY * machine.move[:, 2, :])
-
-
-def emptying_acceleration(machine: Drives, payload: float, friction: float = 0.0) -> Array:
-    """Tangential acceleration (n, 2) [m/s^2] of the payload that empties the flank of drive 1 or 2.
-
-    Virtual work of m a along e_t against that of m g along z, less friction [N m].
-    """
-    static_torque = np.maximum(payload * GRAVITY * np.abs(machine.move[:, 2, :2]) - friction, 0.0)
-    return np.asarray(static_torque / (payload * np.abs(machine.move[:, 1, :2])))

@@ -14,10 +14,10 @@ import scipy
 from numpy.typing import NDArray
 from scipy.special import ndtri
 
+from ..inputs.distribution import Array
 from .drives import Drives
 from .measures import COVERAGE
 
-Array = NDArray[np.float64]
 POSES = 512
 PER_JOINT = 4
 """Dimensions of a joint in addition to its backlash: side, phase, two components of the wave."""
@@ -72,8 +72,8 @@ class AccuracySample:
 
 
 def smooth_root(covariance: Array) -> Array:
-    """A with A A' = covariance (..., k, k), lower triangular: it follows its covariance smoothly,
-    so that designs nearly alike have samples nearly alike. Singular ones are widened by 1e-12.
+    """A with A A' = covariance (..., k, k), lower triangular: it is smooth in the covariance,
+    so that similar designs have similar samples. Singular covariances are widened by 1e-12.
     """
     size = np.trace(covariance, axis1=-2, axis2=-1)[..., None, None] * 1e-12 + 1e-60
     return np.linalg.cholesky(covariance + size * np.eye(covariance.shape[-1]))

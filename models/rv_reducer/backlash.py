@@ -6,19 +6,17 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..inputs import Distribution, Uniform
+from ..inputs.distribution import Array
 from ..propagation import ClippedSum, Term
 from ..propagation.sums import total_cumulants
-from . import involute, output_stage
+from . import involute
 from .cycloid import LINEAR_ERRORS, ROTATIONS, EccentricityLaw, coefficients, pin_circle_growth
 from .geometry import RvGeometry
 from .modification import modification_backlash
 from .tighter_of import tighter_of
 from .tighter_planet import TighterPlanet
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,7 +24,8 @@ class Allocation:
     """Tolerances of n designs: lengths in metres, angles in radians, all arrays of shape (n,).
 
     `half_width` has the eight errors of `LINEAR_ERRORS` and `eccentricity`; `crank_bearing` is the
-    full clearance c of the zone [0, c]; `stagger` the turn of each disc, one ahead and one back.
+    full clearance c of the zone [0, c]; `stagger` the angle by which one disc is turned ahead and
+    the other back.
     """
 
     half_width: Mapping[str, Array]
@@ -49,9 +48,9 @@ class BacklashModel:
     phi_2 below zero is interference, not backlash: it is the clipped part of the sum.
 
     phi_1 is that of the tighter of the planets (`tighter`). With `sun_held` phi_2 and phi_3, turns
-    of the discs, are divided by how far a disc turns per turn of the carrier. Discs turned by the
-    stagger delta, one ahead and one back, take `stagger_gain` delta from phi_2. Where not
-    `position_mids_count`, the mid-limits of `ROTATIONS` move no unit's backlash.
+    of the discs, are divided by the turn of a disc per turn of the carrier. The stagger delta of
+    the discs reduces phi_2 by `stagger_gain` delta. Without `position_mids_count` the mid-limits of
+    `ROTATIONS` do not change the backlash of a unit.
     """
 
     geometry: RvGeometry = RvGeometry()
@@ -70,11 +69,11 @@ class BacklashModel:
         return 1.0 / self.geometry.output_ratio if self.sun_held else 1.0
 
     def gain(self, name: str) -> float:
-        """Change of phi_2 [rad/m] with one of the `LINEAR_ERRORS` that differs between units."""
+        """Change of phi_2 [rad/m] with an error of `LINEAR_ERRORS` that differs between units."""
         return self.output_factor * coefficients(self.geometry)[name] / self.geometry.lever
 
     def moves(self, name: str) -> bool:
-        """Whether an error that all units have alike moves their backlash."""
+        """Whether an error that is the same in all units changes their backlash."""
         return self.position_mids_count or name not in ROTATIONS
 
     def opening(self, changes: Mapping[str, Array | float]) -> Array | float:
@@ -94,10 +93,9 @@ class BacklashModel:
         return Term(tighter_of(self._input("involute_grade"), self.tighter), mid, half)
 
     def output_term(self, allocation: Allocation) -> Term:
-        """phi_3."""
-        mid, half = output_stage.backlash_zone(self.geometry, allocation.crank_bearing)
-        factor = self.output_factor
-        return Term(self._input("crank_bearing"), factor * mid, factor * half)
+        """phi_3 = du/a_0, du the play of the crank-arm bearings in [0, c]."""
+        half = self.output_factor * (0.5 * allocation.crank_bearing / self.geometry.centre_distance)
+        return Term(self._input("crank_bearing"), half, half)
 
     def nominal(self, dr_rp: Array, dr_p: Array, stagger: Array) -> Array:
         """phi_2 of parts without errors [rad], (n,), from modification and stagger."""

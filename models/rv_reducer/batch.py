@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...declarations import Output, Value
-from ...errors import refuse
+from ...errors import raise_all
 from ...units import ARCMIN, UM
 from ..inputs import Uniform
 from ..inputs.distribution import Array, Distribution
@@ -31,19 +31,20 @@ PART = 16384
 class RvBatch(MeasurableModel):
     """Backlash of a batch of RV reducers, each unit built to the same allocation.
 
-    By contact: phi_1 and the backlash of the cycloid stage by first contact of all pins, the
-    largest (or mean) over `positions` of a turn, or at `output_angle_deg`. With `model` "document":
-    phi_1 + max(0, phi_2) + phi_3 of document B. Every error is drawn from its distribution. Rows of
-    the same `unit` (and `lot`) are the same unit where the table has a column `repeat`, or one of
-    angles; otherwise every row is a unit. Temperature and lot act through effects only; changes of
-    the errors of the cycloid stage and of temperatures act before interference is cut off.
+    With `model` "contact": phi_1 and the backlash of the cycloid stage by first contact of all
+    pins, the largest (or mean) over `positions` of a turn, or at `output_angle_deg`. With `model`
+    "document": phi_1 + max(0, phi_2) + phi_3 of document B. Every error is drawn from its
+    distribution. Rows of the same `unit` (and `lot`) are the same unit where the table has a column
+    `repeat`, or one of angles; otherwise every row is a unit. Temperature and lot act through
+    effects only; changes of the errors of the cycloid stage and of temperatures act before
+    interference is cut off.
     """
 
     columns = (
         Column("unit", "", "name or number of the unit", text=True, role=Role.UNIT),
         Column("temperature_C", "C", "temperature of the unit", False, role=Role.TEMPERATURE),
         Column("lot", "", "production lot", needed=False, text=True, role=Role.LOT),
-        Column(ANGLE, "deg", "angle of the output at which a row was read", False),
+        Column(ANGLE, "deg", "angle of the output at which a row was measured", False),
     )
     outputs = (Output("backlash_arcmin", "arcmin", "effective backlash of the unit", low=0.0),)
     parameters = batch_declared.PARAMETERS
@@ -69,10 +70,7 @@ class RvBatch(MeasurableModel):
         values = {p.name: p.default for p in self.parameters} | dict(parameters or {})
         laws = {name.removesuffix("_um"): law for name, law in (inputs or {}).items()}
         self.model = declared.backlash_model(parameters or {}, None, laws)
-        k1 = self.model.geometry.k1
-        if not k1 < 1.0:
-            text = f"e z_p/r_p must be below 1 (no undercut), got {k1:.4g}; lower the eccentricity"
-            raise refuse("parameters.eccentricity_mm", text)
+        raise_all(declared.undercut(self.model.geometry))
         design = {v.name: float(v.document or 0.0) for v in self.variables} | dict(designs or {})
         self.contact = (
             ContactUnits(values, design, inputs or {})

@@ -9,7 +9,7 @@ from .contact import declared as contact
 MODEL = "model"
 CONTACT, DOCUMENT = "contact", "document"
 LARGEST, MEAN = "max", "mean"
-_A = "no document prints it"
+_NOT_PRINTED = "no document prints it"
 
 
 def _fraction(name: str, meaning: str) -> Parameter:
@@ -17,21 +17,21 @@ def _fraction(name: str, meaning: str) -> Parameter:
         name,
         0.0,
         "",
-        f"share of the variance of {meaning} that one unit has in common; no value is the worst case",
-        _A,
+        f"fraction of the variance of {meaning} that is common to a unit; no value is the worst case",
+        _NOT_PRINTED,
         assumed=True,
         low=0.0,
         high=1.0,
     )
 
 
-_OWN: tuple[Parameter, ...] = (
+_OF_BATCHES: tuple[Parameter, ...] = (
     Parameter(
         MODEL,
         CONTACT,
         "",
-        "what a unit is: the exact contact of its pins and discs over a "
-        "turn, or document B's closed form phi_1 + max(0, phi_2) + phi_3, one number a unit",
+        "model of a unit: the exact contact of its pins and discs over a turn (contact), or "
+        "document B's closed form phi_1 + max(0, phi_2) + phi_3, one number per unit (document)",
         "",
         choices=(CONTACT, DOCUMENT),
     ),
@@ -39,7 +39,7 @@ _OWN: tuple[Parameter, ...] = (
         "positions",
         61,
         "",
-        "positions of a turn of the output at which a unit is measured; matters to the contact alone",
+        "positions of a turn of the output at which a unit is measured; used by the contact only",
         "",
         low=1,
         high=100_003,
@@ -48,8 +48,7 @@ _OWN: tuple[Parameter, ...] = (
         "measured",
         LARGEST,
         "",
-        "which backlash of a unit over these positions is reported: "
-        "the largest, or the mean; matters to the contact alone",
+        "which backlash of a unit over these positions is reported: the largest, or the mean; used by the contact only",
         "",
         choices=(LARGEST, MEAN),
     ),
@@ -57,7 +56,7 @@ _OWN: tuple[Parameter, ...] = (
         "involute_stage",
         True,
         "",
-        "whether there is an involute stage before the cycloid stage; matters to the contact alone",
+        "whether there is an involute stage before the cycloid stage; used by the contact only",
         "",
     ),
     _fraction("share_pins", "the errors of pins and their holes"),
@@ -65,17 +64,17 @@ _OWN: tuple[Parameter, ...] = (
     *(parameter for parameter in contact.PARAMETERS if parameter.name in ("discs", "cranks")),
 )
 _NAMES = {parameter.name for parameter in declared.PARAMETERS}
-PARAMETERS = (*declared.PARAMETERS, *(parameter for parameter in _OWN if parameter.name not in _NAMES))
+PARAMETERS = (*declared.PARAMETERS, *(parameter for parameter in _OF_BATCHES if parameter.name not in _NAMES))
 
 
-def _new(name: str, value: float, unit: str, meaning: str) -> Variable:
+def _between_discs(name: str, value: float, unit: str, meaning: str) -> Variable:
     return Variable(
         name,
         unit,
         Kind.HALF_WIDTH,
         0.0,
         10.0,
-        f"{meaning}; matters to the contact alone",
+        f"{meaning}; used by the contact only",
         value,
         valid_low=0.0,
         valid_high=1000.0,
@@ -101,8 +100,8 @@ OF_THE_BENCH = (MODEL, "positions", "measured")
 
 VARIABLES: tuple[Variable, ...] = (
     *declared.VARIABLES,
-    _new("circle_offset_um", 3.0, "um", "offset of the pin circle from the axis of the carrier"),
-    _new("bore_um", 2.0, "um", "position of the crank bores in a disc, either direction"),
-    _new("crank_phase_mrad", 2.0 / 1.3, "mrad", "phase of each journal of a crankshaft"),
+    _between_discs("circle_offset_um", 3.0, "um", "offset of the pin circle from the axis of the carrier"),
+    _between_discs("bore_um", 2.0, "um", "position of the crank bores in a disc, either direction"),
+    _between_discs("crank_phase_mrad", 2.0 / 1.3, "mrad", "phase of each journal of a crankshaft"),
 )
 """The variables of document B, and errors between discs at the values of `rv_reducer`."""

@@ -7,33 +7,25 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...errors import Fault, raise_all
 from ...units import ARCMIN, MRAD, UM
+from ..inputs.distribution import Array
 from ..measurable import Changeable
 from .loaded_unit import LoadedUnit
 from .order_table import LEFT_OUT, OrderTable
 
-Array = NDArray[np.float64]
 
+def _part_error(name: str, pattern: object) -> Callable[[LoadedUnit, float], LoadedUnit]:
+    """The change that adds `pattern` times an amount to a part error of the unit."""
 
-def _errors(unit: LoadedUnit, name: str, added: Array) -> LoadedUnit:
-    errors = np.asarray(getattr(unit.errors, name), dtype=float)
-    errors = errors.reshape((1,) * (added.ndim - errors.ndim) + errors.shape)
-    return replace(unit, errors=replace(unit.errors, **{name: errors + added}))
+    def apply(unit: LoadedUnit, amount: float) -> LoadedUnit:
+        added = amount * np.asarray(pattern, dtype=float)
+        errors = np.asarray(getattr(unit.errors, name), dtype=float)
+        errors = errors.reshape((1,) * (added.ndim - errors.ndim) + errors.shape)
+        return replace(unit, errors=replace(unit.errors, **{name: errors + added}))
 
-
-def _pin_circle(unit: LoadedUnit, amount: float) -> LoadedUnit:
-    return _errors(unit, "circle_radius", np.full(1, amount))
-
-
-def _equidistance(unit: LoadedUnit, amount: float) -> LoadedUnit:
-    return _errors(unit, "equidistance", np.full((1, 1), amount))
-
-
-def _bearing(unit: LoadedUnit, amount: float) -> LoadedUnit:
-    return _errors(unit, "bearing_clearance", np.full((1, 1, 1), amount))
+    return apply
 
 
 def _sharing(unit: LoadedUnit, amount: float) -> LoadedUnit:
@@ -45,16 +37,12 @@ def _series(unit: LoadedUnit, amount: float) -> LoadedUnit:
     return replace(unit, contact=replace(unit.contact, series_stiffness=stiffness))
 
 
-def _phase_1(unit: LoadedUnit, amount: float) -> LoadedUnit:
-    return _errors(unit, "crank_phase", np.array([[[amount, 0.0], [0.0, 0.0]]]))
-
-
-def _phase_2(unit: LoadedUnit, amount: float) -> LoadedUnit:
-    return _errors(unit, "crank_phase", np.array([[[0.0, amount], [0.0, 0.0]]]))
-
-
-def _stagger(unit: LoadedUnit, amount: float) -> LoadedUnit:
-    return _errors(unit, "angle", np.array([[-amount, amount]]))
+_pin_circle = _part_error("circle_radius", [1.0])
+_equidistance = _part_error("equidistance", [[1.0]])
+_bearing = _part_error("bearing_clearance", [[[1.0]]])
+_phase_1 = _part_error("crank_phase", [[[1.0, 0.0], [0.0, 0.0]]])
+_phase_2 = _part_error("crank_phase", [[[0.0, 1.0], [0.0, 0.0]]])
+_stagger = _part_error("angle", [[-1.0, 1.0]])
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,17 +79,23 @@ CHANGES = (
     Change("eccentric_phase_1_mrad", "mrad", "phase of crank 1's eccentric for disc 1", MRAD, -0.1, 0.1, _phase_1),
     Change("eccentric_phase_2_mrad", "mrad", "phase of crank 1's eccentric for disc 2", MRAD, -0.1, 0.1, _phase_2),
     Change(
-        "stagger_arcmin", "arcmin", "turn of each disc, disc 2 ahead and disc 1 back", ARCMIN, -0.01, 0.01, _stagger
+        "stagger_arcmin",
+        "arcmin",
+        "angle by which disc 2 is turned ahead and disc 1 back",
+        ARCMIN,
+        -0.01,
+        0.01,
+        _stagger,
     ),
 )
-"""First order is exact for none of them, but within a few percent for changes of the size of a
+"""First-order responses are within a few percent of the exact change for changes of the size of a
 tolerance under load (docs/transmission_error.md)."""
 
 CHANGEABLE = tuple(Changeable(change.name, change.unit, change.meaning) for change in CHANGES)
 
 
-class Answers:
-    """First-order responses of the twist to changes, each computed at its first use."""
+class Responses:
+    """First-order responses of the twist to changes, computed at their first use."""
 
     def __init__(self, unit: LoadedUnit, samples: int, most: float) -> None:
         self.unit, self.samples, self.most = unit, samples, most
@@ -111,14 +105,12 @@ class Answers:
         """d twist/d quantity [rad per unit], by order and torque."""
         if name not in self._cached:
             change = next(candidate for candidate in CHANGES if candidate.name == name)
-            low, high = (self._twist(change, step) for step in (change.low, change.high))
-            step = change.high - change.low
-            self._cached[name] = high.difference(low, step, LEFT_OUT)
+            low, high = (
+                OrderTable.of(change.applied(self.unit, amount).mesh(self.samples), self.most, left_out=0.0)
+                for amount in (change.low, change.high)
+            )
+            self._cached[name] = high.difference(low, change.high - change.low, LEFT_OUT)
         return self._cached[name]
-
-    def _twist(self, change: Change, amount: float) -> OrderTable:
-        mesh = change.applied(self.unit, amount).mesh(self.samples)
-        return OrderTable.of(mesh, self.most, left_out=0.0)
 
     def of(self, changes: Mapping[str, Any], rows: int) -> list[tuple[OrderTable, Array]]:
         """Table and amount (n,) of every change that is not zero.
@@ -130,7 +122,7 @@ class Answers:
         raise_all(
             [
                 *(
-                    Fault(name, f"is not changeable; these are: {', '.join(sorted(known))}")
+                    Fault(name, f"cannot be changed; the changeable quantities are {', '.join(sorted(known))}")
                     for name in amounts
                     if name not in known
                 ),

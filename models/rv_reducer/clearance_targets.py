@@ -9,19 +9,18 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..inputs.distribution import Array
 from .geometry import RvGeometry
 
-Array = NDArray[np.float64]
 Band = tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Target:
-    """Wanted clearance [m] at profile angles [rad], and the weight of each; all (n + 1,).
+    """Target clearance [m] at profile angles [rad] and the weights of the angles; all (n + 1,).
 
-    An angle of weight 0 is not in the sum; the constraints hold there all the same.
+    An angle of weight 0 is not in the sum, but the constraints hold there.
     """
 
     phi: Array
@@ -41,7 +40,7 @@ def within(phi: Array, band: Band) -> Array:
 
 
 def film(phi: Array, thickness: float, band: Band) -> Target:
-    """A lubrication film of one thickness [m] over a band [rad]; elsewhere nothing is wanted."""
+    """A lubrication film of one thickness [m] over a band [rad]; elsewhere there is no target."""
     return Target(phi, np.full_like(phi, thickness), within(phi, band))
 
 

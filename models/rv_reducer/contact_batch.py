@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property
 from typing import Literal
@@ -74,13 +74,13 @@ class ContactUnits:
             units = min(BLOCK, count - start)
             sample = self._sample(units, rng, "random")
             first, last = np.searchsorted(row[order], [start, start + units])
-            for rows in _parts(order[first:last]):
+            for rows in np.split(order[first:last], range(BLOCK, last - first, BLOCK)):
                 by_row = _rows(sample, row[rows] - start)
-                row_changes = {name: _of_rows(value, rows) for name, value in changes.items()}
+                row_changes = _of_rows(changes, rows)
                 if lattice is None or angles is None:
                     cycloid = self._measured(by_row, row_changes)
                 else:
-                    cycloid = self._read(lattice, angles[rows], by_row, row_changes)
+                    cycloid = self._measured_at(lattice, angles[rows], by_row, row_changes)
                 backlash[rows] = cycloid + self._involute(by_row)
         return backlash
 
@@ -151,7 +151,7 @@ class ContactUnits:
         teeth = self.basis.geometry.nominal.cycloid_teeth
         return different, *self._with_table(np.deg2rad(different) * teeth)
 
-    def _read(
+    def _measured_at(
         self, mesh: tuple[Array, Lattice, Table], angles: Array, sample: BaseSample, changes: Mapping[str, Array]
     ) -> Array:
         """Backlash (n,) [arcmin] of the cycloid stage, each row at an angle of `angles` (n,)."""
@@ -159,7 +159,7 @@ class ContactUnits:
         at, backlash = np.searchsorted(different, angles), np.empty(len(angles))
         for position in np.unique(at):
             rows = np.flatnonzero(at == position)
-            row_changes = {name: _of_rows(value, rows) for name, value in changes.items()}
+            row_changes = _of_rows(changes, rows)
             y = self._play(_position(lattice, int(position)), table, _rows(sample, rows), row_changes)
             backlash[rows] = np.maximum(y[0], 0.0)
         return backlash
@@ -197,16 +197,13 @@ class ContactUnits:
         Each of `LAW` units of a fixed Sobol sample is combined with `SHIFTED` clearances of the
         involute stage, which is independent of them.
         """
-        cycloid = np.concatenate([self._measured(part) for part in self._of_law()])
+        sample = self.fixed(LAW, SEEDS["law"])
+        parts = (sample.part(slice(start, start + BLOCK)) for start in range(0, LAW, BLOCK))
+        cycloid = np.concatenate([self._measured(part) for part in parts])
         rng = np.random.default_rng(SEEDS["law"])
         probability = (np.arange(SHIFTED) + rng.random((len(cycloid), SHIFTED))) / SHIFTED
         z = self.basis.planet.quantile(probability)
         return np.asarray((cycloid[:, None] + self.involute.middle + self.involute.half * z).ravel())
-
-    def _of_law(self) -> Iterator[BaseSample]:
-        sample = self.fixed(LAW, SEEDS["law"])
-        for start in range(0, LAW, BLOCK):
-            yield sample.part(slice(start, start + BLOCK))
 
 
 def _position(lattice: Lattice, at: int) -> Lattice:
@@ -221,22 +218,13 @@ def _position(lattice: Lattice, at: int) -> Lattice:
     )
 
 
-def _parts(rows: Integers) -> Iterator[Integers]:
-    """Rows by parts of a block."""
-    for start in range(0, len(rows), BLOCK):
-        yield rows[start : start + BLOCK]
-
-
 def _rows(sample: BaseSample, units: Integers) -> BaseSample:
     """The units of rows (n,), each row a copy of its unit."""
     if len(units) == sample.units and np.array_equal(units, np.arange(sample.units)):
         return sample
-    z = {name: value[..., units] for name, value in sample.z.items()}
-    phase = {name: value[..., units] for name, value in sample.phase.items()}
-    return BaseSample(len(units), z, phase, sample.planets[..., units])
+    return sample.part(units)
 
 
-def _of_rows(change: Array, rows: Integers) -> Array:
-    """A change at some of the rows, where it is not the same for all of them."""
-    amount = np.asarray(change)
-    return amount if amount.ndim == 0 else amount[rows]
+def _of_rows(changes: Mapping[str, Array], rows: Integers) -> dict[str, Array]:
+    """The changes at some of the rows, where they are not the same for all of them."""
+    return {name: np.asarray(amount)[rows if np.ndim(amount) else ...] for name, amount in changes.items()}

@@ -1,4 +1,4 @@
-"""Effects of changes of one toleranced input on units on the exact contact, for a batch."""
+"""Effects of a change of a toleranced input on units on the exact contact, for a batch."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from .contact_batch import ContactUnits
 from .involute import lever
 from .population.design import ERRORS
 from .population.sample import BaseSample
+from .sources import flank_clearance
 
 UNITS = 2048
 """Units of the fixed sample, which is built again for every change."""
@@ -25,7 +26,7 @@ STEP = 0.5
 CENTRED = ("circle_offset", "bore", "crank_phase")
 """Errors without a mid-limit: they have no sign, or no mean."""
 IN_MRAD = "crank_phase"
-BASIS = "a shift of an input by the contact's own derivative of the mean, a wider zone by units built anew"
+BASIS = "a shift of an input by the derivative of the mean on the contact, a wider zone by a new sample of units"
 
 
 @dataclass(frozen=True)
@@ -66,8 +67,7 @@ class ContactSources:
         design = self.units.design
         unit = "mrad" if error == IN_MRAD else "um"
         from_zero = error == "crank_bearing"
-        part = f"{_words(error)} error"
-        part = "clearance of the crank-arm bearings" if from_zero else part
+        part = "clearance of the crank-arm bearings" if from_zero else f"{error.replace('_', ' ')} error"
         half = design.width(error) * (0.5 if from_zero else 1.0)
         return Source(
             f"{error}_{unit}",
@@ -103,19 +103,4 @@ class ContactSources:
         arm = lever(basis.stage, basis.geometry.nominal)
         per = UM / arm / ARCMIN if basis.geared else 0.0
         half = involute.half / per if per else 0.0
-        widest = involute.middle / max(involute.half, 1e-300)
-        return Source(
-            "flank_clearance_um",
-            "um",
-            "flank clearance j_n of the involute stage",
-            half,
-            per,
-            clipped=False,
-            at=0,
-            law=involute.planet,
-            widest=widest,
-        )
-
-
-def _words(error: str) -> str:
-    return error.replace("_", " ")
+        return flank_clearance(half, per, involute.planet, involute.middle / max(involute.half, 1e-300))

@@ -19,7 +19,7 @@ LINEAR_ERRORS = (
 )
 """The errors that act at first order, in the order of document B's table."""
 ROTATIONS = ("pin_position", "pitch")
-"""Errors whose mean turns all pins, or all teeth, alike: it causes no backlash."""
+"""Errors whose mean turns all pins, or all teeth, by the same angle: it causes no backlash."""
 
 
 def coefficients(geometry: RvGeometry) -> dict[str, float]:
@@ -45,8 +45,8 @@ def coefficients(geometry: RvGeometry) -> dict[str, float]:
 def pin_circle_growth(geometry: RvGeometry, disc: Array, housing: Array) -> Array:
     """Growth [m] of the pin circle against the disc, (n,), by temperature rises [K] of both.
 
-    alpha r_p (housing - disc): a unit that warms up alike stays similar to itself, and its backlash
-    is an angle.
+    alpha r_p (housing - disc): a uniformly warmed unit stays geometrically similar, so that its
+    backlash, an angle, does not change.
     """
     return geometry.expansion * geometry.pin_circle_radius * (housing - disc)
 

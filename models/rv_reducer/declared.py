@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from math import radians
 
 from ...declarations import READING, Kind, Parameter, Value, Variable, completed, number
+from ...errors import Fault
 from ...units import ARCMIN, MM, UM
 from ..inputs.distribution import Array, Distribution
 from .backlash import Allocation, BacklashModel
@@ -98,7 +99,7 @@ PARAMETERS: tuple[Parameter, ...] = (
         "eccentricity_linear",
         -0.055,
         "",
-        "part of an eccentricity error that acts as play, first order",
+        "fraction of an eccentricity error that acts as play, first order",
         _LAW,
         assumed=True,
         low=-10.0,
@@ -111,14 +112,14 @@ PARAMETERS: tuple[Parameter, ...] = (
         "thermal_expansion_per_K",
         11.5e-6,
         "1/K",
-        "thermal expansion of disc and housing; matters to effects only",
+        "thermal expansion of disc and housing; used by effects only",
         "bearing steel",
         assumed=True,
         low=0.0,
         high=1e-3,
     ),
     *(_mid(error) for error in ERRORS),
-    _printed("backlash_limit_arcmin", 1.0, "arcmin", "backlash that conforming units keep", 1e4),
+    _printed("backlash_limit_arcmin", 1.0, "arcmin", "largest backlash of a conforming unit", 1e4),
 )
 
 
@@ -159,8 +160,8 @@ VARIABLES: tuple[Variable, ...] = (
         assumed="the document prints no zone for the eccentricity; +-1 um in every reference",
         random=True,
     ),
-    _half_width("equidistance", 0.25, 6.0, 1.0, "equidistance modification as ground"),
-    _half_width("shift", 0.25, 6.0, 1.0, "shift modification as ground"),
+    _half_width("equidistance", 0.25, 6.0, 1.0, "equidistance modification of the ground profile"),
+    _half_width("shift", 0.25, 6.0, 1.0, "shift modification of the ground profile"),
     Variable(
         "crank_bearing_um",
         "um",
@@ -194,7 +195,7 @@ VARIABLES: tuple[Variable, ...] = (
         Kind.NOMINAL,
         0.0,
         0.4,
-        "turn of each of the two discs, one ahead and one back",
+        "angle by which the first disc is turned ahead and the second disc back",
         0.0,
         valid_low=0.0,
         valid_high=60.0,
@@ -219,7 +220,7 @@ def backlash_model(
     mids = {error: p[f"{error}_mid_um"] for error in ERRORS} | dict(mids_um or {})
     mid = {error: value * UM for error, value in mids.items()}
     return BacklashModel(
-        _geometry(p),
+        nominal_geometry(p),
         _stage(p),
         _law(p),
         mid,
@@ -236,18 +237,24 @@ def _law(p: Mapping[str, float]) -> EccentricityLaw:
     return EccentricityLaw(p["eccentricity_linear"], quadratic, p["eccentricity_factor"])
 
 
-def _geometry(p: Mapping[str, float]) -> RvGeometry:
+def nominal_geometry(p: Mapping[str, float]) -> RvGeometry:
+    """The geometry (SI) of parameters by declared name; omitted lengths keep their defaults."""
+    lengths = ("pin_circle_radius", "pin_radius", "eccentricity", "sun_pitch_radius", "centre_distance")
     return RvGeometry(
-        pin_circle_radius=p["pin_circle_radius_mm"] * MM,
-        pin_radius=p["pin_radius_mm"] * MM,
-        eccentricity=p["eccentricity_mm"] * MM,
         cycloid_teeth=int(p["cycloid_teeth"]),
         pins=int(p["pins"]),
         reduction_ratio=p["reduction_ratio"],
-        sun_pitch_radius=p["sun_pitch_radius_mm"] * MM,
-        centre_distance=p["centre_distance_mm"] * MM,
-        expansion=p["thermal_expansion_per_K"],
+        expansion=p.get("thermal_expansion_per_K", RvGeometry().expansion),
+        **{name: p[f"{name}_mm"] * MM for name in lengths if f"{name}_mm" in p},
     )
+
+
+def undercut(geometry: RvGeometry) -> list[Fault]:
+    """The fault of an eccentricity that undercuts the profile, if there is one."""
+    if geometry.k1 < 1.0:
+        return []
+    text = f"e z_p/r_p must be below 1 (no undercut), got {geometry.k1:.4g}; lower the eccentricity"
+    return [Fault("parameters.eccentricity_mm", text)]
 
 
 def _stage(p: Mapping[str, float]) -> InvoluteStage:

@@ -6,11 +6,10 @@ from dataclasses import dataclass
 from math import cos, radians, sin, sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..inputs.distribution import Array
 from .geometry import RvGeometry
 
-Array = NDArray[np.float64]
 REFERENCE_GRADE = 7
 """ISO grade of the default deviations; they grow by sqrt(2) per grade."""
 
@@ -37,7 +36,7 @@ class InvoluteStage:
 
     @property
     def compensation(self) -> float:
-        """Delta: what gear errors take from the smallest clearance [m]."""
+        """Delta: reduction of the smallest clearance by gear errors [m]."""
         s, c = sin(self.pressure_angle), cos(self.pressure_angle)
         return sqrt(
             (2.0 * self.centre_distance * s) ** 2

@@ -11,20 +11,18 @@ from dataclasses import dataclass, replace
 from math import pi
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...declarations import Parameter, Value, number
 from ...errors import Fault
 from ...units import ARCMIN, MM, MRAD, UM
 from ..gear import RV_40E, Gear, of_ratio
 from . import declared
+from .contact import declared as contact
 from .contact.contact import LoadedContact, turn_angles
 from .contact.errors import PartErrors
 from .contact.geometry import ContactGeometry
 from .contact.mesh import Mesh
-from .geometry import RvGeometry
 
-Array = NDArray[np.float64]
 _GEOMETRY = (
     "pin_circle_radius_mm",
     "pin_radius_mm",
@@ -41,24 +39,19 @@ def _error(name: str, unit: str, meaning: str, high: float, signed: bool = True)
     return Parameter(name, 0.0, unit, meaning, "a perfect unit", low=low, high=high)
 
 
-def _modification(name: str, default: float, meaning: str) -> Parameter:
-    return Parameter(name, default, "mm", meaning, "document B", low=-1.0, high=1.0)
-
-
 def _assumed(name: str, default: float, unit: str, meaning: str, source: str, high: float) -> Parameter:
     return Parameter(name, default, unit, meaning, source, assumed=True, low=0.0, high=high, open_low=True)
 
 
 PARAMETERS: tuple[Parameter, ...] = (
     *(parameter for parameter in declared.PARAMETERS if parameter.name in _GEOMETRY),
-    _modification("dr_rp_mm", -0.040, "equidistance modification"),
-    _modification("dr_p_mm", -0.070, "shift modification"),
+    *(parameter for parameter in contact.PARAMETERS if parameter.name in ("dr_rp_mm", "dr_p_mm")),
     _assumed(
         "normal_stiffness_N_per_um",
         200.0,
         "",
         "stiffness [N/um] of a pin contact along its normal",
-        "linear in place of the line contact's own",
+        "linear in place of the stiffness of the line contact",
         1e6,
     ),
     _assumed(
@@ -79,21 +72,21 @@ PARAMETERS: tuple[Parameter, ...] = (
     _error(
         "pin_circle_runout_um", "um", "distance of the pin circle's centre from the main bearing's", 100.0, signed=False
     ),
-    _error("pin_circle_phase_deg", "deg", "where in the housing the pin circle is displaced to", 360.0),
+    _error("pin_circle_phase_deg", "deg", "direction in the housing of the displacement of the pin circle", 360.0),
     _error("pin_radius_um", "um", "radius of pin 1 alone, over its full length", 50.0),
     _error("pin_radius_disc_1_um", "um", "radius of pin 1 alone, at disc 1 only", 50.0),
     _error("eccentric_phase_1_mrad", "mrad", "phase of crank 1's eccentric for disc 1", 20.0),
     _error(
         "eccentric_phase_2_mrad",
         "mrad",
-        "phase of crank 1's eccentric for disc 2; equal to the other: of the whole crank",
+        "phase of crank 1's eccentric for disc 2; equal to that for disc 1, it is a phase of the whole crank",
         20.0,
     ),
     _error("eccentricity_1_um", "um", "eccentricity error of crank 1's eccentric for disc 1", 50.0),
     _error("eccentricity_2_um", "um", "eccentricity error of crank 1's eccentric for disc 2", 50.0),
     _error("disc_runout_um", "um", "runout of both discs (twice the distance of the centres)", 100.0, signed=False),
     _error("disc_pitch_um", "um", "cumulative pitch error of both discs", 100.0, signed=False),
-    _error("stagger_arcmin", "arcmin", "turn of each disc, disc 2 ahead and disc 1 back", 5.0),
+    _error("stagger_arcmin", "arcmin", "angle by which disc 2 is turned ahead and disc 1 back", 5.0),
     _error("crank_bearing_um", "um", "radial clearance of the crank bearings", 50.0, signed=False),
 )
 
@@ -123,42 +116,31 @@ class LoadedUnit:
         return replace(self.contact, series_stiffness=series).mesh(self.errors, angles)
 
 
+def _numbers(parameters: Mapping[str, Value]) -> dict[str, float]:
+    return {parameter.name: number(parameters.get(parameter.name, parameter.default)) for parameter in PARAMETERS}
+
+
 def loaded_unit(parameters: Mapping[str, Value]) -> LoadedUnit:
     """The unit of `parameters` by declared name; omitted ones keep their defaults."""
-    p = {parameter.name: number(parameters.get(parameter.name, parameter.default)) for parameter in PARAMETERS}
-    geometry = ContactGeometry(_geometry(p), dr_rp=p["dr_rp_mm"] * MM, dr_p=p["dr_p_mm"] * MM)
-    contact = LoadedContact(
+    p = _numbers(parameters)
+    geometry = ContactGeometry(declared.nominal_geometry(p), dr_rp=p["dr_rp_mm"] * MM, dr_p=p["dr_p_mm"] * MM)
+    pins_and_discs = LoadedContact(
         geometry,
         normal_stiffness=p["normal_stiffness_N_per_um"] / UM,
         series_stiffness=p["series_stiffness_Nm_per_arcmin"] / ARCMIN,
     )
     sharing, variation = p["sharing_percent"] / 100.0, p["bearing_variation_percent"] / 100.0
-    return LoadedUnit(contact, _part_errors(p, geometry), sharing, variation)
+    return LoadedUnit(pins_and_discs, _part_errors(p, geometry), sharing, variation)
 
 
 def faults(parameters: Mapping[str, Value]) -> list[Fault]:
     """Parameters without a contact: an undercut profile, pins that do not fit the teeth."""
-    p = {parameter.name: number(parameters.get(parameter.name, parameter.default)) for parameter in PARAMETERS}
-    problems, geometry = [], _geometry(p)
+    p = _numbers(parameters)
+    problems, geometry = [], declared.nominal_geometry(p)
     if geometry.pins != geometry.cycloid_teeth + 1:
         text = f"must be one more than cycloid_teeth, got {geometry.pins} and {p['cycloid_teeth']}"
         problems.append(Fault("parameters.pins", text))
-    if not geometry.k1 < 1.0:
-        text = f"e z_p/r_p must be below 1 (no undercut), got {geometry.k1:.4g}"
-        problems.append(Fault("parameters.eccentricity_mm", f"{text}; lower the eccentricity"))
-    return problems
-
-
-def _geometry(p: Mapping[str, float]) -> RvGeometry:
-    return RvGeometry(
-        pin_circle_radius=p["pin_circle_radius_mm"] * MM,
-        pin_radius=p["pin_radius_mm"] * MM,
-        eccentricity=p["eccentricity_mm"] * MM,
-        cycloid_teeth=int(p["cycloid_teeth"]),
-        pins=int(p["pins"]),
-        reduction_ratio=p["reduction_ratio"],
-        centre_distance=p["centre_distance_mm"] * MM,
-    )
+    return problems + declared.undercut(geometry)
 
 
 def _part_errors(p: Mapping[str, float], geometry: ContactGeometry) -> PartErrors:

@@ -15,9 +15,10 @@ from ..gear import RV_40E, Gear
 from ..inputs.distribution import Array, Distribution
 from ..measurable import NO_CHANGES, Column, MeasurableModel, Outside, Role
 from . import loaded_unit
-from .changes import CHANGEABLE, Answers
+from .changes import CHANGEABLE, Responses
+from .contact.contact import warn_of_overload
 from .order_table import LEFT_OUT, OrderTable
-from .readings import Rows, outside, warn_of_overload
+from .rows import Rows, outside
 
 SAMPLES_PER_PIN = 50
 """Enough for 0.01 arcmin: the order of the mesh of one tooth (1560, 0.006') is not resolved."""
@@ -42,9 +43,7 @@ class RvLostMotion(MeasurableModel):
             False,
             role=Role.DIRECTION,
         ),
-        Column(
-            "output_angle_deg", "deg", "angle of the output; left out: the mean over a turn", False, role=Role.ANGLE
-        ),
+        Column("output_angle_deg", "deg", "angle of the output; omitted: the mean over a turn", False, role=Role.ANGLE),
         Column("temperature_C", "C", "temperature; acts through effects only", False, role=Role.TEMPERATURE),
     )
     outputs = (Output("twist_arcmin", "arcmin", "twist of the output, with the torque's sign"),)
@@ -68,7 +67,7 @@ class RvLostMotion(MeasurableModel):
         self.momentary = self.unit.contact.momentary_torque
         most = REACH * self.momentary
         self.static = OrderTable.of(self.unit.mesh(samples), most, LEFT_OUT)
-        self.answers = Answers(self.unit, samples, most)
+        self.responses = Responses(self.unit, samples, most)
 
     @classmethod
     def gear_of(cls, parameters: Mapping[str, Any]) -> Gear | None:
@@ -83,13 +82,13 @@ class RvLostMotion(MeasurableModel):
         rows = Rows.of(table)
         warn_of_overload(rows.torque, self.momentary)
         twist = _twist(self.static, rows)
-        for answer, amount in self.answers.of(changes, len(rows)):
-            twist = twist + amount * _twist(answer, rows)
+        for response, amount in self.responses.of(changes, len(rows)):
+            twist = twist + amount * _twist(response, rows)
         return {"twist_arcmin": twist / ARCMIN}
 
 
 def _twist(orders: OrderTable, rows: Rows) -> Array:
-    """Twist (n,) [rad], on the flank that the torque, or the direction, or neither chooses."""
+    """Twist (n,) [rad] on the flank of the torque or of the direction, or the mean of both."""
     if not rows.angled:
         orders = orders.mean_only()
     last = np.zeros(len(rows)) if rows.direction is None else -rows.direction

@@ -8,11 +8,9 @@ it interferes at its own optimum); the forms here are the corrected ones (docs/d
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..inputs.distribution import Array
 from .geometry import RvGeometry
-
-Array = NDArray[np.float64]
 
 
 def _profile(geometry: RvGeometry, phi: Array) -> tuple[Array, Array]:
@@ -71,14 +69,3 @@ def least_clearance(geometry: RvGeometry, dr_rp: Array, dr_p: Array) -> Array:
     s = np.clip(ratio / (k1 * np.sqrt(k1**2 + ratio**2)), 0.0, 1.0)
     inner = dr_rp * (1.0 - s) - dr_p * (np.sqrt(1.0 - (k1 * s) ** 2) - flank * s)
     return np.where(dr_p > 0.0, np.minimum(ends, inner), ends)
-
-
-def constraints(geometry: RvGeometry, dr_rp: Array, dr_p: Array) -> dict[str, Array]:
-    """g1 to g5 of document B; g1 and g2 hold where <= 0, g3 to g5 where >= 0."""
-    return {
-        "g1": dr_rp,
-        "g2": dr_p,
-        "g3": dr_rp - dr_p,
-        "g4": 0.5 * modification_backlash(geometry, dr_rp, dr_p),
-        "g5": least_clearance(geometry, dr_rp, dr_p),
-    }

@@ -1,18 +1,17 @@
-"""Quasi-static twist of one unit, by order of the output angle, tabulated over torque."""
+"""Quasi-static twist of a unit, by order of the output angle, tabulated over torque."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...units import ARCMIN
+from ..inputs.distribution import Array
 from .contact.mesh import Mesh
-from .dynamics.spectrum import spectrum
+from .dynamics.spectrum import ComplexArray, spectrum
 
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 SOFT = 2.0
 """[N m] Nodes are even in asinh(T/SOFT): dense where the mesh is soft."""
 NODES = 24
@@ -29,7 +28,7 @@ class OrderTable:
     """Complex amplitudes (2, g, m) [rad] of orders (m,) at g torques of either sign.
 
     Index 0 holds torques that resist + motion (twist > 0), index 1 the others; `nodes` (g,) are
-    asinh(|T|/SOFT), `slopes` the derivatives by them, `stiffness` (2, g) [N m/rad] the mean one.
+    asinh(|T|/SOFT), `slopes` the derivatives by them, `stiffness` (2, g) [N m/rad] its mean.
     Cubic between the nodes, straight in the torque beyond the last.
     """
 
@@ -62,18 +61,17 @@ class OrderTable:
         upward = np.argsort(power.max(axis=(0, 1)))
         total = np.cumsum(power[..., upward], axis=-1).max(axis=(0, 1))
         large = np.sort(upward[np.sqrt(total) > left_out])
-        parts = self.order[large], self.nodes, self.values[..., large], self.slopes[..., large]
-        return OrderTable(*parts, self.stiffness)
+        return replace(self, order=self.order[large], values=self.values[..., large], slopes=self.slopes[..., large])
 
     def mean_only(self) -> OrderTable:
         """Order 0 alone."""
-        return OrderTable(self.order[:1], self.nodes, self.values[..., :1], self.slopes[..., :1], self.stiffness)
+        return replace(self, order=self.order[:1], values=self.values[..., :1], slopes=self.slopes[..., :1])
 
     def difference(self, other: OrderTable, step: float, left_out: float) -> OrderTable:
-        """(self - other)/step, of tables that hold all orders; `left_out` as in `kept`."""
-        values, slopes = self.values - other.values, self.slopes - other.slopes
-        table = OrderTable(self.order, self.nodes, values, slopes, self.stiffness).largest_orders(left_out)
-        return OrderTable(table.order, table.nodes, table.values / step, table.slopes / step, table.stiffness)
+        """(self - other)/step of tables of all orders; `left_out` as in `largest_orders`."""
+        table = replace(self, values=self.values - other.values, slopes=self.slopes - other.slopes)
+        table = table.largest_orders(left_out)
+        return replace(table, values=table.values / step, slopes=table.slopes / step)
 
     def plus(self, excitation: dict[float, complex]) -> OrderTable:
         """With displacements [rad] by order that do not depend on the torque."""
@@ -82,7 +80,7 @@ class OrderTable:
         more = np.broadcast_to(extra, (*self.values.shape[:2], len(extra)))
         values = np.concatenate([self.values, more], axis=-1)
         slopes = np.concatenate([self.slopes, np.zeros_like(more)], axis=-1)
-        return OrderTable(order, self.nodes, values, slopes, self.stiffness)
+        return replace(self, order=order, values=values, slopes=slopes)
 
     def mean_stiffness(self, torque: Array, side: NDArray[np.intp]) -> Array:
         """Mean tangent stiffness (n,) [N m/rad] at torques (n,)."""
@@ -107,14 +105,11 @@ class OrderTable:
     def twist(self, angle: Array, torque: Array, side: NDArray[np.intp], factor: ComplexArray | None) -> Array:
         """Twist (n,) [rad] at output angles (n,) [rad]; `factor` (n, m) multiplies the orders."""
         twists = np.empty(len(angle))
-        for rows in np.array_split(np.arange(len(angle)), _parts(len(angle), len(self.order))):
+        blocks = max(1, -(-len(angle) * len(self.order) // ELEMENTS))
+        for rows in np.array_split(np.arange(len(angle)), blocks):
             lines = self.amplitudes(torque[rows], side[rows])
             if factor is not None:
                 lines = lines * factor[rows]
             waves = np.exp(1j * self.order * angle[rows, None])
             twists[rows] = np.einsum("nm,nm->n", lines, waves).real
         return twists
-
-
-def _parts(rows: int, orders: int) -> int:
-    return max(1, -(-rows * orders // ELEMENTS))

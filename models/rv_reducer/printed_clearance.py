@@ -1,19 +1,17 @@
 """The tooth clearance exactly as document B prints it: for comparison, not for use.
 
 Delta(phi) = [dr_rp (1 - sin phi) - dr_p (1 - cos(phi - phi_0)) - d_delta e z_c sin phi]/sqrt(S),
-S = 1 + k1^2 - 2 k1 cos(phi - phi_0). It violates the document's own g5 at the document's own
-optimum; `modification` has the corrected forms (docs/decisions/0004).
+S = 1 + k1^2 - 2 k1 cos(phi - phi_0). It violates the document's constraint g5 at the
+document's optimum; `modification` has the corrected forms (docs/decisions/0004).
 """
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..inputs.distribution import Array
 from .geometry import RvGeometry
 from .modification import contact_angle
-
-Array = NDArray[np.float64]
 
 
 def printed_clearance(

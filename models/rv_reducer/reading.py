@@ -20,8 +20,8 @@ READINGS: tuple[Parameter, ...] = (
         READING,
         CONSISTENT,
         "",
-        "consistent: errors of document B's formula mended; "
-        "printed: as version 0.1 had them. It sets the defaults of eccentricity_factor, "
+        "consistent: document B's formula with its errors corrected; "
+        "printed: the formula as printed, and as in version 0.1. It sets the defaults of eccentricity_factor, "
         "position_mids_count, sun_held, involute_cosine and planets",
         choices=(CONSISTENT, PRINTED),
     ),
@@ -38,31 +38,36 @@ READINGS: tuple[Parameter, ...] = (
         False,
         True,
         "whether the mid-limits of pin position and pitch move the mean backlash",
-        "a turn that all pins share is no backlash",
+        "a turn common to all pins causes no backlash",
     ),
     _corrected(
         "sun_held",
         True,
         False,
-        "backlash is read at the carrier with the sun held: the "
-        "cranks turn along, and phi_2 and phi_3 count 117/121 of what the discs turn "
-        "(derived from the teeth); otherwise as the discs turn",
+        "whether backlash is measured at the carrier with the sun held: the cranks then turn "
+        "with the carrier, and phi_2 and phi_3 are 117/121 of the turn of the discs (derived "
+        "from the teeth); otherwise they are the turn of the discs",
         "kinematics",
     ),
     _corrected(
         "involute_cosine",
         True,
         False,
-        "whether phi_1 is j_n/(i r_1 cos(alpha)), j_n being normal to the flanks; otherwise j_n/(i r_1)",
+        "whether phi_1 is j_n/(i r_1 cos(alpha)), because j_n is normal to the flanks; otherwise j_n/(i r_1)",
         "geometry of the involute",
     ),
-    replace(_corrected("planets", 2, 1, "planets: phi_1 is the least clearance of any", "as in document A", 12), low=1),
+    replace(
+        _corrected(
+            "planets", 2, 1, "number of planets; phi_1 is the least of their clearances", "as in document A", 12
+        ),
+        low=1,
+    ),
     Parameter(
         "planet_share",
         0.5,
         "",
-        "share of the variance of the planets' clearances (as normal scores) that they have in common",
-        "they mesh with one sun",
+        "fraction of the variance of the planets' clearances (as normal scores) that is common to all",
+        "all planets mesh with the same sun",
         assumed=True,
         low=0.0,
         high=1.0,
@@ -71,7 +76,7 @@ READINGS: tuple[Parameter, ...] = (
         "stagger_gain",
         2.0,
         "",
-        "phi_2 falls by stagger_gain times stagger_arcmin: document B's 4 delta', delta' being half the turn of a disc",
+        "phi_2 decreases by stagger_gain times stagger_arcmin: document B's 4 delta', where delta' is half the stagger",
         "document B",
         low=0.0,
         high=100.0,

@@ -5,11 +5,18 @@ from __future__ import annotations
 import numpy as np
 
 from ...units import ARCMIN, UM
+from ..inputs import Distribution
 from ..propagation import ClippedSum
 from ..sources import Source, Sources
 from .backlash import Allocation, BacklashModel
 from .cycloid import LINEAR_ERRORS
 from .involute import backlash_zone, lever
+
+
+def flank_clearance(half: float, slope: float, law: Distribution, widest: float) -> Source:
+    """The flank clearance of the involute stage, its zone +-`half` [um]; arguments as of `Source`."""
+    meaning = "flank clearance j_n of the involute stage"
+    return Source("flank_clearance_um", "um", meaning, half, slope, clipped=False, at=0, law=law, widest=widest)
 
 
 def sources_of(model: BacklashModel, allocation: Allocation, total: ClippedSum) -> Sources:
@@ -34,7 +41,7 @@ def sources_of(model: BacklashModel, allocation: Allocation, total: ClippedSum) 
     )
     zone = backlash_zone(model.stage, geometry, allocation.involute_grade)
     mid, half = (float(np.squeeze(limits)) for limits in zone)
-    flank = UM / lever(model.stage, geometry)
+    per_um = UM / lever(model.stage, geometry)
     bearing = float(np.squeeze(allocation.crank_bearing)) / UM
     play = model.output_factor * UM / geometry.centre_distance
     return Sources(
@@ -42,17 +49,7 @@ def sources_of(model: BacklashModel, allocation: Allocation, total: ClippedSum) 
         ARCMIN,
         (
             *cycloid,
-            Source(
-                "flank_clearance_um",
-                "um",
-                "flank clearance j_n of the involute stage",
-                half / flank,
-                flank,
-                clipped=False,
-                at=0,
-                law=total.free[0].distribution,
-                widest=mid / max(half, 1e-300),
-            ),
+            flank_clearance(half / per_um, per_um, total.free[0].distribution, mid / max(half, 1e-300)),
             Source(
                 "crank_bearing_um",
                 "um",

@@ -12,11 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..inputs.distribution import Array
 from ..propagation import ClippedSum
 from ..propagation.power_sums import PowerSums
 from .batch import PART, summed
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,8 +51,8 @@ class Batch:
     """Statistics of the units of a batch: sums of powers [rad^k], counts, and a histogram.
 
     `sums` are of phi_1, phi_2, phi_3 and backlash (effective); `conforming` units keep the limit,
-    in `interfering` ones phi_2 < 0; `counts` are the units between consecutive edges [rad], what
-    lies beyond them in the outermost.
+    `interfering` units have phi_2 < 0; `counts` are the units between consecutive edges [rad], the
+    outermost with those beyond the edges.
     """
 
     sums: Mapping[str, PowerSums]
@@ -93,7 +92,7 @@ def batch(total: ClippedSum, count: int, limit: float, edges: Array, rng: np.ran
 
 
 def _counted(values: Array, edges: Array) -> NDArray[np.int64]:
-    """Values between evenly spaced edges, those beyond in the outermost."""
+    """Numbers of values between evenly spaced edges, the outermost with those beyond the edges."""
     bins = len(edges) - 1
     at = (values - edges[0]) * (bins / (edges[-1] - edges[0]))
     np.clip(at, 0.0, bins - 1, out=at)

@@ -1,9 +1,9 @@
 """Staggered assembly: discs turned against each other, and the parts that do it.
 
-The stagger is the turn of each disc, one ahead and one back. Rigid discs on one carrier touch
-forward by the one that is turned ahead and backward by the other, so that perfect discs take from
-the backlash of the cycloid stage exactly the angle between them: twice the stagger. Document B
-writes phi_2' = phi_2 - 4 delta': its delta' is then half of the stagger.
+The stagger is the angle by which one disc is turned ahead and the other back. Rigid discs on one
+carrier touch forward by the disc that is turned ahead and backward by the other, so that they
+reduce the backlash of the cycloid stage by exactly the angle between them: twice the stagger.
+Document B writes phi_2' = phi_2 - 4 delta': its delta' is then half of the stagger.
 """
 
 from __future__ import annotations
@@ -11,16 +11,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..inputs.distribution import Array
 from .geometry import RvGeometry
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Parts:
-    """Part dimensions of which each alone turns one disc by an angle; all (n,).
+    """Alternative part dimensions, each of which turns a disc by the same angle; all (n,).
 
     `hole_offset` [m]: all bearing holes of the disc displaced along their circle's tangents.
     `blank_angle` [rad]: the profile machined at this angle to the holes; `at_rim` [m] is the same
@@ -38,9 +36,9 @@ class Parts:
 def parts(geometry: RvGeometry, stagger: Array) -> Parts:
     """The part dimensions that turn one disc by `stagger` [rad], exact.
 
-    A disc sits on its cranks by the holes: displaced by s along the tangents of a circle of radius
-    a_0 they lie turned by arctan(s/a_0). A disc whose eccentrics are ahead by epsilon is where it
-    would be epsilon later, but has not turned by epsilon/z_c in the meantime.
+    A disc is placed on its cranks by the holes: holes displaced by s along the tangents of a circle
+    of radius a_0 are turned by arctan(s/a_0). A disc whose eccentrics are ahead by epsilon has the
+    position that it would have epsilon later, without the turn by epsilon/z_c.
     """
     phase = geometry.cycloid_teeth * stagger
     return Parts(

@@ -40,7 +40,7 @@ class TighterOf(Distribution):
 
 
 def tighter_of(planet: Distribution, tighter: TighterPlanet) -> Distribution:
-    """The law of the least clearance; that of one planet as it is where all are alike."""
+    """The law of the least clearance; that of a single planet where all clearances are equal."""
     if tighter.is_single:
         return planet
     return tighter if planet == Uniform() else TighterOf(planet, tighter)

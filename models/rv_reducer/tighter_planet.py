@@ -10,10 +10,9 @@ import scipy
 from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
-from ..inputs.distribution import Distribution
+from ..inputs.distribution import Array, Distribution
 from ..inputs.uniform import Uniform
 
-Array = NDArray[np.float64]
 UNIFORM = Uniform()
 REACH = 37.0
 """Range of y = 2 artanh z in the table: at its ends 1 - |z| is 2e-16."""
@@ -77,13 +76,16 @@ class TighterPlanet(Distribution):
 
     @property
     def is_single(self) -> bool:
-        """Whether the least clearance is that of any one planet."""
+        """Whether the least clearance has the law of a single planet."""
         return self.planets == 1 or self.share == 1.0
 
 
+@lru_cache(maxsize=128)
 def raw_moments(law: TighterPlanet, planet: Distribution, order: int) -> tuple[float, ...]:
     """E[v^k], k = 0 .. order, of the least v = Q((1 + z)/2), Q the quantiles of each `planet`."""
-    return _raw_moments(law, planet, order)
+    y, mass = _nodes(law)
+    values = _values(y, planet)
+    return tuple(float(np.sum(mass * values**k)) for k in range(order + 1))
 
 
 def partial_moments(law: TighterPlanet, planet: Distribution, z: Array) -> tuple[Array, Array, Array]:
@@ -147,13 +149,6 @@ def _nodes(law: TighterPlanet) -> tuple[Array, Array]:
     y = -REACH + WIDTH * (np.arange(CELLS)[:, None] + 0.5 * (1.0 + point))
     mass = _density(y, law) * _slope(y) * 0.5 * WIDTH * weight
     return y.ravel(), mass.ravel() / np.sum(mass)
-
-
-@lru_cache(maxsize=128)
-def _raw_moments(law: TighterPlanet, planet: Distribution, order: int) -> tuple[float, ...]:
-    y, mass = _nodes(law)
-    values = _values(y, planet)
-    return tuple(float(np.sum(mass * values**k)) for k in range(order + 1))
 
 
 @lru_cache(maxsize=32)

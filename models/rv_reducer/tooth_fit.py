@@ -13,19 +13,18 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from ...units import UM
+from ..inputs.distribution import Array
 from .clearance_targets import Target
 from .geometry import RvGeometry
 from .modification import clearance, raw_clearance
 
-Array = NDArray[np.float64]
 Clearance = Callable[[RvGeometry, Array, Array, Array], Array]
 CLEARANCES: dict[str, Clearance] = {"raw": raw_clearance, "after_contact": clearance}
 """D_raw, the profile in its nominal position, and D, after the disc has turned to first contact."""
 LARGEST = 1e-3
-"""Largest size [m] of a modification in the search: ten times what is ever ground."""
+"""Largest size [m] of a modification in the search: ten times the largest modification in use."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +66,7 @@ def fit(geometry: RvGeometry, target: Target, radial_gap: float | None, kind: st
     """The modification nearest to `target`; `radial_gap` [m] is kept exactly, or free where None.
 
     `kind` is one of `CLEARANCES`. g4 is printed as > 0: its closure, >= 0, is used. Raises
-    ArithmeticError where nothing keeps the constraints (a gap beyond `LARGEST`).
+    ArithmeticError where no modification meets the constraints (a gap beyond `LARGEST`).
     """
     programme = _programme(geometry, target, radial_gap, CLEARANCES[kind])
     solution = scipy.optimize.linprog(
@@ -80,7 +79,7 @@ def fit(geometry: RvGeometry, target: Target, radial_gap: float | None, kind: st
         method="highs",
     )
     if solution.x is None or solution.fun is None:
-        raise ArithmeticError(f"no modification keeps g1 to g5: {solution.message}")
+        raise ArithmeticError(f"no modification meets the constraints g1 to g5: {solution.message}")
     bound = programme.bound(solution.ineqlin.marginals, solution.eqlin.marginals)
     dr_rp, dr_p = (float(value) * UM for value in solution.x[:2])
     return Fit(dr_rp, dr_p, float(solution.fun) * UM, bound * UM)

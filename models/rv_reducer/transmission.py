@@ -16,14 +16,16 @@ from ..gear import RV_40E, Gear
 from ..inputs.distribution import Array, Distribution
 from ..measurable import NO_CHANGES, Column, MeasurableModel, Outside, Role
 from . import declared, loaded_unit
-from .changes import CHANGEABLE, Answers
+from .changes import CHANGEABLE, Responses
+from .contact.contact import warn_of_overload
 from .dynamics.contact_mesh import tabulated
 from .dynamics.displaced import DisplacedMesh
 from .dynamics.full import FullDynamics
+from .dynamics.spectrum import ComplexArray
 from .dynamics.steady import Oscillator, transfer
 from .dynamics.train import Train
-from .order_table import LEFT_OUT, ComplexArray, OrderTable
-from .readings import Rows, outside, warn_of_overload
+from .order_table import LEFT_OUT, OrderTable
+from .rows import Rows, outside
 
 SAMPLES_PER_PIN = 100
 REACH = 1.25
@@ -31,7 +33,7 @@ REACH = 1.25
 
 
 def _inertia(name: str, default: float, meaning: str) -> Parameter:
-    source = "a first mode of 55 Hz, as of reducers of this class"
+    source = "a first mode of 55 Hz, typical of reducers of this class"
     return Parameter(name, default, "", meaning, source, assumed=True, low=0.0, high=1e6, open_low=True)
 
 
@@ -39,13 +41,18 @@ def _unit_error(name: str, unit: str, meaning: str, high: float) -> Parameter:
     return Parameter(name, 0.0, unit, meaning, "a perfect unit", low=-high, high=high)
 
 
-OWN: tuple[Parameter, ...] = (
+OF_TRANSMISSION: tuple[Parameter, ...] = (
     next(parameter for parameter in declared.PARAMETERS if parameter.name == "sun_pitch_radius_mm"),
-    _unit_error("sun_runout_um", "um", "runout of the sun (twice its eccentricity), as one planet meets it", 200.0),
-    _unit_error("sun_runout_phase_deg", "deg", "where in a turn of the sun it advances most", 360.0),
+    _unit_error("sun_runout_um", "um", "runout of the sun (twice its eccentricity) in mesh with one planet", 200.0),
+    _unit_error("sun_runout_phase_deg", "deg", "angle of the sun at which the runout advances the output most", 360.0),
     _unit_error("input_error_arcmin", "arcmin", "error of the input angle, once per turn of the input", 60.0),
-    _unit_error("output_eccentricity_arcsec", "arcsec", "error of the reading at the output, once per turn", 3600.0),
-    _unit_error("output_eccentricity_phase_deg", "deg", "output angle at which it is largest", 360.0),
+    _unit_error("output_eccentricity_arcsec", "arcsec", "error of the output encoder, once per turn", 3600.0),
+    _unit_error(
+        "output_eccentricity_phase_deg",
+        "deg",
+        "output angle at which the error of the output encoder is largest",
+        360.0,
+    ),
     _inertia("input_inertia_kgm2", 8e-4, "inertia at the input shaft [kg m^2]: motor and sun"),
     _inertia("load_inertia_kgm2", 4.216, "inertia at the output [kg m^2]"),
     Parameter(
@@ -63,7 +70,7 @@ OWN: tuple[Parameter, ...] = (
         "first_mode_Hz",
         0.0,
         "Hz",
-        "frequency of the first mode at rated torque, to which both inertias are scaled; 0: as the inertias give it",
+        "frequency of the first mode at rated torque, to which both inertias are scaled; 0: inertias as stated",
         "",
         low=0.0,
         high=1e4,
@@ -79,14 +86,14 @@ OWN: tuple[Parameter, ...] = (
         "wind_up",
         "included",
         "",
-        "mean wind-up under the torque: part of the reading, or removed from it",
+        "mean wind-up under the torque: part of the output, or removed from it",
         choices=("included", "removed"),
     ),
 )
 
 
 class RvTransmission(MeasurableModel):
-    """Transmission error in/i - out of one unit: loaded contact, and vibration about it.
+    """Transmission error in/i - out of a unit: loaded contact, and vibration about it.
 
     The wind-up T/K(T) is part of the output, as encoders at both ends measure it, unless `wind_up`
     is "removed". Without `output_speed_rpm` the output is quasi-static; without torque it is that
@@ -95,13 +102,13 @@ class RvTransmission(MeasurableModel):
 
     columns = (
         Column("output_angle_deg", "deg", "angle of the output", role=Role.ANGLE),
-        Column("torque_Nm", "Nm", "torque that resists + motion; left out: 0", False, role=Role.TORQUE),
-        Column("output_speed_rpm", "rpm", "speed of the output; left out: quasi-static", False, role=Role.SPEED),
+        Column("torque_Nm", "Nm", "torque that resists + motion; omitted: 0", False, role=Role.TORQUE),
+        Column("output_speed_rpm", "rpm", "speed of the output; omitted: quasi-static", False, role=Role.SPEED),
         Column("temperature_C", "C", "temperature; acts through effects only", False, role=Role.TEMPERATURE),
-        Column("direction", "", "sense of turning, 1 or -1; left out: 1", False, role=Role.DIRECTION),
+        Column("direction", "", "sense of turning, 1 or -1; omitted: 1", False, role=Role.DIRECTION),
     )
     outputs = (Output("te_arcsec", "arcsec", "transmission error, signed"),)
-    parameters = (*loaded_unit.PARAMETERS, *OWN)
+    parameters = (*loaded_unit.PARAMETERS, *OF_TRANSMISSION)
     free: ClassVar[Mapping[str, float]] = {}
     changeable = CHANGEABLE
     gear = RV_40E
@@ -113,8 +120,8 @@ class RvTransmission(MeasurableModel):
         designs: Mapping[str, float] | None = None,
         inputs: Mapping[str, Distribution] | None = None,
     ) -> None:
-        values = {parameter.name: parameter.default for parameter in OWN} | dict(parameters or {})
-        p = {parameter.name: number(values[parameter.name]) for parameter in OWN if not parameter.choices}
+        values = {parameter.name: parameter.default for parameter in OF_TRANSMISSION} | dict(parameters or {})
+        p = {parameter.name: number(values[parameter.name]) for parameter in OF_TRANSMISSION if not parameter.choices}
         self.unit = loaded_unit.loaded_unit(values)
         self.gear = loaded_unit.gear_of(values)
         train = Train(
@@ -134,7 +141,7 @@ class RvTransmission(MeasurableModel):
         excitation = _excitation(p, self.unit)
         self.static = OrderTable.of(mesh, most, LEFT_OUT).plus(excitation)
         self.train = self._scaled(train, p["first_mode_Hz"])
-        self.answers = Answers(self.unit, self.samples, most)
+        self.responses = Responses(self.unit, self.samples, most)
         self.full: FullDynamics | None = None
         if values["dynamics"] == "full":
             angle = 2.0 * pi * np.arange(self.samples) / self.samples
@@ -161,8 +168,8 @@ class RvTransmission(MeasurableModel):
             te = self._twist(self.static, rows, side, speed)
         else:
             te = self.full.twist(rows.angle, rows.torque, speed)
-        for answer, amount in self.answers.of(changes, len(rows)):
-            te = te + amount * self._twist(answer, rows, side, speed)
+        for response, amount in self.responses.of(changes, len(rows)):
+            te = te + amount * self._twist(response, rows, side, speed)
         if self.removed:
             te = te - self.static.mean_only().twist(rows.angle, rows.torque, side, None)
         te = te + self.eccentricity * np.cos(rows.angle - self.largest_at)

@@ -1,4 +1,4 @@
-"""Errors of the cycloid stage that leave least backlash within bounds (document B, section 4).
+"""Errors of the cycloid stage with the least backlash within bounds (document B, section 4).
 
 phi_2 = phi_mod + sum c_i delta_i/(e z_c) + f (a d + b d^2)/(e z_c), d the eccentricity error, is a
 sum of functions of one error each, so that the optimum over a box is found error by error: a line
@@ -32,8 +32,8 @@ class Stage:
         """Contribution of one error [m] to phi_2 [rad]."""
         if name == "eccentricity":
             law = self.law
-            return law.factor * (law.linear + law.quadratic * error) * error / self._lever
-        return coefficients(self.geometry)[name] * error / self._lever
+            return law.factor * (law.linear + law.quadratic * error) * error / self.geometry.lever
+        return coefficients(self.geometry)[name] * error / self.geometry.lever
 
     def backlash(self, errors: Mapping[str, float]) -> float:
         """phi_2 [rad] of errors [m] by name; below 0 it is interference."""
@@ -46,7 +46,7 @@ class Stage:
         worse end, a parabola that bends down lies above its chord, another above its vertex.
         """
         linear = sum(
-            min(coefficients(self.geometry)[name] * end for end in ends) / self._lever
+            min(coefficients(self.geometry)[name] * end for end in ends) / self.geometry.lever
             for name, ends in bounds.items()
             if name != "eccentricity"
         )
@@ -57,13 +57,9 @@ class Stage:
         a, b, unit = self.law.linear, self.law.quadratic, self.law.factor
         if b > 0.0:
             vertex = float(np.clip(-0.5 * a / b, low, high))
-            return unit * (b * (vertex + 0.5 * a / b) ** 2 - 0.25 * a**2 / b) / self._lever
+            return unit * (b * (vertex + 0.5 * a / b) ** 2 - 0.25 * a**2 / b) / self.geometry.lever
         chord = [(a + b * (low + high)) * end - b * low * high for end in (low, high)]
-        return unit * min(chord) / self._lever
-
-    @property
-    def _lever(self) -> float:
-        return self.geometry.lever
+        return unit * min(chord) / self.geometry.lever
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,8 +80,8 @@ def least(stage: Stage, bounds: Bounds) -> ZoneOptimum:
 def least_clipped(stage: Stage, bounds: Bounds) -> ZoneOptimum:
     """Least max(0, phi_2) within bounds [m]: interference is no backlash.
 
-    Where `least` interferes, every point of a whole surface phi_2 = 0 is an optimum; the one on the
-    line from the middle of the bounds to that of `least` is returned.
+    Where `least` interferes, every point of a whole surface phi_2 = 0 is an optimum; the point on
+    the line from the middle of the bounds to that of `least` is returned.
     """
     optimum = least(stage, bounds)
     if optimum.backlash >= 0.0:

@@ -22,7 +22,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ...models.assembly import Departures
+from ...models.assembly.assemble import Departures
 from ...models.effects.compose import Active
 from ...models.effects.effect import Target
 from ...models.effects.readings import readings_of, target_from

@@ -7,8 +7,8 @@ from math import pi
 from typing import Any
 
 from ...declarations import Kind, Output, Parameter, Value, Variable
-from ...models.assembly import Departures
 from ...models.assembly import declared as assembly
+from ...models.assembly.assemble import Departures
 from ...models.assembly.transmission import ECCENTRICS, AngleMapping, Transmission
 from ...models.costs import CostCurve, Reciprocal
 from ...models.rv_reducer.contact.contact import LoadedContact

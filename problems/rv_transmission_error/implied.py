@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...models.assembly import DatumFlowChain
+from ...models.assembly.chain import DatumFlowChain
 from .declared import AXES, DOCUMENT_MRAD, PARTS
 
 Array = NDArray[np.float64]

@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 from ...declarations import Kind, Variable, number
 from ...errors import Fault, InputError
 from ...models.assembly import declared as assembly
-from ...models.assembly import gains, response, space_process, terminal_weight
 from ...models.assembly.coverage import normals, radius_quantile, sample_quantile
 from ...models.assembly.influence import Influence, influence
-from ...models.assembly.process import Process
+from ...models.assembly.process import Process, space_process
+from ...models.assembly.regulator import gains, terminal_weight
+from ...models.assembly.response import response
 from ...models.assembly.transmission import Transmission
 from ...models.inputs import Normal
 from ...units import ARCSEC, MRAD

@@ -6,19 +6,12 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from tolevo.errors import InputError
-from tolevo.models.assembly import (
-    AdjustmentWeights,
-    DatumFlowChain,
-    Departures,
-    Process,
-    assemble,
-    gains,
-    kalman,
-    plane_process,
-    response,
-    space_process,
-    terminal_weight,
-)
+from tolevo.models.assembly.assemble import Departures, assemble
+from tolevo.models.assembly.chain import AdjustmentWeights, DatumFlowChain
+from tolevo.models.assembly.estimator import kalman
+from tolevo.models.assembly.process import Process, plane_process, space_process
+from tolevo.models.assembly.regulator import gains, terminal_weight
+from tolevo.models.assembly.response import response
 
 Array = NDArray[np.float64]
 PRINTED_F = np.array([[1.0, 0, 0, 0], [1, 1, 0, 0], [0, 0, 1, 0], [0, 0, 1, 1]])
@@ -357,8 +350,8 @@ def test_every_fault_of_the_weights_is_named() -> None:
     with pytest.raises(InputError) as caught:
         plane_process(weights=weights)
     text = str(caught.value)
-    assert "adjustment_weights_1[2]: step 1 adjusts part 3, which is put in at step 3" in text
-    assert "adjustment_weights_2[3]: step 2 adjusts part 4, which is put in at step 4" in text
+    assert "adjustment_weights_1[2]: step 1 adjusts part 3, which is installed at step 3" in text
+    assert "adjustment_weights_2[3]: step 2 adjusts part 4, which is installed at step 4" in text
     assert "adjustment_weights_3[0]: must be above 0" in text
 
 

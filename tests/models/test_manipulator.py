@@ -447,7 +447,7 @@ def test_out_of_reach_names_pose_and_chains() -> None:
 
 
 def test_errors_beyond_any_pose_are_named() -> None:
-    with pytest.raises(NoPose, match="pose 1: Newton's method finds no pose"):
+    with pytest.raises(NoPose, match="pose 1: Newton's method does not converge"):
         exact_pose(M1, 0.5, 0.2, 0.0, error_vector({"rod_length_1a_um": -4e5}))
 
 

@@ -139,7 +139,7 @@ def test_every_replicate_has_the_share_of_its_own_machines() -> None:
         )
         for at in range(0, each * machines.replicates, each)
     ]
-    shares = [float(part._shares(0.05, 0)[0]) for part in own]
+    shares = [float(part._fractions(0.05, 0)[0]) for part in own]
     assert machines.replicates > 2
     share, error = machines.beyond(0.05, 0)
     assert share == pytest.approx(np.mean(shares), rel=1e-12)

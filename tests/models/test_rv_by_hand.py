@@ -141,7 +141,7 @@ def test_pins_are_one_more_than_the_teeth_at_both_ends_of_their_ranges() -> None
 
 
 def test_fractions_of_a_variance_are_assumed_and_from_nothing_to_all() -> None:
-    fractions = [p for p in batch_declared._OWN if "share of the variance" in p.meaning]
+    fractions = [p for p in batch_declared._OF_BATCHES if "fraction of the variance" in p.meaning]
     fractions += [p for p in READINGS if p.name == "planet_share"]
     assert len(fractions) >= 2
     assert all((p.low, p.high, p.assumed) == (0.0, 1.0, True) for p in fractions)

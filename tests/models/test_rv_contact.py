@@ -11,7 +11,6 @@ from scipy.optimize import brentq
 
 from tolevo.models.rv_reducer.contact import performance
 from tolevo.models.rv_reducer.contact.contact import LoadedContact, OverloadWarning, turn_angles
-from tolevo.models.rv_reducer.contact.declared import PARAMETERS, loaded_contact
 from tolevo.models.rv_reducer.contact.errors import PartErrors
 from tolevo.models.rv_reducer.contact.geometry import ContactGeometry
 from tolevo.models.rv_reducer.cycloid import EccentricityLaw, coefficients
@@ -476,23 +475,6 @@ def test_torque_beyond_the_momentary_one_is_warned_of_and_computed() -> None:
 def test_stiffness_must_be_positive() -> None:
     with pytest.raises(ValueError, match="series_stiffness must be above 0"):
         LoadedContact(series_stiffness=0.0)
-
-
-def test_declared_parameters_make_the_contact() -> None:
-    found = loaded_contact({})
-    default = LoadedContact()
-    assert found.geometry.nominal == default.geometry.nominal
-    np.testing.assert_allclose(
-        [found.geometry.dr_rp, found.geometry.dr_p], [default.geometry.dr_rp, default.geometry.dr_p]
-    )
-    for name in ("normal_stiffness", "series_stiffness", "rated_torque", "momentary_torque"):
-        np.testing.assert_allclose(getattr(found, name), getattr(default, name), rtol=1e-14)
-    assert {one.name for one in PARAMETERS if one.assumed} == {
-        "normal_stiffness_N_per_mm", "series_stiffness_Nm_per_arcmin", "discs", "cranks",
-    }  # fmt: skip
-    other = loaded_contact({"normal_stiffness_N_per_mm": 6e5, "dr_rp_mm": 0.0, "dr_p_mm": -0.03})
-    np.testing.assert_allclose(other.normal_stiffness, 6e8)
-    np.testing.assert_allclose(other.geometry.dr_p, -3e-5)
 
 
 def test_transmission_error_is_what_the_output_lacks() -> None:

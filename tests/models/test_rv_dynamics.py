@@ -250,11 +250,11 @@ def test_speeds_that_are_no_speeds(speed: float) -> None:
         sweep(LINEAR, Train(), 412.0, np.array([1.0, speed]))
 
 
-def test_a_vibration_that_is_not_periodic_is_said() -> None:
+def test_a_vibration_that_is_not_periodic_is_reported() -> None:
     """Almost without load, in the resonance, a unit with clearance hammers between its flanks."""
     full = FullDynamics(RATTLING, Train())
     angle, torque = np.zeros(3), np.array([4.0, 60.0, 4.0])
-    with pytest.warns(NoSteadyState, match="4 N m and 41 rpm, 2 readings"):
+    with pytest.warns(NoSteadyState, match="4 N m and 41 rpm; measurements without a value: 2"):
         found = full.twist(angle, torque, np.full(3, 41.0 * RPM))
     assert np.isnan(found).tolist() == [True, False, True]
     response = sweep(RATTLING, Train(), 4.0, 41.0 * RPM)

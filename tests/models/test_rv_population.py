@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from tolevo.models.rv_reducer.contact import performance
-from tolevo.models.rv_reducer.contact.contact import LoadedContact
+from tolevo.models.rv_reducer.contact.contact import Engine, LoadedContact
 from tolevo.models.rv_reducer.contact.errors import PartErrors
 from tolevo.models.rv_reducer.contact.faults import faults
 from tolevo.models.rv_reducer.contact.geometry import ContactGeometry
@@ -26,7 +26,7 @@ from tolevo.models.rv_reducer.population.sample import BaseSample
 from tolevo.models.rv_reducer.population.scaled import Scaled
 from tolevo.models.rv_reducer.population.statistics import Involute
 from tolevo.models.rv_reducer.population.table import Table
-from tolevo.models.rv_reducer.population.touch import Engine, Touch, touch
+from tolevo.models.rv_reducer.population.touch import Touch, touch
 from tolevo.models.rv_reducer.population.turn import Population, Turn
 from tolevo.models.rv_reducer.tighter_planet import TighterPlanet
 from tolevo.units import ARCMIN, UM

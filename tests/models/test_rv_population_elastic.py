@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from tolevo.models.rv_reducer.contact import performance
-from tolevo.models.rv_reducer.contact.contact import LoadedContact
+from tolevo.models.rv_reducer.contact.contact import Engine, LoadedContact
 from tolevo.models.rv_reducer.contact.errors import PartErrors
 from tolevo.models.rv_reducer.contact.geometry import ContactGeometry
 from tolevo.models.rv_reducer.population.design import UnitDesign
@@ -21,7 +21,7 @@ from tolevo.models.rv_reducer.population.part_errors import modified, part_error
 from tolevo.models.rv_reducer.population.sample import BaseSample
 from tolevo.models.rv_reducer.population.scaled import Scaled
 from tolevo.models.rv_reducer.population.table import Table
-from tolevo.models.rv_reducer.population.touch import Engine, touch
+from tolevo.models.rv_reducer.population.touch import touch
 from tolevo.models.rv_reducer.tighter_planet import TighterPlanet
 from tolevo.units import ARCMIN
 

@@ -12,8 +12,8 @@ from scipy.optimize import brentq
 
 from tolevo.models.inputs import Zone
 from tolevo.models.propagation import Convolution, Propagated
-from tolevo.models.rv_reducer import declared, involute, modification, output_stage
-from tolevo.models.rv_reducer.backlash import Allocation, stage_means
+from tolevo.models.rv_reducer import declared, involute, modification
+from tolevo.models.rv_reducer.backlash import Allocation, BacklashModel, stage_means
 from tolevo.models.rv_reducer.cycloid import LINEAR_ERRORS, EccentricityLaw, coefficients
 from tolevo.models.rv_reducer.geometry import RvGeometry
 from tolevo.units import ARCMIN, MM, UM
@@ -73,9 +73,11 @@ def test_zero_backlash_pair() -> None:
 
 
 def test_output_stage_per_micrometre() -> None:
-    mid, half = output_stage.backlash_zone(GEOMETRY, np.array([UM]))
-    np.testing.assert_allclose((mid + half) / ARCMIN, 0.0955, atol=5e-5)
-    np.testing.assert_allclose(mid - half, 0.0, atol=1e-18)
+    document = {variable.name: np.array([variable.document]) for variable in declared.VARIABLES}
+    allocation = declared.allocation(document | {"crank_bearing_um": np.array([1.0])})
+    term = BacklashModel(GEOMETRY, sun_held=False).output_term(allocation)
+    np.testing.assert_allclose((term.constant + term.linear) / ARCMIN, 0.0955, atol=5e-5)
+    np.testing.assert_allclose(term.constant - term.linear, 0.0, atol=1e-18)
 
 
 def test_coefficients_of_section_2() -> None:
@@ -204,12 +206,9 @@ def test_clearance_at_first_contact_is_zero_and_rotation_closes_it() -> None:
 
 
 def test_constraints_of_the_documents_optimum() -> None:
-    g = modification.constraints(GEOMETRY, *DOCUMENT)
-    assert g["g1"][0] < 0.0
-    assert g["g2"][0] < 0.0
-    np.testing.assert_allclose(g["g3"], 0.03 * MM, rtol=1e-12)
-    np.testing.assert_allclose(g["g4"] / ARCMIN, 0.1095 / 2.0, atol=5e-5)
-    np.testing.assert_allclose(g["g5"], 0.0, atol=1e-15)
+    g4 = 0.5 * modification.modification_backlash(GEOMETRY, *DOCUMENT)
+    np.testing.assert_allclose(g4 / ARCMIN, 0.1095 / 2.0, atol=5e-5)
+    np.testing.assert_allclose(modification.least_clearance(GEOMETRY, *DOCUMENT), 0.0, atol=1e-15)
 
 
 # Exact geometry, written on its own: lengths in mm, complex numbers for points of the plane.

@@ -371,7 +371,7 @@ def test_units_that_do_not_exist(parameters: Mapping[str, float], named: str) ->
 
 
 @pytest.mark.parametrize(("changes", "named"), [
-    ({"pin_circle": 1.0}, "pin_circle: is not changeable"),
+    ({"pin_circle": 1.0}, "pin_circle: cannot be changed"),
     ({"sharing_percent": np.nan}, "sharing_percent"),
 ])  # fmt: skip
 def test_changes_that_are_none(perfect: RvTransmission, changes: Mapping[str, Any], named: str) -> None:

@@ -14,7 +14,7 @@ from tolevo.algorithms.gde3 import GDE3
 from tolevo.algorithms.indicators import nondominated
 from tolevo.algorithms.search import search
 from tolevo.algorithms.settings import Budget
-from tolevo.models.assembly import assemble
+from tolevo.models.assembly.assemble import assemble
 from tolevo.models.inputs import Normal, Uniform
 from tolevo.problems.forms import Form
 from tolevo.problems.rv_transmission_error import RvTransmissionError, declared, implied

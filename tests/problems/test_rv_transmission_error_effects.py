@@ -9,7 +9,7 @@ from scipy import stats
 from scipy.signal import resample
 
 from tolevo import registry
-from tolevo.models.assembly import assemble
+from tolevo.models.assembly.assemble import assemble
 from tolevo.models.assembly.model import Assembly
 from tolevo.models.effects.compose import Active, predicted
 from tolevo.problems.rv_transmission_error import RvTransmissionError, declared

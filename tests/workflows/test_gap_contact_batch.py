@@ -58,7 +58,7 @@ def test_wider_pin_circle(tmp_path: Path) -> None:
     assert effect["in_problem"]
     shifted = [one for one in said["attribution"] if one["kind"] == "shift"]
     assert any("pin_circle_radius_um" in one["inputs"] for one in shifted)
-    assert "the contact's own derivative" in shifted[0]["text"]
+    assert "the derivative of the mean on the contact" in shifted[0]["text"]
     circle = next(one for one in shifted[0]["candidates"]
                   if one["input"] == "pin_circle_radius_um")  # fmt: skip
     assert circle["low"] < SHIFT < circle["high"]

@@ -6,16 +6,13 @@ Its formulas are those of `Nominal.displaced` and `Mesh.rotation`. Importing thi
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...inputs.distribution import Array
 from .errors import PartErrors
 from .gaps import Axes, Displacements, displacements, teeth
-from .geometry import ContactGeometry, nominal_pin, unit
+from .geometry import Complex, ContactGeometry, nominal_pin, unit
 from .kernel import rotations
 from .nominal import Nominal
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 
 def rotation(
@@ -27,7 +24,7 @@ def rotation(
     torque: Array,
     direction: int,
 ) -> Array:
-    """Rotation of the carrier [rad], (units, angles), as `Mesh.rotation` has it.
+    """Rotation of the carrier [rad], (units, angles), as `Mesh.rotation` computes it.
 
     `normal` [N/m] and `series` [N m/rad] stiffness fit (units, angles, discs), `torque` [N m] fits
     (units, angles).

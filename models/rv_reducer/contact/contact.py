@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from ....errors import raise_all
 from ....units import ARCMIN
+from ...inputs.distribution import Array
 from .errors import PartErrors
 from .faults import faults
 from .gaps import gaps
@@ -21,7 +22,6 @@ from .geometry import ContactGeometry
 from .mesh import Mesh
 from .nominal import Nominal
 
-Array = NDArray[np.float64]
 Engine = Literal["auto", "arrays", "numba"]
 BLOCK = 512
 """Meshes (a unit at a crank angle) solved at once by arrays, so that they stay in the cache."""
@@ -62,7 +62,7 @@ class LoadedContact:
     between one disc and the carrier (bearings, cranks, carrier; `inf` without) are assumptions;
     both may be arrays that fit (units, angles, discs), so that discs share unequally or stiffness
     depends on the angle. Torques [N m] of the catalogue. `exact`: see `gaps`. `engine`: numba where
-    it is installed ("auto"), or one of the two; `rotation` alone uses it. Raises InputError where
+    it is installed ("auto"), "arrays" or "numba"; only `rotation` uses it. Raises InputError where
     the profile interferes or is undercut (`faults`).
     """
 
@@ -92,7 +92,7 @@ class LoadedContact:
         Without torque the carrier is at first contact in `direction` (+1, -1). Warns
         (`OverloadWarning`) of a torque beyond the momentary one, and computes it.
         """
-        self._warn(torque)
+        warn_of_overload(torque, self.momentary_torque)
         mesh = self.mesh(errors, angles)
         rotation = mesh.rotation(torque, direction)
         forces = mesh.pin_forces(rotation)
@@ -101,10 +101,12 @@ class LoadedContact:
 
     def rotation(self, errors: PartErrors, angles: Array, torque: Array | float, direction: int = 1) -> Array:
         """The rotation of `equilibrium` alone; its memory does not grow with the contacts."""
-        self._warn(torque)
+        warn_of_overload(torque, self.momentary_torque)
         torques = np.broadcast_to(torque, (errors.units, angles.size))
-        if not self.exact and self._uses_numba():
-            return self._compiled(errors, angles, torques, direction)
+        if not self.exact and uses_numba(self.engine):
+            kernel = import_module(".compiled", __package__)
+            turns: Array = kernel.rotation(self.geometry, errors, angles, *self._stiffness(), torques, direction)
+            return turns
         rotations = np.empty(torques.shape)
         for block in self.blocks(errors, angles):
             rotations[block.place] = block.mesh.rotation(torques[block.place], direction)
@@ -129,20 +131,9 @@ class LoadedContact:
                 contact = self._of(units, part)
                 yield Block((units, part), contact.mesh(errors.of_units(units), angles[part], nominal))
 
-    def _compiled(self, errors: PartErrors, angles: Array, torques: Array, direction: int) -> Array:
-        kernel = import_module(".compiled", __package__)
-        rotation: Array = kernel.rotation(self.geometry, errors, angles, *self._stiffness(), torques, direction)
-        return rotation
-
-    def _uses_numba(self) -> bool:
-        return self.engine == "numba" or (self.engine == "auto" and find_spec("numba") is not None)
-
     def _stiffness(self) -> tuple[Array, Array]:
         """Normal and series stiffness with the axes (units, angles, discs)."""
-        normal, series = (
-            np.asarray(value, dtype=np.float64) for value in (self.normal_stiffness, self.series_stiffness)
-        )
-        return _three_axes(normal), _three_axes(series)
+        return _three_axes(self.normal_stiffness), _three_axes(self.series_stiffness)
 
     def _of(self, units: slice, angles: slice) -> LoadedContact:
         """The contact with the stiffness of some units and angles."""
@@ -152,18 +143,22 @@ class LoadedContact:
         )
         return replace(self, normal_stiffness=normal, series_stiffness=series)
 
-    def _warn(self, torque: Array | float) -> None:
-        most = float(np.max(np.abs(torque), initial=0.0))
-        if most > self.momentary_torque:
-            warnings.warn(
-                f"torque {most:g} N m is beyond the momentary torque {self.momentary_torque:g} N m",
-                OverloadWarning,
-                stacklevel=3,
-            )
+
+def _three_axes(value: Array | float) -> Array:
+    return np.asarray(value, dtype=np.float64).reshape((1,) * (3 - np.ndim(value)) + np.shape(value))
 
 
-def _three_axes(value: Array) -> Array:
-    return value.reshape((1,) * (3 - value.ndim) + value.shape)
+def uses_numba(engine: Engine) -> bool:
+    """Whether the compiled kernels are used."""
+    return engine == "numba" or (engine == "auto" and find_spec("numba") is not None)
+
+
+def warn_of_overload(torque: Array | float, momentary: float) -> None:
+    """Warn (`OverloadWarning`) of torques [N m] beyond the momentary one; they are computed."""
+    most = float(np.max(np.abs(torque), initial=0.0))
+    if most > momentary:
+        text = f"torque {most:g} N m is beyond the momentary torque {momentary:g} N m"
+        warnings.warn(text, OverloadWarning, stacklevel=3)
 
 
 def turn_angles(count: int, teeth: int = 39) -> Array:

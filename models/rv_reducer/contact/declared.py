@@ -2,13 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
-from ....declarations import Parameter, Value, number
-from ....units import ARCMIN, MM
-from ..geometry import RvGeometry
-from .contact import LoadedContact
-from .geometry import ContactGeometry
+from ....declarations import Parameter
 
 _CATALOGUE = "catalogue of the RV-40E-121"
 _B = "document B"
@@ -42,27 +36,5 @@ PARAMETERS: tuple[Parameter, ...] = (
     Parameter("dr_rp_mm", -0.040, "mm", "equidistance modification", _B, low=-1.0, high=1.0),
     Parameter("dr_p_mm", -0.070, "mm", "shift modification", _B, low=-1.0, high=1.0),
     _torque("rated_torque_Nm", 412.0, "rated torque"),
-    _torque("momentary_torque_Nm", 2058.0, "momentary maximum torque; beyond it warned"),
+    _torque("momentary_torque_Nm", 2058.0, "momentary maximum torque; a larger torque gives a warning"),
 )
-
-
-def loaded_contact(parameters: Mapping[str, Value], nominal: RvGeometry | None = None) -> LoadedContact:
-    """The contact (SI) of `parameters` by declared name; omitted ones keep their defaults.
-
-    Raises InputError where the modification interferes or undercuts.
-    """
-    p = {parameter.name: number(parameters.get(parameter.name, parameter.default)) for parameter in PARAMETERS}
-    geometry = ContactGeometry(
-        nominal=nominal or RvGeometry(),
-        dr_rp=p["dr_rp_mm"] * MM,
-        dr_p=p["dr_p_mm"] * MM,
-        discs=int(p["discs"]),
-        cranks=int(p["cranks"]),
-    )
-    return LoadedContact(
-        geometry=geometry,
-        normal_stiffness=p["normal_stiffness_N_per_mm"] / MM,
-        series_stiffness=p["series_stiffness_Nm_per_arcmin"] / ARCMIN,
-        rated_torque=p["rated_torque_Nm"],
-        momentary_torque=p["momentary_torque_Nm"],
-    )

@@ -8,36 +8,23 @@ from types import MappingProxyType
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from ...inputs.distribution import Array
 
-_PIN = ("units", "discs", "pins")
-_DISC = ("units", "discs")
-_ECCENTRIC = ("units", "cranks", "discs")
-_UNIT = ("units",)
+_ERRORS = {
+    ("units", "discs", "pins"): ("pin_radius", "hole_radius", "radial_position", "tangential_position"),
+    ("units", "discs"): ("equidistance", "shift", "pitch", "pitch_phase", "disc_offset", "disc_offset_phase", "angle"),
+    ("units", "cranks", "discs"): (
+        "crank_phase",
+        "eccentricity",
+        "bearing_clearance",
+        "bore_radial",
+        "bore_tangential",
+    ),
+    ("units",): ("circle_radius", "circle_offset", "circle_phase"),
+}
 AXES: Mapping[str, tuple[str, ...]] = MappingProxyType(
-    {
-        "pin_radius": _PIN,
-        "hole_radius": _PIN,
-        "radial_position": _PIN,
-        "tangential_position": _PIN,
-        "equidistance": _DISC,
-        "shift": _DISC,
-        "pitch": _DISC,
-        "pitch_phase": _DISC,
-        "disc_offset": _DISC,
-        "disc_offset_phase": _DISC,
-        "angle": _DISC,
-        "crank_phase": _ECCENTRIC,
-        "eccentricity": _ECCENTRIC,
-        "bearing_clearance": _ECCENTRIC,
-        "bore_radial": _ECCENTRIC,
-        "bore_tangential": _ECCENTRIC,
-        "circle_radius": _UNIT,
-        "circle_offset": _UNIT,
-        "circle_phase": _UNIT,
-    }
+    {name: axes for axes, names in _ERRORS.items() for name in names}
 )
 """The axes of each error; any of them may have length 1 or, from the left, be omitted."""
 
@@ -98,7 +85,7 @@ class PartErrors:
             np.shape(getattr(self, name))[0] for name, axes in AXES.items() if np.ndim(getattr(self, name)) == len(axes)
         } - {1}
         if len(lengths) > 1:
-            raise ValueError(f"errors are of different numbers of units: {sorted(lengths)}")
+            raise ValueError(f"errors have different numbers of units: {sorted(lengths)}")
         return lengths.pop() if lengths else 1
 
     def full(self, name: str, sizes: Mapping[str, int]) -> Array:

@@ -13,7 +13,7 @@ from .geometry import ContactGeometry, curve
 from .nominal import Nominal
 
 LEAST_GAP = -1e-9
-"""Overlap [m] that still counts as none: the accuracy promised of nominal gaps."""
+"""Overlap [m] that still counts as none: the accuracy of nominal gaps."""
 _POINTS = 3601
 
 
@@ -25,7 +25,7 @@ def faults(geometry: ContactGeometry, place: str = "parameters") -> tuple[Fault,
 
 @lru_cache(maxsize=64)
 def shape_faults(geometry: ContactGeometry, place: str = "parameters") -> tuple[Fault, ...]:
-    """Faults of the nominal parts, whatever play the modification leaves."""
+    """Faults of the nominal parts, independent of the play of the modification."""
     return (*_teeth(geometry, place), *_pins(geometry, place), *_profile(geometry, place))
 
 
@@ -35,10 +35,12 @@ def _teeth(geometry: ContactGeometry, place: str) -> Iterator[Fault]:
         yield Fault(
             f"{place}.pins",
             f"must be {expected}, one more than the {expected - 1} teeth of a disc, got "
-            f"{geometry.pins}: the profile rolls on by one tooth for every turn of the cranks",
+            f"{geometry.pins}: the profile advances by one tooth per turn of the cranks",
         )
     if geometry.pins % geometry.discs:
-        yield Fault(f"{place}.discs", f"must divide the {geometry.pins} pins, got {geometry.discs}: discs would differ")
+        yield Fault(
+            f"{place}.discs", f"must divide the {geometry.pins} pins, got {geometry.discs}: the discs would differ"
+        )
 
 
 def _pins(geometry: ContactGeometry, place: str) -> Iterator[Fault]:

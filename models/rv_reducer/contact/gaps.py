@@ -7,14 +7,11 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...inputs.distribution import Array
 from .errors import PartErrors
-from .geometry import ContactGeometry, curve, foot, nominal_pin, unit
+from .geometry import Complex, ContactGeometry, curve, foot, nominal_pin, unit
 from .nominal import Nominal
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -22,10 +19,10 @@ class Gaps:
     """The gaps between pins and discs of units x crank angles.
 
     `gap` (units, angles, discs, pins) [m] is in the normal direction with the carrier in its
-    nominal position, negative where they overlap; `lever` (angles, discs, pins) [m] is what a
-    forward turn of the disc closes of it, per radian; `turn` (units, angles, discs) [rad] is what
-    each disc is turned forward by its cranks and its own angular error; `play` (units, 1, discs)
-    [rad] is its free turn either way in the crank bearings.
+    nominal position, negative where they overlap; `lever` (angles, discs, pins) [m] is how much
+    of it a forward turn of the disc closes, per radian; `turn` (units, angles, discs) [rad] is how
+    far each disc is turned forward by its cranks and its angular error; `play` (units, 1, discs)
+    [rad] is its free turn in either sense in the crank bearings.
     """
 
     gap: Array
@@ -39,11 +36,11 @@ class Displacements:
     """Displacements by part errors; complex numbers are points of the plane [m], or directions.
 
     `pins` (units, discs, pins) displaces pins in axes of the housing, `across` the same shape [m]
-    is what radii add to the gap. The rest is (units, discs): `turning` displaces the disc's centre
-    in axes that turn with its eccentric, `offset` in those of the disc; `around` [rad] turns it by
-    its part across the line of the cranks, `angle` [rad] forward; `play` as in `Gaps`; `shift` [m];
-    `pitch` [rad] is the turn F_p/(2 r_p) exp(i phase) of a tooth at angle u, to be taken at
-    exp(i u) as a scalar product.
+    is the change of the gap by radii. The rest is (units, discs): `turning` displaces the disc's
+    centre in axes that turn with its eccentric, `offset` in those of the disc; `around` [rad] turns
+    it by its part across the line of the cranks, `angle` [rad] forward; `play` as in `Gaps`;
+    `shift` [m]; `pitch` [rad] is the turn F_p/(2 r_p) exp(i phase) of a tooth at angle u, to be
+    taken at exp(i u) as a scalar product.
     """
 
     pins: Complex
@@ -113,11 +110,11 @@ def gaps(
 ) -> Gaps:
     """Gaps of all units at the crank angles [rad], (angles,).
 
-    Errors act to third order about the exact nominal profile (`Nominal.displaced`): within 1 nm
-    of exact geometry where a pin's displacements add up to 20 um and its phase is 25 degrees or
-    more; nearer to the bottom of a tooth space, where no torque is carried, they are coarser.
-    `exact` finds the nearest point of the profile for every pin instead. `nominal` at these angles
-    may be passed where it is already computed.
+    Errors act to third order about the exact nominal profile (`Nominal.displaced`): within 1 nm of
+    exact geometry where a pin's displacements add up to 20 um and its phase is 25 degrees or more;
+    nearer to the bottom of a tooth space, where no torque is carried, they are coarser. With
+    `exact` the nearest point of the profile is computed for every pin instead. `nominal` at these
+    angles may be passed where it is already computed.
     """
     displacement, axes = displacements(geometry, errors), Axes.at(geometry, angles)
     phi, shift = geometry.phase(angles), displacement.shift[:, None, :, None]

@@ -1,9 +1,9 @@
 """Nominal geometry of the loaded contact: the modified profile around one pin, exactly.
 
-All around a pin is written in axes that point from the housing's centre to the pin (real part) and
-counter-clockwise (imaginary part). With phi the angle from the pin to the eccentric, the pin's
-centre relative to that of the disc is r_p - e exp(i phi), and the curve that it must follow is
-C(v) = (r_p + dr_p) exp(i v) - e exp(i (phi + z_p v)); the tooth is its inner parallel curve at
+Everything around a pin is expressed in axes that point from the housing's centre to the pin (real
+part) and counter-clockwise (imaginary part). With phi the angle from the pin to the eccentric, the
+pin's centre relative to that of the disc is r_p - e exp(i phi), and the curve that it must follow
+is C(v) = (r_p + dr_p) exp(i v) - e exp(i (phi + z_p v)); the tooth is its inner parallel curve at
 r_rp + dr_rp. The gap is the distance of the pin's centre from C plus dr_rp.
 """
 
@@ -14,9 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ...inputs.distribution import Array
 from ..geometry import RvGeometry
 
-Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 _SPACING = 1e-3
 """Spacing [rad] of the points of C from which its nearest point is sought."""
@@ -119,11 +119,11 @@ def foot(geometry: ContactGeometry, phi: Array, pin: Complex, shift: Array | flo
         step = np.real(away * at.first.conj()) / np.maximum(np.abs(slope), 2e-3 * speed)
         v = v + np.clip(step, -_SPACING, _SPACING)
         nearest_flat[unsettled] = v
-        on = np.abs(step) >= 1e-11
-        if not np.any(on):
+        moving = np.abs(step) >= 1e-11
+        if not np.any(moving):
             return nearest
-        unsettled, v, phi, pin, shift = unsettled[on], v[on], phi[on], pin[on], shift[on]
-    raise ArithmeticError("no nearest point of the profile found: the errors are too large")
+        unsettled, v, phi, pin, shift = unsettled[moving], v[moving], phi[moving], pin[moving], shift[moving]
+    raise ArithmeticError("Newton's method reaches no nearest point of the profile; the errors are too large")
 
 
 def _nearest_start(geometry: ContactGeometry, phi: Array, pin: Complex, shift: Array | float) -> Array:

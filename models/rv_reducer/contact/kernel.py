@@ -12,11 +12,10 @@ from typing import Any
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
+from ...inputs.distribution import Array
 from .nominal import STEEP
 
-Array = NDArray[np.float64]
 LANES = 128
 """Units solved side by side."""
 _ARMLESS = 1e-9
@@ -144,15 +143,15 @@ def _pins(arms: Array, gap: Array, normal: float, at: float) -> tuple[float, flo
 
 
 @_compiled
-def _bent(arms: Array, gap: Array, normal: float, behind: float, wanted: float, low: float, high: float) -> float:
-    """x in [low, high] with x + behind M(x) = wanted, or M(x) = 0 where `behind` is infinite."""
+def _bent(arms: Array, gap: Array, normal: float, behind: float, target: float, low: float, high: float) -> float:
+    """x in [low, high] with x + behind M(x) = target, or M(x) = 0 where `behind` is infinite."""
     at = low
     for _ in range(_STEPS):
         torque, stiffness = _pins(arms, gap, normal, at)
         if np.isinf(behind):
             miss, rise = torque, stiffness
         else:
-            miss, rise = at + behind * torque - wanted, 1.0 + behind * stiffness
+            miss, rise = at + behind * torque - target, 1.0 + behind * stiffness
         if miss < 0.0:
             low = max(low, at)
         else:
@@ -185,7 +184,7 @@ def _without_torque(arms: Array, gap: Array, normal: float) -> tuple[float, floa
 def balance(
     arms: Array, gap: Array, normal: Array, behind: Array, turn: Array, play: Array, torque: float, direction: int
 ) -> float:
-    """Rotation against the mesh of one unit at one angle, as `Mesh.rotation` finds it.
+    """Rotation against the mesh of one unit at one angle, as `Mesh.rotation` computes it.
 
     `arms`, `gap` (discs, pins); `normal`, `behind`, `turn`, `play` (discs).
     """
@@ -210,10 +209,10 @@ def balance(
             nearest = min(max(turned, lows[d]), highs[d])
             beyond = turned - nearest
             if not (play[d] > 0.0 and abs(beyond) <= play[d]):
-                wanted = turned - min(max(beyond, -play[d]), play[d])
-                x = wanted
+                target = turned - min(max(beyond, -play[d]), play[d])
+                x = target
                 if behind[d] > 0.0:
-                    x = _bent(arms[d], gap[d], normal[d], behind[d], wanted, min(nearest, wanted), max(nearest, wanted))
+                    x = _bent(arms[d], gap[d], normal[d], behind[d], target, min(nearest, target), max(nearest, target))
                 held, stiffness = _pins(arms[d], gap[d], normal[d], x)
                 miss += held
                 rise += stiffness / (1.0 + stiffness * behind[d])

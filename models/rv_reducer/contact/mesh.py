@@ -6,11 +6,10 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...inputs.distribution import Array
 from .gaps import Gaps
 
-Array = NDArray[np.float64]
 _ARMLESS = 1e-9
 """Lever arms [m] below this do not count: such a pin pushes through the disc's centre."""
 _FAR = 1e3
@@ -124,12 +123,24 @@ class Mesh:
         further, (units, angles, discs) [rad] against the mesh.
         """
         turned = rotation[..., None] * self.ratio + self.gaps.turn + extra
-        nearest = np.clip(turned, self.discs.low, self.discs.high)
-        beyond = turned - nearest
-        torque, stiffness = self.discs.at(turned - np.clip(beyond, -self.gaps.play, self.gaps.play))
+        beyond, play = self._beyond(turned)
+        torque, stiffness = self.discs.at(turned - play)
         free = np.abs(beyond) <= self.gaps.play
         bears = ~(free & (self.gaps.play > 0.0))
         return torque * bears, stiffness * bears
+
+    def _beyond(self, turned: Array) -> tuple[Array, Array]:
+        """Turn of discs beyond their rotations without torque, and the part of it that is play."""
+        beyond = turned - np.clip(turned, self.discs.low, self.discs.high)
+        return beyond, np.clip(beyond, -self.gaps.play, self.gaps.play)
+
+    def pressed(self, rotation: Array) -> tuple[Array, Array]:
+        """Torque [N m] of each disc at rotations (units, angles) [rad] of the carrier, and its turn
+        against the mesh [rad] after play and compliance, (units, angles, discs).
+        """
+        torque, _ = self.disc_torque(rotation)
+        turned = rotation[..., None] * self.ratio + self.gaps.turn
+        return torque, turned - self._beyond(turned)[1] - torque * self.compliance
 
     def torque(self, rotation: Array, extra: Array | float = 0.0) -> tuple[Array, Array]:
         """Torque [N m] on the carrier and tangent stiffness [N m/rad], (units, angles).
@@ -184,14 +195,9 @@ class Mesh:
             if np.all(done | (np.abs(ahead - at) <= 1e-18)):
                 return at
             at = np.where(done, at, ahead)
-        raise ArithmeticError("no balance of torque found")
+        raise ArithmeticError("Newton's method reaches no balance of torque; the errors are too large")
 
     def pin_forces(self, rotation: Array) -> Array:
         """Normal forces [N] on the pins, (units, angles, discs, pins)."""
-        torque, _ = self.disc_torque(rotation)
-        turned = rotation[..., None] * self.ratio + self.gaps.turn
-        nearest = np.clip(turned, self.discs.low, self.discs.high)
-        play = np.clip(turned - nearest, -self.gaps.play, self.gaps.play)
-        disc = turned - play - torque * self.compliance
-        closed = self.gaps.lever * disc[..., None] - self.gaps.gap
+        closed = self.gaps.lever * self.pressed(rotation)[1][..., None] - self.gaps.gap
         return np.asarray(self.stiffness * np.maximum(closed, 0.0))

@@ -6,23 +6,21 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
-from .geometry import ContactGeometry, curve, foot, lever, nominal_pin
+from ...inputs.distribution import Array
+from .geometry import Complex, ContactGeometry, curve, foot, lever, nominal_pin
 
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 STEEP = 1500.0
 """Bend [1/m] from which the series of the osculating circle is not used: radii below 0.7 mm."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Nominal:
-    """The nominal profile at the phases it was made for; all of one shape.
+    """The nominal profile at given phases; all arrays have the same shape.
 
-    `gap` [m]; `lever` [m], what a forward turn of the disc closes of it per radian; in the pin's
-    axes `normal` (outward) and `tangent` of the profile and `radial`, the direction in which a
-    shift modification moves it; `bend` [1/m], kappa/(1 + kappa d) with the curvature kappa of the
+    `gap` [m]; `lever` [m], how much of it a forward turn of the disc closes per radian; in the
+    pin's axes `normal` (outward) and `tangent` of the profile and `radial`, the direction in which
+    a shift modification moves it; `bend` [1/m], kappa/(1 + kappa d) with the curvature kappa of the
     curve C and the distance d from it; `cubic` [1/m^2], (d kappa/ds)/6/(1 + kappa d)^3; `mixed`
     [1/m], how the effect of a shift changes along C.
     """

@@ -8,14 +8,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...inputs.distribution import Array
 from .contact import LoadedContact
 from .errors import PartErrors
 
-Array = NDArray[np.float64]
 LOST_MOTION_SHARE = 0.03
-"""Fraction of the rated torque, either way, at which the catalogue states lost motion."""
+"""Fraction of the rated torque, in either sense, at which the catalogue states lost motion."""
 
 
 def backlash(contact: LoadedContact, errors: PartErrors, angles: Array) -> Array:

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ....units import ARCMIN
+from ...inputs.distribution import Array
 from ..contact.mesh import Mesh as ContactMesh
 from .tabulated import TabulatedMesh
 
-Array = NDArray[np.float64]
 SCALE, NODES = 0.05 * ARCMIN, 161
 """Twist [rad] within which the table is densest, and the number of its twists."""
 TWISTS_AT_ONCE = 16

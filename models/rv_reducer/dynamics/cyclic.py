@@ -2,7 +2,7 @@
 
 u'' and u' by five-point differences of fourth order on n equal steps. The samples are folded (0,
 n-1, 1, n-2, ...), which makes the cyclic matrix a banded one, and the points of a batch follow
-each other in one banded matrix. Cutting the cycle instead (and mending it by a low-rank
+each other in one banded matrix. Cutting the cycle instead (and correcting it by a low-rank
 update) fails: an oscillator over a cut turn grows by exp(zeta omega_n t).
 """
 
@@ -12,7 +12,8 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from ...inputs.distribution import Array
+
 SECOND = np.array([-1.0, 16.0, -30.0, 16.0, -1.0]) / 12.0
 FIRST = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / 12.0
 BAND = 4

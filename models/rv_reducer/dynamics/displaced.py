@@ -6,11 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
+from ...inputs.distribution import Array
 from .mesh import Mesh
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,16 +7,15 @@ import warnings
 import numpy as np
 from numpy.typing import NDArray
 
+from ...inputs.distribution import Array
 from .mesh import Mesh
 from .steady import Oscillator, steady_state
-from .sweep import ELEMENTS, samples_needed
+from .sweep import ELEMENTS, resolved
 from .train import Train
-
-Array = NDArray[np.float64]
 
 
 class NoSteadyState(UserWarning):
-    """Operating points at which no periodic vibration was found."""
+    """Operating points at which Newton's method reaches no periodic vibration."""
 
 
 class FullDynamics:
@@ -28,26 +27,20 @@ class FullDynamics:
     def twist(self, angle: Array, torque: Array, speed: Array) -> Array:
         """Twist (n,) [rad] at output angles [rad], torques [N m] and signed speeds [rad/s].
 
-        NaN, and a `NoSteadyState` warning, where none was found.
+        NaN, and a `NoSteadyState` warning, where Newton's method reaches no steady state.
         """
         twists = np.empty(len(angle))
         pairs, row = np.unique(np.stack([torque, speed]), axis=1, return_inverse=True)
         points = Oscillator.of(self.mesh, self.train, pairs[0], pairs[1])
-        needed = samples_needed(self.mesh.samples, points)
-        for n in np.unique(needed):
-            fine = self.mesh.resampled(int(n))
-            at = np.flatnonzero(needed == n)
-            for part in np.array_split(at, -(-len(at) * int(n) // ELEMENTS)):
-                chosen = np.isin(np.arange(len(needed)), part)
-                lines = self._orders(fine, points.part(chosen))
-                rows = np.flatnonzero(chosen[row])
-                place = np.searchsorted(part, row[rows])
-                twists[rows] = _read(lines, place, angle[rows])
+        for fine, chosen in resolved(self.mesh, points):
+            lines = self._orders(fine, points.part(chosen))
+            rows = np.flatnonzero(np.isin(row, chosen))
+            twists[rows] = _summed(lines, np.searchsorted(chosen, row[rows]), angle[rows])
         self._warn(twists, pairs[:, row])
         return twists
 
     def _orders(self, mesh: Mesh, points: Oscillator) -> NDArray[np.complex128]:
-        """Complex amplitudes (b, m) of the twist by whole orders; NaN where there is none."""
+        """Complex amplitudes (b, m) of the twist by whole orders; NaN without a steady state."""
         state = steady_state(mesh, points, self.tolerance)
         lines = np.fft.rfft(state.twist)[:, : self.mesh.samples // 2] * (2.0 / mesh.samples)
         lines[:, 0] *= 0.5
@@ -58,11 +51,12 @@ class FullDynamics:
         if (missing := np.isnan(twist)).any():
             worst = pairs[:, np.argmax(missing)]
             rpm = worst[1] * 60.0 / (2.0 * np.pi)
-            text = f"no steady vibration found at {worst[0]:g} N m and {rpm:g} rpm"
-            warnings.warn(f"{text}, {missing.sum()} readings", NoSteadyState, stacklevel=3)
+            point = f"at {worst[0]:g} N m and {rpm:g} rpm"
+            text = f"no steady vibration was computed {point}; measurements without a value: {missing.sum()}"
+            warnings.warn(text, NoSteadyState, stacklevel=3)
 
 
-def _read(lines: NDArray[np.complex128], place: NDArray[np.intp], angle: Array) -> Array:
+def _summed(lines: NDArray[np.complex128], place: NDArray[np.intp], angle: Array) -> Array:
     """Twist (n,) of spectra (b, m), at the spectrum and the angle of each row."""
     order = np.arange(lines.shape[1])
     twist = np.empty(len(angle))

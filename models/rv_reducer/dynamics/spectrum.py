@@ -8,7 +8,8 @@ from math import ceil
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from ...inputs.distribution import Array
+
 ComplexArray = NDArray[np.complex128]
 
 

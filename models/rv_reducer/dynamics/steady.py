@@ -3,24 +3,25 @@
 J theta'' + c theta' + tau(theta, angle) = T with angle = speed * time. Derivatives are exact for
 trigonometric polynomials (FFT), the torque is sampled; so the error falls faster than any power of
 the number of samples n while the torque is smooth, and as 1/n^2 where contacts make and break.
-Newton's method, with the derivatives of the slope matrix by differences (`cyclic`): they are good
-where the oscillator is soft, and the waves far above its resonance are corrected by themselves.
+Newton's method, with the derivatives of the slope matrix by differences (`cyclic`): they are
+accurate where the oscillator is soft, and the waves far above its resonance are corrected
+separately.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ...inputs.distribution import Array
 from .cyclic import second_symbol, solve
 from .mesh import Mesh, operating_stiffness
 from .train import Train
 
-Array = NDArray[np.float64]
 HIGH = 4.0
-"""Waves whose inertia exceeds this many stiffnesses are corrected by themselves."""
+"""Waves whose inertia exceeds this many stiffnesses are corrected separately."""
 OVERSHOOT, HALVINGS = 1.5, 6
 """Growth of the residual at which a step is halved, and the largest number of halvings."""
 SOFTENED = (16.0, 4.0, 2.0, 1.0)
@@ -32,7 +33,7 @@ class Oscillator:
     """b operating points over a mesh: inertia, damping, torque, stiffness (b,), speed (b,).
 
     `speed` [rad/s] is that of the output, negative for turning backwards; `stiffness` [N m/rad] the
-    mean one about the operating torque.
+    mean stiffness about the operating torque.
     """
 
     inertia: Array
@@ -53,10 +54,9 @@ class Oscillator:
         """Order (b,) per output turn that meets the first mode."""
         return np.asarray(np.sqrt(self.stiffness / self.inertia) / np.abs(self.speed))
 
-    def part(self, chosen: NDArray[np.bool_]) -> Oscillator:
+    def part(self, chosen: NDArray[np.bool_] | NDArray[np.intp]) -> Oscillator:
         """The chosen points."""
-        fields = ("inertia", "damping", "torque", "stiffness", "speed")
-        return Oscillator(*(getattr(self, name)[chosen] for name in fields))
+        return Oscillator(*(getattr(self, field.name)[chosen] for field in fields(self)))
 
     def symbol(self, n: int) -> NDArray[np.complex128]:
         """-J w^2 + i c w (b, n/2 + 1) of the orders that n samples carry."""
@@ -87,7 +87,7 @@ def transfer(points: Oscillator, order: Array) -> NDArray[np.complex128]:
 
 
 def steady_state(mesh: Mesh, points: Oscillator, tolerance: float = 1e-9, iterations: int = 40) -> Steady:
-    """Steady states of all points; those not found within `tolerance` have a larger residual."""
+    """Steady states of all points; those not solved within `tolerance` have a larger residual."""
     static = mesh.equilibrium(points.torque)
     order = np.arange(mesh.samples // 2 + 1, dtype=float)
     linear = np.asarray(np.fft.rfft(static)) * transfer(points, order)
@@ -110,12 +110,12 @@ def _newton(mesh: Mesh, points: Oscillator, twist: Array, tolerance: float, iter
     balance = _Balance(mesh, points)
     residual, slope = balance(twist)
     for _ in range(iterations):
-        open_ = balance.relative(residual) > tolerance
-        if not open_.any():
+        unsolved = balance.relative(residual) > tolerance
+        if not unsolved.any():
             break
-        active = balance.part(open_)
-        stepped = active.step(twist[open_], residual[open_], slope[open_])
-        twist[open_], residual[open_], slope[open_] = stepped
+        active = balance.part(unsolved)
+        stepped = active.step(twist[unsolved], residual[unsolved], slope[unsolved])
+        twist[unsolved], residual[unsolved], slope[unsolved] = stepped
     return Steady(twist, balance.relative(residual))
 
 
@@ -141,7 +141,7 @@ class _Balance:
         return _Balance(self.mesh, self.points.part(chosen))
 
     def step(self, twist: Array, residual: Array, slope: Array) -> tuple[Array, Array, Array]:
-        """The twist one step on, its residual and stiffness; halved as long as it overshoots."""
+        """Twist after a step, its residual and stiffness; steps that overshoot are halved."""
         change = -self._soft(residual, slope)
         before = OVERSHOOT * self.relative(residual)
         for _ in range(HALVINGS):

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ....errors import Fault, raise_all
+from ...inputs.distribution import Array
 from .mesh import Mesh
 from .spectrum import spectrum
 from .steady import Oscillator, steady_state
 from .train import Train
 
-Array = NDArray[np.float64]
 POINTS_PER_WAVE = 16
 """Samples over a wave at the resonance that the differences in Newton's step need."""
 ELEMENTS = 2_000_000
@@ -42,16 +43,24 @@ def sweep(mesh: Mesh, train: Train, torque: Array | float, speed: Array | float,
     """
     raise_all(faults(train, torque, speed))
     points = Oscillator.of(mesh, train, np.asarray(torque), np.asarray(speed))
-    count = len(points.speed)
-    response = Response(*(np.full(count, np.nan) for _ in range(3)))
+    response = Response(*(np.full(len(points.speed), np.nan) for _ in range(3)))
+    for fine, chosen in resolved(mesh, points):
+        state = steady_state(fine, points.part(chosen), tolerance)
+        reached, force = state.converged(tolerance), fine.peak_force(state.twist)
+        response.residual[chosen] = state.residual
+        response.amplitude[chosen] = np.where(reached, 0.5 * np.ptp(state.twist, axis=-1), np.nan)
+        response.peak_force[chosen] = np.where(reached, force, np.nan)
+    return response
+
+
+def resolved(mesh: Mesh, points: Oscillator) -> Iterator[tuple[Mesh, NDArray[np.intp]]]:
+    """Blocks of points, by their numbers, with the mesh at samples that resolve their resonance."""
     needed = samples_needed(mesh.samples, points)
     for n in np.unique(needed):
         fine = mesh.resampled(int(n))
         at = np.flatnonzero(needed == n)
         for part in np.array_split(at, -(-len(at) * int(n) // ELEMENTS)):
-            chosen = np.isin(np.arange(count), part)
-            _fill(response, chosen, fine, points.part(chosen), tolerance)
-    return response
+            yield fine, part
 
 
 def faults(train: Train, torque: Array | float, speed: Array | float) -> list[Fault]:
@@ -60,7 +69,7 @@ def faults(train: Train, torque: Array | float, speed: Array | float) -> list[Fa
     if not np.all(np.isfinite(torque)):
         problems.append(Fault("torque", "must be finite, in N m"))
     if not np.all(np.isfinite(speed) & (np.asarray(speed) > 0.0)):
-        problems.append(Fault("speed", "must be finite and above 0 rad/s; a sense of turning is not part of it"))
+        problems.append(Fault("speed", "must be finite and above 0 rad/s; it has no sense of turning"))
     return problems
 
 
@@ -69,15 +78,6 @@ def samples_needed(samples: int, points: Oscillator) -> NDArray[np.int64]:
     needed = POINTS_PER_WAVE * points.resonance
     doublings = np.ceil(np.log2(np.maximum(needed / samples, 1.0))).astype(np.int64)
     return np.asarray(np.where(points.resonance > 0.51 * samples, samples, samples << doublings))
-
-
-def _fill(response: Response, chosen: NDArray[np.bool_], mesh: Mesh, points: Oscillator, tolerance: float) -> None:
-    state = steady_state(mesh, points, tolerance)
-    reached = state.converged(tolerance)
-    twist, force = state.twist, mesh.peak_force(state.twist)
-    response.residual[chosen] = state.residual
-    response.amplitude[chosen] = np.where(reached, 0.5 * np.ptp(twist, axis=-1), np.nan)
-    response.peak_force[chosen] = np.where(reached, force, np.nan)
 
 
 def warnings(mesh: Mesh, train: Train, torque: float, speed: Array, momentary: float = 2058.0) -> tuple[str, ...]:
@@ -89,9 +89,9 @@ def warnings(mesh: Mesh, train: Train, torque: float, speed: Array, momentary: f
     points = Oscillator.of(mesh, train, np.asarray(torque), speeds)
     line = spectrum(mesh.equilibrium(np.asarray(torque))).amplitude[1:]
     excited = 1 + np.flatnonzero(np.abs(line) >= EXCITED * np.abs(line).max(initial=0.0))
-    missed = sorted({int(k) for k in excited if np.abs(line[k - 1]) > 0.0 and _leapt(points, train, float(k))})
-    if missed:
-        orders = ", ".join(str(k) for k in missed[:5]) + (", ..." if len(missed) > 5 else "")
+    unresolved = sorted({int(k) for k in excited if np.abs(line[k - 1]) > 0.0 and _skipped(points, train, float(k))})
+    if unresolved:
+        orders = ", ".join(str(k) for k in unresolved[:5]) + (", ..." if len(unresolved) > 5 else "")
         width = float(np.max(2.0 * np.asarray(train.damping_ratio)))
         messages.append(
             f"the speeds do not resolve the resonance with order {orders}: near it their"
@@ -100,7 +100,7 @@ def warnings(mesh: Mesh, train: Train, torque: float, speed: Array, momentary: f
     return tuple(messages)
 
 
-def _leapt(points: Oscillator, train: Train, order: float) -> bool:
+def _skipped(points: Oscillator, train: Train, order: float) -> bool:
     """Whether the step over the resonance with `order` is wider than its half-power width."""
     resonant_speed = points.speed * points.resonance / order
     beyond = np.searchsorted(points.speed, resonant_speed.mean())

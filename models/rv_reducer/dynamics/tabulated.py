@@ -9,7 +9,8 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from ...inputs.distribution import Array
+
 Loads = Callable[[Array], tuple[Array, Array]]
 """Torque and tangent stiffness (m, n) at twists (m, 1)."""
 Peak = Callable[[Array], Array]
@@ -24,7 +25,7 @@ class TabulatedMesh:
 
     Cubic between the nodes, by values and slopes; the slopes are limited as by Fritsch and Carlson
     (1980), so that the torque rises as the mesh's does. Beyond the nodes it is linear. `peak` is
-    evaluated at the output angles that it was made for: every `stride`-th of those here.
+    evaluated at the output angles of the mesh that was tabulated: every `stride`-th of those here.
     """
 
     scale: float

@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ....errors import Fault
-
-Array = NDArray[np.float64]
+from ...inputs.distribution import Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,17 +43,17 @@ class Train:
     def faults(self, place: str) -> list[Fault]:
         """Inputs for which no steady state exists."""
         problems = [
-            Fault(f"{place}.{name}", f"must be finite and above 0 kg m^2, got {_shown(value)}")
+            Fault(f"{place}.{name}", f"must be finite and above 0 kg m^2, got {_text(value)}")
             for name, value in (("input_inertia", self.input_inertia), ("load_inertia", self.load_inertia))
             if not np.all(np.isfinite(value) & (np.asarray(value) > 0.0))
         ]
         ratio = np.asarray(self.damping_ratio)
         if not np.all((ratio > 0.0) & (ratio < 1.0)):
-            text = f"must lie between 0 and 1 (0.02 to 0.06 is usual), got {_shown(ratio)}"
+            text = f"must lie between 0 and 1 (0.02 to 0.06 is usual), got {_text(ratio)}"
             problems.append(Fault(f"{place}.damping_ratio", text))
         return problems
 
 
-def _shown(value: Array | float) -> str:
-    """The worst value, for a message."""
+def _text(value: Array | float) -> str:
+    """The value or values, for a message."""
     return f"{float(np.min(value)):g}" if np.ndim(value) == 0 else f"{np.asarray(value).tolist()}"

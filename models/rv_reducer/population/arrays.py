@@ -8,9 +8,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-Single = NDArray[np.float32]
+from .lattice import Single
+
 BLOCK = 512
 """Units in one block."""
 
@@ -30,22 +30,11 @@ def _disc(axes: Single, disc: Single, circle: Single) -> tuple[Single, Single, S
     return terms, disc[2], ahead.astype(np.float32)
 
 
-def touch(
-    rows: Single,
-    pins: Any,
-    start: Any,
-    stop: Any,
-    axes: Single,
-    across: Single,
-    along: Single,
-    discs: Single,
-    circle: Single,
-    high: Single,
-    low: Single,
-    ahead: Any,
-    behind: Any,
-) -> None:
+def touch(contacts: Any, errors: Any, turns: Any) -> None:
     """As `compiled.touch`."""
+    rows, pins, start, stop, axes = contacts
+    across, along, discs, circle = errors
+    high, low, ahead, behind = turns
     columns = [0, 1, 2, 4, 5, 6, 7]
     for first in range(0, across.shape[1], BLOCK):
         part = slice(first, first + BLOCK)
@@ -63,27 +52,18 @@ def touch(
                     at = np.take_along_axis(h, closest[None, :], axis=0)[0]
                     ends[flank].append((at + sign * play - turn, i + closest))
             for flank, into, contact in ((0, high, ahead), (1, low, behind)):
-                turns = np.stack([turns_of_disc for turns_of_disc, _ in ends[flank]])
-                best = np.argmin(turns, axis=0) if flank == 0 else np.argmax(turns, axis=0)
+                by_disc = np.stack([turns_of_disc for turns_of_disc, _ in ends[flank]])
+                best = np.argmin(by_disc, axis=0) if flank == 0 else np.argmax(by_disc, axis=0)
                 chosen = np.stack([contacts_of_disc for _, contacts_of_disc in ends[flank]])
-                into[a, part] = np.take_along_axis(turns, best[None, :], axis=0)[0]
+                into[a, part] = np.take_along_axis(by_disc, best[None, :], axis=0)[0]
                 contact[a, part] = np.take_along_axis(chosen, best[None, :], axis=0)[0]
 
 
-def pull_back(
-    weight: Single,
-    ahead: Any,
-    behind: Any,
-    rows: Single,
-    pins: Any,
-    disc_of: Any,
-    axes: Single,
-    of_unit: Single,
-    of_discs: Single,
-    of_pins: Single,
-    total: Any,
-) -> None:
+def pull_back(weight: Single, touching: Any, contacts: Any, slopes: Any, total: Any) -> None:
     """As `compiled.pull_back`."""
+    ahead, behind = touching
+    rows, pins, disc_of, axes = contacts
+    of_unit, of_discs, of_pins = slopes
     a, u = np.nonzero(weight)
     w = weight[a, u]
     for contact, sign in ((ahead[a, u], 1.0), (behind[a, u], -1.0)):
@@ -97,15 +77,15 @@ def pull_back(
             sw * row[3] * pin[0],
             sw * row[1] * pin[1],
             -sw * row[1] * pin[2],
-            sw * _along(direction, (z[2] + 1j * z[3]) * disc),
-            -sw * _along(normal, (z[4] + 1j * z[5]) * disc),
-            sw * (np.imag((z[7] + 1j * z[8]) * crank) - _along(normal, eccentric * z[6])),
+            sw * along_direction(direction, (z[2] + 1j * z[3]) * disc),
+            -sw * along_direction(normal, (z[4] + 1j * z[5]) * disc),
+            sw * (np.imag((z[7] + 1j * z[8]) * crank) - along_direction(normal, eccentric * z[6])),
             sw * row[1] * z[0],
             -sw * row[2] * z[1],
             w * z[9],
-            sw * _along(normal, of_unit[1, u] + 1j * of_unit[2, u]),
-            sw * (_along(normal, (z[10] + 1j * z[11]) * disc) - z[12]),
-            sw * (np.imag((z[14] + 1j * z[15]) * crank) - _along(normal, 1j * eccentric * z[13])),
+            sw * along_direction(normal, of_unit[1, u] + 1j * of_unit[2, u]),
+            sw * (along_direction(normal, (z[10] + 1j * z[11]) * disc) - z[12]),
+            sw * (np.imag((z[14] + 1j * z[15]) * crank) - along_direction(normal, 1j * eccentric * z[13])),
             -sw * z[16],
             sw * row[1],
             sw * row[8],
@@ -113,6 +93,6 @@ def pull_back(
         total += [float(np.sum(part, dtype=np.float64)) for part in parts]
 
 
-def _along(direction: Any, vector: Any) -> Any:
+def along_direction(direction: Any, vector: Any) -> Any:
     """The scalar product of two plane vectors as complex numbers."""
     return np.real(vector * np.conj(direction))

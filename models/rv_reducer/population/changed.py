@@ -6,22 +6,21 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ....units import UM
+from ...inputs.distribution import Array
 from ..contact.geometry import ContactGeometry, unit
 from ..cycloid import pin_circle_growth
 from .sample import BaseSample
 from .scaled import Scaled, pitch_turn
 
-Array = NDArray[np.float64]
-
 
 def changed(geometry: ContactGeometry, units: Scaled, sample: BaseSample, changes: Mapping[str, Array]) -> Scaled:
     """Units (n) with their errors [um] and temperatures [K] changed, each by a number or by (n,).
 
-    A change of an error is one of its mid-limit: of every pin and disc of the unit alike. A warmer
-    housing widens the pin circle against the discs; a change of pin position turns the unit only.
+    A change of an error is a change of its mid-limit, the same for every pin and disc of the unit.
+    A warmer housing widens the pin circle against the discs; a change of pin position turns the
+    unit only.
     """
 
     def of(error: str) -> Array:

@@ -10,9 +10,9 @@ from typing import Any
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
-Single = NDArray[np.float32]
+from .lattice import Single
+
 LANES = 256
 """Units in one block, so that they stay in the cache."""
 
@@ -27,8 +27,8 @@ def _disc(axes: Single, disc: Single, circle: Single, terms: Single) -> None:
 
     `axes` (6) are cos and sin of eccentric, disc, and eccentric against the cranks; `disc`
     (12, lanes): normal, radial, play, ahead, then real and imaginary parts of turning, offset,
-    around, pitch; `circle` (2, lanes). `terms`: what adds to the gap along the normal, with its
-    radial part, x and y of the pin against the disc, pitch x and y, play, forward turn.
+    around, pitch; `circle` (2, lanes). `terms`: changes of the gap along the normal and
+    radially, x and y of the pin against the disc, pitch x and y, play, forward turn.
     """
     ex, ey, dx, dy, cx, cy = axes[0], axes[1], axes[2], axes[3], axes[4], axes[5]
     for u in range(terms.shape[1]):
@@ -65,26 +65,17 @@ def _nearest(
 
 
 @_compiled
-def touch(
-    rows: Single,
-    pins: Any,
-    start: Any,
-    stop: Any,
-    axes: Single,
-    across: Single,
-    along: Single,
-    discs: Single,
-    circle: Single,
-    high: Single,
-    low: Single,
-    ahead: Any,
-    behind: Any,
-) -> None:
-    """Fills the turns at first contact forward, `high`, and backward, `low` (positions, units).
+def touch(contacts: Any, errors: Any, turns: Any) -> None:
+    """Fills `turns` at first contact: forward, backward, and the contacts that make them.
 
-    `ahead` and `behind` (positions, units) are the contacts, as rows of `rows` (contacts, 9).
-    `start`, `stop` (positions, discs, 2), `axes` (positions, discs, 6), `discs` (discs, 12, units).
+    The four arrays have the shape (positions, units); a contact is a row of the table. `contacts`:
+    table (contacts, 9), pins (contacts), start and stop (positions, discs, 2), axes
+    (positions, discs, 6). `errors`: across and along (pins, units), discs (discs, 12, units),
+    circle (2, units).
     """
+    rows, pins, start, stop, axes = contacts
+    across, along, discs, circle = errors
+    high, low, ahead, behind = turns
     far = np.float32(1e9)
     plus, minus = np.float32(1.0), np.float32(-1.0)
     for first in range(0, across.shape[1], LANES):
@@ -121,24 +112,16 @@ def touch(
 
 
 @_compiled
-def pull_back(
-    weight: Single,
-    ahead: Any,
-    behind: Any,
-    rows: Single,
-    pins: Any,
-    disc_of: Any,
-    axes: Single,
-    of_unit: Single,
-    of_discs: Single,
-    of_pins: Single,
-    total: Any,
-) -> None:
-    """Adds to `total` (16) the slopes of sum(weight * (high - low)), as `gradient` orders them.
+def pull_back(weight: Single, touching: Any, contacts: Any, slopes: Any, total: Any) -> None:
+    """Adds to `total` (16) the slopes of sum(weight * (forward - backward)) in order of `gradient`.
 
-    `weight` (positions, units); `of_unit` (3, units), `of_discs` (discs, 17, units) and `of_pins`
-    (3, pins, units) are the standardised errors as `gradient.Slopes` packs them.
+    `weight` (positions, units), `touching` the contacts forward and backward of that shape;
+    `contacts`: table, pin and disc of each contact, axes; `slopes`: the standardised errors of unit
+    (3, units), discs (discs, 17, units) and pins (3, pins, units) as `gradient.Slopes` packs them.
     """
+    ahead, behind = touching
+    rows, pins, disc_of, axes = contacts
+    of_unit, of_discs, of_pins = slopes
     for a in range(weight.shape[0]):
         for u in range(weight.shape[1]):
             w = weight[a, u]

@@ -29,8 +29,9 @@ class UnitDesign:
 
     `half_width` by name of the error [um], of `crank_phase` [mrad]; `crank_bearing` is the full
     clearance c of the zone [0, c] [um]. `mid` are mid-limits [um]; those of pin position move all
-    pins alike and turn the unit without backlash. `stagger` [arcmin] is the turn of each disc, one
-    ahead and one back; `dr_rp`, `dr_p` [m] are the modifications. An omitted name is 0.
+    pins alike and turn the unit without backlash. `stagger` [arcmin] is the angle by which discs
+    are turned, alternately ahead and back; `dr_rp`, `dr_p` [m] are the modifications. An omitted
+    name is 0.
     """
 
     half_width: Mapping[str, float]

@@ -6,22 +6,23 @@ spring: the balances of `contact.mesh`, with gaps that are linear in the errors.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
 from importlib import import_module
 from types import ModuleType
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ...inputs.distribution import Array
+from ..contact.contact import Engine, uses_numba
 from .elastic_springs import Loading, Springs
 from .gradient import NAMES, Slopes
-from .lattice import Lattice
+from .lattice import Lattice, Single
 from .scaled import Scaled
 from .table import Table
-from .touch import Engine, Single, packed, uses_numba
+from .touch import packed
 
-Array = NDArray[np.float64]
 CASES: Mapping[str, tuple[str, ...]] = {
     "lost_motion": ("forward", "backward"),
     "preload_torque": ("none",),
@@ -32,7 +33,7 @@ CASES: Mapping[str, tuple[str, ...]] = {
 """Load cases of each output."""
 OUTPUTS = tuple(CASES)
 TE_POSITIONS = 251
-"""Positions at which a unit's transmission error at rated torque comes out 3.6 % too small in the
+"""Positions at which a unit's transmission error at rated torque is 3.6 % too small in the
 mean, its 99 % quantile 2 %: the turn's waves of orders 39 to 80 are met at every phase. With
 61 positions the deficits are 9 and 6 %, with 1021 they are 1 %. They are larger for primes that are
 nearly a multiple of 1/k of the teeth (59: 26 %, 79, 97 and 137: 14 %, 127 and 157: 10 %)."""
@@ -44,9 +45,9 @@ HALF_ARCSEC = 30.0
 class Balances:
     """Balances of n units at every position under the torques of load cases.
 
-    `turn` (cases, positions, n) [arcmin] is what the units turn their meshes by, `disc`
-    (cases, positions, discs, n) [arcmin] what each disc is turned by against its mesh, after play
-    and springs, `side` of that shape the flank that takes its torque (0: none does). `preload`
+    `turn` (cases, positions, n) [arcmin] is the turn of the units against their meshes, `disc`
+    (cases, positions, discs, n) [arcmin] that of every disc against its mesh, after play and
+    springs, `side` of that shape the flank that takes its torque (0: none does). `preload`
     (positions, n) [N m] is the torque of the forward flanks in the case "none"; `peak` (n,) [N] the
     largest pin force in the case "rated", at position `peak_position` on contact `peak_contact`.
     """
@@ -104,39 +105,24 @@ class Elastic:
 
         Those of maxima are those of the position, and of the pin, that makes them.
         """
-        total = np.zeros(len(NAMES))
-        errors_of = _errors(self.units)
-        springs, balances, lattice = self.springs, self.balances, self.lattice
+        total, units = np.zeros(len(NAMES)), packed(self.units)
+        balances, lattice = self.balances, self.lattice
         kernel = _kernel("pull_back", self.engine)
-        for case, (of_turn, of_preload, of_peak) in self._by_case(weights):
-            used = (of_turn != 0.0) | (of_preload != 0.0) | (of_peak != 0.0)
-            rows = np.flatnonzero(used.any(axis=1))
+        for case, by_kind in self._by_case(weights).items():
+            rows = np.flatnonzero((by_kind != 0.0).any(axis=(0, 2)))
             kernel.pull_back(
-                of_turn[rows],
-                of_preload[rows],
-                of_peak[rows],
-                balances.peak_contact,
-                self.table.values,
-                springs.lean,
-                springs.stiff,
-                springs.force,
-                lattice.pin,
-                lattice.start[rows],
-                lattice.stop[rows],
-                lattice.directions[rows],
-                *errors_of,
-                springs.behind,
-                balances.disc[case, rows],
-                balances.side[case, rows],
-                errors.of_unit,
-                errors.of_discs,
-                errors.of_pins,
+                tuple(weight[rows] for weight in by_kind),
+                (self.table.values, lattice.pin, lattice.start[rows], lattice.stop[rows], lattice.directions[rows]),
+                self.springs.arrays,
+                units,
+                (balances.disc[case, rows], balances.side[case, rows], balances.peak_contact),
+                (errors.of_unit, errors.of_discs, errors.of_pins),
                 total,
             )
         total[NAMES.index("dr_rp")] *= 1e3  # from micrometres to millimetres
         return total
 
-    def _by_case(self, weights: Mapping[str, Array]) -> Iterator[tuple[int, Single]]:
+    def _by_case(self, weights: Mapping[str, Array]) -> dict[int, Single]:
         """By load case, weights (3, positions, n) of the turn, the forward flanks and the peak."""
         shape = self.balances.turn.shape[1:]
         by_case: dict[int, Single] = {}
@@ -145,10 +131,10 @@ class Elastic:
                 at = self.cases[case]
                 into = by_case.setdefault(at, np.zeros((3, *shape), np.float32))
                 self._add(into, name, case, weight)
-        yield from by_case.items()
+        return by_case
 
     def _add(self, into: Single, name: str, case: str, weight: Array) -> None:
-        """Adds the weights of one output in one of its load cases."""
+        """Adds the weights of an output in a load case."""
         balances, ratio = self.balances, self.lattice.geometry.output_ratio
         positions, units = into.shape[1:]
         unit = np.arange(units)
@@ -181,33 +167,15 @@ def elastic(
     springs, ratio = Springs.of(table, loading), lattice.geometry.output_ratio
     balances = Balances.empty(len(torques), *lattice.shape, units.units)
     _kernel("compiled", engine).balances(
-        table.values,
-        springs.stiff,
-        springs.force,
-        lattice.pin,
-        lattice.start,
-        lattice.stop,
-        lattice.directions,
-        *_errors(units),
-        springs.behind,
+        (table.values, lattice.pin, lattice.start, lattice.stop, lattice.directions),
+        springs.arrays,
+        packed(units),
         np.array(torques) / ratio,
         cases.get("rated", -1),
-        balances.disc,
-        balances.side,
-        balances.turn,
-        balances.preload,
-        balances.peak,
-        balances.peak_position,
-        balances.peak_contact,
+        tuple(getattr(balances, field.name) for field in fields(balances)),
     )
     values = {name: _value(name, cases, balances, ratio) for name in outputs}
     return Elastic(lattice, table, units, springs, cases, balances, values, engine)
-
-
-def _errors(units: Scaled) -> tuple[Single, ...]:
-    """Errors of pins, discs and circle as the kernels take them, in one order of memory."""
-    pins = (np.ascontiguousarray(errors) for errors in (units.across, units.along))
-    return (*pins, *packed(units))
 
 
 def _kernel(name: str, engine: Engine) -> ModuleType:

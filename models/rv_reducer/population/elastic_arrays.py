@@ -12,11 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....units import ARCMIN
+from ...inputs.distribution import Array
 from ..contact.gaps import Gaps
 from ..contact.mesh import Mesh
+from .arrays import along_direction
+from .lattice import Single
 
-Array = NDArray[np.float64]
-Single = NDArray[np.float32]
 BLOCK = 256
 """Units in one block, so that they stay in the cache."""
 _TINY = 1e-20
@@ -69,30 +70,12 @@ class _Position:
         return np.stack([of_contacts[self.disc == d].sum(axis=0) for d in range(discs)])
 
 
-def balances(
-    rows: Single,
-    stiff: Single,
-    force: Single,
-    pins: Any,
-    start: Any,
-    stop: Any,
-    axes: Single,
-    across: Single,
-    along: Single,
-    discs: Single,
-    circle: Single,
-    behind: float,
-    torques: Any,
-    rated: int,
-    x: Single,
-    side: Any,
-    turn: Single,
-    preload: Single,
-    peak: Single,
-    where: Any,
-    which: Any,
-) -> None:
+def balances(contacts: Any, springs: Any, errors: Any, torques: Any, rated: int, into: Any) -> None:
     """As `elastic_compiled.balances`."""
+    rows, pins, start, stop, axes = contacts
+    stiff, force, _, behind = springs
+    across, along, discs, circle = errors
+    turn, x, side, preload, peak, where, which = into
     for a in range(len(start)):
         position = _Position(rows, pins, start[a], stop[a])
         k, of_force = stiff[position.part].astype(float), force[position.part].astype(float)
@@ -131,40 +114,19 @@ def _mesh(position: _Position, gaps: Array, play: Array, turn: Array, arm: Array
 
 def _discs(mesh: Mesh, rotation: Array) -> tuple[Array, NDArray[np.int8]]:
     """Turns of the discs [arcmin] after play and springs, and the flank that bears, (discs, n)."""
-    torque, _ = mesh.disc_torque(rotation)
-    turned = rotation[..., None] + mesh.gaps.turn
-    beyond = turned - np.clip(turned, mesh.discs.low, mesh.discs.high)
-    turned = turned - np.clip(beyond, -mesh.gaps.play, mesh.gaps.play) - torque * mesh.compliance
+    torque, turned = mesh.pressed(rotation)
     bears = np.where(np.abs(torque[:, 0].T) > _NONE, np.sign(torque[:, 0].T), 0.0)
     return turned[:, 0].T / ARCMIN, bears.astype(np.int8)
 
 
-def pull_back(
-    of_turn: Single,
-    of_preload: Single,
-    of_peak: Single,
-    which: Any,
-    rows: Single,
-    lean: Single,
-    stiff: Single,
-    force: Single,
-    pins: Any,
-    start: Any,
-    stop: Any,
-    axes: Single,
-    across: Single,
-    along: Single,
-    discs: Single,
-    circle: Single,
-    behind: float,
-    x: Single,
-    side: Any,
-    of_unit: Single,
-    of_discs: Single,
-    of_pins: Single,
-    total: Any,
-) -> None:
+def pull_back(weights: Any, contacts: Any, springs: Any, errors: Any, balance: Any, slopes: Any, total: Any) -> None:
     """As `elastic_pull_back.pull_back`."""
+    of_turn, of_preload, of_peak = weights
+    rows, pins, start, stop, axes = contacts
+    stiff, force, lean, behind = springs
+    across, along, discs, circle = errors
+    x, side, which = balance
+    of_unit, of_discs, of_pins = slopes
     for a in range(len(start)):
         u = np.flatnonzero((of_turn[a] != 0) | (of_preload[a] != 0) | (of_peak[a] != 0))
         position = _Position(rows, pins, start[a], stop[a])
@@ -216,22 +178,17 @@ def _add_disc(sums: Array, axes: Single, z: Single, unit: Single, side: Any, tot
     normal, direction = sums[3] + 1j * sums[4], sums[5] + 1j * sums[6]
     parts = {
         0: radial * unit[0],
-        4: _along(direction, (z[2] + 1j * z[3]) * disc),
-        5: -_along(normal, (z[4] + 1j * z[5]) * disc),
-        6: weight * np.imag((z[7] + 1j * z[8]) * crank) - _along(normal, eccentric * z[6]),
+        4: along_direction(direction, (z[2] + 1j * z[3]) * disc),
+        5: -along_direction(normal, (z[4] + 1j * z[5]) * disc),
+        6: weight * np.imag((z[7] + 1j * z[8]) * crank) - along_direction(normal, eccentric * z[6]),
         7: lever * z[0],
         8: -radial * z[1],
         9: weight * side * z[9],
-        10: _along(normal, unit[1] + 1j * unit[2]),
-        11: _along(normal, (z[10] + 1j * z[11]) * disc) - weight * z[12],
-        12: weight * np.imag((z[14] + 1j * z[15]) * crank) - _along(normal, 1j * eccentric * z[13]),
+        10: along_direction(normal, unit[1] + 1j * unit[2]),
+        11: along_direction(normal, (z[10] + 1j * z[11]) * disc) - weight * z[12],
+        12: weight * np.imag((z[14] + 1j * z[15]) * crank) - along_direction(normal, 1j * eccentric * z[13]),
         13: -weight * z[16],
         14: lever,
     }
     for name, part in parts.items():
         total[name] += float(np.sum(part, dtype=np.float64))
-
-
-def _along(direction: Any, vector: Any) -> Any:
-    """The scalar product of two plane vectors as complex numbers."""
-    return np.real(vector * np.conj(direction))

@@ -14,9 +14,9 @@ from typing import Any
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
-Single = NDArray[np.float32]
+from .lattice import Single
+
 Mesh = tuple[Single, Single, Any]
 """Gaps (contacts, lanes), stiffness (contacts), and contacts by disc and flank (discs, 2, 2)."""
 Discs = tuple[Single, Single, Single, Any]
@@ -168,12 +168,12 @@ def _pins(mesh: Mesh, d: int, u: int, x: float) -> tuple[float, float, float]:
 
 
 @_compiled
-def _bent(mesh: Mesh, d: int, u: int, behind: float, wanted: float, low: float, high: float) -> Any:
-    """The turn x in [low, high] with x + behind M(x) = wanted."""
+def _bent(mesh: Mesh, d: int, u: int, behind: float, target: float, low: float, high: float) -> Any:
+    """The turn x in [low, high] with x + behind M(x) = target."""
     x = 0.5 * (low + high)
     for _ in range(_STEPS):
         _, torque, rise = _pins(mesh, d, u, x)
-        miss = x + behind * torque - wanted
+        miss = x + behind * torque - target
         low, high = max(low, x) if miss < 0.0 else low, min(high, x) if miss >= 0.0 else high
         ahead = x - miss / (1.0 + behind * rise)
         if not low <= ahead <= high:
@@ -219,14 +219,14 @@ def _loaded(
     Returns its turn against the mesh, the flank that takes its torque, the torque of the forward
     flank, and the torque and stiffness that act on the carrier.
     """
-    wanted, toward = min(max(turned, low), high), 0
+    target, toward = min(max(turned, low), high), 0
     if turned > high + play:
-        wanted, toward = turned - play, 1
+        target, toward = turned - play, 1
     elif turned < low - play:
-        wanted, toward = turned + play, -1
-    x = wanted
+        target, toward = turned + play, -1
+    x = target
     if toward != 0 and behind > 0.0:
-        x = _bent(mesh, d, u, behind, wanted, min(low, wanted), max(high, wanted))
+        x = _bent(mesh, d, u, behind, target, min(low, target), max(high, target))
     forward, torque, rise = _pins(mesh, d, u, x)
     if toward == 0:
         torque = rise = 0.0
@@ -326,35 +326,18 @@ def _case(mesh: Mesh, discs: Discs, behind: float, torque: float, state: State, 
 
 
 @_compiled
-def balances(
-    rows: Single,
-    stiff: Single,
-    force: Single,
-    pins: Any,
-    start: Any,
-    stop: Any,
-    axes: Single,
-    across: Single,
-    along: Single,
-    discs: Single,
-    circle: Single,
-    behind: float,
-    torques: Any,
-    rated: int,
-    x: Single,
-    side: Any,
-    turn: Single,
-    preload: Single,
-    peak: Single,
-    where: Any,
-    which: Any,
-) -> None:
+def balances(contacts: Any, springs: Any, errors: Any, torques: Any, rated: int, into: Any) -> None:
     """Balances of all units at all positions under `torques` (cases) on the discs.
 
-    `stiff` [N m/arcmin] and `force` [N/arcmin] (contacts). Fills `x`, `side`
-    (cases, positions, discs, units), `turn` (cases, positions, units), `preload` (positions, units)
-    of the case without torque, and `peak`, `where`, `which` (units) of the case `rated`, if any.
+    `contacts` and `errors` as in `compiled.touch`; `springs` in the order of the fields of
+    `Springs`. Fills `into`, arrays in the order of the fields of `elastic.Balances`: turns, discs
+    and sides of every case, the preload of the case without torque, and the peak with its position
+    and contact of the case `rated`, if any.
     """
+    rows, pins, start, stop, axes = contacts
+    stiff, force, _, behind = springs
+    across, along, discs, circle = errors
+    turn, x, side, preload, peak, where, which = into
     many, wide = start.shape[1], 0
     for a in range(start.shape[0]):
         wide = max(wide, stop[a, many - 1, 1] - start[a, 0, 0])

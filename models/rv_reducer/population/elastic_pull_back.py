@@ -14,9 +14,9 @@ from typing import Any
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
-Single = NDArray[np.float32]
+from .lattice import Single
+
 LANES = 256
 """Units in one block, so that they stay in the cache."""
 
@@ -27,7 +27,7 @@ def _compiled(function: Any) -> Any:
 
 @_compiled
 def _terms(axes: Single, disc: Single, circle: Single, terms: Single) -> None:
-    """Fills `terms` (6, lanes) of one disc at one position: what adds to gaps, as in `compiled`."""
+    """Fills `terms` (6, lanes) of one disc at one position: changes of gaps, as in `compiled`."""
     ex, ey, dx, dy = axes[0], axes[1], axes[2], axes[3]
     for u in range(disc.shape[1]):
         terms[0, u] = disc[0, u]
@@ -118,10 +118,10 @@ def _spread(
     of_torque: Single,
     of_force: Single,
     star: Any,
-    kept: Single,
+    of_contact: Single,
     sums: Single,
 ) -> Any:
-    """Adds one contact's weights to `sums` (7, lanes), and leaves them in `kept`.
+    """Adds the weights of a contact to `sums` (7, lanes), and writes them to `of_contact`.
 
     Returns the part by the shift modification, with which the lever arm grows by `lean` [1/mm]:
     stiffness goes with the square of the arm, the force on a pin with the arm.
@@ -129,12 +129,12 @@ def _spread(
     lever, radial, nx, ny = row[1], row[2], row[4], row[5]
     c, s, zero, two = row[6], row[7], np.float32(0.0), np.float32(2.0)
     by_shift = zero
-    for u in range(kept.size):
+    for u in range(of_contact.size):
         bears = stiff if closed[u] != zero else zero
         through = (factor[u] - of_torque[u]) * bears
         direct = force * of_force[u] if star[u] == contact else zero
         a = through - direct
-        kept[u] = a
+        of_contact[u] = a
         sums[0, u] += a
         sums[1, u] += a * lever
         sums[2, u] += a * radial
@@ -200,42 +200,24 @@ def _weighed(of_turn: Single, of_preload: Single, of_peak: Single, first: int, u
 
 
 @_compiled
-def pull_back(
-    of_turn: Single,
-    of_preload: Single,
-    of_peak: Single,
-    which: Any,
-    rows: Single,
-    lean: Single,
-    stiff: Single,
-    force: Single,
-    pins: Any,
-    start: Any,
-    stop: Any,
-    axes: Single,
-    across: Single,
-    along: Single,
-    discs: Single,
-    circle: Single,
-    behind: float,
-    x: Single,
-    side: Any,
-    of_unit: Single,
-    of_discs: Single,
-    of_pins: Single,
-    total: Any,
-) -> None:
+def pull_back(weights: Any, contacts: Any, springs: Any, errors: Any, balance: Any, slopes: Any, total: Any) -> None:
     """Adds to `total` (16) the slopes of the weighted sum of the outputs of one load case.
 
-    `of_turn`, `of_preload`, `of_peak` (positions, units) weigh the turn, the torque of the forward
-    flanks and the force on the contact `which` (units). `x`, `side` (positions, discs, units) are
-    the balance; the rest as in `balances` and `compiled.pull_back`.
+    `weights` (positions, units) are those of the turn, of the torque of the forward flanks and of
+    the largest pin force. `balance`: turns and sides (positions, discs, units), and the contact
+    (units) with that force; the rest as in `balances` and `compiled.pull_back`.
     """
+    of_turn, of_preload, of_peak = weights
+    rows, pins, start, stop, axes = contacts
+    stiff, force, lean, behind = springs
+    across, along, discs, circle = errors
+    x, side, which = balance
+    of_unit, of_discs, of_pins = slopes
     many, wide, zero = start.shape[1], 0, np.float32(0.0)
     for a in range(start.shape[0]):
         wide = max(wide, stop[a, many - 1, 1] - start[a, 0, 0])
     indices, nothing = np.empty(LANES, np.int64), np.zeros(LANES, np.float32)
-    terms, kept = np.empty((6, LANES), np.float32), np.empty(LANES, np.float32)
+    terms, weight = np.empty((6, LANES), np.float32), np.empty(LANES, np.float32)
     closed, sums = np.empty((wide, LANES), np.float32), np.empty((7, LANES), np.float32)
     rise, fixed, factor = np.empty((3, many, LANES), np.float32)
     bearing = np.empty(wide, np.bool_)
@@ -281,8 +263,8 @@ def pull_back(
                             taken,
                             load,
                             star,
-                            kept[lanes],
+                            weight[lanes],
                             sums,
                         )
-                        _add_pin(rows[i], kept[lanes], units, of_pins[:, pins[i]], total)
+                        _add_pin(rows[i], weight[lanes], units, of_pins[:, pins[i]], total)
                 _add_disc(sums, axes[a, d], of_discs[d][:, units], by_unit, toward[d], total)

@@ -5,13 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ....units import ARCMIN
 from ..contact.performance import LOST_MOTION_SHARE
+from .lattice import Single
 from .table import Table
 
-Single = NDArray[np.float32]
 LEAST_SHARE = 1e-4
 """Fraction of rated torque that replaces zero in the transmission error: one flank bears."""
 
@@ -77,9 +76,11 @@ class Springs:
         """The springs of a loading at a table's modification."""
         force = loading.normal_stiffness * table.arm * ARCMIN
         behind = np.float32(1.0 / (loading.series_stiffness * ARCMIN))
-        lean = table.arm_by_shift / table.arm
-        return cls(_single(force * table.arm), _single(force), _single(lean), behind)
+        columns = (force * table.arm, force, table.arm_by_shift / table.arm)
+        stiff, of_force, lean = (column.astype(np.float32) for column in columns)
+        return cls(stiff, of_force, lean, behind)
 
-
-def _single(value: NDArray[np.float64]) -> Single:
-    return value.astype(np.float32)
+    @property
+    def arrays(self) -> tuple[Single, Single, Single, np.float32]:
+        """The fields, as the kernels take them."""
+        return self.stiff, self.force, self.lean, self.behind

@@ -10,18 +10,18 @@ from dataclasses import dataclass
 from importlib import import_module
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ....units import ARCMIN, UM
-from ..contact.geometry import ContactGeometry, unit
+from ...inputs.distribution import Array
+from ..contact.contact import Engine, uses_numba
+from ..contact.geometry import Complex, ContactGeometry, unit
 from .design import ERRORS
-from .lattice import Lattice
+from .lattice import Lattice, Single
 from .sample import BaseSample
-from .scaled import Complex, bore_axes, crank_lines, pitch_turn, sides
+from .scaled import bore_axes, crank_lines, pitch_turn, sides
 from .table import Table
-from .touch import Engine, Single, Touch, uses_numba
+from .touch import Touch
 
-Array = NDArray[np.float64]
 NAMES = (*ERRORS, "stagger", "dr_rp", "dr_p")
 """Variables of a gradient: zones [arcmin/um], of crank_phase [arcmin/mrad], stagger, and both
 modifications [arcmin/mm]."""
@@ -91,16 +91,10 @@ def pull_back(
     name = ".compiled" if uses_numba(engine) else ".arrays"
     import_module(name, __package__).pull_back(
         _single(weight[rows] / ratio),
-        touch.ahead[rows],
-        touch.behind[rows],
-        table.values,
-        lattice.pin,
-        lattice.disc,
-        lattice.directions[rows],
-        slopes.of_unit,
-        slopes.of_discs,
-        slopes.of_pins,
+        (touch.ahead[rows], touch.behind[rows]),
+        (table.values, lattice.pin, lattice.disc, lattice.directions[rows]),
+        (slopes.of_unit, slopes.of_discs, slopes.of_pins),
         total,
     )
-    total[14] *= 1e3
+    total[NAMES.index("dr_rp")] *= 1e3  # from micrometres to millimetres
     return total

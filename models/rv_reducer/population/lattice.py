@@ -8,12 +8,11 @@ from math import gcd
 import numpy as np
 from numpy.typing import NDArray
 
+from ...inputs.distribution import Array
 from ..contact.gaps import Axes
-from ..contact.geometry import ContactGeometry, lever, unit
+from ..contact.geometry import Complex, ContactGeometry, lever, unit
 from .profile import LEAST_LEVER, Profile
 
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 Single = NDArray[np.float32]
 
 
@@ -29,12 +28,12 @@ def shares_a_factor(positions: int, geometry: ContactGeometry) -> bool:
 
 
 def merit(positions: int, geometry: ContactGeometry) -> int:
-    """The least h |g| of waves h z_c + g per output turn, h > 0, that all positions see alike.
+    """The least h |g| of waves h z_c + g per output turn, h > 0, that are equal at all positions.
 
     A wave of the crank's order h and the disc's order g looks constant where positions divide
     h z_c + g, so that the turn is sampled along a few lines. 0 where z_c and positions share a
-    factor, z_c at most (h = 1). The greatest backlash over the turn is found as well as positions
-    allow from a tenth of them, or z_c, upwards.
+    factor, z_c at most (h = 1). The largest backlash over the turn is as accurate as the
+    number of positions allows where this is at least a tenth of them, or z_c.
     """
     teeth = geometry.nominal.cycloid_teeth
     rest = [(h * teeth) % positions for h in range(1, positions)]
@@ -42,18 +41,18 @@ def merit(positions: int, geometry: ContactGeometry) -> int:
 
 
 def spreads_evenly(positions: int, geometry: ContactGeometry) -> bool:
-    """Whether the positions cover disc and crank alike; 79, 157 and 313 of 39 teeth do not."""
+    """Whether the positions cover disc and crank evenly; 79, 157 and 313 of 39 teeth do not."""
     least = min(geometry.nominal.cycloid_teeth, 0.1 * positions)
     return not shares_a_factor(positions, geometry) and merit(positions, geometry) >= least
 
 
 def nearest_prime(positions: int, geometry: ContactGeometry) -> int:
-    """The prime nearest to `positions` that shares no factor with teeth and pins, and spreads."""
+    """The prime nearest to `positions` without a factor of teeth and pins that spreads evenly."""
     for step in range(positions + 50):
         for candidate in (positions + step, positions - step):
             if _prime(candidate) and spreads_evenly(candidate, geometry):
                 return candidate
-    raise ArithmeticError(f"no even lattice of about {positions} positions found")
+    raise ArithmeticError(f"no prime near {positions} positions spreads evenly over the turn")
 
 
 def _prime(number: int) -> bool:

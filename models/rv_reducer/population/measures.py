@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....units import ARCMIN, UM
+from ...inputs.distribution import Array
 from .gradient import Slopes
 from .statistics import Involute, Statistic, deviation, mean, ordered_quantile, quantile, share_below, share_within
 from .turn import Turn
 
-Array = NDArray[np.float64]
 Spread = Callable[[Array], Array]
 INTERFERENCE = ("turn_mean", "share_of_turn", "overlap", "preload")
 
@@ -87,15 +87,8 @@ class Measures:
     def _largest(self) -> tuple[Array, Spread]:
         """Largest backlash of the cycloid stage over the turn."""
         play = self.turn.play
-        at, units = np.argmax(play, axis=0), np.arange(play.shape[1])
-        values = np.maximum(play[at, units].astype(np.float64), 0.0)
-
-        def spread(weight: Array) -> Array:
-            weights = np.zeros(play.shape)
-            weights[at, units] = np.where(values > 0.0, weight, 0.0)
-            return weights
-
-        return values, spread
+        values = np.maximum(play.max(axis=0).astype(np.float64), 0.0)
+        return values, partial(_at_positions, play.shape, play.argmax(axis=0), values > 0.0)
 
     @cached_property
     def _average(self) -> tuple[Array, Spread]:
@@ -135,30 +128,17 @@ class Measures:
         if kind == "share_of_turn":
             return self._fraction_of_turn(growth, radius)
         if kind == "overlap":
-            at, units = np.argmin(play, axis=0), np.arange(play.shape[1])
-            values, limit = play[at, units].astype(np.float64), -self.conditions.overlap
-
-            def least(weight: Array) -> Array:
-                weights = np.zeros(play.shape)
-                weights[at, units] = weight
-                return weights
-
-            return Measure(share_below(values, limit, growth, radius), least)
+            below = share_below(play.min(axis=0).astype(np.float64), -self.conditions.overlap, growth, radius)
+            return Measure(below, partial(_at_positions, play.shape, play.argmin(axis=0), True))
         values = play.mean(axis=0, dtype=np.float64)
         return Measure(share_below(values, 0.0, growth, radius), partial(_everywhere, play.shape))
 
     def _overlap(self) -> Measure:
         """Largest overlap over the turn that 95 % of the units stay below [arcmin]."""
         play = self.turn.play
-        at, units = np.argmin(play, axis=0), np.arange(play.shape[1])
-        values = np.maximum(-play[at, units].astype(np.float64), 0.0)
-
-        def spread(weight: Array) -> Array:
-            weights = np.zeros(play.shape)
-            weights[at, units] = np.where(values > 0.0, -weight, 0.0)
-            return weights
-
-        return Measure(ordered_quantile(values, 0.95), spread)
+        values = np.maximum(-play.min(axis=0).astype(np.float64), 0.0)
+        spread = partial(_at_positions, play.shape, play.argmin(axis=0), values > 0.0)
+        return Measure(ordered_quantile(values, 0.95), lambda weight: spread(-weight))
 
     def _fraction_of_turn(self, growth: Array, radius: Array) -> Measure:
         play = self.turn.play.astype(np.float64)
@@ -166,13 +146,21 @@ class Measures:
         below = share_below(play.ravel(), 0.0, *wide)
         by_place = below.weight.reshape(play.shape)
         error = float(np.std(np.mean(play < 0.0, axis=0))) / np.sqrt(play.shape[1])
-        ones = np.ones(play.shape[1])
-        statistic = Statistic(below.value, ones, 0.0, error, below.by_zone)
+        statistic = Statistic(below.value, np.ones(play.shape[1]), 0.0, error, below.by_zone)
         return Measure(statistic, lambda weight: by_place * weight)
 
 
-# These are not methods: a measure that refers to the `Measures` that keep it would be a cycle, and
+# These are not methods: a measure that refers to the `Measures` that cache it would be a cycle, and
 # the arrays of every design would stay in memory until Python searches for cycles.
+
+
+def _at_positions(
+    shape: tuple[int, int], at: NDArray[np.intp], counted: NDArray[np.bool_] | bool, weight: Array
+) -> Array:
+    """Weights of the units that are counted, each at its position `at` (n,)."""
+    weights = np.zeros(shape)
+    weights[at, np.arange(shape[1])] = np.where(counted, weight, 0.0)
+    return weights
 
 
 def _evenly(play: NDArray[np.float32], weight: Array) -> Array:

@@ -5,16 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ....units import ARCMIN, MRAD, UM
+from ...inputs.distribution import Array
 from ..contact.errors import PartErrors
 from ..contact.geometry import ContactGeometry
 from .design import UnitDesign
 from .sample import BaseSample
-from .scaled import sides
-
-Array = NDArray[np.float64]
+from .scaled import bearing_clearance, sides
 
 
 def modified(geometry: ContactGeometry, design: UnitDesign) -> ContactGeometry:
@@ -26,7 +24,7 @@ def part_errors(geometry: ContactGeometry, sample: BaseSample, design: UnitDesig
     """Part errors [m, rad] of the units of a design, for the contact of `modified` geometry.
 
     Pins have full length: their errors are the same at all discs. A deviation z of half the zone
-    moves both models alike; `PartErrors` also has terms beyond the first order.
+    changes both models by the same amount; `PartErrors` also has terms beyond the first order.
     """
 
     def zone(error: str, source: str | None = None) -> Array:
@@ -50,16 +48,10 @@ def part_errors(geometry: ContactGeometry, sample: BaseSample, design: UnitDesig
         angle=np.full((1, 1), design.stagger * ARCMIN) * sides(geometry),
         crank_phase=MRAD * zone("crank_phase"),
         eccentricity=UM * zone("eccentricity"),
-        bearing_clearance=UM * _clearance(sample, design),
+        bearing_clearance=UM * np.moveaxis(bearing_clearance(sample, design), -1, 0),
         bore_radial=UM * zone("bore", "bore_radial"),
         bore_tangential=UM * zone("bore", "bore_tangential"),
         circle_radius=UM * zone("pin_circle_radius"),
         circle_offset=UM * zone("circle_offset"),
         circle_phase=phase("circle_offset"),
     )
-
-
-def _clearance(sample: BaseSample, design: UnitDesign) -> Array:
-    """Clearance [um] of each bearing in its zone [0, c], (units, cranks, discs)."""
-    fraction = 0.5 * (1.0 + np.moveaxis(sample.z["crank_bearing"], -1, 0))
-    return np.asarray(design.middle("crank_bearing") + design.width("crank_bearing") * fraction)

@@ -16,12 +16,11 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.polynomial import chebyshev
-from numpy.typing import NDArray
 
+from ...inputs.distribution import Array
 from ..contact.geometry import ContactGeometry, lever
 from ..contact.nominal import Nominal
 
-Array = NDArray[np.float64]
 LEAST_LEVER = 0.3
 """Fraction of the largest lever arm below which pins are omitted: they close no backlash."""
 PHASES, SHIFTS = 96, 9

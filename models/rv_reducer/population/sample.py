@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
 from ...inputs import Distribution, Uniform
+from ...inputs.distribution import Array
 from ..contact.geometry import ContactGeometry
 
-Array = NDArray[np.float64]
-Single = NDArray[np.float32]
 PIN_ERRORS = ("pin_position", "pin_hole_radius", "pin_radius")
 DISC_ERRORS = ("equidistance", "shift")
 ONCE = ("pitch", "runout")
@@ -36,7 +35,7 @@ class Hierarchy:
     inputs: Mapping[str, Distribution] = field(default_factory=dict)
 
     def of(self, error: str) -> Distribution:
-        """Distribution of an error over its zone; both directions of a bore are alike."""
+        """Distribution of an error over its zone; both directions of a bore have the same."""
         return self.inputs.get(error.removesuffix("_radial").removesuffix("_tangential"), Uniform())
 
 
@@ -91,7 +90,7 @@ class BaseSample:
             z[name] = laws.of(name).quantile(u)
         return cls(units, z, phase, planets)
 
-    def part(self, chosen: slice) -> BaseSample:
+    def part(self, chosen: slice | NDArray[np.int64]) -> BaseSample:
         """Some of the units."""
         z = {name: value[..., chosen] for name, value in self.z.items()}
         phase = {name: value[..., chosen] for name, value in self.phase.items()}

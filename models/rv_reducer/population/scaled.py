@@ -5,16 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ....units import ARCMIN, UM
-from ..contact.geometry import ContactGeometry, unit
+from ...inputs.distribution import Array
+from ..contact.geometry import Complex, ContactGeometry, unit
 from .design import UnitDesign
+from .lattice import Single
 from .sample import BaseSample
-
-Array = NDArray[np.float64]
-Single = NDArray[np.float32]
-Complex = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -23,7 +20,7 @@ class Scaled:
 
     By pin (pins, n) [um]: `across` adds to the gap, `along` displaces the pin counter-clockwise. By
     disc (discs, n): `normal` [um] adds to the gap, `radial` [um] is the growth of the pin circle
-    against the profile, `play` [arcmin] the free turn either way, `ahead` [arcmin] the forward
+    against the profile, `play` [arcmin] the free turn in either sense, `ahead` [arcmin] the forward
     turn.
     Complex (discs, n): `turning` and `offset` [um] displace the disc's centre in axes of its
     eccentric and of the disc, `around` [arcmin] turns it by its part across the line of cranks,
@@ -59,7 +56,7 @@ class Scaled:
             along=(width("pin_position") * z["pin_position"]).astype(np.float32),
             normal=mid("equidistance") + width("equidistance") * z["equidistance"],
             radial=growth - mid("shift") - width("shift") * z["shift"],
-            play=0.5 * arm * _clearance(sample, design).mean(axis=0),
+            play=0.5 * arm * bearing_clearance(sample, design).mean(axis=0),
             ahead=arm * tangential + design.stagger * sides(geometry)[:, None],
             turning=journals.mean(axis=0),
             offset=0.5 * _waves(sample, design, "runout") - bores(geometry, sample, design),
@@ -108,7 +105,7 @@ def bores(geometry: ContactGeometry, sample: BaseSample, design: UnitDesign) -> 
     return np.asarray(design.width("bore") * (position * bore_axes(geometry)).mean(axis=0))
 
 
-def _clearance(sample: BaseSample, design: UnitDesign) -> Array:
+def bearing_clearance(sample: BaseSample, design: UnitDesign) -> Array:
     """Radial clearance [um] of each bearing in its zone [0, c], (cranks, discs, n).
 
     A mid-limit, which no document has, is added to every clearance.

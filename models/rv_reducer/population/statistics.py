@@ -2,7 +2,7 @@
 
 The backlash of a unit is phi_1 + Y, independent, with Y known for every unit of the sample and the
 distribution of phi_1 known: P(phi_1 + Y <= v) = mean_i H((v - Y_i - m)/s). That is smooth in every
-tolerance and scatters a quarter of what an order statistic does.
+tolerance and scatters by a quarter of the scatter of an order statistic.
 """
 
 from __future__ import annotations
@@ -11,12 +11,11 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import betainc, ndtr
 
+from ...inputs.distribution import Array
 from ..tighter_planet import TighterPlanet
 
-Array = NDArray[np.float64]
 SMOOTHING = 0.01
 """Scale [arcmin] at which a stage without backlash is smoothed, far below that of any unit."""
 GRID = np.linspace(-1.0, 1.0, 16_385)
@@ -25,7 +24,7 @@ GRID = np.linspace(-1.0, 1.0, 16_385)
 
 @lru_cache(maxsize=16)
 def _table(planet: TighterPlanet) -> tuple[Array, Array]:
-    """Distribution and density on the grid, 0 at its ends where nothing lies beyond."""
+    """Distribution and density on the grid, 0 at its ends, beyond which no clearance lies."""
     density = planet.density(GRID)
     density[[0, -1]] = 0.0
     return planet.cdf(GRID), density
@@ -165,7 +164,8 @@ def share_below(values: Array, limit: float, growth: Array, z: Array) -> Statist
     """P(Y < limit), each unit integrated over its uniform error z of a zone.
 
     Y of unit i grows by `growth` (n,) per unit of `z` (n,): with u_i the z at which it would meet
-    the limit, its probability is the part of [-1, 1] on that side (0 or 1 where the zone is nil).
+    the limit, its probability is the part of [-1, 1] on that side (0 or 1 where the width of the
+    zone is 0).
     """
     safe = np.where(growth > 0.0, growth, 1.0)
     meets = z + (limit - values) / safe

@@ -5,13 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ....units import ARCMIN, MM, UM
-from .lattice import Lattice
+from ...inputs.distribution import Array
+from .lattice import Lattice, Single
 
-Array = NDArray[np.float64]
-Single = NDArray[np.float32]
 COLUMNS = ("gap", "lever", "radial", "tangential", "x", "y", "cos", "sin", "by_shift")
 
 
@@ -19,10 +17,10 @@ COLUMNS = ("gap", "lever", "radial", "tangential", "x", "y", "cos", "sin", "by_s
 class Table:
     """Coefficients (contacts, columns) of the turn at which a contact is made.
 
-    `gap` [arcmin] of perfect parts; `lever` kappa [arcmin/um], what a gap is as a turn of the disc;
-    kappa times the normal's `radial` and `tangential` part in the pin's axes and its `x` and `y`
-    in the housing's; `cos` and `sin` of the pin's angle; `by_shift` [arcmin/mm], the derivative of
-    `gap` by the shift modification. `arm` [m] (contacts,) is the signed lever arm and
+    `gap` [arcmin] of perfect parts; `lever` kappa [arcmin/um], the turn of the disc that closes a
+    gap; kappa times the normal's `radial` and `tangential` part in the pin's axes and its `x` and
+    `y` in the housing's; `cos` and `sin` of the pin's angle; `by_shift` [arcmin/mm], the derivative
+    of `gap` by the shift modification. `arm` [m] (contacts,) is the signed lever arm and
     `arm_by_shift` [m/mm] its derivative.
     """
 

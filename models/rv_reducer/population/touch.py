@@ -4,20 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from importlib import import_module
-from importlib.util import find_spec
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .lattice import Lattice
+from ..contact.contact import Engine, uses_numba
+from .lattice import Lattice, Single
 from .scaled import Scaled
 from .table import Table
 
-Array = NDArray[np.float64]
-Single = NDArray[np.float32]
 Contacts = NDArray[np.int32]
-Engine = Literal["auto", "arrays", "numba"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,41 +36,26 @@ class Touch:
 
 def touch(lattice: Lattice, table: Table, units: Scaled, engine: Engine = "auto") -> Touch:
     """First contact of all units at all positions."""
-    discs, circle = packed(units)
     shape = (lattice.shape[0], units.units)
     contact = Touch(
         np.empty(shape, np.float32), np.empty(shape, np.float32), np.zeros(shape, np.int32), np.zeros(shape, np.int32)
     )
     name = ".compiled" if uses_numba(engine) else ".arrays"
     import_module(name, __package__).touch(
-        table.values,
-        lattice.pin,
-        lattice.start,
-        lattice.stop,
-        lattice.directions,
-        units.across,
-        units.along,
-        discs,
-        circle,
-        contact.high,
-        contact.low,
-        contact.ahead,
-        contact.behind,
+        (table.values, lattice.pin, lattice.start, lattice.stop, lattice.directions),
+        packed(units),
+        (contact.high, contact.low, contact.ahead, contact.behind),
     )
     return contact
 
 
-def uses_numba(engine: Engine) -> bool:
-    """Whether the compiled kernels are used."""
-    return engine == "numba" or (engine == "auto" and find_spec("numba") is not None)
-
-
-def packed(units: Scaled) -> tuple[Single, Single]:
-    """Errors of discs (discs, 12, n) and of the circle (2, n), as the kernels take them."""
+def packed(units: Scaled) -> tuple[Single, ...]:
+    """Errors across and along pins (pins, n), of discs (discs, 12, n) and of the circle (2, n)."""
     columns = [units.normal, units.radial, units.play, units.ahead]
     for errors in (units.turning, units.offset, units.around, units.pitch):
         columns += [errors.real, errors.imag]
     wide = np.broadcast_shapes(*(column.shape for column in columns))
     discs = np.stack([np.broadcast_to(column, wide) for column in columns], axis=1)
     circle = np.stack([units.circle.real, units.circle.imag])
-    return (np.ascontiguousarray(discs, dtype=np.float32), np.ascontiguousarray(circle, dtype=np.float32))
+    arrays = (units.across, units.along, discs, circle)
+    return tuple(np.ascontiguousarray(values, dtype=np.float32) for values in arrays)

@@ -5,19 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...inputs.distribution import Array
+from ..contact.contact import Engine
 from ..contact.geometry import ContactGeometry
 from .design import UnitDesign
 from .gradient import Slopes, pull_back
-from .lattice import Lattice, turn_lattice
+from .lattice import Lattice, Single, turn_lattice
 from .sample import BaseSample, Hierarchy
 from .scaled import Scaled
 from .table import Table
-from .touch import Engine, Touch, touch
-
-Array = NDArray[np.float64]
-Single = NDArray[np.float32]
+from .touch import Touch, touch
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,7 +48,7 @@ class Population:
         return self.sample.units
 
     def alike(self) -> Slopes:
-        """Slopes by what all units have alike: every standardised error is 1."""
+        """Slopes by errors that are the same in all units: every standardised error is 1."""
         sample = self.sample
         ones = {name: np.ones_like(z) for name, z in sample.z.items()}
         return Slopes.of(self.lattice.geometry, replace(sample, z=ones))

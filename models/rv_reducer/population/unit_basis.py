@@ -7,20 +7,18 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtr
 
 from ....declarations import Value, number
 from ....units import ARCMIN, MM
 from ...inputs import Distribution
+from ...inputs.distribution import Array
 from .. import declared, involute
 from ..contact.geometry import ContactGeometry
 from ..tighter_planet import TighterPlanet
 from .design import ERRORS, UnitDesign
 from .sample import Hierarchy
 from .statistics import Involute
-
-Array = NDArray[np.float64]
 
 
 def stem(name: str) -> str:

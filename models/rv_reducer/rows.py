@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -11,19 +10,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import Fault, raise_all
+from ..inputs.distribution import Array
 from ..measurable import Outside
-from .contact.contact import OverloadWarning
 
-Array = NDArray[np.float64]
-SPEED = "must be above 0 (leave the column out for quasi-static readings; the sense of turning is `direction`)"
+SPEED = "must be above 0 (omit the column for quasi-static measurements; the sense of turning is `direction`)"
 
 
 @dataclass(frozen=True, slots=True)
 class Rows:
-    """Columns (n,) of a table in SI; `speed` and `direction` are None where there are none.
+    """Columns (n,) of a table in SI; `speed` and `direction` are None where the table has none.
 
-    `angle` [rad] and `torque` [N m] are zero where there are none, `speed` is in rad/s, `direction`
-    +1 or -1; `angled` says whether the table has angles.
+    `angle` [rad] and `torque` [N m] are zero where the table has none, `speed` is in rad/s,
+    `direction` is +1 or -1; `angled` is true where the table has angles.
     """
 
     angle: Array
@@ -78,11 +76,3 @@ def outside(table: Mapping[str, NDArray[Any]], momentary: float) -> Outside:
         wrong = np.asarray(table["output_speed_rpm"], dtype=float) <= 0.0
         rows["output_speed_rpm"] = wrong, SPEED
     return rows
-
-
-def warn_of_overload(torque: Array, momentary: float) -> None:
-    """Warn (`OverloadWarning`) of torques [N m] beyond the momentary one; they are computed."""
-    most = float(np.abs(torque).max(initial=0.0))
-    if most > momentary:
-        text = f"torque {most:g} N m is beyond the momentary torque {momentary:g} N m"
-        warnings.warn(text, OverloadWarning, stacklevel=3)
