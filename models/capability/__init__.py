@@ -1,7 +1,5 @@
 """Inference from measured parts on the process that made them."""
 
-from __future__ import annotations
-
 from .bootstrap import cumulants_drawn, fraction_within_limits
 from .choosing import Aim, Level, Processes, Ways, calibrated
 from .indices import Index, capability

@@ -12,9 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..inputs.distribution import Array
 from ..measurable import NO_CHANGES, MeasurableModel
-from .effect import Action, Effect, Readings, Target
+from .effect import Action, Array, Effect, Readings, Target, Values
 from .readings import Table, readings_of, target_of
 
 
@@ -23,7 +22,7 @@ class Active:
     """An active effect of the model, with the values of its parameters by name."""
 
     effect: Effect
-    values: Mapping[str, float]
+    values: Values
 
 
 def predicted(

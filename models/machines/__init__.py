@@ -1,7 +1,5 @@
 """Machines with a scatter of their own, with and without inspection of every part."""
 
-from __future__ import annotations
-
 from .curves import GoodPartsByLimit, GoodPartsBySpread, convex_cost
 from .machine import GUARD, SIDES, GoodParts, Inspection, Machine, Rework
 

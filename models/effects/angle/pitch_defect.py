@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from math import cos, inf, log, pi, tau
 
 import numpy as np
 
 from ...gear import PINS
-from ...inputs.distribution import Array
 from ...measurable import Role
-from ..effect import EffectParameter, Readings, Target, quantity
+from ..effect import Array, EffectParameter, Readings, Target, Values, quantity
 from ..shapes import OneColumn, Weight, no_waves, turns
 
 BELL, ENDING = 1.0, 2.0
@@ -46,25 +44,18 @@ class PitchDefect(OneColumn):
 
     def shape_parameters(self, target: Target) -> tuple[EffectParameter, ...]:
         middle = "p, where in a pitch the pulse stands"
-        width = "width of the pulse at half its height, as a share of the pitch"
+        width = "width of the pulse at half its height, as a fraction of the pitch"
+        form = "1: dies away, 2: ends at twice that width"
         return (
             quantity("position", "deg", middle, 0.0, 360.0, linear=False),
             quantity("width", "", width, 0.03, 0.25, linear=False),
-            quantity(
-                "form",
-                "",
-                "1: dies away, 2: ends at twice that width",
-                BELL,
-                ENDING,
-                linear=False,
-                choices=(BELL, ENDING),
-            ),
+            quantity("form", "", form, BELL, ENDING, linear=False, choices=(BELL, ENDING)),
         )
 
-    def missing(self, values: Mapping[str, float], target: Target) -> tuple[str, ...]:
-        return tuple(reason for reason in super().missing(values, target) if reason != "form")
+    def missing(self, values: Values, target: Target) -> tuple[str, ...]:
+        return tuple(name for name in super().missing(values, target) if name != "form")
 
-    def column(self, readings: Readings, values: Mapping[str, float], target: Target) -> Array:
+    def column(self, readings: Readings, values: Values, target: Target) -> Array:
         scans = target.gear.orders[PINS] if target.gear else 0.0
         phase = scans * readings[Role.ANGLE] - np.radians(values["position_deg"])
         if values.get("form", BELL) == ENDING:

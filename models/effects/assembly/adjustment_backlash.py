@@ -1,7 +1,5 @@
 """An adjustment with play."""
 
-from __future__ import annotations
-
 from ..inside import Inside
 
 

@@ -1,7 +1,5 @@
 """An adjustment that is not what was commanded."""
 
-from __future__ import annotations
-
 from ..inside import Inside
 
 
@@ -10,7 +8,7 @@ class AdjustmentGain(Inside):
 
     name = "adjustment_gain"
     family = "assembly"
-    cause = "What is achieved at an adjustment is not what was commanded, but a share of it."
+    cause = "An adjustment achieves only a fraction of what was commanded."
     formula = "achieved = (1 + e) commanded"
     mistaken_for = ("springback",)
     reference = "Mantripragada and Whitney, IEEE Trans. Robot. Autom. 15, 1999"

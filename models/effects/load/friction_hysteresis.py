@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-
 import numpy as np
 
-from ...inputs.distribution import Array
 from ...measurable import Role
-from ..effect import EffectParameter, Readings, Target, quantity
+from ..effect import Array, EffectParameter, Readings, Target, Values, quantity
 from ..path import along_path
-from ..shapes import Load, Shape, Weight
+from ..shapes import Columns, Load, Shape, Weight
 
 LOCKED = "rv_lost_motion"
 TABLE = "table"
@@ -60,7 +57,7 @@ class FrictionHysteresis(Shape):
             return parameters
         return tuple(parameter for parameter in parameters if _of_loop(parameter) == target.locked)
 
-    def missing(self, values: Mapping[str, float], target: Target) -> tuple[str, ...]:
+    def missing(self, values: Values, target: Target) -> tuple[str, ...]:
         loop = [parameter for parameter in self.parameters(target) if _of_loop(parameter)]
         if target.model != LOCKED and not {parameter.name for parameter in loop} & set(values):
             return ()
@@ -69,9 +66,7 @@ class FrictionHysteresis(Shape):
         needed += twists[: not set(twists) & set(values)]
         return tuple(name for name in needed if name not in values)
 
-    def columns(
-        self, readings: Readings, values: Mapping[str, float], target: Target
-    ) -> Mapping[str, Callable[[], Array]]:
+    def columns(self, readings: Readings, values: Values, target: Target) -> Columns:
         def loop() -> Array:
             load = Load.of(readings)
             return along_path(readings, load, values[self.shape_parameters(target)[0].name]) - load

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 
-from ...inputs.distribution import Array
-from ..effect import Readings, Target
+from ..effect import Array, Readings, Target, Values
 from ..shapes import POSITIONS, Load, LoadShape, Weight
 
 
@@ -23,5 +20,5 @@ class LostMotion(LoadShape):
     reference = "Nordin and Gutman, Automatica 38, 2002"
     weight = Weight("half_width", "c, half of the motion lost")
 
-    def column(self, readings: Readings, values: Mapping[str, float], target: Target) -> Array:
+    def column(self, readings: Readings, values: Values, target: Target) -> Array:
         return np.sign(Load.of(readings))

@@ -1,7 +1,5 @@
 """Joints with play."""
 
-from __future__ import annotations
-
 from ...measurable import Role
 from ..inside import Inside
 

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
-from ...inputs.distribution import Array
 from ...measurable import Role
-from ..effect import EffectParameter, Readings, Target, quantity
+from ..effect import Array, EffectParameter, Readings, Target, Values, quantity
 from ..inside import InsideSeveral
 from ..shapes import warming
 
@@ -26,5 +23,5 @@ class ThermalGrowth(InsideSeveral):
         meaning = "a, expansion per kelvin above 20 degC"
         return ((quantity("expansion_per_K", "ppm", meaning), "growth_ppm"),)
 
-    def factor(self, readings: Readings, values: Mapping[str, float]) -> Array:
+    def factor(self, readings: Readings, values: Values) -> Array:
         return warming(readings)

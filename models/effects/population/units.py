@@ -11,8 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ...inputs.distribution import Array
-from ..effect import Action, Effect, EffectParameter, Readings, Target, value_or_zero
+from ..effect import Action, Array, Effect, EffectParameter, Readings, Target, Values, value_or_zero
 from ..shapes import Weight
 from .law import Law
 
@@ -32,26 +31,20 @@ class OfUnits(Effect):
     def own_applies(self, target: Target) -> bool:
         return target.population and super().own_applies(target)
 
-    def own_action(self, readings: Readings, values: Mapping[str, float], target: Target) -> Action:
+    def own_action(self, readings: Readings, values: Values, target: Target) -> Action:
         return Action(population=partial(self.units, readings, dict(values), target))
 
-    def carried(self, values: Mapping[str, float], target: Target) -> float:
+    def carried(self, values: Values, target: Target) -> float:
         """The shift of the mean of the units by an effect on their scatter."""
         return 0.0
 
-    def law(self, law: Law, values: Mapping[str, float], target: Target) -> Law | None:
+    def law(self, law: Law, values: Values, target: Target) -> Law | None:
         """The law with the effect in it, about the mean without it; None: taken from `units`."""
         return None
 
     @abstractmethod
     def units(
-        self,
-        readings: Readings,
-        values: Mapping[str, float],
-        target: Target,
-        drawn: Array,
-        mean: float,
-        rng: np.random.Generator,
+        self, readings: Readings, values: Values, target: Target, drawn: Array, mean: float, rng: np.random.Generator
     ) -> Array:
         """The units (n,) with the effect, from `drawn` ones whose mean in the model is `mean`."""
 
@@ -69,13 +62,7 @@ class MovedUnits(OfUnits):
         """The factor of the number: one value, or one per row (n,)."""
 
     def units(
-        self,
-        readings: Readings,
-        values: Mapping[str, float],
-        target: Target,
-        drawn: Array,
-        mean: float,
-        rng: np.random.Generator,
+        self, readings: Readings, values: Values, target: Target, drawn: Array, mean: float, rng: np.random.Generator
     ) -> Array:
         size = value_or_zero(values, number(self.weight, target))
         return np.asarray(drawn + size * self.pattern(readings))
