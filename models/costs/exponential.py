@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import wrightomega
 
-from .curve import Array, CostCurve, not_negative
+from .curve import Array, CostCurve
 
 STRAIGHT = 1e8
 """Ratio of the prices above which that of the square is negligible."""
@@ -20,6 +20,8 @@ class Exponential(CostCurve):
     Reference: Speckhart (1972), Calculation of tolerance based on a minimum cost approach,
     J. Engineering for Industry 94(2), 447-453.
     """
+
+    not_negative = ("b", "m")
 
     a: float
     b: float
@@ -48,6 +50,3 @@ class Exponential(CostCurve):
             level = linear + 2.0 * square * t
             step = (np.log(self.m * self.b / level) - self.m * t) / (self.m + 2.0 * square / level)
         return np.asarray(np.where(np.isfinite(step), t + step, t))
-
-    def faults(self) -> list[tuple[str, str]]:
-        return not_negative(self, ("b", "m"))

@@ -1,4 +1,4 @@
-"""Machines with a scatter of their own, with and without inspection of every part."""
+"""Machines whose scatter does not depend on the tolerance, with and without inspection."""
 
 from .curves import GoodPartsByLimit, GoodPartsBySpread, convex_cost
 from .machine import GUARD, SIDES, GoodParts, Inspection, Machine, Rework

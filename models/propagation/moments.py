@@ -97,7 +97,7 @@ def _effective(
     skew, excess = spread[2] / safe**3, spread[3] / safe**4
     if gaussian:
         skew, excess = np.zeros_like(skew), np.zeros_like(excess)
-    quantile = mean + std * _cornish_fisher(float(ndtri(coverage)), skew, excess)
+    quantile = mean + std * cornish_fisher(float(ndtri(coverage)), skew, excess)
     conforming = _edgeworth((limit - mean) / safe, skew, excess)
     return mean, std, quantile, conforming, np.clip(1.0 - upper[0], 0.0, 1.0)
 
@@ -135,7 +135,10 @@ def _normal_tail_moments(start: Array, order: int) -> list[Array]:
     return moments
 
 
-def _cornish_fisher(z: float, skew: Array, excess: Array) -> Array:
+def cornish_fisher(z: float, skew: Array, excess: Array) -> Array:
+    """Quantile (n,) of a standardised variable by its third and fourth cumulants (n,), where that of
+    a normal one is z.
+    """
     bend = (2.0 * z**3 - 5.0 * z) * skew**2 / 36.0
     return z + (z**2 - 1.0) * skew / 6.0 + (z**3 - 3.0 * z) * excess / 24.0 - bend
 
