@@ -33,10 +33,10 @@ class Empirical(Distribution):
         return min(self.values), max(self.values)
 
     def faults(self) -> list[tuple[str, str]]:
-        named = Distribution.faults(self)
+        faults = Distribution.faults(self)
         if len(set(self.values)) < 2:
-            named.append(("values", "need at least two distinct deviations, in half-widths"))
-        return named
+            faults.append(("values", "need at least two distinct deviations, in half-widths"))
+        return faults
 
     def raw_moments(self, order: int) -> Array:
         x = np.sort(self.values)

@@ -72,7 +72,7 @@ class SkewNormal(Distribution):
         origin, scale = self._line
         y, far = (z - origin) / scale, hypot(1.0, self.skew)
         peak, mean = 2.0 * density(y) * ndtr(self.skew * y), self._delta * sqrt(2.0 / pi)
-        mass = np.clip(ndtr(y) - 2.0 * owens_t(y, self.skew), 0.0, 1.0)
+        mass = np.clip(_mass(y, self.skew), 0.0, 1.0)
         first = mean * ndtr(far * y) - peak
         second = mass - y * peak - mean / far * density(far * y)
         return (

@@ -38,13 +38,11 @@ class Propagated:
 
 def joined(parts: list[Propagated]) -> Propagated:
     """The results of consecutive blocks of designs, joined."""
-    fields_of: dict[str, Any] = {}
-    for field in fields(Propagated):
-        pieces = [getattr(part, field.name) for part in parts]
-        if isinstance(pieces[0], Estimate):
-            fields_of[field.name] = Estimate(
-                np.concatenate([piece.value for piece in pieces]), np.concatenate([piece.error for piece in pieces])
-            )
-        else:
-            fields_of[field.name] = np.concatenate(pieces)
-    return Propagated(**fields_of)
+    return Propagated(*(_joined([getattr(part, field.name) for part in parts]) for field in fields(Propagated)))
+
+
+def _joined(pieces: list[Any]) -> Any:
+    if not isinstance(pieces[0], Estimate):
+        return np.concatenate(pieces)
+    value, error = (np.concatenate(arrays) for arrays in zip(*((p.value, p.error) for p in pieces), strict=True))
+    return Estimate(value, error)

@@ -14,7 +14,7 @@ from .frames import Frames, frames
 
 STEPS = 120
 HOPELESS = 1e12
-"""Damping, as a factor, above which a pose is given up: no step reduces its residual."""
+"""Damping, as a factor, above which the search for a pose ends: no step reduces its residual."""
 CLOSE = 1e-9
 """Residual [m, or rad times the length of the arm] that counts as reached."""
 SEEDS = (-1.0, 0.0, 1.0)
@@ -60,8 +60,7 @@ def inverse(chain: Chain, position: Array, turn: Array, start: Array, low: Array
         ends = ((q[rows] <= low) & (step < 0.0)) | ((q[rows] >= high) & (step > 0.0))
         step = _step(np.where(ends[:, None, :], 0.0, jacobian[rows]), r[rows], scale, damping[rows])
         tried = np.clip(q[rows] + step, low, high)
-        now = frames(chain, tried)
-        new_r, new_jacobian = _residual(now, position[rows], turn[rows], scale, whole)
+        new_r, new_jacobian = _residual(frames(chain, tried), position[rows], turn[rows], scale, whole)
         better = np.sum(new_r**2, axis=1) < np.sum(r[rows] ** 2, axis=1)
         improved = rows[better]
         q[improved], r[improved] = tried[better], new_r[better]
@@ -79,7 +78,7 @@ def _residual(now: Frames, position: Array, turn: Array, scale: float, whole: bo
         return r, move
     current = now.turn[:, -1]
     apart = 0.5 * np.sum(np.cross(current, turn, axis=1), axis=2)
-    opposite = np.einsum("nij,nij->n", current, turn) < -0.999  # half a turn: any axis will do
+    opposite = np.einsum("nij,nij->n", current, turn) < -0.999  # half a turn: about any axis
     apart[opposite] += current[opposite][:, :, 0]
     return np.hstack([r, scale * apart]), np.concatenate([move, scale * rotate], axis=1)
 
@@ -95,15 +94,15 @@ def _step(jacobian: Array, r: Array, scale: float, damping: Array) -> Array:
 
 
 def over_cell(chain: Chain, position: Array, turn: Array, near: Array, low: Array, high: Array) -> Reached:
-    """The same of all poses (n,) of a cell in one posture: that nearest to angles `near` (k,) at
-    the pose in the middle, carried on to the others.
+    """The same of all poses (n,) of a cell in one posture: that of the pose in the middle which is
+    nearest to the angles `near` (k,), from which the search of all other poses starts.
     """
     middle = int(np.argmin(np.sum((position - position.mean(axis=0)) ** 2, axis=1)))
     shifts = np.array(list(product(SEEDS, repeat=min(len(near), SHIFTED))))
     starts = np.tile(near, (len(shifts), 1))
     starts[:, : shifts.shape[1]] += shifts
-    many = [np.repeat(part[middle][None], len(starts), axis=0) for part in (position, turn)]
-    first = inverse(chain, many[0], many[1], starts, low, high)
+    at_middle = (np.repeat(part[middle][None], len(starts), axis=0) for part in (position, turn))
+    first = inverse(chain, *at_middle, starts, low, high)
     apart = np.max(np.abs(first.angles - near), axis=1)
     best = np.lexsort((np.round(apart, 6), np.round(first.missing, 9)))[0]
     start = np.tile(first.angles[best], (len(position), 1))

@@ -58,5 +58,5 @@ def least_margin(mechanism: Mechanism, t: Tolerances) -> Array:
 
 def _points(mechanism: Mechanism, used: list[int]) -> Array:
     """Corners, the corners of the largest and least requirement, and some points between."""
-    way = np.sign(mechanism.sensitivities[used])[:, None]
-    return np.hstack([box(len(used), FEW), way, -way])
+    largest = np.sign(mechanism.sensitivities[used])[:, None]
+    return np.hstack([box(len(used), FEW), largest, -largest])

@@ -90,18 +90,17 @@ class Linear:
 
     def variance_shares(self, t: Tolerances) -> Array:
         """Fraction of each part in the variance (n, p); a negative one compensates others."""
-        contributions = spread_of(t) * (spread_of(t) @ self.covariance)
-        return _shares(contributions, contributions.sum(axis=1))
+        return _fractions(spread_of(t) * (spread_of(t) @ self.covariance))
 
     def worst_shares(self, t: Tolerances) -> Array:
         """Fraction of each part in the worst case (n, p)."""
-        contributions = limit_of(t) * self.worst
-        return _shares(contributions, contributions.sum(axis=1))
+        return _fractions(limit_of(t) * self.worst)
 
 
-def _shares(contributions: Array, total: Array) -> Array:
-    """Fractions that add up to 1, or are 0 where the total is 0."""
-    return np.divide(contributions, total[:, None], out=np.zeros_like(contributions), where=total[:, None] > 0.0)
+def _fractions(contributions: Array) -> Array:
+    """Fractions (n, p) that add up to 1, or are 0 where the total is 0."""
+    total = contributions.sum(axis=1)[:, None]
+    return np.divide(contributions, total, out=np.zeros_like(contributions), where=total > 0.0)
 
 
 def linearised(mechanism: Mechanism) -> Linear:
