@@ -1,4 +1,4 @@
-"""Confidence that sums of parts that need not be normal keep their limits: Bayesian bootstrap.
+"""Confidence that sums of parts, normal or not, conform to their limits: Bayesian bootstrap.
 
 Every draw weights the measured values of each part (Dirichlet), takes the moments of the weighted
 sample, adds the cumulants up and compares the quantiles of the sum (Cornish & Fisher) with the
@@ -13,12 +13,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtri
 
+from ..inputs.distribution import Array
 from ..propagation.moments import cornish_fisher
-
-Array = NDArray[np.float64]
 
 
 def cumulants_drawn(values: Array, draws: int, rng: np.random.Generator) -> Array:

@@ -1,4 +1,4 @@
-"""Capability and performance indices of one characteristic, with confidence limits."""
+"""Capability and performance indices of a characteristic, with confidence limits."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from ..inputs.distribution import Array
+
 CONFIDENCE = 0.95
 
 

@@ -6,9 +6,9 @@ from dataclasses import astuple, dataclass
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from ..inputs.distribution import Array
+
 LEAST = 5
 """Parts from which a sample is used; the posterior mean of a variance needs 4 of them."""
 CONFIDENCE = 0.95
@@ -108,8 +108,8 @@ class Knowledge:
             gauge = np.full(count, difference.gauge)
             if np.isfinite(difference.gauge_df):
                 gauge = difference.gauge * difference.gauge_df / rng.chisquare(difference.gauge_df, count)
-            whole = variance * (self.std**2 + fraction * difference.gauge)
-            variance = np.maximum(whole - fraction * gauge, 1e-3 * self.std**2) / self.std**2
+            measured = variance * (self.std**2 + fraction * difference.gauge)
+            variance = np.maximum(measured - fraction * gauge, 1e-3 * self.std**2) / self.std**2
             observed = variance + gauge / self.std**2
         return variance, np.sqrt(observed / self.n) * rng.standard_normal(count)
 
@@ -120,7 +120,7 @@ def _factor(df: float, confidence: float) -> float:
 
 
 def knowledge_of(values: Array, prior: Prior | None = None, gauge: Gauge | None = None) -> Knowledge:
-    """The posterior of a process from measured `values` (n,) of one characteristic.
+    """The posterior of a process from measured `values` (n,) of a characteristic.
 
     The variance of a gauge is subtracted, and the upper limit is that of the difference. Raises
     ValueError for fewer than `LEAST` values, values that are all equal, a gauge that scatters

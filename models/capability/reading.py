@@ -7,17 +7,16 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...likely_units import unit_hint
 from ...section import POSITIVE, Range, Section
 from ...units import converted, fits
 from ..inputs import Normal
+from ..inputs.distribution import Array
 from .indices import Index, capability
 from .knowledge import Gauge, Knowledge, Prior, knowledge_of
 from .stability import Finding, distribution_type, findings
 
-Array = NDArray[np.float64]
 MEANS = ("as_found", "corrected")
 SAME_MEAN = "the mean of later parts is that of the sample; the configuration does not state that it is corrected"
 """The assumption where a table is silent about the mean."""
@@ -33,7 +32,7 @@ CAPABLE = 100.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PartSample:
-    """Measured parts of one characteristic: deviations (n,) from the mid-limit, in the part's unit.
+    """Measured parts of a characteristic: deviations (n,) from the mid-limit, in the part's unit.
 
     `knowledge` is the posterior of the process, `made_to` the half-width that the parts were made
     to (0 where it is not known), `offset` the deviation of the mean of all later parts.
@@ -151,7 +150,7 @@ def _deviations(values: Array, nominal: float | None) -> Array:
 
 
 def _unit(section: Section, unit: str) -> str | None:
-    """The unit of the measured values, that of the part where none is stated; None after a fault."""
+    """The unit of the values, that of the part where none is stated; None after a fault."""
     stated = section.text("unit")
     if not stated:
         return unit

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from ..inputs.distribution import Array
+
 LEVEL = 0.01
-"""Probability of a false finding in a sample of a single stable normal process, all tests together."""
+"""Probability of a false finding in a sample of a stable normal process, all tests together."""
 FEW = 8
 """Number of values from which the shape of a distribution can be tested."""
 

@@ -36,7 +36,7 @@ class Exponential(CostCurve):
     def stationary(self, linear: Array, square: Array) -> Array | None:
         """m b exp(-m t) = p + 2 q t by Wright's omega function, for q = 0 by a logarithm.
 
-        A last step of Newton's method gives back the digits that the difference loses.
+        A last step of Newton's method restores the digits that the difference loses.
         """
         if self.b == 0.0 or self.m == 0.0 or np.any(linear < 0.0):
             return None

@@ -19,7 +19,7 @@ EXPONENTS = {Reciprocal: 1.0, ReciprocalSquared: 2.0}
 class Joint:
     """C_j(t) = a_j + b_j/t^k_j of features j; coefficients (features,), tolerances (n, features).
 
-    k is one number where it is the same for all.
+    k is a single number where it is the same for all.
     """
 
     a: Array

@@ -15,8 +15,8 @@ class Table(CostCurve):
     """Cost at listed tolerances (or grades), linear between them; not defined outside the list.
 
     `t` rises strictly. Where `cost_at` rises, the lower cost of a tighter tolerance counts, since
-    the part may be made to that one. At a listed tolerance the slope is that of the interval above
-    it, at the last that of the interval below. Outside the list C is infinite: there is no
+    the part may be made to that tolerance. At a listed tolerance the slope is that of the interval
+    above it, at the last that of the interval below. Outside the list C is infinite: there is no
     price for that tolerance.
     """
 

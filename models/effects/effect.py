@@ -171,7 +171,7 @@ class Action:
 
     - `changes`: added to changeable quantities inside the model, by name, (n,);
     - `output`: added to outputs, by name, (n,), in their units;
-    - `reading`: what the instrument shows of an output, by name: a function of the output (n,);
+    - `reading`: the measurement of an output, by name: a function of the output (n,);
     - `population`: the changed units of a batch: a function of the drawn values (n,), the model's
       mean and a generator.
     """
@@ -187,7 +187,7 @@ class Effect(ABC):
 
     Effects compose in a fixed order: changes inside the model, then the population, then the
     outputs, then the instrument. Where a model has a changeable quantity of the effect's
-    name (`bearing_clearance_mm`), the effect acts there, with that quantity as its one parameter,
+    name (`bearing_clearance_mm`), the effect acts there, with that quantity as its only parameter,
     in `inside_bounds`; elsewhere it does its `own_action`.
     """
 

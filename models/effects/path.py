@@ -28,7 +28,7 @@ def play(x: Array, width: float, starts: NDArray[np.bool_] | None = None) -> Arr
     begins = np.zeros(len(x), dtype=bool) if starts is None else starts.copy()
     begins[:1] = True
     fresh = np.clip(0.0, low[begins], high[begins])
-    low[begins] = high[begins] = fresh  # a path has no memory of the one before
+    low[begins] = high[begins] = fresh  # a path does not depend on the path before it
     step = 1
     while step < len(x):
         # the clip of rows i-step+1..i after that of the rows before it

@@ -171,7 +171,7 @@ def order_key(order: float) -> str:
 
 
 def turns(target: Target) -> bool:
-    """Whether the angle is that of a rotating output; a manipulator has other effects of its arms."""
+    """Whether the angle is that of a rotating output, not that of an arm of a manipulator."""
     return target.units.get(Role.ANGLE, "rad") == "rad" and target.model != "manipulator_pose"
 
 

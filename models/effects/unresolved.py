@@ -1,7 +1,7 @@
 """A smooth term without a name, which the data need in addition to the named effects.
 
 A term is a shape over one variable, perhaps times another one and times the direction. It describes
-the rows that it was fitted on; beyond their range it keeps its value at the end (splines) or
+the rows that it was fitted on; beyond their range its value is that at the end (splines) or
 extrapolates as its power.
 """
 
@@ -39,7 +39,7 @@ class Term:
     - `product`: z w, z^2 w, z w^2, z^2 w^2 of z = (x - zero) / scale and w, which `times` gives.
 
     The whole is multiplied by w^times_exponent of w = (y - times_zero) / times_scale of the column
-    `times`, where one is given (`times_magnitude`: of its magnitude), and by the direction where it
+    `times`, where it is given (`times_magnitude`: of its magnitude), and by the direction where it
     `turns`.
     """
 

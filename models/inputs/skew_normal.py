@@ -14,7 +14,7 @@ from .distribution import Array, Distribution
 from .normal import TAIL, density
 
 OUTER = 1e-9
-"""Probability of a tail in which quantiles are sought one by one."""
+"""Probability of a tail in which quantiles are computed singly."""
 REACH, NODES, STEPS = 7.0, 8193, 2
 """Ends of the table of masses, its nodes, and Newton's steps from there."""
 

@@ -49,7 +49,7 @@ def deviations_um(letter: str, grade: str, size: float) -> tuple[float, float]:
 
 
 def shaft_um(letter: str, grade: str, size: float) -> float:
-    """Fundamental deviation [um] of a shaft: the upper one of a to h, the lower one from j on.
+    """Fundamental deviation [um] of a shaft: the upper deviation of a to h, the lower from j on.
 
     Raises ValueError where the standard tabulates none.
     """

@@ -43,8 +43,8 @@ class Fit:
 def pair_of_text(text: str) -> tuple[Fit, Fit]:
     """The classes of hole and shaft that "25 H7/g6" states.
 
-    Raises ValueError for another form, and unless the first class is one of a hole and the second
-    one of a shaft.
+    Raises ValueError for another form, and unless the first class is that of a hole and the second
+    that of a shaft.
     """
     match = _PAIR.match(text)
     if match is None:

@@ -21,12 +21,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtr
 
+from ..inputs.distribution import Array
 from ..inputs.normal import density
 
-Array = NDArray[np.float64]
 GUARD = 1.645
 """Guard band in units of the standard uncertainty: 5 % risk for a part on the limit."""
 SIDES = ("upper", "lower", "both")
@@ -86,7 +85,7 @@ class Machine:
 
     @property
     def natural(self) -> float:
-        """The half-width that it achieves without inspection: 3 sigma and the magnitude of its mean."""
+        """The half-width that it achieves without inspection: 3 sigma plus |mean|."""
         return 3.0 * self.sigma + abs(self.mean)
 
     @property

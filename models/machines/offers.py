@@ -60,11 +60,11 @@ class Offer:
     def ways(self) -> tuple[Way, ...]:
         """With and without inspection, as far as the table allows it."""
         natural = self.machine.natural
-        bare = Way(replace(self.machine, inspection=None), natural, natural)
+        without = Way(replace(self.machine, inspection=None), natural, natural)
         if self.machine.inspection is None:
-            return (bare,)
+            return (without,)
         inspected = Way(self.machine, self.low, self.high)
-        return (inspected,) if self.required else (bare, inspected)
+        return (inspected,) if self.required else (without, inspected)
 
     def table(self) -> dict[str, Any]:
         """The table that states it."""
@@ -90,5 +90,5 @@ def samples_of(offers: Iterable[Offer]) -> tuple[tuple[str, PartSample], ...]:
 
 
 def departures(offers: Iterable[Offer], owner: str) -> tuple[str, ...]:
-    """How measured parts of machines contradict one stable normal process."""
+    """Departures of measured parts of machines from a single stable normal process."""
     return tuple(text for name, sample in samples_of(offers) for text in sample.departures(f"{owner}, machine {name}"))

@@ -43,9 +43,7 @@ def _offer(table: Section, name: str, owner: Owner) -> Offer | None:
         table.fault("price", "is missing: the cost of a part on the machine")
     if "cost" in table:
         table.take("cost")
-        table.fault(
-            "cost", "is no key of a machine, whose scatter does not depend on t: state price, or a process"
-        )
+        table.fault("cost", "is no key of a machine, whose scatter does not depend on t: state price, or a process")
     inspection = _inspection(table, owner.unit) if "inspection" in table else None
     limits = [table.number(key, owner.unit, POSITIVE) for key in ("t_min", "t_max")]
     if "inspection" not in table:

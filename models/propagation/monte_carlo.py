@@ -71,7 +71,7 @@ def replicates(samples: int, dimensions: int, rng: np.random.Generator) -> Itera
 
 
 def _replicate(total: ClippedSum, points: Array, coverage: float, limit: float) -> Array:
-    """Mean, std, quantile, conforming and negative probability of one sample, shape (5, n)."""
+    """Mean, std, quantile, conforming and negative probability of a sample, shape (5, n)."""
     clipped, free = _parts(total, points)
     blocks = [slice(at, at + BLOCK) for at in range(0, total.size, BLOCK)]
     return np.concatenate([_unit_statistics(clipped.units(b), free.units(b), coverage, limit) for b in blocks], axis=1)

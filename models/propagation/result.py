@@ -24,7 +24,7 @@ class Propagated:
 
     `geometric_mean`, `geometric_std` are exact in every method. `mean`, `std` and `quantile` (at
     the one-sided coverage) are those of the effective value, `conforming` is the probability that
-    it keeps the limit, `negative` the probability that the clipped part is below zero.
+    it does not exceed the limit, `negative` the probability that the clipped part is below zero.
     """
 
     geometric_mean: Array

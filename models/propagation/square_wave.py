@@ -50,15 +50,15 @@ class Series:
         before, after = _products_before_and_after(factors)
         phi = before[:, -1] * factors[:, -1]
         slopes = slope * before * after
-        whole, order = np.prod(bound, axis=1), np.sum(fall, axis=1)
+        product, decay = np.prod(bound, axis=1), np.sum(fall, axis=1)
         bounds_before, bounds_after = _products_before_and_after(bound[:, :, None])
         partial = (bounds_before * bounds_after)[:, :, 0] * slope_bound
-        others_order = order[:, None] - fall + slope_fall
+        others_decay = decay[:, None] - fall + slope_fall
         with np.errstate(divide="ignore"):
             last_k = k[-1] / period
-            dense = np.where(order > 1.0, whole * last_k / (order - 1.0), np.inf)
-            steep = np.where(others_order > 1.0, partial * last_k[:, None] / (others_order - 1.0), np.inf)
-        return cls(k, omega, phi, slopes, period, _missing(whole, order), dense, steep)
+            dense = np.where(decay > 1.0, product * last_k / (decay - 1.0), np.inf)
+            steep = np.where(others_decay > 1.0, partial * last_k[:, None] / (others_decay - 1.0), np.inf)
+        return cls(k, omega, phi, slopes, period, _missing(product, decay), dense, steep)
 
     @classmethod
     def of_values(cls, kinds: Kinds, s: Array, period: Array, terms: int) -> Series:
@@ -67,16 +67,16 @@ class Series:
             period = np.full_like(period, period.max())
         k, omega = _frequencies(period, terms)
         phi, last = np.ones_like(omega), omega[:, -1:] * s
-        whole, order = np.ones(len(s)), np.zeros(len(s))
+        product, decay = np.ones(len(s)), np.zeros(len(s))
         for law, columns in kinds.items():
             if shared:
                 _times(phi, law, s[:, columns], omega[0])
             else:
                 phi *= np.prod(law.value(s[:, columns, None] * omega[:, None, :]), axis=1)
             bound, fall = law.envelope(last[:, columns])
-            whole, order = whole * np.prod(bound, axis=1), order + np.sum(fall, axis=1)
+            product, decay = product * np.prod(bound, axis=1), decay + np.sum(fall, axis=1)
         unknown = np.full(len(s), np.inf)
-        return cls(k, omega, phi, np.empty((len(s), 0, terms)), period, _missing(whole, order), unknown, unknown)
+        return cls(k, omega, phi, np.empty((len(s), 0, terms)), period, _missing(product, decay), unknown, unknown)
 
     def of_rows(self, rows: NDArray[np.bool_] | slice) -> Series:
         """The series of some sums."""
@@ -124,10 +124,10 @@ def _frequencies(period: Array, terms: int) -> tuple[Array, Array]:
     return k, np.pi * k / period[:, None]
 
 
-def _missing(whole: Array, order: Array) -> Array:
-    """Bounds (n,) of the neglected terms: the sum over odd k > K of (K/k)^D/k is at most 1/(2 D)."""
+def _missing(product: Array, decay: Array) -> Array:
+    """Bounds (n,) of neglected terms: the sum over odd k > K of (K/k)^D/k is at most 1/(2 D)."""
     with np.errstate(divide="ignore"):
-        return np.where(order > 0.0, whole / (np.pi * order), 1.0)
+        return np.where(decay > 0.0, product / (np.pi * decay), 1.0)
 
 
 def _products_before_and_after(factors: Array) -> tuple[Array, Array]:

@@ -12,9 +12,9 @@ from ..inputs.distribution import Array, Distribution
 
 @dataclass(frozen=True, slots=True)
 class Term:
-    """One independent contribution constant + linear z + quadratic z^2, z ~ `distribution`.
+    """An independent contribution constant + linear z + quadratic z^2, z ~ `distribution`.
 
-    The three coefficients have shape (n,): one value per design. Unit: that of the sum.
+    The three coefficients have shape (n,): a value per design. Unit: that of the sum.
     """
 
     distribution: Distribution

@@ -120,7 +120,7 @@ class SymmetricSum:
     def within(self, s: Array, low: Array, high: Array) -> tuple[Array, Array]:
         """P(low < X <= high) (n,) of scales (n, m), and the bound of its error.
 
-        One series without derivatives serves both ends: a sixth of the work of `below` twice.
+        A single series without derivatives serves both ends: a sixth of the work of `below` twice.
         """
         s = np.abs(np.asarray(s, dtype=float))
         std, end = self._size(s)
@@ -168,7 +168,7 @@ class SymmetricSum:
         return tangent
 
     def _blocks(self, tangent: Tangent, rows: NDArray[np.int64], s: Array, p: Array, start: Array, at: int) -> None:
-        """Fill in some rows of `tangent` with `TERMS[at]` terms; rows that need more get more."""
+        """Fill in some rows of `tangent` with `TERMS[at]` terms, or more where a row needs more."""
         most = max(1, BLOCK // (TERMS[at] * max(1, s.shape[1])))
         more = []
         for begin in range(0, len(rows), most):
@@ -235,7 +235,7 @@ class SymmetricSum:
         return np.asarray(ndtri(p) * np.sqrt(np.sum((s * self._std) ** 2, axis=1)))
 
     def _replace_single_terms(self, s: Array, p: Array, tangent: Tangent) -> None:
-        """Sums of at most one term, whose quantile is that of its law, in place of the series."""
+        """Replace quantiles of sums of at most one term by that of its law."""
         active = np.count_nonzero(s > 0.0, axis=1)
         for row in np.flatnonzero(active <= 1).tolist():
             for part in (tangent.value, tangent.gradient, tangent.value_error, tangent.gradient_error):

@@ -49,8 +49,8 @@ def inverse(chain: Chain, position: Array, turn: Array, start: Array, low: Array
     `position` (n, 3) [m], `turn` (n, 3, 3); with fewer than six joints the position alone counts.
     """
     q, scale = np.clip(start, low, high), reach(chain)
-    whole = len(chain.d) >= 6
-    r, jacobian = _residual(frames(chain, q), position, turn, scale, whole)
+    with_rotation = len(chain.d) >= 6
+    r, jacobian = _residual(frames(chain, q), position, turn, scale, with_rotation)
     damping = np.ones(len(q))
     for _ in range(STEPS):
         rows = np.flatnonzero((np.linalg.norm(r, axis=1) > 0.01 * CLOSE) & (damping < HOPELESS))
@@ -60,7 +60,7 @@ def inverse(chain: Chain, position: Array, turn: Array, start: Array, low: Array
         ends = ((q[rows] <= low) & (step < 0.0)) | ((q[rows] >= high) & (step > 0.0))
         step = _step(np.where(ends[:, None, :], 0.0, jacobian[rows]), r[rows], scale, damping[rows])
         tried = np.clip(q[rows] + step, low, high)
-        new_r, new_jacobian = _residual(frames(chain, tried), position[rows], turn[rows], scale, whole)
+        new_r, new_jacobian = _residual(frames(chain, tried), position[rows], turn[rows], scale, with_rotation)
         better = np.sum(new_r**2, axis=1) < np.sum(r[rows] ** 2, axis=1)
         improved = rows[better]
         q[improved], r[improved] = tried[better], new_r[better]
@@ -70,11 +70,11 @@ def inverse(chain: Chain, position: Array, turn: Array, start: Array, low: Array
     return Reached(q, np.linalg.norm(r, axis=1))
 
 
-def _residual(now: Frames, position: Array, turn: Array, scale: float, whole: bool) -> tuple[Array, Array]:
+def _residual(now: Frames, position: Array, turn: Array, scale: float, with_rotation: bool) -> tuple[Array, Array]:
     """The residual (n, 3 or 6) [m], rotations times `scale`, and its derivative by -angles."""
     move, rotate = now.joints()
     r = position - now.tool
-    if not whole:
+    if not with_rotation:
         return r, move
     current = now.turn[:, -1]
     apart = 0.5 * np.sum(np.cross(current, turn, axis=1), axis=2)

@@ -30,7 +30,7 @@ def blocking(chain: Chain, reached: Reached, low: Array, high: Array) -> list[st
         if len(stopped):
             names = " and ".join(map(str, stopped + 1))
             ends = ", ".join(f"{np.degrees(q[joint]):.4g} deg" for joint in stopped)
-            reasons[at] = f"joint {names} stands at the end of its range ({ends})"
+            reasons[at] = f"joint {names} is at the end of its range ({ends})"
         else:
             reasons[at] = f"joint {stretched[row] + 1} is stretched or folded"
     return reasons
@@ -52,7 +52,7 @@ def _stretched(chain: Chain, now: Frames) -> NDArray[np.int64]:
 
 
 def singular(chain: Chain, now: Frames) -> list[str]:
-    """The joints whose motions of the tool are dependent at each pose; empty where it is regular."""
+    """The joints that move the tool dependently at each pose; empty where it is regular."""
     move, turn = now.joints()
     jacobian = move / reach(chain)
     if move.shape[2] >= 6:

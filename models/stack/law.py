@@ -5,16 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
 from ..inputs import Normal
+from ..inputs.distribution import Array
 from ..propagation.even import Even, even_law
 from ..propagation.symmetric_sum import SymmetricSum
 from .made import Tolerances, mean_of, spread_of
 from .mechanism import Mechanism
 
-Array = NDArray[np.float64]
 ROUNDING = 1e-12
 """Least stated error of a yield [percent]."""
 
@@ -96,8 +95,8 @@ class Law:
         if self.covariance is None:
             far = np.where(np.isfinite(at), at, 0.0)
             probability, slopes, error = self.deviations.below(self._scales(t), far)
-            whole = np.where(np.isfinite(at), probability, (at > 0.0).astype(float))
-            return whole, self._to_parts(slopes), np.where(np.isfinite(at), error, 0.0)
+            below = np.where(np.isfinite(at), probability, (at > 0.0).astype(float))
+            return below, self._to_parts(slopes), np.where(np.isfinite(at), error, 0.0)
         std = self._std(t)
         safe = np.where(std > 0.0, std, 1.0)
         x = np.where(std > 0.0, at / safe, np.where(at >= 0.0, np.inf, -np.inf))

@@ -5,13 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtr
 
+from ..inputs.distribution import Array
 from .made import Tolerances, limit_of, mean_of, spread_of
 from .mechanism import Mechanism
 
-Array = NDArray[np.float64]
 SIGMAS = 3.0
 """Standard deviations in a root-sum-square variation: t of a normal part with Cp = 1."""
 
@@ -89,7 +88,7 @@ class Linear:
         return np.where(std > 0.0, slopes, 0.0)
 
     def variance_shares(self, t: Tolerances) -> Array:
-        """Fraction of each part in the variance (n, p); a negative one compensates others."""
+        """Fraction of each part in the variance (n, p); a negative fraction compensates others."""
         return _fractions(spread_of(t) * (spread_of(t) @ self.covariance))
 
     def worst_shares(self, t: Tolerances) -> Array:

@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from tolevo.models.capability import Gauge, Prior, capability, distribution_type, findings, knowledge_of
-from tolevo.models.capability.knowledge import upper_of_difference
+from tolevo.models.capability import Prior, knowledge_of
+from tolevo.models.capability.indices import capability
+from tolevo.models.capability.knowledge import Gauge, upper_of_difference
+from tolevo.models.capability.stability import distribution_type, findings
 
 
 def test_posterior_of_a_sample() -> None:

@@ -15,13 +15,13 @@ from tolevo.models.iso286 import (
     UNVERIFIED,
     Fit,
     angle_rad,
-    deviations_um,
     geometrical_mm,
     grade_um,
     linear_mm,
     pair_of_text,
     zone,
 )
+from tolevo.models.iso286.deviations import deviations_um
 
 DATA = Path(__file__).parents[1] / "data" / "iso286"
 

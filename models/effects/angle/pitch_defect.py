@@ -1,4 +1,4 @@
-"""One bad pin."""
+"""A defective pin."""
 
 from __future__ import annotations
 
@@ -12,20 +12,21 @@ from ..effect import Array, EffectParameter, Readings, Target, Values, quantity
 from ..shapes import OneColumn, Weight, no_waves, turns
 
 BELL, ENDING = 1.0, 2.0
-"""Forms of the pulse: one that dies away, and one of a contact that begins and ends."""
+"""Forms of the pulse: it dies away, or begins and ends with the contact."""
 
 
 class PitchDefect(OneColumn):
-    """A pulse at every passing of the pins, 39 times per turn: one pin is bad.
+    """A pulse at every passing of the pins, 39 times per turn: a pin is defective.
 
     How a defect is rolled over is not known: the pulse dies away on both sides (von Mises, the
     default), or begins and ends with the contact (a raised cosine, as of a cam). At a
-    hundred noise levels the wrong form leaves harmonics that would be identified as other effects.
+    hundred noise levels the residual of the wrong form has harmonics that would be identified as
+    other effects.
     """
 
     name = "pitch_defect"
     family = "geometry by angle"
-    cause = "One bad pin is scanned by each tooth of a disc (39 in the RV-40E)."
+    cause = "A defective pin is passed by each tooth of a disc (39 in the RV-40E)."
     formula = (
         "h exp(k (cos(n theta - p) - 1)), n the order in which pins pass (39), k from the pulse's "
         "width at half its height; or, of the same width, a raised cosine that ends"
@@ -43,7 +44,7 @@ class PitchDefect(OneColumn):
         return no_waves(target, PINS)
 
     def shape_parameters(self, target: Target) -> tuple[EffectParameter, ...]:
-        middle = "p, where in a pitch the pulse stands"
+        middle = "p, position of the pulse in a pitch"
         width = "width of the pulse at half its height, as a fraction of the pitch"
         form = "1: dies away, 2: ends at twice that width"
         return (

@@ -87,9 +87,9 @@ def delayed(
     delayed_values = np.empty(len(t))
     for rows in _stretches(t):
         delayed_values[rows] = np.interp(t[rows] - by, *_with_jumps(t[rows], y[rows], v[rows]))
-    whole = np.empty(len(t))
-    whole[at] = delayed_values
-    return whole
+    in_table_order = np.empty(len(t))
+    in_table_order[at] = delayed_values
+    return in_table_order
 
 
 def _with_jumps(t: Array, y: Array, v: Array) -> tuple[Array, Array]:

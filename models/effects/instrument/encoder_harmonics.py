@@ -4,7 +4,7 @@ from ..shapes import POSITIONS, Orders
 
 
 class EncoderHarmonics(Orders):
-    """Orders 1, 2 and 4: the encoder or resolver is read with waves."""
+    """Orders 1, 2 and 4: errors of the encoder or resolver."""
 
     name = "encoder_harmonics"
     family = "instrument"

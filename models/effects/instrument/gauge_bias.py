@@ -1,4 +1,4 @@
-"""An instrument that reads too much or too little."""
+"""An instrument that measures too much or too little."""
 
 from __future__ import annotations
 

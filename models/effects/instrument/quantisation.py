@@ -1,4 +1,4 @@
-"""Readings in steps."""
+"""Measurements in steps."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .lattice import step_of
 
 
 class Quantisation(Effect):
-    """Readings come in steps of the instrument's resolution."""
+    """Measurements are multiples of the instrument's resolution."""
 
     name = "quantisation"
     family = "instrument"

@@ -18,7 +18,7 @@ MOVING = Weight("half_width", "a, half of the loop")
 class FrictionHysteresis(Shape):
     """Hysteresis loop of dry friction, between there and back.
 
-    In motion it goes with the direction, with the input locked along the path of the load. A table
+    In motion it depends on the direction, with the input locked on the path of the load. A table
     may be of either kind: its rows decide which parameters are fitted, and the given parameters
     decide which form acts.
     """

@@ -18,7 +18,7 @@ from .units import OfUnits, number
 WITHIN = EffectParameter(
     "within_lots",
     "",
-    "1: units of one lot come from both suppliers; 0: whole lots do",
+    "1: units of a lot come from both suppliers; 0: whole lots from either",
     0.0,
     1.0,
     linear=False,

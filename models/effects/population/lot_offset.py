@@ -26,7 +26,7 @@ class LotOffset(OfUnits):
     reference = "Searle, Casella and McCulloch, Variance Components, 1992"
 
     def own_parameters(self, target: Target) -> tuple[EffectParameter, ...]:
-        """One per lot of the table except the first, in the order of their labels."""
+        """An offset for each lot of the table except the first, in the order of their labels."""
         lots = target.labels.get(Role.LOT, ())[1:]
         return tuple(_offset(lot).of(target.outputs[0], target) for lot in lots)
 

@@ -46,11 +46,11 @@ class OfUnits(Effect):
     def units(
         self, readings: Readings, values: Values, target: Target, drawn: Array, mean: float, rng: np.random.Generator
     ) -> Array:
-        """The units (n,) with the effect, from `drawn` ones whose mean in the model is `mean`."""
+        """The units (n,) with the effect, from `drawn` units whose mean in the model is `mean`."""
 
 
 class MovedUnits(OfUnits):
-    """Moves every unit by one number times a pattern over the units."""
+    """Moves every unit by a parameter times a pattern over the units."""
 
     weight: ClassVar[Weight]
 
@@ -59,7 +59,7 @@ class MovedUnits(OfUnits):
 
     @abstractmethod
     def pattern(self, readings: Readings) -> float | NDArray[Any]:
-        """The factor of the number: one value, or one per row (n,)."""
+        """The factor of the parameter: a single value, or one per row (n,)."""
 
     def units(
         self, readings: Readings, values: Values, target: Target, drawn: Array, mean: float, rng: np.random.Generator

@@ -12,7 +12,7 @@ from ..shapes import Columns, Load, Shape, Weight, speed_unit
 
 
 class LoadViscous(Shape):
-    """Products of load and speed: one with the sign of the load, one against the motion.
+    """Products of load and speed, with the sign of the load and against the motion.
 
     The first is a compliance that grows with the speed (or a load that is measured late), the
     second the viscous friction of loaded contacts. Reference: Bittencourt and Gunnarsson,

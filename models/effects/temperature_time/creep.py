@@ -1,4 +1,4 @@
-"""A reading that settles logarithmically."""
+"""A measurement that settles logarithmically."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ..shapes import OneColumn, Weight
 
 
 class Creep(OneColumn):
-    """A reading that settles logarithmically."""
+    """A measurement that settles logarithmically."""
 
     name = "creep"
     family = "temperature, time"

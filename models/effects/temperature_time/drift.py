@@ -1,4 +1,4 @@
-"""A reading that moves with time."""
+"""A measurement that changes with time."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from ..shapes import OneColumn, Weight
 
 
 class Drift(OneColumn):
-    """A reading that moves with time."""
+    """A measurement that changes with time."""
 
     name = "drift"
     family = "temperature, time"
