@@ -58,9 +58,9 @@ def exceedance(variances: Array, length: Array | float) -> Array:
 
 
 def quantile(variances: Array, coverage: float) -> Array:
-    """Length (...) that v does not exceed with the probability `coverage`, of variances as in `exceedance`.
+    """Length (...) that v does not exceed with the probability `coverage`.
 
-    It lies between those of one component and of three equal ones.
+    The variances are those of `exceedance`. The length lies between those of one component and of three equal ones.
     """
     scale = np.sqrt(variances[..., 0])
     relative = variances / np.where(scale > 0.0, scale, 1.0)[..., None] ** 2

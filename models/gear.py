@@ -131,9 +131,7 @@ def contradictions(kind: str, teeth: Mapping[str, int]) -> dict[str, str]:
         ring = teeth["sun_teeth"] + 2 * teeth["planet_teeth"]
         if teeth["ring_teeth"] == ring:
             return {}
-        reason = (
-            f"must be sun_teeth + 2 planet_teeth ({ring}), as sun, planet and ring have a common centre distance"
-        )
+        reason = f"must be sun_teeth + 2 planet_teeth ({ring}), as sun, planet and ring have a common centre distance"
         remedy = "give the orders of a stage with shifted profiles or stepped planets"
         return {"ring_teeth": f"{reason}, got {teeth['ring_teeth']}; {remedy}"}
     less, more = ("flex_teeth", "circular_teeth") if kind == "harmonic" else ("cycloid_teeth", "pins")

@@ -86,7 +86,7 @@ class Knowledge:
             return 0.0
         surplus = _factor(self.df, confidence) - self.inflation
         if (difference := self.difference) is not None:
-            limit = upper_of_difference(*astuple(difference), confidence)
+            limit = upper_of_difference(*astuple(difference), confidence=confidence)
             surplus += max(limit / difference.part_variance - _factor(difference.measured_df, confidence), 0.0)
         return max(surplus, 0.0)
 

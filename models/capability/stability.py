@@ -46,7 +46,7 @@ def findings(values: Array, lots: Sequence[str] = ()) -> list[Finding]:
         if finding.probability > LEVEL / (len(tests) - at):
             break
         significant.append(finding)
-    if any(test.kind == "outlier" for test in significant):  # its shape is tested without the outlier
+    if any(test.kind == "outlier" for test in significant):  # the shape is tested without it
         remaining = np.delete(values, np.argmax(np.abs(values - values.mean())))
         if len(remaining) >= FEW and _shape(remaining).probability > LEVEL:
             significant = [test for test in significant if test.kind != "shape"]

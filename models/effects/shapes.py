@@ -220,7 +220,7 @@ class Load:
 class LoadShape(OneColumn):
     """One weight times a function of the load."""
 
-    needs = (Role.TORQUE,)
+    needs: ClassVar[tuple[Role, ...]] = (Role.TORQUE,)
 
     def own_applies(self, target: Target) -> bool:
         return Load.applies(target, self.needs)

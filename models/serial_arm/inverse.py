@@ -101,8 +101,8 @@ def over_cell(chain: Chain, position: Array, turn: Array, near: Array, low: Arra
     shifts = np.array(list(product(SEEDS, repeat=min(len(near), SHIFTED))))
     starts = np.tile(near, (len(shifts), 1))
     starts[:, : shifts.shape[1]] += shifts
-    at_middle = (np.repeat(part[middle][None], len(starts), axis=0) for part in (position, turn))
-    first = inverse(chain, *at_middle, starts, low, high)
+    positions, turns = (np.repeat(part[middle][None], len(starts), axis=0) for part in (position, turn))
+    first = inverse(chain, positions, turns, starts, low, high)
     apart = np.max(np.abs(first.angles - near), axis=1)
     best = np.lexsort((np.round(apart, 6), np.round(first.missing, 9)))[0]
     start = np.tile(first.angles[best], (len(position), 1))

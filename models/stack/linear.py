@@ -98,7 +98,7 @@ class Linear:
 
 def _fractions(contributions: Array) -> Array:
     """Fractions (n, p) that add up to 1, or are 0 where the total is 0."""
-    total = contributions.sum(axis=1)[:, None]
+    total: Array = contributions.sum(axis=1)[:, None]
     return np.divide(contributions, total, out=np.zeros_like(contributions), where=total > 0.0)
 
 

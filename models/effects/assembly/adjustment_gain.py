@@ -1,10 +1,10 @@
-"""An adjustment that is not what was commanded."""
+"""An adjustment that differs from the command."""
 
 from ..inside import Inside
 
 
 class AdjustmentGain(Inside):
-    """An adjustment that is not what was commanded."""
+    """An adjustment that differs from the command."""
 
     name = "adjustment_gain"
     family = "assembly"

@@ -52,7 +52,7 @@ class Delay(Effect):
 
     def own_parameters(self, target: Target) -> tuple[EffectParameter, ...]:
         end = LONGEST * target.pace if target.pace > 0.0 else inf
-        meaning = "T, by how much the channel is late (negative: early)"
+        meaning = "T, delay of the channel (negative: lead)"
         return tuple(
             quantity(f"{target.prefix(output)}delay", "s", meaning, -end, end, linear=False)
             for output in target.outputs

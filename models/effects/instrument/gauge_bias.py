@@ -19,7 +19,7 @@ class GaugeBias(OneColumn):
     formula = "c"
     mistaken_for = ("process_mean_shift", "lot_offset")
     reference = "AIAG, Measurement Systems Analysis, 2010"
-    weight = Weight("offset", "c, what the instrument adds", low=-inf)
+    weight = Weight("offset", "c, constant that the instrument adds", low=-inf)
 
     def column(self, readings: Readings, values: Values, target: Target) -> Array:
         return np.ones(len(readings))

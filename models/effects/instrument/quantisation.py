@@ -16,13 +16,13 @@ class Quantisation(Effect):
 
     name = "quantisation"
     family = "instrument"
-    cause = "The instrument resolves no less than a step."
+    cause = "The instrument resolves whole steps only."
     formula = "y becomes q round(y/q)"
     mistaken_for = ()
     reference = "Widrow and Kollar, Quantization Noise, 2008"
 
     def own_parameters(self, target: Target) -> tuple[EffectParameter, ...]:
-        meaning = "q, the step; 0 resolves everything"
+        meaning = "q, the step; 0 is no quantisation"
         return tuple(
             quantity(f"{target.prefix(output)}step", output.unit, meaning, linear=False) for output in target.outputs
         )

@@ -22,7 +22,7 @@ class BearingClearance(LoadShape):
 
     def shape_parameters(self, target: Target) -> tuple[EffectParameter, ...]:
         low, high = Load.share(target, 0.02, 0.5)
-        meaning = "T0, the load that takes it up (0.02 to 0.5 of the largest)"
+        meaning = "T0, the load that takes up the clearance (0.02 to 0.5 of the largest)"
         return (quantity("load", Load.unit(target), meaning, low, high, linear=False),)
 
     def column(self, readings: Readings, values: Values, target: Target) -> Array:

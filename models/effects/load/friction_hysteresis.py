@@ -1,4 +1,4 @@
-"""A hysteresis loop between motion, or loading, there and back."""
+"""A hysteresis loop between the two directions of motion or loading."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ MOVING = Weight("half_width", "a, half of the loop")
 
 
 class FrictionHysteresis(Shape):
-    """Hysteresis loop of dry friction, between there and back.
+    """Hysteresis loop of dry friction between the two directions.
 
     In motion it depends on the direction, with the input locked on the path of the load. A table
     may be of either kind: its rows decide which parameters are fitted, and the given parameters
@@ -25,7 +25,7 @@ class FrictionHysteresis(Shape):
 
     name = "friction_hysteresis"
     family = "load"
-    cause = "Dry friction holds part of the twist back until the motion, or the load, turns round."
+    cause = "Dry friction retains part of the twist until the motion, or the load, reverses."
     formula = "a d; input locked: c (play(T, w) - T) along the path"
     needs = (Role.DIRECTION,)
     mistaken_for = ("lost_motion", "viscous_friction", "wear")
@@ -37,7 +37,7 @@ class FrictionHysteresis(Shape):
         return super().own_applies(target)
 
     def weights(self, target: Target) -> tuple[Weight, ...]:
-        meaning = "c, twist per unit of the torque that friction holds back"
+        meaning = "c, twist per unit of the torque that friction retains"
         loop = Weight(LOOP, meaning, Load.unit(target))
         if target.model == LOCKED:
             return (loop,)

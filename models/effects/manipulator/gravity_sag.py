@@ -14,7 +14,7 @@ class GravitySag(InsideSeveral):
 
     name = "gravity_sag"
     family = "manipulator"
-    cause = "Drives turn back elastically under the static torque of what they carry."
+    cause = "Drives yield elastically under the static torque of their load."
     formula = "-a_i (m + m0) g dz/dtheta_i on the angle of each arm"
     needs = (Role.PAYLOAD, Role.POSITION)
     mistaken_for = ("base_tilt", "joint_clearance")

@@ -13,7 +13,7 @@ class ThermalGrowth(InsideSeveral):
 
     name = "thermal_growth"
     family = "manipulator"
-    cause = "Links and base warm up alike, and the machine stays similar to itself."
+    cause = "Links and base warm up equally, and all lengths grow by the same factor."
     formula = "all lengths times 1 + a tau"
     needs = (Role.TEMPERATURE, Role.POSITION)
     mistaken_for = ("arm_length_error",)

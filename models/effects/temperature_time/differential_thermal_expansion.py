@@ -36,7 +36,7 @@ class DifferentialThermalExpansion(OneColumn):
     def own_parameters(self, target: Target) -> tuple[EffectParameter, ...]:
         if not target.changes(DISC):
             return super().own_parameters(target)
-        constant = quantity("temperature_difference", "K", "D, disc warmer than housing", -100.0, 100.0)
+        constant = quantity("temperature_difference", "K", "D, disc less housing", -100.0, 100.0)
         per_kelvin = quantity("temperature_share", "", "s, per kelvin above 20 degC", -2.0, 2.0)
         if Role.TEMPERATURE not in target.roles():
             return (constant,)

@@ -15,7 +15,7 @@ class Wear(OneColumn):
     name = "wear"
     family = "temperature, time"
     dimensions = POSITIONS
-    cause = "Flanks wear, and the gap between there and back opens."
+    cause = "Flanks wear, and the gap between the two directions grows."
     formula = "a t d"
     needs = (Role.TIME, Role.DIRECTION)
     mistaken_for = ("drift", "friction_hysteresis", "clock_drift")
