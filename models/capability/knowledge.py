@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass
 
 import numpy as np
 import scipy
@@ -86,7 +86,9 @@ class Knowledge:
             return 0.0
         surplus = _factor(self.df, confidence) - self.inflation
         if (difference := self.difference) is not None:
-            limit = upper_of_difference(*astuple(difference), confidence=confidence)
+            limit = upper_of_difference(
+                difference.measured, difference.measured_df, difference.gauge, difference.gauge_df, confidence
+            )
             surplus += max(limit / difference.part_variance - _factor(difference.measured_df, confidence), 0.0)
         return max(surplus, 0.0)
 

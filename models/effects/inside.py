@@ -30,7 +30,7 @@ class InsideSeveral(Inside):
     """
 
     def own_applies(self, target: Target) -> bool:
-        return target.changes(*(name for _, name in self.numbers(target))) and Effect.own_applies(self, target)
+        return target.changes(*(name for _, name in self.numbers(target))) and set(self.needs) <= target.roles()
 
     def own_parameters(self, target: Target) -> tuple[EffectParameter, ...]:
         return tuple(number for number, _ in self.numbers(target))

@@ -13,7 +13,7 @@ from ..effect import Array, EffectParameter, Readings, Target, Values, quantity,
 from ..readings import labels_of, unit_numbers
 from ..shapes import Weight
 from .law import Law
-from .units import OfUnits, number
+from .units import OfUnits, size_of
 
 WITHIN = EffectParameter(
     "within_lots",
@@ -53,10 +53,10 @@ class LotMixture(OfUnits):
 
     def carried(self, values: Values, target: Target) -> float:
         """The fraction of the second supplier times its offset."""
-        return values["share"] * value_or_zero(values, number(self.weight, target))
+        return values["share"] * size_of(self.weight, values, target)
 
     def law(self, law: Law, values: Values, target: Target) -> Law:
-        return law.mixed(value_or_zero(values, number(self.weight, target)), values["share"])
+        return law.mixed(size_of(self.weight, values, target), values["share"])
 
     def units(
         self, readings: Readings, values: Values, target: Target, drawn: Array, mean: float, rng: np.random.Generator
@@ -65,4 +65,4 @@ class LotMixture(OfUnits):
         if Role.LOT in readings and not value_or_zero(values, WITHIN.name):
             of_group = labels_of(readings[Role.LOT])[1]
         second = rng.random(int(of_group.max(initial=-1)) + 1) < values["share"]
-        return drawn + value_or_zero(values, number(self.weight, target)) * second[of_group]
+        return drawn + size_of(self.weight, values, target) * second[of_group]

@@ -8,10 +8,10 @@ import numpy as np
 
 from ....units import unit_key
 from ...measurable import Role
-from ..effect import Array, EffectParameter, Readings, Target, Values, value_or_zero
+from ..effect import Array, EffectParameter, Readings, Target, Values
 from ..readings import labels_of
 from ..shapes import Weight
-from .units import OfUnits, number
+from .units import OfUnits, size_of
 
 
 class LotOffset(OfUnits):
@@ -40,7 +40,7 @@ class LotOffset(OfUnits):
         self, readings: Readings, values: Values, target: Target, drawn: Array, mean: float, rng: np.random.Generator
     ) -> Array:
         lots, of_lot = labels_of(readings[Role.LOT])
-        offsets = [value_or_zero(values, number(_offset(str(lot)), target)) for lot in lots]
+        offsets = [size_of(_offset(str(lot)), values, target) for lot in lots]
         return np.asarray(drawn + np.array(offsets)[of_lot])
 
 

@@ -64,10 +64,9 @@ class MovedUnits(OfUnits):
     def units(
         self, readings: Readings, values: Values, target: Target, drawn: Array, mean: float, rng: np.random.Generator
     ) -> Array:
-        size = value_or_zero(values, number(self.weight, target))
-        return np.asarray(drawn + size * self.pattern(readings))
+        return np.asarray(drawn + size_of(self.weight, values, target) * self.pattern(readings))
 
 
-def number(weight: Weight, target: Target) -> str:
-    """Name of a linear parameter of the single output of a population."""
-    return weight.of(target.outputs[0], target).name
+def size_of(weight: Weight, values: Values, target: Target) -> float:
+    """A linear parameter of the single output of a population, 0 where it is not given."""
+    return value_or_zero(values, weight.of(target.outputs[0], target).name)
