@@ -22,10 +22,10 @@ from .roots import bracketed_roots
 
 Array = NDArray[np.float64]
 ANGLES = 16
-"""Midpoints of phi in a quarter turn: P is within 1e-6 of itself from r = sqrt(l_1) on, and within
-1e-4 of one below."""
+"""Midpoints of phi in a quarter turn: the error of P is up to 1e-6 from r = sqrt(l_1) on, and up to
+1e-4 below."""
 LEAST, MOST = 1e-14, 1e300
-"""Range of k: below it D(a sqrt k)/sqrt k is a to rounding; beyond it there is one component."""
+"""Range of k: below it D(a sqrt k)/sqrt k is a to rounding; beyond it one component counts."""
 
 
 def principal(covariance: Array) -> Array:
@@ -58,9 +58,9 @@ def exceedance(variances: Array, length: Array | float) -> Array:
 
 
 def quantile(variances: Array, coverage: float) -> Array:
-    """Length (...) that v keeps with the probability `coverage`, of variances as in `exceedance`.
+    """Length (...) that v does not exceed with the probability `coverage`.
 
-    It lies between those of one component and of three equal ones.
+    The variances are those of `exceedance`. The length lies between those of one component and of three equal ones.
     """
     scale = np.sqrt(variances[..., 0])
     relative = variances / np.where(scale > 0.0, scale, 1.0)[..., None] ** 2

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 PINS, CRANK = "pin passing", "crank"
@@ -33,13 +33,12 @@ class Gear:
     @property
     def unnamed(self) -> tuple[float, ...]:
         """Orders, rising, that no named effect covers."""
-        unnamed_orders = {order for name, order in self.orders.items() if name not in NAMED}
-        return tuple(sorted(unnamed_orders))
+        return tuple(sorted({order for name, order in self.orders.items() if name not in NAMED}))
 
     def name_of(self, order: float) -> str:
         """The source of the waves of an order, empty where the gear has none."""
-        near = [name for name, gear_order in self.orders.items() if abs(gear_order - order) < 1e-6 * gear_order]
-        return near[0] if near else ""
+        near = (name for name, known_order in self.orders.items() if abs(known_order - order) < 1e-6 * known_order)
+        return next(near, "")
 
 
 def cycloidal(teeth: Mapping[str, int]) -> Gear:
@@ -111,12 +110,7 @@ TEETH: Mapping[str, tuple[str, ...]] = {
     "planetary": ("sun_teeth", "planet_teeth", "ring_teeth", "planets"),
 }
 """The counts that each kind of gear needs."""
-BUILD: Mapping[str, Callable[[Mapping[str, int]], Gear]] = {
-    "rv": rv,
-    "cycloidal": cycloidal,
-    "harmonic": harmonic,
-    "planetary": planetary,
-}
+BUILD = {"rv": rv, "cycloidal": cycloidal, "harmonic": harmonic, "planetary": planetary}
 RV_40E = rv({"pins": 40, "cycloid_teeth": 39, "sun_teeth": 12, "planet_teeth": 36})
 """The RV-40E-121 of document B."""
 
@@ -133,22 +127,14 @@ def of_ratio(pins: int, cycloid_teeth: int, ratio: float) -> Gear:
 
 def contradictions(kind: str, teeth: Mapping[str, int]) -> dict[str, str]:
     """Contradictions between the counts of a gear, by their name."""
-    contradictory: dict[str, str] = {}
-    smaller = {
-        "rv": ("cycloid_teeth", "pins"),
-        "cycloidal": ("cycloid_teeth", "pins"),
-        "harmonic": ("flex_teeth", "circular_teeth"),
-    }
-    if kind in smaller:
-        less, more = smaller[kind]
-        if teeth[less] >= teeth[more]:
-            contradictory[less] = f"must be below {more} ({teeth[more]}), got {teeth[less]}"
     if kind == "planetary":
-        fits = teeth["sun_teeth"] + 2 * teeth["planet_teeth"]
-        if teeth["ring_teeth"] != fits:
-            contradictory["ring_teeth"] = (
-                f"must be sun_teeth + 2 planet_teeth ({fits}), since sun, planet and ring mesh on "
-                f"one centre distance, got {teeth['ring_teeth']}; of a stage with shifted profiles "
-                "or stepped planets give its orders"
-            )
-    return contradictory
+        ring = teeth["sun_teeth"] + 2 * teeth["planet_teeth"]
+        if teeth["ring_teeth"] == ring:
+            return {}
+        reason = f"must be sun_teeth + 2 planet_teeth ({ring}), as sun, planet and ring have a common centre distance"
+        remedy = "give the orders of a stage with shifted profiles or stepped planets"
+        return {"ring_teeth": f"{reason}, got {teeth['ring_teeth']}; {remedy}"}
+    less, more = ("flex_teeth", "circular_teeth") if kind == "harmonic" else ("cycloid_teeth", "pins")
+    if teeth[less] < teeth[more]:
+        return {}
+    return {less: f"must be below {more} ({teeth[more]}), got {teeth[less]}"}

@@ -25,9 +25,9 @@ class Roots:
 def bracketed_roots(function: Callable[..., Any], ends: tuple[Any, Any], *args: Any) -> Roots:
     """Roots of function(x, *args) between `ends`, where its signs differ (or it is 0).
 
-    `ends` and `args` broadcast; `function` is called with arrays of one dimension, of the open
-    roots alone. Inverse quadratic interpolation where it is safe, else bisection, to the last
-    digits. NaN where the signs at the ends are equal.
+    `ends` and `args` broadcast; `function` is called with arrays of one dimension, of those roots
+    alone that are not yet computed. Inverse quadratic interpolation where it is safe, else
+    bisection, to the last digits. NaN where the signs at the ends are equal.
 
     Reference: Chandrupatla (1997), A new hybrid quadratic/bisection algorithm for finding the zero
     of a nonlinear function without using derivatives, Advances in Engineering Software 28(3),
@@ -75,7 +75,7 @@ def bracketed_roots(function: Callable[..., Any], ends: tuple[Any, Any], *args: 
 
 
 def _step(a: Array, b: Array, c: Array, fa: Array, fb: Array, fc: Array, least_fraction: Array) -> Array:
-    """The next estimate, as a fraction of the way from b to a."""
+    """The next estimate, as a fraction of the distance from b to a."""
     with np.errstate(divide="ignore", invalid="ignore"):
         xi, phi = (b - a) / (c - a), (fb - fa) / (fc - fa)
         quadratic = fb / (fa - fb) * fc / (fa - fc) + ((c - b) / (a - b) * fb / (fc - fb) * fa / (fc - fa))

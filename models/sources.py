@@ -11,7 +11,7 @@ from .propagation import ClippedSum, Term
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """One toleranced input of a unit.
+    """A toleranced input of a unit.
 
     `part` describes the quantity that is measured on parts. `tolerance` is the half-width of its
     zone, `law` the distribution in it, and `per_unit` the change of the sum per `unit` of it.
@@ -39,7 +39,7 @@ class Sources:
     """The inputs of the single output of a population: it is `total`/`unit`, for one design.
 
     Where inputs of the clipped part do not add up, that part is a single term of all of them;
-    `widened` returns it with the zone of one input widened by a factor, and `basis` states how
+    `widened` returns it with the zone of an input widened by a factor, and `basis` states how
     inputs are then compared.
     """
 

@@ -1,4 +1,4 @@
-"""Confidence that sums of parts that need not be normal keep their limits: Bayesian bootstrap.
+"""Confidence that sums of parts, normal or not, conform to their limits: Bayesian bootstrap.
 
 Every draw weights the measured values of each part (Dirichlet), takes the moments of the weighted
 sample, adds the cumulants up and compares the quantiles of the sum (Cornish & Fisher) with the
@@ -13,10 +13,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtri
 
-Array = NDArray[np.float64]
+from ..inputs.distribution import Array
+from ..propagation.moments import cornish_fisher
 
 
 def cumulants_drawn(values: Array, draws: int, rng: np.random.Generator) -> Array:
@@ -35,10 +35,10 @@ def cumulants_drawn(values: Array, draws: int, rng: np.random.Generator) -> Arra
 
 
 def fraction_within_limits(cumulants: Sequence[Array], ends: tuple[float, float], fraction: float) -> float:
-    """Fraction of the draws in which the sum of parts keeps its limits.
+    """Fraction of the draws in which the sum of parts conforms to its limits.
 
     `cumulants` (draws, 4) are those of each part, `ends` the limits of the sum from its estimated
-    mean. The limits are kept where they hold the `fraction` of the units, with equal fractions
+    mean. A draw conforms where the limits contain the `fraction` of the units, with equal fractions
     beyond each finite limit.
     """
     mean, variance, third, fourth = np.sum(cumulants, axis=0).T
@@ -47,14 +47,7 @@ def fraction_within_limits(cumulants: Sequence[Array], ends: tuple[float, float]
     finite = np.isfinite(ends)
     z = float(ndtri(0.5 * (1.0 + fraction) if np.all(finite) else fraction))
     within = np.ones(len(mean), dtype=bool)
-    for side, end, real in zip((-1.0, 1.0), ends, finite, strict=True):
-        if real:
-            within &= side * (end - mean) >= side * std * _quantile(side * z, skew, excess)
+    for side, end, limited in zip((-1.0, 1.0), ends, finite, strict=True):
+        if limited:
+            within &= side * (end - mean) >= side * std * cornish_fisher(side * z, skew, excess)
     return float(within.mean())
-
-
-def _quantile(z: float, skew: Array, excess: Array) -> Array:
-    """The Cornish-Fisher quantile (draws,) of a standardised sum, at a normal quantile."""
-    return np.asarray(
-        z + (z**2 - 1.0) * skew / 6.0 + (z**3 - 3.0 * z) * excess / 24.0 - (2.0 * z**3 - 5.0 * z) * skew**2 / 36.0
-    )

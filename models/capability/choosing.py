@@ -1,10 +1,10 @@
-"""Processes chosen by sampled scatter: the level at which such a choice keeps an assured promise.
+"""Processes chosen by sampled scatter: the level at which such a choice conforms as promised.
 
 An optimiser prefers processes whose scatter the samples underestimate, the more so the more
-alternatives there are: a confidence that holds for a fixed allocation fails for the chosen one.
-Self-calibration repeats the procedure with processes drawn from their posteriors: they are sampled,
-a choice is made, and the choice is tested by the processes drawn. The least level of the norm whose
-choices keep their limits as often as promised is used.
+alternatives there are: a confidence that holds for a fixed allocation fails for the chosen
+allocation. Self-calibration repeats the procedure with processes drawn from their posteriors: they
+are sampled, a choice is made, and the choice is tested by the processes drawn. The least level of
+the norm whose choices conform to their limits as often as promised is used.
 
 Reference: Loh (1987), Calibrating confidence coefficients, J. American Statistical Association
 82(397), 155-162; Beran (1987), Prepivoting to reduce level error of confidence sets, Biometrika
@@ -27,13 +27,13 @@ RISKS = (0.4, 0.3, 0.2, 0.1, 0.05, 0.02, 0.01)
 """Levels of the norm that are tried, as fractions of the allowed risk: 0.98 first for 0.95.
 
 A sample that makes a choice look safe makes its repeats look safe as well. With all levels down to
-the confidence itself, self-calibration kept 93 and 89 % of the choices among 9 x 3 machines with 10
-and 20 parts of each (200 repeats): it may raise the level of two fifths, and not lower it.
+the confidence itself, 93 and 89 % of the choices among 9 x 3 machines with 10 and 20 parts of each
+conformed (200 repeats): self-calibration may raise the level of two fifths, and not lower it.
 """
 REPEATS = 200
-"""Repeats of sampling, choosing and testing: one standard error of a fraction is 1.5 %."""
+"""Repeats of sampling, choosing and testing: the standard error of a fraction is 1.5 %."""
 STATES = 65_536
-"""Allocations that are compared; of more, the best at `PRICES` of their variance are kept."""
+"""Allocations that are compared; of more, only the best at `PRICES` of their variance."""
 PRICES = np.geomspace(1e-3, 1e3, 25)
 AT_ONCE = 1024
 """Allocations that are tested together, the cheapest first."""
@@ -43,10 +43,11 @@ RARE = 0.05
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Ways:
-    """The ways (w,) of making one part: `cost` (w,) and `process` (w,), the index in `Processes`.
+    """The alternatives (w,) for making a part: `cost` (w,) and `process` (w,), the index in
+    `Processes`.
 
     `std` and `mean` (r, w) are the estimated contributions to each of r requirements; `pieces` (r,)
-    is the square of an error of the mean over that of one piece.
+    is the square of an error of the mean over that of a single piece.
     """
 
     cost: Array
@@ -66,8 +67,9 @@ class Processes:
 
 @dataclass(frozen=True, slots=True)
 class Aim:
-    """The promise: a fraction `share` of the units keeps the ends (r, 2) of each requirement's
-    deviation, with a `confidence`; `quantile` standard deviations (r,) must fit to each end.
+    """The promise: with a `confidence`, the deviations of a fraction `share` of the units lie
+    between the `ends` (r, 2) of each requirement; `quantile` standard deviations (r,) must fit to
+    each end.
     """
 
     share: float
@@ -78,7 +80,7 @@ class Aim:
 
 @dataclass(frozen=True, slots=True)
 class Level:
-    """A level of the norm, the fraction of choices that are kept, and of samples without any.
+    """A level of the norm, the fraction of choices that conform, and of samples without a choice.
 
     `confidence` is that of the highest level tried where none is sufficient (`sure` is False).
     """
@@ -92,12 +94,12 @@ class Level:
 def calibrated(
     parts: Sequence[Ways], processes: Processes, aim: Aim, rng: np.random.Generator, repeats: int = REPEATS
 ) -> Level:
-    """The least level from which on choices are kept with the confidence of the aim.
+    """The least level from which on choices conform with the confidence of the aim.
 
     Where no level with a choice reaches it, the last level is returned and is not `sure`.
     """
     levels = tuple(1.0 - risk * (1.0 - aim.confidence) for risk in RISKS)
-    choices, kept_choices = np.zeros((2, len(levels)))
+    choices, conforming_choices = np.zeros((2, len(levels)))
     table = _Table.of(parts, processes)
     factors = [factor_of(table.kinds, level) for level in levels]
     for _ in range(repeats):
@@ -110,10 +112,10 @@ def calibrated(
             if chosen is None:
                 break
             if chosen != previous:
-                previous, conforming = chosen, table.keeps(chosen, truth, error, aim)
+                previous, conforming = chosen, table.conforms(chosen, truth, error, aim)
             choices[at] += 1.0
-            kept_choices[at] += conforming
-    kept_fraction = kept_choices / np.maximum(choices, 1.0)
+            conforming_choices[at] += conforming
+    kept_fraction = conforming_choices / np.maximum(choices, 1.0)
     enough = choices >= RARE * repeats
     missed = np.flatnonzero(enough & (kept_fraction < aim.confidence))
     at = min(int(missed[-1]) + 1 if len(missed) else 0, len(levels) - 1)
@@ -136,14 +138,14 @@ def _variance_ratios(df: Array, rng: np.random.Generator) -> Array:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Table:
-    """Allocations in the order of their cost: `ways` (m, parts) as places among the ways (w,) of
-    all parts, `uses` (m, w) the same as ones and zeros, and the mean (r, m) of each.
+    """Allocations in the order of their cost: `choices` (m, parts) as places among the alternatives
+    (w,) of all parts, `uses` (m, w) the same as ones and zeros, and the mean (r, m) of each.
 
-    `process` (w,), `std` and `pieces` (w, r) are of all ways; `kinds` (u,) are the different
-    degrees of freedom, `kind` (q,) is the index of a process among them.
+    `process` (w,), `std` and `pieces` (w, r) are of all alternatives; `kinds` (u,) are the
+    different degrees of freedom, `kind` (q,) is the index of a process among them.
     """
 
-    ways: NDArray[np.int64]
+    choices: NDArray[np.int64]
     uses: Array
     mean: Array
     process: NDArray[np.int64]
@@ -159,24 +161,24 @@ class _Table:
         """All allocations; where there are too many, the best by the estimates."""
         kinds, kind = np.unique(processes.df, return_inverse=True)
         rows, place = len(parts[0].std), 0
-        cost, ways = np.zeros(1), np.zeros((1, 0), dtype=np.int64)
+        cost, choices = np.zeros(1), np.zeros((1, 0), dtype=np.int64)
         square, mean = np.zeros((2, rows, 1))
         for part in parts:
-            count, before = len(part.cost), len(ways)
+            count, before = len(part.cost), len(choices)
             cost = np.add.outer(cost, part.cost).ravel()
             square = (square[:, :, None] + part.std[:, None, :] ** 2).reshape(rows, -1)
             mean = (mean[:, :, None] + part.mean[:, None, :]).reshape(rows, -1)
-            ways = np.column_stack([np.repeat(ways, count, axis=0), np.tile(place + np.arange(count), before)])
+            choices = np.column_stack([np.repeat(choices, count, axis=0), np.tile(place + np.arange(count), before)])
             place += count
             if len(cost) > STATES:
                 best = _best(cost, square)
-                cost, ways = cost[best], ways[best]
+                cost, choices = cost[best], choices[best]
                 square, mean = square[:, best], mean[:, best]
         order = np.argsort(cost, kind="stable")
-        ways, uses = ways[order], np.zeros((len(order), place))
-        uses[np.arange(len(ways))[:, None], ways] = 1.0
+        choices, uses = choices[order], np.zeros((len(order), place))
+        uses[np.arange(len(choices))[:, None], choices] = 1.0
         return cls(
-            ways,
+            choices,
             uses,
             mean[:, order],
             process=np.concatenate([part.process for part in parts]),
@@ -188,18 +190,18 @@ class _Table:
             kind=kind.ravel(),
         )
 
-    def keeps(self, chosen: int, truth: Array, error: Array, aim: Aim) -> bool:
-        """Whether the units of an allocation conform, by the processes as they are (q,)."""
-        ways = self.ways[chosen]
-        process, std = self.process[ways], self.std[ways]
+    def conforms(self, chosen: int, truth: Array, error: Array, aim: Aim) -> bool:
+        """Whether the units of an allocation conform, by true variances and mean errors (q,)."""
+        choices = self.choices[chosen]
+        process, std = self.process[choices], self.std[choices]
         spread = np.sqrt(np.maximum(np.sum(std**2 * truth[process][:, None], axis=0), 1e-300))
-        off = self.means[ways] + np.sqrt(self.pieces[ways]) * std * error[process][:, None]
+        off = self.means[choices] + np.sqrt(self.pieces[choices]) * std * error[process][:, None]
         ends = (aim.ends - off.sum(axis=0)[:, None]) / spread[:, None]
         return bool(np.all(ndtr(ends[:, 1]) - ndtr(ends[:, 0]) >= aim.share))
 
 
 class _Sampled:
-    """Allocations by one sample of the processes: sampled variances (q,) over the estimates."""
+    """Allocations by a sample of the processes: sampled variances (q,) over the estimates."""
 
     def __init__(self, table: _Table, variance_ratio: Array, aim: Aim) -> None:
         self.table, self.aim, process = table, aim, table.process
@@ -210,9 +212,9 @@ class _Sampled:
         self.cached: dict[int, Array] = {}
 
     def cheapest(self, factor: Array, first: int) -> int | None:
-        """The first allocation from a place on that keeps the ends by the norm of factors (u,)."""
+        """The first allocation from a place on that conforms by the norm of factors (u,)."""
         rows, (low, high) = len(self.aim.ends), self.aim.ends.T
-        for start in range(first - first % AT_ONCE, len(self.table.ways), AT_ONCE):
+        for start in range(first - first % AT_ONCE, len(self.table.choices), AT_ONCE):
             sums, mean = self._sums(start), self.table.mean[:, start : start + AT_ONCE].T
             doubt = sums[:, rows:].reshape(len(sums), len(factor), rows)
             surplus = np.sqrt(np.sum(factor[:, None] ** 2 * doubt, axis=1))

@@ -1,4 +1,4 @@
-"""Capability and performance indices of one characteristic, with confidence limits."""
+"""Capability and performance indices of a characteristic, with confidence limits."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from ..inputs.distribution import Array
+
 CONFIDENCE = 0.95
 
 
@@ -35,19 +35,12 @@ def capability(values: Array, lower: float | None, upper: float | None) -> dict[
     indices: dict[str, Index] = {}
     if lower is not None and upper is not None:
         cp = (upper - lower) / (6.0 * std)
-        shares = [0.5 - CONFIDENCE / 2, 0.5 + CONFIDENCE / 2]
-        ends = np.sqrt(scipy.stats.chi2.ppf(shares, n - 1) / (n - 1))
+        levels = [0.5 - CONFIDENCE / 2, 0.5 + CONFIDENCE / 2]
+        ends = np.sqrt(scipy.stats.chi2.ppf(levels, n - 1) / (n - 1))
         indices["Cp"] = Index(cp, cp * float(ends[0]), cp * float(ends[1]))
-    sides = [
-        side
-        for side in (
-            None if upper is None else (upper - mean) / (3.0 * std),
-            None if lower is None else (mean - lower) / (3.0 * std),
-        )
-        if side is not None
-    ]
-    if sides:
-        cpk = min(sides)
+    distances = ([] if upper is None else [upper - mean]) + ([] if lower is None else [mean - lower])
+    if distances:
+        cpk = min(distances) / (3.0 * std)
         error = float(scipy.stats.norm.ppf(0.5 + CONFIDENCE / 2)) * np.sqrt(1.0 / (9.0 * n) + cpk**2 / (2.0 * (n - 1)))
         indices["Cpk"] = Index(cpk, cpk - error, cpk + error)
     return indices

@@ -6,15 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from ..inputs.distribution import Array
+
 LEAST = 5
 """Parts from which a sample is used; the posterior mean of a variance needs 4 of them."""
 CONFIDENCE = 0.95
 """Confidence of the upper limit on a variance in an assured allocation."""
-
-
 CONTRADICTED = 1e-6
 """Probability below which a sample contradicts a prior."""
 
@@ -86,13 +84,13 @@ class Knowledge:
         """G, the upper limit of the variance at a confidence over std^2, less E; at least 0."""
         if np.isinf(self.df):
             return 0.0
-        more = _factor(self.df, confidence) - self.inflation
+        surplus = _factor(self.df, confidence) - self.inflation
         if (difference := self.difference) is not None:
             limit = upper_of_difference(
                 difference.measured, difference.measured_df, difference.gauge, difference.gauge_df, confidence
             )
-            more += max(limit / difference.part_variance - _factor(difference.measured_df, confidence), 0.0)
-        return max(more, 0.0)
+            surplus += max(limit / difference.part_variance - _factor(difference.measured_df, confidence), 0.0)
+        return max(surplus, 0.0)
 
     def drawn(self, count: int, rng: np.random.Generator) -> tuple[Array, Array]:
         """Variances over std^2 and errors of the mean over std, (count,) each, of the posterior.
@@ -109,24 +107,22 @@ class Knowledge:
         observed = variance
         if (difference := self.difference) is not None:
             fraction = difference.measured_df / self.df
-            gauge = (
-                np.full(count, difference.gauge)
-                if np.isinf(difference.gauge_df)
-                else (difference.gauge * difference.gauge_df / rng.chisquare(difference.gauge_df, count))
-            )
-            whole = variance * (self.std**2 + fraction * difference.gauge)
-            variance = np.maximum(whole - fraction * gauge, 1e-3 * self.std**2) / self.std**2
+            gauge = np.full(count, difference.gauge)
+            if np.isfinite(difference.gauge_df):
+                gauge = difference.gauge * difference.gauge_df / rng.chisquare(difference.gauge_df, count)
+            measured = variance * (self.std**2 + fraction * difference.gauge)
+            variance = np.maximum(measured - fraction * gauge, 1e-3 * self.std**2) / self.std**2
             observed = variance + gauge / self.std**2
         return variance, np.sqrt(observed / self.n) * rng.standard_normal(count)
 
 
 def _factor(df: float, confidence: float) -> float:
-    """The upper limit of a variance over its estimate."""
+    """The upper confidence limit of a variance over its estimate."""
     return df / float(scipy.stats.chi2.ppf(1.0 - confidence, df))
 
 
 def knowledge_of(values: Array, prior: Prior | None = None, gauge: Gauge | None = None) -> Knowledge:
-    """The posterior of a process from measured `values` (n,) of one characteristic.
+    """The posterior of a process from measured `values` (n,) of a characteristic.
 
     The variance of a gauge is subtracted, and the upper limit is that of the difference. Raises
     ValueError for fewer than `LEAST` values, values that are all equal, a gauge that scatters
@@ -134,35 +130,34 @@ def knowledge_of(values: Array, prior: Prior | None = None, gauge: Gauge | None 
     """
     n = len(values)
     if n < LEAST:
-        raise ValueError(f"has {n} values, {LEAST} at least are needed")
+        raise ValueError(f"has {n} values; at least {LEAST} are needed")
     observed, mean = float(np.var(values, ddof=1)), float(np.mean(values))
     if observed <= 0.0:
         raise ValueError(f"has {n} equal values: the resolution of the gauge is too coarse to show a scatter")
     variance = observed if gauge is None else observed - gauge.sigma**2
     if gauge is not None and variance <= 0.0:
         raise ValueError(
-            f"scatters by {np.sqrt(observed):.4g}, its gauge alone by {gauge.sigma:.4g}: "
+            f"has a standard deviation of {np.sqrt(observed):.4g}, its gauge alone one of {gauge.sigma:.4g}: "
             "the gauge is unfit for these parts"
         )
     df, parts = n - 1.0, 0.0
     difference = None if gauge is None else Difference(observed, df, gauge.sigma**2, gauge.df)
     if prior is not None:
-        _agreeing(variance, df, prior)
+        _check_prior(variance, df, prior)
         variance = (prior.parts * prior.sigma**2 + df * variance) / (prior.parts + df)
         df, parts = df + prior.parts, prior.parts
     return Knowledge(mean, float(np.sqrt(variance)), float(n), df, parts, difference)
 
 
-def _agreeing(variance: float, df: float, prior: Prior) -> None:
+def _check_prior(variance: float, df: float, prior: Prior) -> None:
     """Raises ValueError where a sample contradicts a prior."""
     below = float(scipy.stats.f.cdf(variance / prior.sigma**2, df, prior.parts))
     chance = 2.0 * min(below, 1.0 - below)
     if chance < CONTRADICTED:
         raise ValueError(
-            f"scatters by {np.sqrt(variance):.4g}, the prior says {prior.sigma:.4g} "
-            f"and claims to be worth {prior.parts:g} parts: as far apart by chance "
-            f"once in {1.0 / max(chance, 1e-12):.2g}; lower prior.parts, or leave it "
-            "out"
+            f"has a standard deviation of {np.sqrt(variance):.4g}, the prior one of {prior.sigma:.4g} with the weight "
+            f"of {prior.parts:g} parts: they differ as much by chance once in {1.0 / max(chance, 1e-12):.2g} samples; "
+            "reduce prior.parts, or remove the prior"
         )
 
 
@@ -175,15 +170,15 @@ def upper_of_difference(
     combinations of variance components that are unrestricted in sign, J. Statistical Computation
     and Simulation 35(1-2), 135-143.
     """
+    chi_square = float(scipy.stats.chi2.ppf(1.0 - confidence, first_df))
     if second <= 0.0:
-        return first * first_df / float(scipy.stats.chi2.ppf(1.0 - confidence, first_df))
-    above = first_df / float(scipy.stats.chi2.ppf(1.0 - confidence, first_df)) - 1.0
+        return first * first_df / chi_square
+    above = first_df / chi_square - 1.0
     if np.isfinite(second_df):
         below = 1.0 - second_df / float(scipy.stats.chi2.ppf(confidence, second_df))
         f = float(scipy.stats.f.ppf(1.0 - confidence, first_df, second_df))
     else:
-        below = 0.0
-        f = float(scipy.stats.chi2.ppf(1.0 - confidence, first_df)) / first_df
+        below, f = 0.0, chi_square / first_df
     mixed = ((1.0 - f) ** 2 - (above * f) ** 2 - below**2) / f
     variance = (above * first) ** 2 + (below * second) ** 2 + mixed * first * second
     return first - second + float(np.sqrt(max(variance, 0.0)))

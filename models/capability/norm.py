@@ -28,12 +28,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 from scipy.special import ndtri
 
+from ..inputs.distribution import Array
 from .knowledge import Knowledge
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

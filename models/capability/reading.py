@@ -7,19 +7,22 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...likely_units import unit_hint
 from ...section import POSITIVE, Range, Section
 from ...units import converted, fits
 from ..inputs import Normal
+from ..inputs.distribution import Array
 from .indices import Index, capability
 from .knowledge import Gauge, Knowledge, Prior, knowledge_of
 from .stability import Finding, distribution_type, findings
 
-Array = NDArray[np.float64]
 MEANS = ("as_found", "corrected")
+SAME_MEAN = "the mean of later parts is that of the sample; the configuration does not state that it is corrected"
+"""The assumption where a table is silent about the mean."""
 FIXED = "fixed"
+NOT_FIXED = "cannot be fixed where the tolerance is searched, as tighter limits would change nothing: state a machine"
+NOT_STATED = "is missing: the half-width that the measured parts were made to, as their scatter is proportional to it"
 NEAR_NOMINAL = 1e-9
 BEYOND = 20.0
 """Deviation, in half-widths that parts were made to, above which the unit is taken to be wrong."""
@@ -29,7 +32,7 @@ CAPABLE = 100.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PartSample:
-    """Measured parts of one characteristic: deviations (n,) from the mid-limit, in the part's unit.
+    """Measured parts of a characteristic: deviations (n,) from the mid-limit, in the part's unit.
 
     `knowledge` is the posterior of the process, `made_to` the half-width that the parts were made
     to (0 where it is not known), `offset` the deviation of the mean of all later parts.
@@ -55,24 +58,15 @@ class PartSample:
         return distribution_type(self.findings)
 
     def departures(self, owner: str) -> tuple[str, ...]:
-        """Departures from one stable normal process; `owner` names what was measured."""
-        return tuple(
-            f"{owner}, measured: {finding.text} (by chance: {finding.probability:.2g})" for finding in self.findings
-        )
+        """Departures from a single stable normal process; `owner` names what was measured."""
+        return tuple(f"{owner}, measured: {f.text} (by chance: {f.probability:.2g})" for f in self.findings)
 
     def statement(self, unit: str) -> str:
         """The sample and its capability, in one line."""
-        indices = [
-            f"{name} {index.value:.2f} ({index.low:.2f} to {index.high:.2f})" for name, index in self.indices.items()
-        ]
-        return ", ".join(
-            [
-                f"{len(self.deviations)} parts: mean {self.knowledge.mean:+.4g} {unit} from the "
-                f"mid-limit, s = {self.knowledge.std:.4g} {unit}",
-                *indices,
-                f"distribution {self.type} (ISO 22514-2)",
-            ]
-        )
+        mean, std = f"{self.knowledge.mean:+.4g} {unit}", f"{self.knowledge.std:.4g} {unit}"
+        indices = [f"{name} {i.value:.2f} ({i.low:.2f} to {i.high:.2f})" for name, i in self.indices.items()]
+        first = f"{len(self.deviations)} parts: mean {mean} from the mid-limit, s = {std}"
+        return ", ".join([first, *indices, f"distribution {self.type} (ISO 22514-2)"])
 
 
 def read_sample(
@@ -85,29 +79,26 @@ def read_sample(
     used.
     """
     section = owner.section("measured")
-    own_unit = _unit(section, unit)
+    stated_unit = _unit(section, unit)
     numbers, lots = section.numbers("values"), section.take("lots") or []
     mean = section.text("mean", MEANS)
-    gauge = _gauge(section, own_unit, unit)
-    made_to = _made_to(section, own_unit, unit, t, follows)
-    of_file = section.number("nominal", own_unit or unit)
+    gauge = _gauge(section, stated_unit or unit, unit)
+    made_to = _made_to(section, stated_unit or unit, unit, t, follows)
+    of_file = section.number("nominal", stated_unit or unit)
     section.accept(("characteristic",))
     prior = _prior(section, made_to or 0.0, unit)
     if "values" not in section:
         section.fault("file", "is missing: name a table or Q-DAS file of measured parts, or give values")
     section.finish()
-    if numbers is None or made_to is None or own_unit is None:
+    if numbers is None or made_to is None or stated_unit is None:
         return None
-    values = np.asarray(converted(np.array(numbers), own_unit, unit), dtype=float)
+    values = np.asarray(converted(np.array(numbers), stated_unit, unit), dtype=float)
     if of_file is not None:
-        file_nominal = float(converted(of_file, own_unit, unit))
+        file_nominal = float(converted(of_file, stated_unit, unit))
         nominal = file_nominal if nominal is None else nominal
         if abs(file_nominal - nominal) > NEAR_NOMINAL * max(abs(nominal), 1.0):
-            section.fault(
-                "file",
-                f"is of a nominal of {file_nominal:g} {unit}, the part has {nominal:g} "
-                f"{unit}: another revision of the drawing?",
-            )
+            other = f"is of a nominal of {file_nominal:g} {unit}, the part has {nominal:g} {unit}"
+            section.fault("file", f"{other}: another revision of the drawing?")
             return None
     deviations = _deviations(values, nominal) - mid
     try:
@@ -117,14 +108,6 @@ def read_sample(
         return None
     if not _near(section, unit, deviations, made_to):
         return None
-    assumed = (
-        {}
-        if mean
-        else {
-            "measured.mean": "the mean of later parts is that of the sample; "
-            "the configuration does not say that it is corrected"
-        }
-    )
     return PartSample(
         deviations=deviations,
         knowledge=knowledge,
@@ -133,32 +116,28 @@ def read_sample(
         findings=tuple(findings(deviations, [str(lot) for lot in lots])),
         indices=capability(deviations, -made_to, made_to) if made_to else {},
         stated=dict(owner.take("measured")),
-        assumed=assumed,
+        assumed={} if mean else {"measured.mean": SAME_MEAN},
     )
 
 
 def _near(section: Section, unit: str, deviations: Array, made_to: float) -> bool:
     """Whether deviations have the size of a tolerance; a fault is reported where they do not."""
-    far = float(np.max(np.abs(deviations)))
-    width = made_to or 3.0 * float(np.std(deviations, ddof=1))
-    if made_to and made_to > CAPABLE * 3.0 * (std := float(np.std(deviations, ddof=1))):
+    far, std = float(np.max(np.abs(deviations))), float(np.std(deviations, ddof=1))
+    width = made_to or 3.0 * std
+    if made_to > CAPABLE * 3.0 * std:
         hint = unit_hint(std, unit, made_to / 30.0, made_to)
-        section.fault(
-            "values",
-            f"scatter by {std:.4g} {unit} (Cp = {made_to / (3.0 * std):.4g}), "
-            f"but were made to {made_to:g} {unit}{hint}: check their unit and "
-            "made_to",
-        )
-        return False
-    if far <= BEYOND * width:
+        problem = f"scatter by {std:.4g} {unit} (Cp = {made_to / (3.0 * std):.4g})"
+    elif far > BEYOND * width:
+        hint = unit_hint(far, unit, 0.0, width)
+        problem = f"lie up to {far:.4g} {unit} off the mid-limit"
+    else:
         return True
-    hint = unit_hint(far, unit, 0.0, width)
     comparison = (
-        f"but were made to {width:g} {unit}{hint}: check their unit and made_to"
+        f"but were made to {made_to:g} {unit}{hint}: check their unit and made_to"
         if made_to
         else f"but three times their scatter is {width:.4g} {unit}{hint}: state measured.nominal, or check their unit"
     )
-    section.fault("values", f"lie up to {far:.4g} {unit} off the mid-limit, {comparison}")
+    section.fault("values", f"{problem}, {comparison}")
     return False
 
 
@@ -171,6 +150,7 @@ def _deviations(values: Array, nominal: float | None) -> Array:
 
 
 def _unit(section: Section, unit: str) -> str | None:
+    """The unit of the values, that of the part where none is stated; None after a fault."""
     stated = section.text("unit")
     if not stated:
         return unit
@@ -183,42 +163,29 @@ def _unit(section: Section, unit: str) -> str | None:
     return None
 
 
-def _made_to(section: Section, own_unit: str | None, unit: str, t: float | None, follows: bool) -> float | None:
+def _made_to(section: Section, stated_unit: str, unit: str, t: float | None, follows: bool) -> float | None:
     """Half-width that the measured parts were made to, in the unit of the part; 0: not known."""
-    if section.take("made_to") == FIXED:
-        if t is None and follows:
-            section.fault(
-                "made_to",
-                "cannot be fixed where the tolerance is searched, as tighter "
-                "limits would change nothing: state a machine",
-            )
-        return t if follows else 0.0
-    half_width = section.number("made_to", own_unit or unit, POSITIVE)
-    if half_width is not None:
-        return float(converted(half_width, own_unit or unit, unit))
-    if "made_to" in section:
-        return None
+    fixed = section.take("made_to") == FIXED
+    if "made_to" in section and not fixed:
+        half_width = section.number("made_to", stated_unit, POSITIVE)
+        return None if half_width is None else float(converted(half_width, stated_unit, unit))
     if t is None and follows:
-        section.fault(
-            "made_to",
-            "is missing: the half-width that the measured parts were made to, "
-            "so that their scatter can follow the tolerance",
-        )
+        section.fault("made_to", NOT_FIXED if fixed else NOT_STATED)
     return t if follows else 0.0
 
 
-def _gauge(section: Section, own_unit: str | None, unit: str) -> Gauge | None:
+def _gauge(section: Section, stated_unit: str, unit: str) -> Gauge | None:
     if "gauge" not in section:
         return None
     table = section.section("gauge")
-    sigma = table.number("sigma", own_unit or unit, POSITIVE)
+    sigma = table.number("sigma", stated_unit, POSITIVE)
     df = table.number("df", within=Range(low=1.0))
     if "sigma" not in table:
-        table.fault("sigma", "is missing: the standard deviation of repeated readings of one part")
+        table.fault("sigma", "is missing: the standard deviation of repeated measurements of a part")
     table.finish()
     if sigma is None:
         return None
-    return Gauge(float(converted(sigma, own_unit or unit, unit)), np.inf if df is None else df)
+    return Gauge(float(converted(sigma, stated_unit, unit)), np.inf if df is None else df)
 
 
 def _prior(section: Section, made_to: float, unit: str) -> Prior | None:
@@ -229,13 +196,13 @@ def _prior(section: Section, made_to: float, unit: str) -> Prior | None:
     cp, sigma = table.number("cp", within=POSITIVE), table.number("sigma", unit, POSITIVE)
     parts = table.number("parts", within=POSITIVE)
     if "cp" in table and "sigma" in table:
-        table.fault("sigma", "is stated in addition to cp: keep one")
+        table.fault("sigma", "is stated in addition to cp: remove one of them")
     elif "cp" not in table and "sigma" not in table:
-        table.fault("cp", "is missing: the capability that is believed, or sigma")
+        table.fault("cp", "is missing: the expected capability, or sigma")
     elif cp is not None and not made_to:
-        table.fault("cp", "needs made_to, the half-width that it is of: state sigma")
+        table.fault("cp", "needs made_to, the half-width that it refers to: state made_to, or sigma instead of cp")
     if "parts" not in table:
-        table.fault("parts", "is missing: how many measured parts the belief is worth")
+        table.fault("parts", "is missing: the number of measured parts whose weight the prior has")
     table.finish()
-    believed = sigma if cp is None else made_to / (3.0 * cp)
-    return None if not believed or parts is None else Prior(believed, parts)
+    expected = sigma if cp is None else made_to / (3.0 * cp)
+    return None if not expected or parts is None else Prior(expected, parts)

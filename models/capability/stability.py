@@ -1,4 +1,4 @@
-"""Tests against one stable normal process: drift, lots, outliers, shape."""
+"""Tests for departures from a single stable normal process: drift, lots, outliers, shape."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from ..inputs.distribution import Array
+
 LEVEL = 0.01
-"""Probability of a false finding in a sample of one stable normal process, all tests together."""
+"""Probability of a false finding in a sample of a stable normal process, all tests together."""
 FEW = 8
 """Number of values from which the shape of a distribution can be tested."""
 
@@ -19,7 +19,7 @@ FEW = 8
 @dataclass(frozen=True, slots=True)
 class Finding:
     """A departure: its kind (`drift`, `lots`, `scatter`, `outlier`, `shape`), a description, and
-    the probability of one as large by chance.
+    the probability of a departure as large by chance.
     """
 
     kind: str
@@ -46,7 +46,7 @@ def findings(values: Array, lots: Sequence[str] = ()) -> list[Finding]:
         if finding.probability > LEVEL / (len(tests) - at):
             break
         significant.append(finding)
-    if any(test.kind == "outlier" for test in significant):  # a shape due to one value is none
+    if any(test.kind == "outlier" for test in significant):  # the shape is tested without it
         remaining = np.delete(values, np.argmax(np.abs(values - values.mean())))
         if len(remaining) >= FEW and _shape(remaining).probability > LEVEL:
             significant = [test for test in significant if test.kind != "shape"]
@@ -72,24 +72,20 @@ def distribution_type(departures: Sequence[Finding]) -> str:
 def _drift(values: Array) -> Finding:
     trend = scipy.stats.linregress(np.arange(len(values), dtype=float), values)
     total = float(trend.slope) * (len(values) - 1)
-    text = f"drifts by {total:.3g} from the first part to the last"
-    return Finding("drift", text, float(trend.pvalue))
+    return Finding("drift", f"drifts by {total:.3g} from the first part to the last", float(trend.pvalue))
 
 
 def _lots(values: Array, lots: Sequence[str]) -> list[Finding]:
-    names = list(dict.fromkeys(lots))
-    groups = [values[[at for at, lot in enumerate(lots) if lot == name]] for name in names]
+    groups = [values[[at for at, lot in enumerate(lots) if lot == name]] for name in dict.fromkeys(lots)]
     groups = [group for group in groups if len(group) > 1]
     if len(groups) < 2:
         return [_succession(values)] if len(values) >= FEW else []
     spread = float(np.ptp([group.mean() for group in groups]))
+    of_means = float(scipy.stats.f_oneway(*groups).pvalue)
+    of_scatter = float(scipy.stats.levene(*groups, center="median").pvalue)
     return [
-        Finding(
-            "lots", f"has lots whose means differ by up to {spread:.3g}", float(scipy.stats.f_oneway(*groups).pvalue)
-        ),
-        Finding(
-            "scatter", "has lots that scatter differently", float(scipy.stats.levene(*groups, center="median").pvalue)
-        ),
+        Finding("lots", f"has lots whose means differ by up to {spread:.3g}", of_means),
+        Finding("scatter", "has lots that scatter differently", of_scatter),
     ]
 
 
@@ -103,7 +99,7 @@ def _succession(values: Array) -> Finding:
     ratio = float(np.sum(np.diff(residual) ** 2)) / total if total > 0.0 else 2.0
     z = (0.5 * ratio - 1.0) * np.sqrt((n**2 - 1.0) / (n - 2.0))
     text = (
-        f"has parts that follow those before them (steps of {ratio:.2g} variances in the mean "
+        f"has parts that depend on the parts before them (steps of {ratio:.2g} variances in the mean "
         "square, 2 by chance): lots or settings that are not named"
     )
     return Finding("lots", text, float(scipy.special.ndtr(z)))
@@ -113,8 +109,8 @@ def _outlier(values: Array) -> Finding:
     """Grubbs' test of the value furthest from the mean."""
     n, far = len(values), int(np.argmax(np.abs(values - values.mean())))
     g = float(abs(values[far] - values.mean()) / values.std(ddof=1))
-    room = (n - 1) ** 2 - n * g**2
-    t = np.inf if room <= 0.0 else np.sqrt(n * (n - 2) * g**2 / room)
+    denominator = (n - 1) ** 2 - n * g**2
+    t = np.inf if denominator <= 0.0 else np.sqrt(n * (n - 2) * g**2 / denominator)
     p = min(1.0, 2.0 * n * float(scipy.stats.t.sf(t, n - 2)))
     text = f"has an outlier: {values[far]:.6g} (part {far + 1}), {g:.1f} standard deviations off"
     return Finding("outlier", text, p)

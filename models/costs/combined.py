@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .curve import Array, CostCurve, not_negative
+from .curve import Array, CostCurve
 
 
 @dataclass(frozen=True, slots=True)
@@ -17,6 +17,8 @@ class Combined(CostCurve):
     and full acceptance, J. Mechanical Design 103(4), 842-848, and its additive variant in
     Dong, Hu & Xue (1994), J. Engineering for Industry 116(1), 54-63.
     """
+
+    not_negative = ("b", "k", "c", "m")
 
     a: float
     b: float
@@ -30,6 +32,3 @@ class Combined(CostCurve):
     def slope(self, t: Array) -> Array:
         power = -self.k * self.b / t ** (self.k + 1.0)
         return power - self.m * self.c * np.exp(-self.m * t)
-
-    def faults(self) -> list[tuple[str, str]]:
-        return not_negative(self, ("b", "k", "c", "m"))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,9 @@ class CostCurve(ABC):
 
     Manufacturing cost falls as the tolerance widens: `slope` is negative or zero everywhere.
     """
+
+    not_negative: ClassVar[tuple[str, ...]] = ()
+    """Coefficients that must not be below 0: the cost would rise with the tolerance."""
 
     @abstractmethod
     def cost(self, t: Array) -> Array:
@@ -65,21 +69,14 @@ class CostCurve(ABC):
         ends = np.log(low), np.log(high)
         falls = rise(np.full_like(linear, ends[1]), linear, square) <= 0.0
         rises = rise(np.full_like(linear, ends[0]), linear, square) >= 0.0
-        zero = np.where(falls, high, low)
+        minimum = np.where(falls, high, low)
         inner = ~(falls | rises)
         if np.any(inner):
-            root = bracketed_roots(rise, ends, linear[inner], square[inner])
-            zero[inner] = np.exp(root.x)
-        return np.clip(zero, low, high)
+            minimum[inner] = np.exp(bracketed_roots(rise, ends, linear[inner], square[inner]).x)
+        return np.clip(minimum, low, high)
 
     def faults(self) -> list[tuple[str, str]]:
         """(field, message) for every coefficient that makes the curve rise or meaningless."""
-        return []
-
-
-def not_negative(curve: object, names: tuple[str, ...]) -> list[tuple[str, str]]:
-    """A fault for each coefficient in `names` that is below 0."""
-    values = [(name, float(getattr(curve, name))) for name in names]
-    return [
-        (n, f"must not be negative (the cost would rise with the tolerance), got {v:g}") for n, v in values if v < 0
-    ]
+        reason = "must not be negative (the cost would rise with the tolerance)"
+        values = {name: float(getattr(self, name)) for name in self.not_negative}
+        return [(name, f"{reason}, got {value:g}") for name, value in values.items() if value < 0]

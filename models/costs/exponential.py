@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import wrightomega
 
-from .curve import Array, CostCurve, not_negative
+from .curve import Array, CostCurve
 
 STRAIGHT = 1e8
 """Ratio of the prices above which that of the square is negligible."""
@@ -20,6 +20,8 @@ class Exponential(CostCurve):
     Reference: Speckhart (1972), Calculation of tolerance based on a minimum cost approach,
     J. Engineering for Industry 94(2), 447-453.
     """
+
+    not_negative = ("b", "m")
 
     a: float
     b: float
@@ -34,7 +36,7 @@ class Exponential(CostCurve):
     def stationary(self, linear: Array, square: Array) -> Array | None:
         """m b exp(-m t) = p + 2 q t by Wright's omega function, for q = 0 by a logarithm.
 
-        A last step of Newton's method gives back the digits that the difference loses.
+        A last step of Newton's method restores the digits that the difference loses.
         """
         if self.b == 0.0 or self.m == 0.0 or np.any(linear < 0.0):
             return None
@@ -48,6 +50,3 @@ class Exponential(CostCurve):
             level = linear + 2.0 * square * t
             step = (np.log(self.m * self.b / level) - self.m * t) / (self.m + 2.0 * square / level)
         return np.asarray(np.where(np.isfinite(step), t + step, t))
-
-    def faults(self) -> list[tuple[str, str]]:
-        return not_negative(self, ("b", "m"))

@@ -1,10 +1,9 @@
-"""Costs of a part in addition to its manufacture: its part of a set-up, its inspection."""
+"""Costs of a part in addition to its manufacture: its fraction of a set-up, its inspection."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 from ...section import POSITIVE, Range, Section
 from .curve import CostCurve
@@ -27,10 +26,6 @@ class Setup:
         """Cost per part of the lot."""
         return self.price / self.lot
 
-    def table(self) -> dict[str, Any]:
-        """The table that states it."""
-        return {"price": self.price, "lot": self.lot}
-
 
 def read_setup(section: Section) -> Setup | None:
     """`setup = { price = 120, lot = 50 }`, None where there is none or it is at fault."""
@@ -39,7 +34,7 @@ def read_setup(section: Section) -> Setup | None:
         return None
     table = section.section("setup")
     price, lot = table.number("price", within=NOT_NEGATIVE), table.integer("lot", Range(low=1))
-    for key, meaning in (("price", "the price of a set-up"), ("lot", "how many parts it is for")):
+    for key, meaning in (("price", "the price of a set-up"), ("lot", "the number of parts in a lot")):
         if key not in table and isinstance(section.take("setup"), dict):
             table.fault(key, f"is missing: {meaning}")
     table.finish()
@@ -48,20 +43,20 @@ def read_setup(section: Section) -> Setup | None:
 
 def read_extras(section: Section) -> float:
     """What `setup` and `inspection = { price = 0.4 }` add to the cost of a part; 0 without them."""
-    setup, more = read_setup(section), 0.0
+    setup, inspection = read_setup(section), 0.0
     if "inspection" in section:
         table = section.section("inspection")
         price = table.number("price", within=POSITIVE)
         if "price" not in table:
-            table.fault("price", "is missing: what the inspection of a part costs")
+            table.fault("price", "is missing: the cost of inspecting a part")
         for key in ("u", "guard", "scrap", "rework", "required"):
             if key in table:
                 table.take(key)
-                table.fault(key, "needs a scatter that does not follow t: state sigma in a machine")
+                table.fault(key, "needs a scatter that does not depend on t: state sigma in a machine")
         table.finish()
-        more = price or 0.0
+        inspection = price or 0.0
     section.accept(("inspection",))
-    return more + (setup.per_part if setup else 0.0)
+    return inspection + (setup.per_part if setup else 0.0)
 
 
 def read_extras_by(section: Section, keys: Sequence[str]) -> dict[str, float]:
@@ -77,9 +72,10 @@ def read_extras_by(section: Section, keys: Sequence[str]) -> dict[str, float]:
     lot = setup.integer("lot", Range(low=1))
     setup.accept(("price",))
     if "lot" not in setup:
-        setup.fault("lot", "is missing: how many parts it is for")
-    for key in (key for key in keys if key not in table):
-        table.fault(key, "is missing: state the set-up of each grade, or one price for all")
+        setup.fault("lot", "is missing: the number of parts in a lot")
+    for key in keys:
+        if key not in table:
+            table.fault(key, "is missing: state the set-up of each grade, or a single price for all")
     for part in (table, setup):
         part.finish()
     inspection = read_extras(section.having("setup", {"price": 0.0, "lot": 1}))

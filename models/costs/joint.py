@@ -1,4 +1,4 @@
-"""Several curves of the reciprocal family as one: whole matrices of tolerances at once."""
+"""Several curves of the reciprocal family combined: whole matrices of tolerances at once."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ EXPONENTS = {Reciprocal: 1.0, ReciprocalSquared: 2.0}
 class Joint:
     """C_j(t) = a_j + b_j/t^k_j of features j; coefficients (features,), tolerances (n, features).
 
-    k is one number where it is the same for all.
+    k is a single number where it is the same for all.
     """
 
     a: Array
@@ -29,13 +29,13 @@ class Joint:
     @classmethod
     def of(cls, curves: Sequence[CostCurve]) -> Joint | None:
         """The curves combined; None where a curve is of another family."""
-        groups = []
+        coefficients = []
         for curve in curves:
             if not isinstance(curve, Reciprocal | ReciprocalSquared | ReciprocalPower):
                 return None
             k = curve.k if isinstance(curve, ReciprocalPower) else EXPONENTS[type(curve)]
-            groups.append((curve.a, curve.b, k))
-        a, b, k_of = np.array(groups, dtype=float).T
+            coefficients.append((curve.a, curve.b, k))
+        a, b, k_of = np.array(coefficients, dtype=float).T
         return cls(a, b, float(k_of[0]) if np.all(k_of == k_of[0]) else k_of)
 
     def cost(self, t: Array) -> Array:

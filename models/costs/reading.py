@@ -10,12 +10,11 @@ from . import CURVES, CostCurve
 
 
 def read_curve(section: Section, default: CostCurve | None = None) -> CostCurve | None:
-    """The curve of one table; without `model` the table changes coefficients of the default."""
+    """The curve that a table states; without `model` it changes coefficients of the default."""
     name = section.text("model", CURVES)
     base: dict[str, Any] = {}
     if "model" not in section and default is not None:
-        name = name_of(default)
-        base = asdict(default)  # type: ignore[call-overload]
+        name, base = name_of(default), asdict(default)  # type: ignore[call-overload]
     if name is None:
         if "model" not in section:
             section.fault("model", f"is missing; one of {', '.join(CURVES)}")

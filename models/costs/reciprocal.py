@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from .curve import Array, CostCurve, not_negative
+from .curve import Array, CostCurve
 from .reciprocal_power import stationary_power
 
 
@@ -15,6 +15,8 @@ class Reciprocal(CostCurve):
     Reference: Chase & Greenwood (1988), Design issues in mechanical tolerance analysis,
     Manufacturing Review 1(1), 50-59.
     """
+
+    not_negative = ("b",)
 
     a: float
     b: float
@@ -27,6 +29,3 @@ class Reciprocal(CostCurve):
 
     def stationary(self, linear: Array, square: Array) -> Array | None:
         return stationary_power(self.b, 1.0, linear, square)
-
-    def faults(self) -> list[tuple[str, str]]:
-        return not_negative(self, ("b",))

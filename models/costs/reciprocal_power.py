@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .curve import Array, CostCurve, not_negative
+from .curve import Array, CostCurve
 
 STEPS = 6
 """Newton steps: the error falls at least by a third in the first and is squared after."""
@@ -20,6 +20,8 @@ class ReciprocalPower(CostCurve):
     and costs in function generating problems, J. Engineering for Industry 97(1), 283-286.
     """
 
+    not_negative = ("b", "k")
+
     a: float
     b: float
     k: float
@@ -32,9 +34,6 @@ class ReciprocalPower(CostCurve):
 
     def stationary(self, linear: Array, square: Array) -> Array | None:
         return stationary_power(self.b, self.k, linear, square)
-
-    def faults(self) -> list[tuple[str, str]]:
-        return not_negative(self, ("b", "k"))
 
 
 def stationary_power(b: float | Array, k: float | Array, linear: Array, square: Array) -> Array | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from .curve import Array, CostCurve, not_negative
+from .curve import Array, CostCurve
 from .reciprocal_power import stationary_power
 
 
@@ -15,6 +15,8 @@ class ReciprocalSquared(CostCurve):
     Reference: Spotts (1973), Allocation of tolerances to minimize cost of assembly, J. Engineering
     for Industry 95(3), 762-764.
     """
+
+    not_negative = ("b",)
 
     a: float
     b: float
@@ -27,6 +29,3 @@ class ReciprocalSquared(CostCurve):
 
     def stationary(self, linear: Array, square: Array) -> Array | None:
         return stationary_power(self.b, 2.0, linear, square)
-
-    def faults(self) -> list[tuple[str, str]]:
-        return not_negative(self, ("b",))

@@ -15,9 +15,9 @@ class Table(CostCurve):
     """Cost at listed tolerances (or grades), linear between them; not defined outside the list.
 
     `t` rises strictly. Where `cost_at` rises, the lower cost of a tighter tolerance counts, since
-    the part may be made to that one. At a listed tolerance the slope is that of the interval above
-    it, at the last that of the interval below. Outside the list C is infinite: nobody quoted that
-    tolerance.
+    the part may be made to that tolerance. At a listed tolerance the slope is that of the interval
+    above it, at the last that of the interval below. Outside the list C is infinite: there is no
+    price for that tolerance.
     """
 
     t: tuple[float, ...]
@@ -53,7 +53,7 @@ class Table(CostCurve):
     def best(self, linear: Array, square: Array, low: float, high: float) -> Array:
         """As in the base class; global although a table need not be convex.
 
-        The candidates are the ends, the entries between, and each piece's own stationary point.
+        The candidates are the ends, the entries between, and the stationary point of each piece.
         """
         inner = [t for t in self.t if low < t < high]
         knots = np.array([low, *inner, high])
@@ -71,7 +71,5 @@ class Table(CostCurve):
             return [
                 ("t", f"needs at least two entries, and as many as cost_at, got {len(self.t)} and {len(self.cost_at)}")
             ]
-        named = []
-        if any(after <= before for before, after in pairwise(self.t)):
-            named.append(("t", "must rise from entry to entry"))
-        return named
+        rises = all(before < after for before, after in pairwise(self.t))
+        return [] if rises else [("t", "must increase from entry to entry")]

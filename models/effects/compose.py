@@ -1,8 +1,8 @@
 """Effects in a model: its predictions with them, composed in a fixed order.
 
 1. Changes inside of the model, summed over the effects; 2. the model's prediction; 3. the
-population, effect after effect; 4. the sum of what is added to the outputs; 5. the instrument's
-readings, effect after effect. Within 3 and 5 effects act in the order in which they are listed.
+population, effect after effect; 4. the sum of what is added to the outputs; 5. the
+measurement, effect after effect. Within 3 and 5 effects act in the order in which they are listed.
 """
 
 from __future__ import annotations
@@ -12,9 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..inputs.distribution import Array
 from ..measurable import NO_CHANGES, MeasurableModel
-from .effect import Action, Effect, Readings, Target
+from .effect import Action, Array, Effect, Readings, Target, Values
 from .readings import Table, readings_of, target_of
 
 
@@ -23,7 +22,7 @@ class Active:
     """An active effect of the model, with the values of its parameters by name."""
 
     effect: Effect
-    values: Mapping[str, float]
+    values: Values
 
 
 def predicted(
@@ -81,6 +80,6 @@ def added(
         for name, more in action.output.items():
             total[name] = total[name] + more
     for action in actions:
-        for name, reading in action.reading.items():
-            total[name] = reading(total[name])
+        for name, measured in action.reading.items():
+            total[name] = measured(total[name])
     return total

@@ -15,9 +15,11 @@ from numpy.typing import NDArray
 from ...declarations import Output
 from ...units import dimension, unit_key
 from ..gear import Gear
-from ..inputs.distribution import Array
 from ..measurable import Changeable, Column, Role
 
+Array = NDArray[np.float64]
+Values = Mapping[str, float]
+"""Parameters of an effect by name."""
 FAMILIES = (
     "load",
     "geometry by angle",
@@ -135,7 +137,7 @@ class Target:
 
 @dataclass(frozen=True, slots=True)
 class Readings:
-    """The rows of a table as effects see them: by column name, and by role in fixed units.
+    """The rows of a table as effects receive them: by column name, and by role in fixed units.
 
     By role: angle [rad], torque [N m], force [N], direction [+1, -1], speed [rpm], temperature
     [degC], time [s], payload [kg], position [m] (a column that moves along a line instead of
@@ -157,6 +159,11 @@ class Readings:
     def __contains__(self, role: Role) -> bool:
         return role in self.by_role
 
+    @property
+    def in_order(self) -> NDArray[np.int64]:
+        """The rows (n,) in the order of measurement, that of the table where there is no time."""
+        return np.arange(len(self)) if self.order is None else self.order
+
 
 @dataclass(frozen=True, slots=True)
 class Action:
@@ -164,7 +171,7 @@ class Action:
 
     - `changes`: added to changeable quantities inside the model, by name, (n,);
     - `output`: added to outputs, by name, (n,), in their units;
-    - `reading`: what the instrument shows of an output, by name: a function of the output (n,);
+    - `reading`: the measurement of an output, by name: a function of the output (n,);
     - `population`: the changed units of a batch: a function of the drawn values (n,), the model's
       mean and a generator.
     """
@@ -180,7 +187,7 @@ class Effect(ABC):
 
     Effects compose in a fixed order: changes inside the model, then the population, then the
     outputs, then the instrument. Where a model has a changeable quantity of the effect's
-    name (`bearing_clearance_mm`), the effect acts there, with that quantity as its one parameter,
+    name (`bearing_clearance_mm`), the effect acts there, with that quantity as its only parameter,
     in `inside_bounds`; elsewhere it does its `own_action`.
     """
 
@@ -205,16 +212,12 @@ class Effect(ABC):
     def place(self, target: Target) -> Changeable | None:
         """The changeable quantity with the effect's name, without its unit."""
         name = self.inside_name or self.name
-        for changeable in target.changeable:
-            if changeable.name in (name, f"{name}_{unit_key(changeable.unit)}"):
-                return changeable
-        return None
+        matches = (c for c in target.changeable if c.name in (name, f"{name}_{unit_key(c.unit)}"))
+        return next(matches, None)
 
     def applies(self, target: Target) -> bool:
         """Whether the effect has a place in this model, with the columns of this table."""
-        if self.place(target) is not None:
-            return True
-        return bool(self.reached(target)) and self.own_applies(target)
+        return self.place(target) is not None or (bool(self.reached(target)) and self.own_applies(target))
 
     def reached(self, target: Target) -> tuple[Output, ...]:
         """The outputs that it can act on: of its `dimensions`, or of an unknown unit."""
@@ -246,15 +249,12 @@ class Effect(ABC):
 
     def parameter(self, name: str, target: Target) -> EffectParameter | None:
         """The parameter that a configuration names, by its name or by its stem."""
-        for number in self.parameters(target):
-            if name in (number.name, number.stem):
-                return number
-        return None
+        matches = (number for number in self.parameters(target) if name in (number.name, number.stem))
+        return next(matches, None)
 
-    def missing(self, values: Mapping[str, float], target: Target) -> tuple[str, ...]:
+    def missing(self, values: Values, target: Target) -> tuple[str, ...]:
         """Names of the parameters that must be given in addition to `values`: nonlinear ones."""
-        numbers = self.parameters(target)
-        return tuple(n.name for n in numbers if not n.linear and n.name not in values)
+        return tuple(n.name for n in self.parameters(target) if not n.linear and n.name not in values)
 
     def shown(self, measured: Mapping[str, Array], target: Target) -> Mapping[str, float] | None:
         """Nonlinear parameters that follow from the measured outputs (n,), by name; None where
@@ -262,14 +262,14 @@ class Effect(ABC):
         """
         return {}
 
-    def act(self, readings: Readings, values: Mapping[str, float], target: Target) -> Action:
+    def act(self, readings: Readings, values: Values, target: Target) -> Action:
         """Its action on the rows, with `values` of its parameters by name."""
         place = self.place(target)
         if place is None:
             return self.own_action(readings, values, target)
         return Action(changes={place.name: np.full(len(readings), values[place.name])})
 
-    def described(self, values: Mapping[str, float], target: Target) -> dict[str, tuple[float, str]]:
+    def described(self, values: Values, target: Target) -> dict[str, tuple[float, str]]:
         """Quantities reported in addition to the parameters (amplitude, phase): value and unit."""
         return {}
 
@@ -282,10 +282,10 @@ class Effect(ABC):
         """Its parameters where no quantity inside has its name."""
 
     @abstractmethod
-    def own_action(self, readings: Readings, values: Mapping[str, float], target: Target) -> Action:
+    def own_action(self, readings: Readings, values: Values, target: Target) -> Action:
         """Its action on the rows where no quantity inside has its name."""
 
 
-def value_or_zero(values: Mapping[str, float], name: str) -> float:
+def value_or_zero(values: Values, name: str) -> float:
     """A linear parameter, 0 where it is not given."""
     return float(values.get(name, 0.0))

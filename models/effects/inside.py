@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 
-from .effect import Action, Effect, EffectParameter, Readings, Target, value_or_zero
+from .effect import Action, Effect, EffectParameter, Readings, Target, Values, value_or_zero
+
+CHAINS = (1, 2, 3)
+"""Numbers of the chains of a manipulator, each with an arm and its drive."""
 
 
 class Inside(Effect):
@@ -18,7 +19,7 @@ class Inside(Effect):
     def own_parameters(self, target: Target) -> tuple[EffectParameter, ...]:
         return ()
 
-    def own_action(self, readings: Readings, values: Mapping[str, float], target: Target) -> Action:
+    def own_action(self, readings: Readings, values: Values, target: Target) -> Action:
         return Action()
 
 
@@ -29,21 +30,20 @@ class InsideSeveral(Inside):
     """
 
     def own_applies(self, target: Target) -> bool:
-        quantities = (name for _, name in self.numbers(target))
-        return target.changes(*quantities) and set(self.needs) <= target.roles()
+        return target.changes(*(name for _, name in self.numbers(target))) and set(self.needs) <= target.roles()
 
     def own_parameters(self, target: Target) -> tuple[EffectParameter, ...]:
         return tuple(number for number, _ in self.numbers(target))
 
-    def own_action(self, readings: Readings, values: Mapping[str, float], target: Target) -> Action:
+    def own_action(self, readings: Readings, values: Values, target: Target) -> Action:
         factor = self.factor(readings, values)
-        sizes = {name: value_or_zero(values, number.name) for number, name in self.numbers(target)}
-        return Action(changes={name: size * factor for name, size in sizes.items()})
+        numbers = self.numbers(target)
+        return Action(changes={name: value_or_zero(values, number.name) * factor for number, name in numbers})
 
     def numbers(self, target: Target) -> tuple[tuple[EffectParameter, str], ...]:
-        """Each linear parameter, and the quantity that it changes."""
+        """The linear parameters, each with the quantity that it changes."""
         return ()
 
-    def factor(self, readings: Readings, values: Mapping[str, float]) -> np.ndarray:
+    def factor(self, readings: Readings, values: Values) -> np.ndarray:
         """The factor (n,) of the parameters."""
         return np.ones(len(readings))

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..inputs.distribution import Array
 from ..measurable import Role
-from .effect import Readings
+from .effect import Array, Readings
 
 FEW = 0.1
 """Reversals per row above which rows are not a path."""
@@ -29,7 +28,7 @@ def play(x: Array, width: float, starts: NDArray[np.bool_] | None = None) -> Arr
     begins = np.zeros(len(x), dtype=bool) if starts is None else starts.copy()
     begins[:1] = True
     fresh = np.clip(0.0, low[begins], high[begins])
-    low[begins] = high[begins] = fresh  # a path has no memory of the one before
+    low[begins] = high[begins] = fresh  # a path does not depend on the path before it
     step = 1
     while step < len(x):
         # the clip of rows i-step+1..i after that of the rows before it
@@ -42,8 +41,8 @@ def play(x: Array, width: float, starts: NDArray[np.bool_] | None = None) -> Arr
 
 
 def along_path(readings: Readings, x: Array, width: float) -> Array:
-    """`play` over rows in the order of measurement; each unit and repeat is a path of its own."""
-    order, starts = _order(readings), _starts(readings)
+    """`play` over rows in the order of measurement; each unit and repeat has a separate path."""
+    order, starts = readings.in_order, _starts(readings)
     values = np.empty(len(x))
     values[order] = play(x[order], width, starts)
     return values
@@ -53,17 +52,15 @@ def follows_load(readings: Readings) -> bool:
     """Whether the rows are a load path on a unit at rest: the direction is that of the load's
     steps, it seldom reverses, and nothing moves.
     """
-    load = next((r for r in (Role.TORQUE, Role.FORCE) if r in readings), None)
+    load = next((role for role in (Role.TORQUE, Role.FORCE) if role in readings), None)
     if load is None or Role.DIRECTION not in readings or _moves(readings):
         return False
-    order, within = _order(readings), ~_starts(readings)[1:]
+    order, within = readings.in_order, ~_starts(readings)[1:]
     steps = np.diff(np.asarray(readings[load], dtype=float)[order])[within]
     sign = np.asarray(readings[Role.DIRECTION], dtype=float)[order]
-    turns = np.count_nonzero(np.diff(sign))
-    way = 0.5 * (sign[1:] + sign[:-1])[within]
-    along = float(way @ steps)
-    seldom = 0 < int(turns) <= FEW * len(sign)
-    return seldom and along > MOSTLY * float(np.abs(steps).sum())
+    reversals = int(np.count_nonzero(np.diff(sign)))
+    along = float(0.5 * (sign[1:] + sign[:-1])[within] @ steps)
+    return 0 < reversals <= FEW * len(sign) and along > MOSTLY * float(np.abs(steps).sum())
 
 
 def _moves(readings: Readings) -> bool:
@@ -71,17 +68,13 @@ def _moves(readings: Readings) -> bool:
     if Role.SPEED in readings and np.any(readings[Role.SPEED]):
         return True
     angle = readings[Role.ANGLE] if Role.ANGLE in readings else np.zeros(len(readings))
-    steps = np.abs(np.diff(np.asarray(angle, dtype=float)[_order(readings)]))
+    steps = np.abs(np.diff(np.asarray(angle, dtype=float)[readings.in_order]))
     return bool(np.ptp(angle) > TWIST and np.median(steps) > 0.0)
-
-
-def _order(readings: Readings) -> NDArray[np.int64]:
-    return np.arange(len(readings)) if readings.order is None else readings.order
 
 
 def _starts(readings: Readings) -> NDArray[np.bool_]:
     """Where (n,) a path begins, in the order of measurement."""
-    order, starts = _order(readings), np.zeros(len(readings), dtype=bool)
+    order, starts = readings.in_order, np.zeros(len(readings), dtype=bool)
     starts[:1] = True
     for role in (Role.UNIT, Role.REPEAT):
         if role in readings:

@@ -1,8 +1,9 @@
-"""A table as effects see it: columns by role, in fixed units."""
+"""A table as effects receive it: columns by role, in fixed units."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 from ...declarations import Output
 from ...units import converted
 from ..measurable import Changeable, Column, MeasurableModel, Role
-from .effect import Readings, Target
+from .effect import Array, Readings, Target
 from .path import follows_load
 
 Table = Mapping[str, NDArray[Any]]
@@ -40,17 +41,12 @@ EXTRAS = (
 
 def fixed_unit(column: Column) -> str:
     """The unit in which effects receive a column. Raises ValueError where its own does not fit."""
-    units = FIXED.get(column.role, ())
+    units = FIXED.get(column.role, (column.unit,))
     for unit in units:
-        try:
+        with suppress(ValueError):
             converted(0.0, column.unit, unit)
-        except ValueError:
-            continue
-        return unit
-    if units:
-        text = f'"{column.unit}" is no unit of a {column.role} (write {" or ".join(units)})'
-        raise ValueError(text)
-    return column.unit
+            return unit
+    raise ValueError(f'"{column.unit}" is no unit of a {column.role} (write {" or ".join(units)})')
 
 
 def readings_of(columns: Iterable[Column], table: Table) -> Readings:
@@ -61,27 +57,29 @@ def readings_of(columns: Iterable[Column], table: Table) -> Readings:
     by_role: dict[Role, NDArray[Any]] = {}
     for column in _present(columns, table):
         if column.role not in by_role:
-            values = table[column.name]
-            unit = fixed_unit(column)
-            converted = values if column.text else _in_unit(values, column.unit, unit)
-            by_role[column.role] = -converted if column.sense < 0 else converted
-    _turn_by_speed(by_role)
-    order = _order(by_role[Role.TIME], table.get(SESSION)) if Role.TIME in by_role else None
+            values, unit = table[column.name], fixed_unit(column)
+            if not column.text and column.unit != unit:
+                values = np.asarray(converted(np.asarray(values, dtype=float), column.unit, unit))
+            by_role[column.role] = -values if column.sense < 0 else values
+    _split_signed_speed(by_role)
+    order = _order_of(by_role[Role.TIME], table.get(SESSION)) if Role.TIME in by_role else None
     return Readings(table, by_role, order)
 
 
-def _order(time: NDArray[Any], session: NDArray[Any] | None) -> NDArray[np.int64]:
-    """Rows in the order of measurement: by the clock, session by session where each has its own."""
+def _order_of(time: NDArray[Any], session: NDArray[Any] | None) -> NDArray[np.int64]:
+    """Rows in the order of measurement: by the clock, one session after the other where each
+    session has a clock of its own.
+    """
     if session is None or not own_clocks(session, time):
         return np.argsort(time, kind="stable")
-    return np.lexsort((time, _appearance(session)))
+    return np.lexsort((time, _by_appearance(session)))
 
 
 def own_clocks(session: NDArray[Any], time: NDArray[Any]) -> bool:
     """Whether each session has a clock of its own: they follow each other in the file, and their
     times overlap.
     """
-    number = _appearance(session)
+    number = _by_appearance(session)
     steps = np.diff(number)
     if len(number) == 0 or number[-1] == 0 or (steps < 0).any():
         return False
@@ -90,16 +88,16 @@ def own_clocks(session: NDArray[Any], time: NDArray[Any]) -> bool:
     return bool((first[1:] <= last[:-1]).any())
 
 
-def _appearance(labels: NDArray[Any]) -> NDArray[np.int64]:
-    """Number (n,) of each row's label, by first appearance."""
-    _, first, inverse = np.unique(np.asarray(labels).astype(str), return_index=True, return_inverse=True)
+def _by_appearance(labels: NDArray[Any]) -> NDArray[np.int64]:
+    """Number (n,) of each of the labels (n,) or columns of labels (k, n), by first appearance."""
+    _, first, inverse = np.unique(np.asarray(labels).astype(str), axis=-1, return_index=True, return_inverse=True)
     rank = np.empty(len(first), dtype=np.int64)
     rank[np.argsort(first)] = np.arange(len(first))
     return np.asarray(rank[inverse.ravel()])
 
 
-def _turn_by_speed(by_role: dict[Role, NDArray[Any]]) -> None:
-    """A signed speed gives the direction: effects receive magnitude and direction."""
+def _split_signed_speed(by_role: dict[Role, NDArray[Any]]) -> None:
+    """Replace a signed speed by its magnitude and, where there is none, the direction."""
     if Role.SPEED not in by_role:
         return
     speed = np.asarray(by_role[Role.SPEED], dtype=float)
@@ -115,12 +113,6 @@ def _derived(roles: set[Role], readings: Readings | None) -> frozenset[Role]:
     if readings is not None and np.ptp(readings[Role.DIRECTION]) == 0.0:
         return frozenset()
     return frozenset([Role.DIRECTION])
-
-
-def _in_unit(values: NDArray[Any], unit: str, fixed: str) -> NDArray[Any]:
-    if not fixed or unit == fixed:
-        return values
-    return np.asarray(converted(np.asarray(values, dtype=float), unit, fixed))
 
 
 def target_of(model: MeasurableModel | type[MeasurableModel], name: str, table: Table | None = None) -> Target:
@@ -142,12 +134,12 @@ def target_from(
 
     Raises ValueError where a column's unit does not fit its role.
     """
-    several = len(outputs) > 1
     if table is not None:
         columns = tuple(_present(columns, table))
     units = {column.role: fixed_unit(column) for column in reversed(columns)}
     roles = {column.role for column in columns}
-    target = Target(name, outputs, columns, changeable, population, several, units=units, derived=_derived(roles, None))
+    derived, several = _derived(roles, None), len(outputs) > 1
+    target = Target(name, outputs, columns, changeable, population, several, units=units, derived=derived)
     if table is None:
         return target
     readings = readings_of(columns, table)
@@ -166,11 +158,14 @@ def target_from(
 
 def pace_of(readings: Readings) -> float:
     """The usual step of the clock [s], 0 without one."""
-    if Role.TIME not in readings:
-        return 0.0
-    steps = np.diff(np.asarray(readings[Role.TIME], dtype=float))
+    return usual_step(np.asarray(readings[Role.TIME], dtype=float), 0.0) if Role.TIME in readings else 0.0
+
+
+def usual_step(time: Array, otherwise: float) -> float:
+    """The median of the positive steps of a clock (n,) [s], `otherwise` where there are none."""
+    steps = np.diff(time)
     ahead = steps[steps > 0.0]
-    return float(np.median(ahead)) if len(ahead) else 0.0
+    return float(np.median(ahead)) if len(ahead) else otherwise
 
 
 def _present(columns: Iterable[Column], table: Table) -> list[Column]:
@@ -191,16 +186,13 @@ def labels_of(values: NDArray[Any]) -> tuple[NDArray[np.str_], NDArray[np.int64]
 def unit_numbers(readings: Readings) -> NDArray[np.int64]:
     """Number (n,) of the unit of each row, in the order of measurement, from 0.
 
-    Rows of one unit (and lot) are one unit where the table has repeats; otherwise each row is one.
+    Rows with the same labels of unit and lot are one unit where the table has repeats; otherwise
+    each row is a unit.
     """
-    order = np.arange(len(readings)) if readings.order is None else readings.order
-    numbers = np.empty(len(readings), dtype=np.int64)
-    if Role.REPEAT not in readings or Role.UNIT not in readings:
+    order, numbers = readings.in_order, np.empty(len(readings), dtype=np.int64)
+    if Role.REPEAT in readings and Role.UNIT in readings:
+        codes = [labels_of(readings[role][order])[1] for role in LABELS if role in readings]
+        numbers[order] = _by_appearance(np.stack(codes))
+    else:
         numbers[order] = np.arange(len(readings))
-        return numbers
-    codes = [labels_of(readings[role][order])[1] for role in LABELS if role in readings]
-    _, first, inverse = np.unique(np.stack(codes), axis=1, return_index=True, return_inverse=True)
-    rank = np.empty(len(first), dtype=np.int64)
-    rank[np.argsort(first)] = np.arange(len(first))  # by first appearance
-    numbers[order] = rank[inverse.ravel()]
     return numbers

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from math import atan2, degrees, hypot, inf
 from typing import ClassVar
 
 import numpy as np
 
 from ...declarations import Output
-from ..inputs.distribution import Array
 from ..measurable import Role
-from .effect import Action, Effect, EffectParameter, Readings, Target, quantity, value_or_zero
+from .effect import Action, Array, Effect, EffectParameter, Readings, Target, Values, quantity, value_or_zero
 
+Columns = Mapping[str, Callable[[], Array]]
+"""Columns (n,) by the stems of their weights, each computed when it is called."""
 REFERENCE_TEMPERATURE = 20.0
 """[degC], ISO 1: the reference temperature of lengths."""
 POSITIONS = ("angle", "length")
@@ -43,11 +45,10 @@ class Shape(Effect):
 
     def own_parameters(self, target: Target) -> tuple[EffectParameter, ...]:
         weights = self.weights(target)
-        reached = self.reached(target)
-        linear = [weight.of(output, target) for output in reached for weight in weights]
+        linear = [weight.of(output, target) for output in self.reached(target) for weight in weights]
         return (*linear, *self.shape_parameters(target))
 
-    def own_action(self, readings: Readings, values: Mapping[str, float], target: Target) -> Action:
+    def own_action(self, readings: Readings, values: Values, target: Target) -> Action:
         columns = self.columns(readings, values, target)
         weights = self.weights(target)
         actions = {}
@@ -75,9 +76,7 @@ class Shape(Effect):
         """The linear parameters of one output."""
 
     @abstractmethod
-    def columns(
-        self, readings: Readings, values: Mapping[str, float], target: Target
-    ) -> Mapping[str, Callable[[], Array]]:
+    def columns(self, readings: Readings, values: Values, target: Target) -> Columns:
         """The column (n,) of each weight, by its stem."""
 
 
@@ -89,13 +88,11 @@ class OneColumn(Shape):
     def weights(self, target: Target) -> tuple[Weight, ...]:
         return (self.weight,)
 
-    def columns(
-        self, readings: Readings, values: Mapping[str, float], target: Target
-    ) -> Mapping[str, Callable[[], Array]]:
+    def columns(self, readings: Readings, values: Values, target: Target) -> Columns:
         return {self.weights(target)[0].stem: lambda: self.column(readings, values, target)}
 
     @abstractmethod
-    def column(self, readings: Readings, values: Mapping[str, float], target: Target) -> Array:
+    def column(self, readings: Readings, values: Values, target: Target) -> Array:
         """The column (n,) that the weight multiplies."""
 
 
@@ -112,7 +109,7 @@ class Orders(Shape):
     needs: ClassVar[tuple[Role, ...]] = (Role.ANGLE,)
 
     def own_applies(self, target: Target) -> bool:
-        """Only rotating outputs, without arms of their own, have waves over the angle."""
+        """Only rotating outputs, not those of a manipulator, have waves over the angle."""
         return turns(target) and bool(self.orders_of(target)) and super().own_applies(target)
 
     def own_reason(self, target: Target) -> str:
@@ -141,16 +138,17 @@ class Orders(Shape):
         """The factor of the waves."""
         return 1.0
 
-    def columns(
-        self, readings: Readings, values: Mapping[str, float], target: Target
-    ) -> Mapping[str, Callable[[], Array]]:
+    def columns(self, readings: Readings, values: Values, target: Target) -> Columns:
         return {
-            f"{part}_{order_key(order)}": _wave(wave, order, self, readings)
+            f"{part}_{order_key(order)}": partial(self._wave, readings, order, function)
             for order in self.orders_of(target)
-            for part, wave in (("cos", np.cos), ("sin", np.sin))
+            for part, function in (("cos", np.cos), ("sin", np.sin))
         }
 
-    def described(self, values: Mapping[str, float], target: Target) -> dict[str, tuple[float, str]]:
+    def _wave(self, readings: Readings, order: float, function: Callable[[Array], Array]) -> Array:
+        return self.factor(readings) * function(order * readings[Role.ANGLE])
+
+    def described(self, values: Values, target: Target) -> dict[str, tuple[float, str]]:
         description: dict[str, tuple[float, str]] = {}
         for output in self.reached(target):
             by_stem = {w.stem: w.of(output, target) for w in self.weights(target)}
@@ -160,7 +158,7 @@ class Orders(Shape):
         return description
 
 
-def polar(values: Mapping[str, float], c: EffectParameter, s: EffectParameter, at: str) -> dict[str, tuple[float, str]]:
+def polar(values: Values, c: EffectParameter, s: EffectParameter, at: str) -> dict[str, tuple[float, str]]:
     """Amplitude and phase [deg] of two components; `at` is the template of their names."""
     x, y = value_or_zero(values, c.name), value_or_zero(values, s.name)
     phase = degrees(atan2(y, x))
@@ -173,22 +171,18 @@ def order_key(order: float) -> str:
 
 
 def turns(target: Target) -> bool:
-    """Whether the angle is that of a rotating output; the manipulator has effects of its arms."""
+    """Whether the angle is that of a rotating output, not that of an arm of a manipulator."""
     return target.units.get(Role.ANGLE, "rad") == "rad" and target.model != "manipulator_pose"
 
 
 def no_waves(target: Target, *names: str) -> str:
     """Why there are no waves of these orders over the angle."""
     if not turns(target):
-        return "nothing turns by the angle"
+        return "the angle is not that of a rotating output"
     if target.gear is None:
-        return "no [gear] says its orders"
+        return "no [gear] states the orders"
     lacking = [name for name in names if not target.gear.has(name)]
     return f"a gear of kind {target.gear.kind} has no {' or '.join(lacking)}"
-
-
-def _wave(wave: Callable[[Array], Array], order: float, effect: Orders, readings: Readings) -> Callable[[], Array]:
-    return lambda: effect.factor(readings) * wave(order * readings[Role.ANGLE])
 
 
 class Load:
@@ -199,6 +193,11 @@ class Load:
         """The role that the load has in the table, None where it has none."""
         roles = target.roles()
         return next((role for role in (Role.TORQUE, Role.FORCE) if role in roles), None)
+
+    @staticmethod
+    def applies(target: Target, needs: Iterable[Role]) -> bool:
+        """Whether the table has the needed roles; a force may take the place of the torque."""
+        return Load.role(target) is not None and {*needs} - {Role.TORQUE} <= target.roles()
 
     @staticmethod
     def unit(target: Target) -> str:
@@ -221,10 +220,10 @@ class Load:
 class LoadShape(OneColumn):
     """One weight times a function of the load."""
 
-    needs = (Role.TORQUE,)
+    needs: ClassVar[tuple[Role, ...]] = (Role.TORQUE,)
 
     def own_applies(self, target: Target) -> bool:
-        return Load.role(target) is not None
+        return Load.applies(target, self.needs)
 
 
 def warming(readings: Readings) -> Array:

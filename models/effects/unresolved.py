@@ -1,8 +1,7 @@
-"""A smooth term without a name: needed by the data in addition to the named effects, of no known
-cause.
+"""A smooth term without a name, which the data need in addition to the named effects.
 
 A term is a shape over one variable, perhaps times another one and times the direction. It describes
-the rows that it was fitted on; beyond their range it keeps its value at the end (splines) or
+the rows that it was fitted on; beyond their range its value is that at the end (splines) or
 extrapolates as its power.
 """
 
@@ -16,9 +15,8 @@ from typing import Any
 import numpy as np
 import scipy
 
-from ..inputs.distribution import Array
 from ..measurable import Role
-from .effect import Action, Effect, EffectParameter, Readings, Target
+from .effect import Action, Array, Effect, EffectParameter, Readings, Target, Values
 from .readings import SESSION, labels_of
 
 SHAPES = ("constant", "spline", "power", "step", "wave", "swing", "product", "levels", "curve")
@@ -36,12 +34,12 @@ class Term:
     - `wave`: cosine and sine of `order` times x, an angle;
     - `swing`: cosine and sine of `order` times (x - zero) / scale;
     - `levels`: a level for each of `labels` in the column, which add up to 0: one column for each
-      label but the first, 1 there and -1 at the first; rows of another label, or of a table
-      without sessions, get none of them;
+      label but the first, 1 there and -1 at the first; in rows of another label, or of a table
+      without sessions, all of them are 0;
     - `product`: z w, z^2 w, z w^2, z^2 w^2 of z = (x - zero) / scale and w, which `times` gives.
 
     The whole is multiplied by w^times_exponent of w = (y - times_zero) / times_scale of the column
-    `times`, where one is given (`times_magnitude`: of its magnitude), and by the direction where it
+    `times`, where it is given (`times_magnitude`: of its magnitude), and by the direction where it
     `turns`.
     """
 
@@ -87,16 +85,14 @@ class Term:
         return np.asarray(column, dtype=float)
 
     def _second_factor(self, readings: Readings) -> Array:
-        values = np.asarray(readings.table[self.times], dtype=float)
-        scaled = (values - self.times_zero) / self.times_scale
+        scaled = (np.asarray(readings.table[self.times], dtype=float) - self.times_zero) / self.times_scale
         return np.asarray(np.abs(scaled) if self.times_magnitude else scaled)
 
     def _shape(self, readings: Readings) -> Array:
         if self.shape == "constant":
             return np.ones((len(readings), 1))
         if self.shape == "wave":
-            turned = self.order * np.asarray(readings[Role.ANGLE], dtype=float)
-            return np.column_stack([np.cos(turned), np.sin(turned)])
+            return _cosine_and_sine(self.order * np.asarray(readings[Role.ANGLE], dtype=float))
         if self.shape == "levels":
             return self._levels(readings)
         x = np.asarray(readings.table[self.variable], dtype=float)
@@ -110,7 +106,7 @@ class Term:
             return np.asarray(x >= self.zero, dtype=float)[:, None]
         z = (x - self.zero) / self.scale
         if self.shape == "swing":
-            return np.column_stack([np.cos(self.order * z), np.sin(self.order * z)])
+            return _cosine_and_sine(self.order * z)
         if self.shape == "product":
             w = self._second_factor(readings)
             return np.column_stack([z * w, z * z * w, z * w * w, z * z * w * w])
@@ -126,11 +122,15 @@ class Term:
 
     def table(self, coefficients: Array) -> dict[str, Any]:
         """The `[[unresolved]]` table of it."""
-        usual = {entry.name: entry.default for entry in fields(self)}
-        stated = {k: v for k, v in asdict(self).items() if v != usual[k]}
+        defaults = {entry.name: entry.default for entry in fields(self)}
+        stated = {key: value for key, value in asdict(self).items() if value != defaults[key]}
         lists = {"knots": self.knots, "heights": self.heights, "labels": self.labels}
         stated |= {name: list(elements) for name, elements in lists.items() if elements}
         return {**stated, "coefficients": [float(coefficient) for coefficient in coefficients]}
+
+
+def _cosine_and_sine(phase: Array) -> Array:
+    return np.column_stack([np.cos(phase), np.sin(phase)])
 
 
 class Unresolved(Effect):
@@ -168,18 +168,18 @@ class Unresolved(Effect):
         """Columns (n, m) of its parameters."""
         return np.asarray(self.term.columns(readings) @ self.mix)
 
-    def coefficients(self, values: Mapping[str, float]) -> Array:
+    def coefficients(self, values: Values) -> Array:
         """Coefficients of the term (count,)."""
         weights = np.array([values.get(f"c{k + 1}", 0.0) for k in range(self.mix.shape[1])])
         return np.asarray(self.mix @ weights)
 
-    def own_action(self, readings: Readings, values: Mapping[str, float], target: Target) -> Action:
+    def own_action(self, readings: Readings, values: Values, target: Target) -> Action:
         return Action(output={self.term.output: self.term.columns(readings) @ self.coefficients(values)})
 
 
 def unresolved_of(table: Mapping[str, Any]) -> tuple[Unresolved, dict[str, float]]:
     """A term and its parameters from its checked `[[unresolved]]` table."""
-    stated = {k: v for k, v in table.items() if k != "coefficients"}
+    stated = {key: value for key, value in table.items() if key != "coefficients"}
     stated |= {name: tuple(stated[name]) for name in ("knots", "heights", "labels") if name in stated}
     values = {f"c{k + 1}": float(coefficient) for k, coefficient in enumerate(table["coefficients"])}
     return Unresolved(Term(**stated)), values

@@ -1,7 +1,5 @@
 """Formulas: parsed to an expression tree, evaluated and differentiated over batches."""
 
-from __future__ import annotations
-
 from .domain import domain_margin
 from .formula import Formula
 from .functions import CONSTANTS, FUNCTIONS

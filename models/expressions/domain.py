@@ -6,13 +6,14 @@ inside:
     asin, acos   1 - |x|             sqrt, log   x
     a/b          b, by its sign at the middle
     a**b         a for a fractional b, a by its sign at the middle for a negative b
-    tan          distance from the nearest pole of the middle's own period
+    tan          distance from the nearest pole of the period of the middle
     atan2        distance from the half line on which it jumps, by the side of the middle
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import reduce
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,21 +39,18 @@ def domain_margin(formula: Formula, x: Mapping[str, Array], middle: Mapping[str,
 def _least(node: Expression, x: Mapping[str, Array], middle: Mapping[str, Array]) -> tuple[Array, Array, Array]:
     """Value and value at the middle of a node, and the least margin at or below it."""
     below = [_least(part, x, middle) for part in node.parts]
-    values, centres = [triple[0] for triple in below], [triple[1] for triple in below]
-    margin = np.asarray(np.inf)
-    for _, _, part_margin in below:
-        margin = np.fmin(margin, part_margin)
-    value, centre = node.value(values, x), node.value(centres, middle)
-    rooms = _room(node, values, centres), _room(node, centres, centres)
-    if rooms[0] is not None and rooms[1] is not None:
-        margin = np.fmin(margin, rooms[0] / np.where(rooms[1] > 0.0, rooms[1], np.nan))
-    return value, centre, margin
+    values, centres = [value for value, _, _ in below], [centre for _, centre, _ in below]
+    margin = reduce(np.fmin, (margin for _, _, margin in below), np.asarray(np.inf))
+    distance, at_middle = _distance(node, values, centres), _distance(node, centres, centres)
+    if distance is not None and at_middle is not None:
+        margin = np.fmin(margin, distance / np.where(at_middle > 0.0, at_middle, np.nan))
+    return node.value(values, x), node.value(centres, middle), margin
 
 
-def _room(node: Expression, values: Values, centres: Values) -> Array | None:
-    """Distance from the edge of the node's own domain; None where it has none."""
+def _distance(node: Expression, values: Values, centres: Values) -> Array | None:
+    """Distance from the edge of the domain of a node; None where it is defined everywhere."""
     if isinstance(node, Operation):
-        return _room_of_operation(node.sign, values, centres)
+        return _distance_of_operation(node.sign, values, centres)
     if not isinstance(node, Call):
         return None
     match node.function:
@@ -64,17 +62,17 @@ def _room(node: Expression, values: Values, centres: Values) -> Array | None:
             period = np.pi * np.floor(centres[0] / np.pi + 0.5)
             return np.asarray(0.5 * np.pi - np.abs(values[0] - period))
         case "atan2":
-            y, z = np.broadcast_arrays(*values)
-            return np.where(z > 0.0, np.hypot(y, z), y * np.where(centres[0] < 0.0, -1.0, 1.0))
+            y, x = np.broadcast_arrays(*values)
+            return np.where(x > 0.0, np.hypot(y, x), y * np.where(centres[0] < 0.0, -1.0, 1.0))
     return None
 
 
-def _room_of_operation(sign: str, values: Values, centres: Values) -> Array | None:
-    base, exponent = values
+def _distance_of_operation(sign: str, values: Values, centres: Values) -> Array | None:
+    left, right = values
     if sign == "/":
-        return np.asarray(exponent * np.sign(centres[1]))
+        return np.asarray(right * np.sign(centres[1]))
     if sign == "**" and not np.all(centres[1] == np.rint(centres[1])):
-        return base
+        return left
     if sign == "**" and np.any(centres[1] < 0.0):
-        return np.asarray(base * np.sign(centres[0]))
+        return np.asarray(left * np.sign(centres[0]))
     return None

@@ -83,14 +83,14 @@ def _dual(node: Expression, x: Mapping[str, Array]) -> tuple[Array, dict[str, Ar
 
 
 def _trouble(node: Expression, x: Mapping[str, Array]) -> tuple[Array, str]:
-    """Value of a node, and the first trouble at or below it."""
+    """Value of a node, and why it or a node below it has no value; empty where all have one."""
     below = []
     for part in node.parts:
-        value, why = _trouble(part, x)
-        if why:
-            return value, why
+        value, reason = _trouble(part, x)
+        if reason:
+            return value, reason
         below.append(value)
-    value, why = node.value(below, x), node.trouble(below)
-    if not why and not np.all(np.isfinite(value)):
-        why = "the value is not finite"
-    return value, f"column {node.at}: {why}" if why else ""
+    value, reason = node.value(below, x), node.trouble(below)
+    if not reason and not np.all(np.isfinite(value)):
+        reason = "the value is not finite"
+    return value, f"column {node.at}: {reason}" if reason else ""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,16 +44,13 @@ def span(x: Array) -> str:
     return f"{low:.6g}" if low == high else f"{low:.6g} to {high:.6g}"
 
 
-def _within_one(x: Array) -> str:
-    return "" if np.all(np.abs(x) <= 1.0) else f"is defined on [-1, 1], its argument is {span(x)}"
+def _domain(contains: Callable[[Array], Any], requirement: str) -> Callable[[Array], str]:
+    return lambda x: "" if np.all(contains(x)) else f"{requirement}, its argument is {span(x)}"
 
 
-def _not_negative(x: Array) -> str:
-    return "" if np.all(x >= 0.0) else f"needs a value of at least 0, its argument is {span(x)}"
-
-
-def _positive(x: Array) -> str:
-    return "" if np.all(x > 0.0) else f"needs a value above 0, its argument is {span(x)}"
+_within_one = _domain(lambda x: np.abs(x) <= 1.0, "is defined on [-1, 1]")
+_not_negative = _domain(lambda x: x >= 0.0, "needs a value of at least 0")
+_positive = _domain(lambda x: x > 0.0, "needs a value above 0")
 
 
 def _no_pole(x: Array) -> str:
@@ -63,23 +61,20 @@ def _no_pole(x: Array) -> str:
 
 def _off_the_cut(y: Array, x: Array) -> str:
     """atan2 jumps by 2 pi where y changes its sign at negative x."""
-    beside_the_cut = np.broadcast_arrays(y, x)[0][np.broadcast_arrays(x, y)[0] <= 0.0]
-    jumps = beside_the_cut.size > 0 and crosses_zero(beside_the_cut)
-    return "jumps by 2 pi: its first argument crosses 0 while the second is negative" * jumps
+    y, x = np.broadcast_arrays(y, x)
+    y_left = y[x <= 0.0]
+    jumps = y_left.size > 0 and crosses_zero(y_left)
+    return "jumps by 2 pi: its first argument crosses 0 while the second is negative" if jumps else ""
 
 
-def _chosen(pick: Callable[..., Array]) -> Callable[..., tuple[Array, ...]]:
-    """Slope 1 for the first argument that the extremum takes, 0 for the others."""
-
-    def slopes(*x: Array) -> tuple[Array, ...]:
-        extremum_at = pick(np.stack(np.broadcast_arrays(*x)), axis=0)
-        return tuple(np.where(extremum_at == at, 1.0, 0.0) for at in range(len(x)))
-
-    return slopes
+def _over_arguments(reduce: Callable[..., Array]) -> Callable[..., Array]:
+    return lambda *x: reduce(np.stack(np.broadcast_arrays(*x)), axis=0)
 
 
-def _extremum(pick: Callable[..., Array]) -> Callable[..., Array]:
-    return lambda *x: pick(np.stack(np.broadcast_arrays(*x)), axis=0)
+def _extremum_slopes(place: Callable[..., Array]) -> Callable[..., tuple[Array, ...]]:
+    """Slope 1 for the first argument that is the extremum, 0 for the others."""
+    place_of = _over_arguments(place)
+    return lambda *x: tuple(np.where(place_of(*x) == at, 1.0, 0.0) for at in range(len(x)))
 
 
 FUNCTIONS: Mapping[str, Function] = MappingProxyType(
@@ -97,8 +92,8 @@ FUNCTIONS: Mapping[str, Function] = MappingProxyType(
         "exp": Function(np.exp, lambda x: (np.exp(x),)),
         "log": Function(np.log, lambda x: (1.0 / x,), _positive),
         "abs": Function(np.abs, lambda x: (np.sign(x),)),
-        "min": Function(_extremum(np.min), _chosen(np.argmin), least=2, most=16),
-        "max": Function(_extremum(np.max), _chosen(np.argmax), least=2, most=16),
+        "min": Function(_over_arguments(np.min), _extremum_slopes(np.argmin), least=2, most=16),
+        "max": Function(_over_arguments(np.max), _extremum_slopes(np.argmax), least=2, most=16),
     }
 )
 CONSTANTS: Mapping[str, float] = MappingProxyType({"pi": float(np.pi)})

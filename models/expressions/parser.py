@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from ...errors import nearest
@@ -24,7 +25,7 @@ LONGEST = 4000
 NESTED = 60
 """Levels of parentheses, signs and powers within each other."""
 DEEPEST = 200
-"""Nodes of the tree on the longest way down (a sum of 200 terms)."""
+"""Nodes of the tree on its longest path (a sum of 200 terms)."""
 _TOKEN = re.compile(
     r"\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)|(?P<name>[A-Za-z_]\w*)"
     r"|(?P<sign>\*\*|[-+*/(),])|(?P<end>$)|(?P<other>\S))",
@@ -64,7 +65,7 @@ def parse(text: str) -> Expression:
     if parser.now.kind != "end":
         raise FormulaError(parser.now.at, _unexpected(parser.now))
     if tree.depth > DEEPEST:
-        raise FormulaError(1, f"is too long a chain: at most {DEEPEST} operations in a row")
+        raise FormulaError(1, f"a formula has at most {DEEPEST} operations in a row")
     return tree
 
 
@@ -91,7 +92,7 @@ def _unexpected(token: _Token) -> str:
 
 
 class _Parser:
-    """Recursive descent over a list of tokens; `sum` reads a whole formula."""
+    """Recursive descent over a list of tokens; `sum` parses a whole formula."""
 
     def __init__(self, tokens: list[_Token]) -> None:
         self._tokens = tokens
@@ -100,19 +101,18 @@ class _Parser:
 
     @property
     def now(self) -> _Token:
-        """The token to be read next."""
+        """The next token."""
         return self._tokens[self._next]
 
     def _accepted(self, *signs: str) -> _Token | None:
-        """The next token if it is one of `signs`, and then it is consumed."""
+        """The next token, which is consumed, if it is one of `signs`; else None."""
         token = self.now
         if token.kind != "sign" or token.text not in signs:
             return None
         self._next += 1
         return token
 
-    def _chain(self, operand: str, *signs: str) -> Expression:
-        read = self._product if operand == "product" else self._sign
+    def _chain(self, read: Callable[[], Expression], *signs: str) -> Expression:
         expression, length = read(), 1
         while token := self._accepted(*signs):
             length += 1
@@ -122,10 +122,10 @@ class _Parser:
         return expression
 
     def sum(self) -> Expression:
-        return self._chain("product", "+", "-")
+        return self._chain(self._product, "+", "-")
 
     def _product(self) -> Expression:
-        return self._chain("sign", "*", "/")
+        return self._chain(self._sign, "*", "/")
 
     def _sign(self) -> Expression:
         self._level += 1
@@ -166,11 +166,8 @@ class _Parser:
         opening = self.now
         if self._accepted("("):
             if token.text not in FUNCTIONS:
-                function_names = ", ".join(FUNCTIONS)
-                close = nearest(token.text, FUNCTIONS)
-                raise FormulaError(
-                    token.at, f"`{token.text}` is not a function of formulas{close}; one of {function_names}"
-                )
+                known = f"{nearest(token.text, FUNCTIONS)}; one of {', '.join(FUNCTIONS)}"
+                raise FormulaError(token.at, f"`{token.text}` is not a function of formulas{known}")
             return self._call(token, opening)
         if token.text in FUNCTIONS:
             raise FormulaError(token.at, f"{token.text} is a function: write {token.text}(...)")

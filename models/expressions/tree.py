@@ -41,7 +41,7 @@ class Expression(ABC):
 
     @property
     def depth(self) -> int:
-        """Nodes on the longest way down."""
+        """Nodes on the longest path from here to a leaf."""
         return 1 + max((part.depth for part in self.parts), default=0)
 
     @property
@@ -103,7 +103,7 @@ class Negative(Expression):
 
 @dataclass(frozen=True, slots=True)
 class Operation(Expression):
-    """left `sign` right, with the sign one of + - * / **."""
+    """left `sign` right, where the sign is +, -, *, / or **."""
 
     sign: str
     left: Expression
@@ -157,7 +157,7 @@ class Operation(Expression):
             return f"division by zero: the divisor is {span(b)}"
         if self.sign == "**":
             if np.any(a < 0.0) and not np.all(b == np.rint(b)):
-                return f"a power with a broken exponent needs a base of at least 0, it is {span(a)}"
+                return f"a power with a fractional exponent needs a base of at least 0, it is {span(a)}"
             if np.any(b < 0.0) and crosses_zero(a):
                 return f"division by zero: the base of a negative power is {span(a)}"
         return ""
@@ -181,5 +181,5 @@ class Call(Expression):
         return FUNCTIONS[self.function].slopes(*below)
 
     def trouble(self, below: Values) -> str:
-        why = FUNCTIONS[self.function].trouble(*below)
-        return f"{self.function} {why}" if why else ""
+        reason = FUNCTIONS[self.function].trouble(*below)
+        return f"{self.function} {reason}" if reason else ""

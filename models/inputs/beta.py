@@ -7,11 +7,11 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.special import betainc, betaincinv, betaln, xlog1py, xlogy
 
-from .distribution import Array, Distribution
+from .distribution import Array, WithinZone
 
 
 @dataclass(frozen=True, slots=True)
-class Beta(Distribution):
+class Beta(WithinZone):
     """z on [-1, 1] with a density proportional to (1 + z)^(alpha - 1) (1 - z)^(beta - 1).
 
     `alpha`, `beta` > 0 without default: 1, 1 is uniform, below 1 the density has a pole at that
@@ -26,10 +26,6 @@ class Beta(Distribution):
 
     alpha: float = field(metadata={"low": 0.0, "open_low": True})
     beta: float = field(metadata={"low": 0.0, "open_low": True})
-
-    @property
-    def support(self) -> tuple[float, float]:
-        return -1.0, 1.0
 
     def raw_moments(self, order: int) -> Array:
         lean, total = self.alpha - self.beta, self.alpha + self.beta

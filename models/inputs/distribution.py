@@ -49,9 +49,17 @@ class Distribution(ABC):
 
     def faults(self) -> list[tuple[str, str]]:
         """(parameter, message) for every parameter that is outside of its range."""
-        named = []
-        for parameter in fields(self):  # type: ignore[arg-type]
-            values = np.atleast_1d(getattr(self, parameter.name))
-            complaints = [allowed(parameter).complaint(float(value)) for value in values]
-            named += [(parameter.name, complaint) for complaint in complaints if complaint]
-        return named
+        return [
+            (parameter.name, complaint)
+            for parameter in fields(self)  # type: ignore[arg-type]
+            for value in np.atleast_1d(getattr(self, parameter.name))
+            if (complaint := allowed(parameter).complaint(float(value)))
+        ]
+
+
+class WithinZone(Distribution):
+    """A distribution without mass beyond the limits of the zone."""
+
+    @property
+    def support(self) -> tuple[float, float]:
+        return -1.0, 1.0

@@ -33,10 +33,10 @@ class Empirical(Distribution):
         return min(self.values), max(self.values)
 
     def faults(self) -> list[tuple[str, str]]:
-        named = Distribution.faults(self)
+        faults = Distribution.faults(self)
         if len(set(self.values)) < 2:
-            named.append(("values", "need at least two distinct deviations, in half-widths"))
-        return named
+            faults.append(("values", "need at least two distinct deviations, in half-widths"))
+        return faults
 
     def raw_moments(self, order: int) -> Array:
         x = np.sort(self.values)
@@ -55,8 +55,8 @@ class Empirical(Distribution):
         low, high = x[at], x[at + 1]
         end, width = np.clip(z, low, high), high - low
         fraction = np.where(width > 0.0, (end - low) / np.where(width > 0.0, width, 1.0), z >= low)
-        whole, part = _piece(x[:-1], x[1:]), _piece(low, end)
-        before = [np.concatenate([[0.0], np.cumsum(value)])[at] for value in whole]
+        moments, part = _piece(x[:-1], x[1:]), _piece(low, end)
+        before = [np.concatenate([[0.0], np.cumsum(value)])[at] for value in moments]
         mass, first, second = (b + fraction * p for b, p in zip(before, part, strict=True))
         return mass / pieces, first / pieces, second / pieces
 

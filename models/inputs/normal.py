@@ -10,7 +10,7 @@ from scipy.special import ndtr, ndtri
 from .distribution import Array, Distribution
 
 TAIL = 8.0
-"""Standard deviations kept on either side; beyond them lies 1.2e-15 of the mass."""
+"""Standard deviations on either side that count; beyond them lies 1.2e-15 of the mass."""
 
 
 def density(x: Array) -> Array:

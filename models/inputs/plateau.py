@@ -6,12 +6,12 @@ from abc import abstractmethod
 
 import numpy as np
 
-from .distribution import Array, Distribution
+from .distribution import Array, WithinZone
 
 TINY = np.finfo(float).tiny
 
 
-class Plateau(Distribution):
+class Plateau(WithinZone):
     """z on [-1, 1] with a density that is level between two points and falls to 0 at the limits.
 
     With the level part from l to r and the height 1/a, a = 1 + (r - l)/2:
@@ -27,40 +27,36 @@ class Plateau(Distribution):
     @property
     def _area(self) -> float:
         """Area under the density of height 1."""
-        rise, right = self.level
-        return 1.0 + 0.5 * (right - rise)
-
-    @property
-    def support(self) -> tuple[float, float]:
-        return -1.0, 1.0
+        left, right = self.level
+        return 1.0 + 0.5 * (right - left)
 
     def raw_moments(self, order: int) -> Array:
-        rise, right = self.level
+        left, right = self.level
         i = np.arange(order + 2)
-        rising, falling = np.cumsum(right**i), np.cumsum((-rise) ** i)
+        rising, falling = np.cumsum(right**i), np.cumsum((-left) ** i)
         k = np.arange(order + 1)
         moments = rising[1:] + np.where(k % 2 == 0, 1.0, -1.0) * falling[1:]
         return np.asarray(moments / (self._area * (k + 1) * (k + 2)))
 
     def partial_moments(self, z: Array) -> tuple[Array, Array, Array]:
-        rise, right = self.level
+        left, right = self.level
         u = np.clip(z, -1.0, 1.0)
-        mass, first, second = _ramp(np.minimum(u, rise) + 1.0, 1.0 + rise)
+        mass, first, second = _ramp(np.minimum(u, left) + 1.0, 1.0 + left)
         full = _ramp(np.asarray(1.0 - right), 1.0 - right)
         above = _ramp(1.0 - np.maximum(u, right), 1.0 - right)
-        flat = np.clip(u, rise, right)
-        mass = mass + (flat - rise) + (full[0] - above[0])
-        first = first + 0.5 * (flat**2 - rise**2) - (full[1] - above[1])
-        second = second + (flat**3 - rise**3) / 3.0 + (full[2] - above[2])
+        flat = np.clip(u, left, right)
+        mass = mass + (flat - left) + (full[0] - above[0])
+        first = first + 0.5 * (flat**2 - left**2) - (full[1] - above[1])
+        second = second + (flat**3 - left**3) / 3.0 + (full[2] - above[2])
         return mass / self._area, first / self._area, second / self._area
 
     def quantile(self, probability: Array) -> Array:
-        rise, right = self.level
+        left, right = self.level
         below, above = self._area * probability, self._area * (1.0 - probability)
-        rising = np.sqrt(2.0 * below * (1.0 + rise)) - 1.0
+        rising = np.sqrt(2.0 * below * (1.0 + left)) - 1.0
         falling = 1.0 - np.sqrt(2.0 * above * (1.0 - right))
-        flat = np.clip(rise + below - 0.5 * (1.0 + rise), rise, right)
-        start, end = 0.5 * (1.0 + rise), 0.5 * (1.0 - right)
+        flat = np.clip(left + below - 0.5 * (1.0 + left), left, right)
+        start, end = 0.5 * (1.0 + left), 0.5 * (1.0 - right)
         return np.where(below < start, rising, np.where(above < end, falling, flat))
 
 

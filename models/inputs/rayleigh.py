@@ -11,22 +11,22 @@ from scipy.special import erf, gamma, log_ndtr, xlog1py
 from .distribution import Array, Distribution
 
 REACH = 8.2
-"""Parameters sigma kept; beyond them lies 2.5e-15 of the mass."""
+"""Largest radius in units of sigma; beyond them lies 2.5e-15 of the mass."""
 
 
 @dataclass(frozen=True, slots=True)
 class Rayleigh(Distribution):
     """z = radius/t >= 0, the length of a vector whose two components are normal, mean 0, std sigma.
 
-    The tolerance t of an eccentricity (or of a runout, as half its total reading) is the largest
-    radius permitted, and the radius lies in [0, t]: of the zone mid +- t only mid .. mid + t is
-    used, with mid, the value of a perfect part, at z = 0 and the limit at z = 1. As t shrinks the
-    radius goes to 0, not to some value within [0, t]; a zone [0, 2 t] around a fixed mid would not
-    do that. So an input that is not mid +- t (a full clearance) cannot have this distribution, and
-    where only the component in one direction acts, that component is a `Normal`.
+    The tolerance t of an eccentricity (or of a runout, as half its total indicator reading) is the
+    largest radius permitted, and the radius lies in [0, t]: of the zone mid +- t only mid .. mid +
+    t is used, with mid, the value of a perfect part, at z = 0 and the limit at z = 1. As t shrinks
+    the radius goes to 0, not to some value within [0, t]; a zone [0, 2 t] around a fixed mid would
+    not do that. So an input that is not mid +- t (a full clearance) cannot have this distribution,
+    and where only the component in one direction acts, that component is a `Normal`.
 
-    `cp` is the capability against the one limit: the fraction beyond z = 1 is Phi(-3 Cp), as beyond
-    either limit of a centred normal process (0.135 % at Cp = 1), which makes
+    `cp` is the capability against the only limit: the fraction beyond z = 1 is Phi(-3 Cp), as
+    beyond either limit of a centred normal process (0.135 % at Cp = 1), which makes
     sigma = 1/sqrt(-2 ln Phi(-3 Cp)). There is no other limit, so Cpk is Cp, and there is no shift.
 
     Reference: Rayleigh (1880), On the resultant of a large number of vibrations of the same pitch

@@ -41,8 +41,9 @@ def read_distribution(section: Section, default: Distribution | None = None) -> 
     section.accept(known)
     if kind is not None:
         return _built(section, kind, default, stated)
-    for key in stated if "distribution" not in section else ():
-        section.fault(key, f"needs a distribution that takes it: {_taking(key)}")
+    if "distribution" not in section:
+        for key in stated:
+            section.fault(key, f"needs a distribution that takes it: {_remedy(key)}")
     return None
 
 
@@ -59,7 +60,7 @@ def name_of(kind: type[Distribution]) -> str:
     return DISTRIBUTIONS.name_of(kind)
 
 
-def _taking(key: str) -> str:
+def _remedy(key: str) -> str:
     """The settings of `distribution` that make `key` valid."""
     needed = "shift" if key == "cpk" else key
     named = [f'"{name}"' for name, kind in DISTRIBUTIONS.sound().items() if needed in _parameters(kind)]
@@ -67,13 +68,13 @@ def _taking(key: str) -> str:
 
 
 def _value(section: Section, key: str, kind: type[Distribution] | None) -> Any:
-    """What `key` states, within the range of the parameter; None after a fault."""
+    """The value that `key` states, within the range of the parameter; None after a fault."""
     if key == "cpk":
         return section.number(key, within=Range(low=0.0))
-    kinds = ([] if kind is None else [kind]) + list(DISTRIBUTIONS.sound().values())
-    parameter = next(parameters[key] for parameters in map(_parameters, kinds) if key in parameters)
     if key == "values":
         return section.numbers(key)
+    kinds = ([] if kind is None else [kind]) + list(DISTRIBUTIONS.sound().values())
+    parameter = next(parameters[key] for parameters in map(_parameters, kinds) if key in parameters)
     return section.number(key, within=allowed(parameter))
 
 
@@ -85,7 +86,7 @@ def _built(
     taken = {*parameters, *(["cpk"] if "shift" in parameters else [])}
     unsuited = [key for key in stated if key not in taken]
     for key in unsuited:
-        section.fault(key, f"does not apply to {name_of(kind)}: {_taking(key)}")
+        section.fault(key, f"does not apply to {name_of(kind)}: {_remedy(key)}")
     needed = [key for key, parameter in parameters.items() if parameter.default is MISSING]
     missing = [key for key in needed if default is None and key not in stated]
     for key in missing:
@@ -105,13 +106,12 @@ def _built(
 def _shifted(section: Section, stated: Stated) -> Stated:
     """`cpk` replaced by the shift, towards the upper limit, of Cpk = Cp (1 - |shift|)."""
     cp, cpk = stated["cp"], stated["cpk"]
-    remaining = {key: value for key, value in stated.items() if key != "cpk"}
+    shift = None
     if "shift" in stated:
         section.fault("cpk", "is given together with shift: leave one of them out, since Cpk = Cp (1 - |shift|)")
-        return remaining | {"shift": None}
-    if cp is None or cpk is None:
-        return remaining | {"shift": None}
-    if cpk > cp:
-        section.fault("cpk", f"must not be above cp ({cp:g}), got {cpk:g}: raise cp, since Cpk = Cp (1 - |shift|)")
-        return remaining | {"shift": None}
-    return remaining | {"shift": 1.0 - cpk / cp}
+    elif cp is not None and cpk is not None:
+        if cpk <= cp:
+            shift = 1.0 - cpk / cp
+        else:
+            section.fault("cpk", f"must not be above cp ({cp:g}), got {cpk:g}: raise cp, since Cpk = Cp (1 - |shift|)")
+    return {key: value for key, value in stated.items() if key != "cpk"} | {"shift": shift}

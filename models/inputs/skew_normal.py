@@ -14,7 +14,7 @@ from .distribution import Array, Distribution
 from .normal import TAIL, density
 
 OUTER = 1e-9
-"""Probability of a tail in which quantiles are sought one by one."""
+"""Probability of a tail in which quantiles are computed singly."""
 REACH, NODES, STEPS = 7.0, 8193, 2
 """Ends of the table of masses, its nodes, and Newton's steps from there."""
 
@@ -72,7 +72,7 @@ class SkewNormal(Distribution):
         origin, scale = self._line
         y, far = (z - origin) / scale, hypot(1.0, self.skew)
         peak, mean = 2.0 * density(y) * ndtr(self.skew * y), self._delta * sqrt(2.0 / pi)
-        mass = np.clip(ndtr(y) - 2.0 * owens_t(y, self.skew), 0.0, 1.0)
+        mass = np.clip(_mass(y, self.skew), 0.0, 1.0)
         first = mean * ndtr(far * y) - peak
         second = mass - y * peak - mean / far * density(far * y)
         return (

@@ -1,4 +1,4 @@
-"""Triangular input: most units near one value of the zone, none beyond its limits."""
+"""Triangular input: most units near a value of the zone, none beyond its limits."""
 
 from __future__ import annotations
 

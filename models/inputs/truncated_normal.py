@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 from scipy.special import ndtr, ndtri
 
-from .distribution import Array, Distribution
+from .distribution import Array, WithinZone
 from .normal import density
 
 REACH = 12.0
@@ -16,7 +16,7 @@ REACH = 12.0
 
 
 @dataclass(frozen=True, slots=True)
-class TruncatedNormal(Distribution):
+class TruncatedNormal(WithinZone):
     """z normal with mode `shift` and scale 1/(3 Cp), cut at the limits -1 and +1.
 
     `cp` and `shift` are those of the process before inspection, as in `Normal`. Raw moments are by
@@ -31,10 +31,6 @@ class TruncatedNormal(Distribution):
     def sigma(self) -> float:
         """Scale of the process before inspection, in half-widths."""
         return 1.0 / (3.0 * self.cp)
-
-    @property
-    def support(self) -> tuple[float, float]:
-        return -1.0, 1.0
 
     def _cuts(self) -> tuple[float, float]:
         return (-1.0 - self.shift) / self.sigma, (1.0 - self.shift) / self.sigma

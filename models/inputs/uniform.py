@@ -6,16 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .distribution import Array, Distribution
+from .distribution import Array, WithinZone
 
 
 @dataclass(frozen=True, slots=True)
-class Uniform(Distribution):
+class Uniform(WithinZone):
     """z uniform on [-1, 1]: variance t^2/3. It fills the zone, so it has no Cp and no shift."""
-
-    @property
-    def support(self) -> tuple[float, float]:
-        return -1.0, 1.0
 
     def raw_moments(self, order: int) -> Array:
         k = np.arange(order + 1)

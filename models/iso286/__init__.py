@@ -1,8 +1,5 @@
 """Standards of drawings: limits and fits (ISO 286), general tolerances (2768), symbols (1101)."""
 
-from __future__ import annotations
-
-from .deviations import HOLES, LETTERS, SHAFTS, deviations_um
 from .fits import Fit, pair_of_text, zone
 from .general import angle_rad, geometrical_mm, linear_mm
 from .grades import GRADES, UNVERIFIED, grade_um
@@ -11,15 +8,11 @@ from .tables import LARGEST
 
 __all__ = [
     "GRADES",
-    "HOLES",
     "LARGEST",
-    "LETTERS",
-    "SHAFTS",
     "SYMBOLS",
     "UNVERIFIED",
     "Fit",
     "angle_rad",
-    "deviations_um",
     "geometrical_mm",
     "grade_um",
     "linear_mm",

@@ -2,41 +2,13 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from functools import lru_cache
 
 from .grades import GRADES, grade_um
 from .tables import check_size, rows_of, value_um
 
-SHAFTS = (
-    "a",
-    "b",
-    "c",
-    "cd",
-    "d",
-    "e",
-    "ef",
-    "f",
-    "fg",
-    "g",
-    "h",
-    "js",
-    "j",
-    "k",
-    "m",
-    "n",
-    "p",
-    "r",
-    "s",
-    "t",
-    "u",
-    "v",
-    "x",
-    "y",
-    "z",
-    "za",
-    "zb",
-    "zc",
-)
+SHAFTS = (*"abc", "cd", "d", "e", "ef", "f", "fg", *"gh", "js", *"jkmnprstuvxyz", "za", "zb", "zc")
 HOLES = tuple(letter.upper() for letter in SHAFTS)
 LETTERS = (*HOLES, *SHAFTS)
 """Letters of a fundamental deviation: capitals for holes."""
@@ -58,8 +30,7 @@ def deviations_um(letter: str, grade: str, size: float) -> tuple[float, float]:
 
     Reference: ISO 286-1:2010, clause 4.3, tables 2 to 5.
     """
-    width = grade_um(grade, size)
-    shaft_letter = letter.lower()
+    width, shaft_letter = grade_um(grade, size), letter.lower()
     if letter not in LETTERS:
         raise ValueError(
             f'"{letter}" is not a letter of a fundamental deviation: one of {", ".join(SHAFTS)}, in capitals for a hole'
@@ -78,7 +49,7 @@ def deviations_um(letter: str, grade: str, size: float) -> tuple[float, float]:
 
 
 def shaft_um(letter: str, grade: str, size: float) -> float:
-    """Fundamental deviation [um] of a shaft: the upper one of a to h, the lower one from j on.
+    """Fundamental deviation [um] of a shaft: the upper deviation of a to h, the lower from j on.
 
     Raises ValueError where the standard tabulates none.
     """
@@ -123,8 +94,8 @@ def _hole_um(letter: str, grade: str, size: float) -> float:
 @lru_cache(maxsize=1)
 def _shafts() -> dict[str, list[tuple[float, float, float, float, float]]]:
     """First and last grade, sizes over and up to [mm], and deviation [um], by letter."""
-    shafts: dict[str, list[tuple[float, float, float, float, float]]] = {}
+    shafts = defaultdict(list)
     for letter, *values in rows_of("shaft_um.csv")[1:]:
         first, last, over, up_to, deviation = map(float, values)
-        shafts.setdefault(letter, []).append((first, last, over, up_to, deviation))
+        shafts[letter].append((first, last, over, up_to, deviation))
     return shafts

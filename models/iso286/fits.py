@@ -43,8 +43,8 @@ class Fit:
 def pair_of_text(text: str) -> tuple[Fit, Fit]:
     """The classes of hole and shaft that "25 H7/g6" states.
 
-    Raises ValueError for another form, and unless the first class is one of a hole and the second
-    one of a shaft.
+    Raises ValueError for another form, and unless the first class is that of a hole and the second
+    that of a shaft.
     """
     match = _PAIR.match(text)
     if match is None:
@@ -52,7 +52,7 @@ def pair_of_text(text: str) -> tuple[Fit, Fit]:
     size, hole, hole_grade, shaft, shaft_grade = match.groups()
     hole, shaft = _letter(hole), _letter(shaft)
     if hole not in HOLES or shaft not in SHAFTS:
-        raise ValueError(f'states the hole in capitals first and the shaft after it, got "{text}"')
+        raise ValueError(f'must state the hole first, in capitals, and then the shaft, got "{text}"')
     number = None if size is None else float(size)
     return Fit(hole, f"IT{hole_grade}", number), Fit(shaft, f"IT{shaft_grade}", number)
 
@@ -69,11 +69,9 @@ def zone(fit: Fit, size: float) -> Zone:
 def _letter(text: str) -> str:
     if text in LETTERS:
         return text
-    either = [letter for letter in (text.upper(), text.lower()) if letter in LETTERS]
-    if either:
-        raise ValueError(f"the letter {text} mixes the cases: {either[0]} is a hole, {either[1]} a shaft")
+    if text.lower() in SHAFTS:
+        raise ValueError(f"the letter {text} mixes the cases: {text.upper()} is a hole, {text.lower()} a shaft")
     raise ValueError(
-        f'"{text}" is not a letter of a fundamental deviation'
-        f"{nearest(text, LETTERS)}; one of {', '.join(SHAFTS)}, in capitals for a "
-        "hole"
+        f'"{text}" is not a letter of a fundamental deviation{nearest(text, LETTERS)}; '
+        f"one of {', '.join(SHAFTS)}, in capitals for a hole"
     )

@@ -13,18 +13,18 @@ SMALLEST = 0.5
 """Below this nominal size [mm] a drawing states each tolerance."""
 _NONE = -1.0
 
-_Table = Mapping[str, tuple[float, ...]]
 _Ends = tuple[float, ...]
+_Table = Mapping[str, _Ends]
 
-_LINEAR_ENDS: _Ends = (3.0, 6.0, 30.0, 120.0, 400.0, 1000.0, 2000.0, 4000.0)
-_LINEAR: _Table = {
+_LINEAR_ENDS = (3.0, 6.0, 30.0, 120.0, 400.0, 1000.0, 2000.0, 4000.0)
+_LINEAR = {
     "f": (0.05, 0.05, 0.1, 0.15, 0.2, 0.3, 0.5, _NONE),
     "m": (0.1, 0.1, 0.2, 0.3, 0.5, 0.8, 1.2, 2.0),
     "c": (0.2, 0.3, 0.5, 0.8, 1.2, 2.0, 3.0, 4.0),
     "v": (_NONE, 0.5, 1.0, 1.5, 2.5, 4.0, 6.0, 8.0),
 }
-_RADIUS_ENDS: _Ends = (3.0, 6.0, inf)
-_RADIUS: _Table = {"f": (0.2, 0.5, 1.0), "m": (0.2, 0.5, 1.0), "c": (0.4, 1.0, 2.0), "v": (0.4, 1.0, 2.0)}
+_RADIUS_ENDS = (3.0, 6.0, inf)
+_RADIUS = {"f": (0.2, 0.5, 1.0), "m": (0.2, 0.5, 1.0), "c": (0.4, 1.0, 2.0), "v": (0.4, 1.0, 2.0)}
 _ANGLE_ENDS = (10.0, 50.0, 120.0, 400.0, inf)
 _MINUTES = {
     "f": (60.0, 30.0, 20.0, 10.0, 5.0),
@@ -56,8 +56,7 @@ def linear_mm(kind: str, size: float, radius: bool = False) -> float:
     Reference: ISO 2768-1:1989, tables 1 and 2.
     """
     _check_class(kind, CLASSES)
-    ends, table = (_RADIUS_ENDS, _RADIUS) if radius else (_LINEAR_ENDS, _LINEAR)
-    return _value(ends, table, kind, size)
+    return _value(_RADIUS_ENDS, _RADIUS, kind, size) if radius else _value(_LINEAR_ENDS, _LINEAR, kind, size)
 
 
 def angle_rad(kind: str, leg: float) -> float:
@@ -81,8 +80,7 @@ def geometrical_mm(characteristic: str, kind: str, size: float) -> float:
     _check_class(kind, GEOMETRICAL)
     if characteristic not in _ZONES:
         raise ValueError(f"ISO 2768-2 has general tolerances of {', '.join(_ZONES)} only, got {characteristic}")
-    ends, table = _ZONES[characteristic]
-    return _value(ends, table, kind, size, 0.0)
+    return _value(*_ZONES[characteristic], kind, size, 0.0)
 
 
 def _check_class(kind: str, classes: tuple[str, ...]) -> None:
@@ -94,5 +92,5 @@ def _value(ends: _Ends, table: _Table, kind: str, size: float, smallest: float =
     within = smallest <= size <= ends[-1] and size > 0.0
     at = next((at for at, end in enumerate(ends) if size <= end), 0)
     if not within or table[kind][at] == _NONE:
-        raise ValueError(f"ISO 2768 has no tolerance of class {kind} for {size:g} mm: state one")
+        raise ValueError(f"ISO 2768 has no tolerance of class {kind} for {size:g} mm: state a tolerance")
     return table[kind][at]

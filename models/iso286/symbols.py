@@ -1,7 +1,5 @@
 """Symbols of geometrical characteristics on drawings, ISO 1101."""
 
-from __future__ import annotations
-
 SYMBOLS = {
     "straightness": "\u23e4",
     "flatness": "\u23e5",

@@ -1,18 +1,6 @@
-"""Machines with a scatter of their own, with and without inspection of every part."""
+"""Machines whose scatter does not depend on the tolerance, with and without inspection."""
 
-from __future__ import annotations
+from .curves import GoodPartsBySpread, convex_cost
+from .machine import Machine
 
-from .curves import GoodPartsByLimit, GoodPartsBySpread, convex_cost
-from .machine import GUARD, SIDES, GoodParts, Inspection, Machine, Rework
-
-__all__ = [
-    "GUARD",
-    "SIDES",
-    "GoodParts",
-    "GoodPartsByLimit",
-    "GoodPartsBySpread",
-    "Inspection",
-    "Machine",
-    "Rework",
-    "convex_cost",
-]
+__all__ = ["GoodPartsBySpread", "Machine", "convex_cost"]

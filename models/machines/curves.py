@@ -54,7 +54,7 @@ class GoodPartsBySpread(CostCurve):
 
     @property
     def tabulated(self) -> Array:
-        """Tabulated x."""
+        """The x at which cost and limit are tabulated, rising."""
         return self._slopes[0]
 
     @property
@@ -64,10 +64,14 @@ class GoodPartsBySpread(CostCurve):
         return float(x[0]), float(x[-1])
 
     @cached_property
+    def _rising(self) -> NDArray[np.bool_]:
+        """Where x is above all x before it."""
+        return np.concatenate([[True], np.diff(np.maximum.accumulate(self._table[1])) > 0.0])
+
+    @cached_property
     def _inverse(self) -> scipy.interpolate.PchipInterpolator:
         t, x = self._table
-        rising = np.concatenate([[True], np.diff(np.maximum.accumulate(x)) > 0.0])
-        return scipy.interpolate.PchipInterpolator(x[rising], t[rising])
+        return scipy.interpolate.PchipInterpolator(x[self._rising], t[self._rising])
 
     def limit(self, x: Array) -> Array:
         """The limit t of an inspection whose good parts have the scatter x."""
@@ -91,11 +95,11 @@ class GoodPartsBySpread(CostCurve):
         x, slope = self._slopes
         ends = np.array([low, high])
         at_low, at_high = np.interp(ends, x, slope)[:, None] + linear + 2.0 * square * ends[:, None]
-        nearest = np.where(at_high <= 0.0, high, low)
+        best = np.where(at_high <= 0.0, high, low)
         inner = np.flatnonzero((at_low < 0.0) & (at_high > 0.0))
         if len(inner):
-            nearest[inner] = self._inside(linear[inner], square[inner], ends)
-        return np.clip(nearest, low, high)
+            best[inner] = self._inside(linear[inner], square[inner], ends)
+        return np.clip(best, low, high)
 
     def _inside(self, linear: Array, square: Array, ends: Array) -> Array:
         """Where the tabulated slope and prices (n,) add up to 0 between two ends."""
@@ -115,12 +119,11 @@ class GoodPartsBySpread(CostCurve):
 
     @cached_property
     def _slopes(self) -> tuple[Array, Array]:
-        """x and dC/dx, made to rise with x."""
+        """x and dC/dx, its running maximum, so that it rises with x."""
         t, x = self._table
         good = self.machine.good_parts(t)
         slope = good.cost_slope / (self.scale * good.std_slope)
-        rising = np.concatenate([[True], np.diff(np.maximum.accumulate(x)) > 0.0])
-        return x[rising], np.maximum.accumulate(slope[rising])
+        return x[self._rising], np.maximum.accumulate(slope[self._rising])
 
 
 def convex_cost(curve: CostCurve, x: Array) -> tuple[CostCurve, bool]:

@@ -1,16 +1,16 @@
 """The parts of a machine: scatter, mean, yield and cost of the good ones.
 
-A machine makes x ~ N(o, sigma^2). Inspection reads x + e, e ~ N(0, u^2), and passes a part whose
-reading lies within +-w, w = t - k u: the limits +-t less a guard band of k u at each (ISO 14253-1;
-k = 1.645 leaves 5 % of the parts on a limit to be accepted wrongly). The readings are normal with
-the variance S^2 = sigma^2 + u^2, those of good parts are truncated at a = (-w - o)/S and
-b = (w - o)/S:
+A machine makes x ~ N(o, sigma^2). Inspection measures x + e, e ~ N(0, u^2), and passes a part whose
+measurement lies within +-w, w = t - k u: the limits +-t less a guard band of k u at each (ISO
+14253-1; k = 1.645 leaves 5 % of the parts on a limit to be accepted wrongly). The measurements are
+normal with the variance S^2 = sigma^2 + u^2, those of good parts are truncated at a = (-w - o)/S
+and b = (w - o)/S:
 
     Y    = Phi(b) - Phi(a)                                            yield
-    m_r  = o - S (phi(b) - phi(a))/Y                                  mean of the readings
+    m_r  = o - S (phi(b) - phi(a))/Y                                  mean of measurements
     s_r^2 = S^2 (1 - (b phi(b) - a phi(a))/Y - ((phi(b) - phi(a))/Y)^2)   their variance
 
-Given its reading a part is normal about o + r (reading - o), r = sigma^2/S^2, with the variance
+Given its measurement m a part is normal about o + r (m - o), r = sigma^2/S^2, with the variance
 r u^2, so that good parts have mean o + r (m_r - o) and variance r^2 s_r^2 + r u^2. For u = 0 and
 o = 0 this is sigma^2 (1 - 2 tau phi(tau)/(2 Phi(tau) - 1)), tau = t/sigma. Reference: Johnson, Kotz
 & Balakrishnan (1994), Continuous Univariate Distributions 1, section 13.10.1.
@@ -21,10 +21,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtr
 
-Array = NDArray[np.float64]
+from ..inputs.distribution import Array
+from ..inputs.normal import density
+
 GUARD = 1.645
 """Guard band in units of the standard uncertainty: 5 % risk for a part on the limit."""
 SIDES = ("upper", "lower", "both")
@@ -84,18 +85,18 @@ class Machine:
 
     @property
     def natural(self) -> float:
-        """The half-width that it holds without inspection: 3 sigma, and its mean."""
+        """The half-width that it achieves without inspection: 3 sigma plus |mean|."""
         return 3.0 * self.sigma + abs(self.mean)
 
     @property
     def measured_std(self) -> float:
-        """Standard deviation of the readings of an inspection."""
+        """Standard deviation of the measurements of an inspection."""
         u = self.inspection.u if self.inspection else 0.0
         return float(np.hypot(self.sigma, u))
 
     @property
     def guard_band(self) -> float:
-        """Distance that an inspection keeps from each limit."""
+        """Distance from each limit within which an inspection rejects parts."""
         return self.inspection.guard * self.inspection.u if self.inspection else 0.0
 
     def passed(self, t: Array) -> Array:
@@ -110,7 +111,7 @@ class Machine:
             return GoodParts(ones, ones * self.mean, ones * self.sigma, ones * self.price, zeros, zeros, zeros)
         w, scale, o = t - self.guard_band, self.measured_std, self.mean
         a, b = (-w - o) / scale, (w - o) / scale
-        at_a, at_b = (_density(end) / scale for end in (a, b))
+        at_a, at_b = (density(end) / scale for end in (a, b))
         passed = _between(a, b)
         mean = o - scale**2 * (at_b - at_a) / passed
         variance = scale**2 * (1.0 - (b * at_b - a * at_a) * scale / passed) - (mean - o) ** 2
@@ -153,10 +154,6 @@ class Machine:
         spent_slope = rework_cost * reworked_slope
         base_cost = 0.0 if inspection.scrap else self.price
         return base_cost + spent / good, (spent_slope - spent / good * good_slope) / good
-
-
-def _density(x: Array) -> Array:
-    return np.asarray(np.exp(-0.5 * x * x) / np.sqrt(2.0 * np.pi))
 
 
 def _between(a: Array, b: Array) -> Array:

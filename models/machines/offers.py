@@ -1,9 +1,9 @@
-"""Machines offered for a tolerance, and the ways to use each."""
+"""Machines offered for a tolerance, with and without inspection of their parts."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 from ..capability import PartSample
@@ -18,8 +18,8 @@ PLUG_IN = "the standard deviation of the sample counts as that of all later part
 
 @dataclass(frozen=True, slots=True)
 class Way:
-    """A machine used in one way: inspected at +-t from `low` to `high`, or without inspection at
-    its natural half-width; cost of a good part against t.
+    """A machine with its parts inspected at +-t from `low` to `high`, or without inspection at its
+    natural half-width; cost of a good part against t.
     """
 
     machine: Machine
@@ -28,7 +28,7 @@ class Way:
 
     @property
     def label(self) -> str:
-        """Name of the way."""
+        """The name of the machine, and whether its parts are inspected."""
         return self.machine.name + (", inspected" if self.machine.inspection else "")
 
     @property
@@ -41,7 +41,7 @@ class Way:
 
 @dataclass(frozen=True, slots=True)
 class Offer:
-    """A machine as a table states it. The price of `machine` includes its part of the `setup`.
+    """A machine as a table states it. The price of `machine` includes its fraction of the `setup`.
 
     `low` and `high` are the limits of inspection that are searched; with `required` parts are never
     used without inspection; `assumed` has the assumptions where the table is silent. `sample` are
@@ -60,35 +60,27 @@ class Offer:
     def ways(self) -> tuple[Way, ...]:
         """With and without inspection, as far as the table allows it."""
         natural = self.machine.natural
-        bare = Way(replace(self.machine, inspection=None), natural, natural)
+        without = Way(replace(self.machine, inspection=None), natural, natural)
         if self.machine.inspection is None:
-            return (bare,)
+            return (without,)
         inspected = Way(self.machine, self.low, self.high)
-        return (inspected,) if self.required else (bare, inspected)
+        return (inspected,) if self.required else (without, inspected)
 
     def table(self) -> dict[str, Any]:
         """The table that states it."""
-        machine, settings = self.machine, self.machine.inspection
+        machine = self.machine
         stated: dict[str, Any] = {"name": machine.name, "price": self.price}
-        stated |= (
-            {"sigma": machine.sigma, "mean": machine.mean}
-            if self.sample is None
-            else {"measured": dict(self.sample.stated)}
-        )
+        if self.sample is None:
+            stated |= {"sigma": machine.sigma, "mean": machine.mean}
+        else:
+            stated["measured"] = dict(self.sample.stated)
         if self.setup is not None:
-            stated["setup"] = self.setup.table()
-        if settings is None:
+            stated["setup"] = asdict(self.setup)
+        if machine.inspection is None:
             return stated
-        inspection: dict[str, Any] = {
-            "price": settings.price,
-            "u": settings.u,
-            "guard": settings.guard,
-            "scrap": settings.scrap,
-            "required": self.required,
-        }
-        if settings.rework is not None:
-            rework = settings.rework
-            inspection["rework"] = {"price": rework.price, "success": rework.success, "side": rework.side}
+        inspection = asdict(machine.inspection)
+        rework = inspection.pop("rework")
+        inspection |= {"required": self.required} | ({"rework": rework} if rework else {})
         return stated | {"t_min": self.low, "t_max": self.high, "inspection": inspection}
 
 
@@ -98,5 +90,5 @@ def samples_of(offers: Iterable[Offer]) -> tuple[tuple[str, PartSample], ...]:
 
 
 def departures(offers: Iterable[Offer], owner: str) -> tuple[str, ...]:
-    """How measured parts of machines contradict one stable normal process."""
+    """Departures of measured parts of machines from a single stable normal process."""
     return tuple(text for name, sample in samples_of(offers) for text in sample.departures(f"{owner}, machine {name}"))

@@ -40,34 +40,24 @@ def _offer(table: Section, name: str, owner: Owner) -> Offer | None:
     price, setup = table.number("price", within=NOT_NEGATIVE), read_setup(table)
     scatter, sample = _scatter(table, owner)
     if "price" not in table:
-        table.fault("price", "is missing: what a part costs on the machine")
+        table.fault("price", "is missing: the cost of a part on the machine")
     if "cost" in table:
         table.take("cost")
-        table.fault("cost", "is no key of a machine, whose scatter does not follow t: give price, or state a process")
+        table.fault("cost", "is no key of a machine, whose scatter does not depend on t: state price, or a process")
     inspection = _inspection(table, owner.unit) if "inspection" in table else None
     limits = [table.number(key, owner.unit, POSITIVE) for key in ("t_min", "t_max")]
     if "inspection" not in table:
-        for key in ("inspection", "t_min", "t_max"):
+        for key in ("t_min", "t_max"):
             if key in table:
-                table.fault(
-                    key,
-                    "is the limit of an inspection, and the machine has none: state "
-                    "inspection = { price = ... }, or leave it out",
-                )
+                table.fault(key, "is a limit of inspection, and no inspection is stated: state it, or remove this key")
     if scatter is None or price is None or ("inspection" in table and inspection is None):
         return None
     if "setup" in table and setup is None:
         return None
     with_setup = price + (setup.per_part if setup else 0.0)
     machine = Machine(name, scatter[0], with_setup, scatter[1], inspection and inspection[0])
-    offer = Offer(
-        machine,
-        price,
-        setup=setup,
-        required=bool(inspection and inspection[1]),
-        assumed=_assumed(name, sample),
-        sample=sample,
-    )
+    required, assumed = bool(inspection and inspection[1]), _assumed(name, sample)
+    offer = Offer(machine, price, setup=setup, required=required, assumed=assumed, sample=sample)
     return offer if inspection is None else _searched(table, offer, limits, owner)
 
 
@@ -77,14 +67,12 @@ def _scatter(table: Section, owner: Owner) -> tuple[tuple[float, float] | None, 
     if "measured" not in table:
         table.accept(("measured",))
         if "sigma" not in table:
-            table.fault(
-                "sigma", "is missing: the standard deviation of what the machine makes, or measured = { file = ... }"
-            )
+            table.fault("sigma", "is missing: the standard deviation of the parts, or measured = { file = ... }")
         faulty = sigma is None or ("mean" in table and mean is None)
         return (None if faulty or sigma is None else (sigma, mean or 0.0)), None
     stated = [key for key in ("sigma", "mean") if key in table]
     for key in stated:
-        table.fault(key, "is stated in addition to measured, from which it follows: keep one")
+        table.fault(key, "is stated in addition to measured, from which it follows: remove one of them")
     sample = read_sample(table, owner.unit, owner.nominal, owner.mid, follows=False)
     if sample is None or stated:
         return None, None
@@ -98,14 +86,14 @@ def _assumed(name: str, sample: PartSample | None) -> str:
 
 def _searched(table: Section, offer: Offer, limits: list[float | None], owner: Owner) -> Offer | None:
     """The offer with the limits of inspection that are searched."""
-    machine, unit, ends = offer.machine, owner.unit, owner.ends
+    machine, unit = offer.machine, owner.unit
     usual = (
         machine.guard_band + TIGHTEST * machine.measured_std + max(0.0, abs(machine.mean) - machine.measured_std),
         machine.guard_band + LOOSEST * machine.measured_std + abs(machine.mean),
     )
-    stated = [ends[at] if limits[at] is None else limits[at] for at in (0, 1)]
-    low, high = (usual[at] if (end := stated[at]) is None else end for at in (0, 1))
-    open_ = [key for key, end in zip(("t_min", "t_max"), stated, strict=True) if end is None]
+    stated = [other if limit is None else limit for limit, other in zip(limits, owner.ends, strict=True)]
+    low, high = (other if limit is None else limit for limit, other in zip(stated, usual, strict=True))
+    open_ = [key for key, limit in zip(("t_min", "t_max"), stated, strict=True) if limit is None]
     assumed = [offer.assumed] if offer.assumed else []
     if open_:
         assumed.append(
@@ -114,23 +102,22 @@ def _searched(table: Section, offer: Offer, limits: list[float | None], owner: O
     if low >= high:
         table.fault(
             "t_min" if "t_min" in table else "t_max",
-            f"must leave a range: limits of inspection from {low:g} to {high:g} {unit}",
+            f"must leave a range of limits of inspection, got {low:g} to {high:g} {unit}",
         )
         return None
     if low <= machine.guard_band:
         table.fault(
             "t_min" if "t_min" in table else "inspection.u",
-            f"leaves nothing between the guard bands: limits of {low:g} {unit} less "
-            f"{machine.guard_band:.4g} at each (guard x u)",
+            f"leaves no range between the guard bands: the limits are {low:g} {unit}, "
+            f"and the guard band (guard x u) at each is {machine.guard_band:.4g} {unit}",
         )
         return None
     passed = float(machine.passed(np.array([low]))[0])
     if not passed >= LEAST_YIELD:
         table.fault(
             "mean" if machine.mean else "t_min",
-            f"lets {100.0 * passed:.2g} % of the parts pass "
-            f"at the tightest limits ({low:g} {unit}): correct the mean or widen "
-            "t_min",
+            f"lets only {100.0 * passed:.2g} % of the parts pass at the tightest limits ({low:g} {unit}): "
+            "correct the mean, or widen t_min",
         )
         return None
     return replace(offer, low=low, high=high, assumed="; ".join(assumed))
@@ -143,17 +130,15 @@ def _inspection(machine_table: Section, unit: str) -> tuple[Inspection, bool] | 
     guard, scrap = table.number("guard", within=NOT_NEGATIVE), table.flag("scrap")
     required = table.flag("required")
     if "price" not in table and isinstance(machine_table.take("inspection"), dict):
-        table.fault("price", "is missing: what the inspection of a part costs")
+        table.fault("price", "is missing: the cost of inspecting a part")
     rework = _rework(table) if "rework" in table else None
     table.accept(("rework",))
     table.finish()
     values = {"price": price, "u": u, "guard": guard, "scrap": scrap, "required": required, "rework": rework}
     if price is None or any(key in table and value is None for key, value in values.items()):
         return None
-    inspection = Inspection(
-        price, u or 0.0, GUARD if guard is None else guard, True if scrap is None else scrap, rework
-    )
-    return inspection, bool(required)
+    guard = GUARD if guard is None else guard
+    return Inspection(price, u or 0.0, guard, scrap is not False, rework), bool(required)
 
 
 def _rework(table: Section) -> Rework | None:
@@ -162,7 +147,7 @@ def _rework(table: Section) -> Rework | None:
     success = rework_table.number("success", within=Range(0.0, 1.0, open_low=True))
     side = rework_table.text("side", SIDES)
     needed = {
-        "price": "what the rework of a part costs",
+        "price": "the cost of reworking a part",
         "side": "upper, lower or both: which rejected parts can be reworked",
     }
     for key, meaning in needed.items():

@@ -1,7 +1,5 @@
 """From the spread of the inputs to the spread of the output, for batches of designs."""
 
-from __future__ import annotations
-
 from .convolution import Convolution
 from .method import Propagation
 from .moments import Moments

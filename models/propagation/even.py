@@ -9,12 +9,11 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import erf, gamma, jv, ndtri, wofz
 
 from ..inputs import Beta, Distribution, Normal, Trapezoid, Triangular, TruncatedNormal, Uniform
+from ..inputs.distribution import Array
 
-Array = NDArray[np.float64]
 NEAR = 1e-3
 """Arguments below which a power series replaces a quotient."""
 LANDAU = 0.7858
@@ -144,8 +143,8 @@ class EvenTruncatedNormal(Even):
     def characteristic(self, w: Array) -> tuple[Array, Array]:
         c, s = 1.0 / self.sigma, self.sigma * w
         turn = np.exp(1j * c * s) * wofz((s + 1j * c) / np.sqrt(2.0))
-        whole = float(erf(np.sqrt(0.5) * c))
-        phi = (np.exp(-0.5 * s * s) - np.exp(-0.5 * c * c) * turn.real) / whole
+        mass = float(erf(np.sqrt(0.5) * c))
+        phi = (np.exp(-0.5 * s * s) - np.exp(-0.5 * c * c) * turn.real) / mass
         edge = self._peak * np.exp(-0.5 * c * c)
         return phi, self.sigma**2 * (2.0 * edge * np.sin(w) - w * phi)
 

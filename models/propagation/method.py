@@ -18,7 +18,7 @@ class Propagation(ABC):
 
     @abstractmethod
     def _propagate(self, total: ClippedSum, coverage: float, limit: float) -> Propagated:
-        """`propagate` for one block."""
+        """`propagate` for a block of designs."""
 
     def propagate(self, total: ClippedSum, coverage: float, limit: float) -> Propagated:
         """Statistics of `total` for its n designs.

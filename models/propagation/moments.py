@@ -71,11 +71,11 @@ def _doubt(clipped: Array, free: Array, coverage: float) -> tuple[Array, ...]:
     evaluated point: 0.40, 0.55 and 1.4 for the orders 2, 3 and 5.
     """
     effective = cumulants_of(_upper_moments(clipped)[1:]) + free
-    part, whole = _series_size(clipped), _series_size(effective)
+    of_clipped, of_sum = _series_size(clipped), _series_size(effective)
     sigma, std = np.sqrt(clipped[1]), np.sqrt(np.maximum(effective[1], 0.0))
     stretch = 1.0 / float(density(np.asarray(ndtri(coverage))))
-    tail = np.minimum(whole * stretch, 1.5) * std
-    return part * sigma, part * sigma, tail, np.minimum(whole + part, 1.0), part
+    tail = np.minimum(of_sum * stretch, 1.5) * std
+    return of_clipped * sigma, of_clipped * sigma, tail, np.minimum(of_sum + of_clipped, 1.0), of_clipped
 
 
 def _series_size(cumulants: Array) -> Array:
@@ -97,7 +97,7 @@ def _effective(
     skew, excess = spread[2] / safe**3, spread[3] / safe**4
     if gaussian:
         skew, excess = np.zeros_like(skew), np.zeros_like(excess)
-    quantile = mean + std * _cornish_fisher(float(ndtri(coverage)), skew, excess)
+    quantile = mean + std * cornish_fisher(float(ndtri(coverage)), skew, excess)
     conforming = _edgeworth((limit - mean) / safe, skew, excess)
     return mean, std, quantile, conforming, np.clip(1.0 - upper[0], 0.0, 1.0)
 
@@ -135,7 +135,8 @@ def _normal_tail_moments(start: Array, order: int) -> list[Array]:
     return moments
 
 
-def _cornish_fisher(z: float, skew: Array, excess: Array) -> Array:
+def cornish_fisher(z: float, skew: Array, excess: Array) -> Array:
+    """Quantile (n,) of a standardised variable with these cumulants (n,), at the normal z."""
     bend = (2.0 * z**3 - 5.0 * z) * skew**2 / 36.0
     return z + (z**2 - 1.0) * skew / 6.0 + (z**3 - 3.0 * z) * excess / 24.0 - bend
 

@@ -71,18 +71,22 @@ def replicates(samples: int, dimensions: int, rng: np.random.Generator) -> Itera
 
 
 def _replicate(total: ClippedSum, points: Array, coverage: float, limit: float) -> Array:
-    """Mean, std, quantile, conforming and negative probability of one sample, shape (5, n)."""
-    split = len(total.clipped)
-    clipped, free = (_Part.of(total.clipped, points[:, :split]), _Part.of(total.free, points[:, split:]))
+    """Mean, std, quantile, conforming and negative probability of a sample, shape (5, n)."""
+    clipped, free = _parts(total, points)
     blocks = [slice(at, at + BLOCK) for at in range(0, total.size, BLOCK)]
     return np.concatenate([_unit_statistics(clipped.units(b), free.units(b), coverage, limit) for b in blocks], axis=1)
 
 
 def units_of(total: ClippedSum, points: Array) -> Array:
     """Units (n, samples) of the n sums at `points` (samples, inputs) in (0, 1)."""
-    split, all_rows = len(total.clipped), slice(None)
-    clipped = _Part.of(total.clipped, points[:, :split]).units(all_rows)
-    return np.maximum(clipped, 0.0) + _Part.of(total.free, points[:, split:]).units(all_rows)
+    clipped, free = (part.units(slice(None)) for part in _parts(total, points))
+    return np.maximum(clipped, 0.0) + free
+
+
+def _parts(total: ClippedSum, points: Array) -> tuple[_Part, _Part]:
+    """The clipped and the free part at `points` (samples, inputs)."""
+    split = len(total.clipped)
+    return _Part.of(total.clipped, points[:, :split]), _Part.of(total.free, points[:, split:])
 
 
 def _unit_statistics(clipped: Array, free: Array, coverage: float, limit: float) -> Array:

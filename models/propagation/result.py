@@ -24,7 +24,7 @@ class Propagated:
 
     `geometric_mean`, `geometric_std` are exact in every method. `mean`, `std` and `quantile` (at
     the one-sided coverage) are those of the effective value, `conforming` is the probability that
-    it keeps the limit, `negative` the probability that the clipped part is below zero.
+    it does not exceed the limit, `negative` the probability that the clipped part is below zero.
     """
 
     geometric_mean: Array
@@ -38,13 +38,11 @@ class Propagated:
 
 def joined(parts: list[Propagated]) -> Propagated:
     """The results of consecutive blocks of designs, joined."""
-    fields_of: dict[str, Any] = {}
-    for field in fields(Propagated):
-        pieces = [getattr(part, field.name) for part in parts]
-        if isinstance(pieces[0], Estimate):
-            fields_of[field.name] = Estimate(
-                np.concatenate([piece.value for piece in pieces]), np.concatenate([piece.error for piece in pieces])
-            )
-        else:
-            fields_of[field.name] = np.concatenate(pieces)
-    return Propagated(**fields_of)
+    return Propagated(*(_joined([getattr(part, field.name) for part in parts]) for field in fields(Propagated)))
+
+
+def _joined(pieces: list[Any]) -> Any:
+    if not isinstance(pieces[0], Estimate):
+        return np.concatenate(pieces)
+    value, error = (np.concatenate(arrays) for arrays in zip(*((p.value, p.error) for p in pieces), strict=True))
+    return Estimate(value, error)

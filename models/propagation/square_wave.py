@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,8 +37,7 @@ class Series:
     @classmethod
     def of(cls, kinds: Kinds, s: Array, period: Array, terms: int) -> Series:
         """The series of scales s (n, m) with so many odd terms and periods R (n,)."""
-        k = 2.0 * np.arange(terms) + 1.0
-        omega = np.pi * k / period[:, None]
+        k, omega = _frequencies(period, terms)
         factors = np.empty((len(s), s.shape[1], terms))
         slope = np.empty_like(factors)
         last = omega[:, -1:] * s
@@ -51,53 +50,39 @@ class Series:
         before, after = _products_before_and_after(factors)
         phi = before[:, -1] * factors[:, -1]
         slopes = slope * before * after
-        # sum over odd k > K of (K/k)^D/k is at most 1/(2 D)
-        whole, order = np.prod(bound, axis=1), np.sum(fall, axis=1)
-        other_bounds, others_order = (_products_before_and_after(bound[:, :, None]), order[:, None] - fall + slope_fall)
-        partial = (other_bounds[0] * other_bounds[1])[:, :, 0] * slope_bound
+        product, decay = np.prod(bound, axis=1), np.sum(fall, axis=1)
+        bounds_before, bounds_after = _products_before_and_after(bound[:, :, None])
+        partial = (bounds_before * bounds_after)[:, :, 0] * slope_bound
+        others_decay = decay[:, None] - fall + slope_fall
         with np.errstate(divide="ignore"):
-            missing = np.where(order > 0.0, whole / (np.pi * order), 1.0)
-            room = k[-1] / period
-            dense = np.where(order > 1.0, whole * room / (order - 1.0), np.inf)
-            steep = np.where(others_order > 1.0, partial * room[:, None] / (others_order - 1.0), np.inf)
-        return cls(np.asarray(k, dtype=float), omega, phi, slopes, period, missing, dense, steep)
+            last_k = k[-1] / period
+            dense = np.where(decay > 1.0, product * last_k / (decay - 1.0), np.inf)
+            steep = np.where(others_decay > 1.0, partial * last_k[:, None] / (others_decay - 1.0), np.inf)
+        return cls(k, omega, phi, slopes, period, _missing(product, decay), dense, steep)
 
     @classmethod
     def of_values(cls, kinds: Kinds, s: Array, period: Array, terms: int) -> Series:
         """The series without derivatives in the scales: their errors are unknown."""
         if shared := alike(s, period):
             period = np.full_like(period, period.max())
-        k = 2.0 * np.arange(terms) + 1.0
-        omega = np.pi * k / period[:, None]
+        k, omega = _frequencies(period, terms)
         phi, last = np.ones_like(omega), omega[:, -1:] * s
-        whole, order = np.ones(len(s)), np.zeros(len(s))
+        product, decay = np.ones(len(s)), np.zeros(len(s))
         for law, columns in kinds.items():
             if shared:
                 _times(phi, law, s[:, columns], omega[0])
             else:
                 phi *= np.prod(law.value(s[:, columns, None] * omega[:, None, :]), axis=1)
             bound, fall = law.envelope(last[:, columns])
-            whole, order = whole * np.prod(bound, axis=1), order + np.sum(fall, axis=1)
-        with np.errstate(divide="ignore"):
-            missing = np.where(order > 0.0, whole / (np.pi * order), 1.0)
+            product, decay = product * np.prod(bound, axis=1), decay + np.sum(fall, axis=1)
         unknown = np.full(len(s), np.inf)
-        none = np.empty((len(s), 0, terms))
-        return cls(np.asarray(k, dtype=float), omega, phi, none, period, missing, unknown, unknown)
+        return cls(k, omega, phi, np.empty((len(s), 0, terms)), period, _missing(product, decay), unknown, unknown)
 
     def of_rows(self, rows: NDArray[np.bool_] | slice) -> Series:
         """The series of some sums."""
         if isinstance(rows, slice):
             return self
-        arrays = (
-            self.omega,
-            self.phi,
-            self.slopes_of_phi,
-            self.period,
-            self.missing,
-            self.missing_density,
-            self.missing_slopes,
-        )
-        return Series(self.k, *(part[rows] for part in arrays))
+        return Series(self.k, *(getattr(self, field.name)[rows] for field in fields(self)[1:]))
 
     def below(self, y: Array) -> Array:
         """F(y), (n,)."""
@@ -131,6 +116,18 @@ class Series:
                 return new
             y = new
         return y
+
+
+def _frequencies(period: Array, terms: int) -> tuple[Array, Array]:
+    """So many odd k (terms,), and the frequencies k pi/R (n, terms) of periods R (n,)."""
+    k = 2.0 * np.arange(terms, dtype=float) + 1.0
+    return k, np.pi * k / period[:, None]
+
+
+def _missing(product: Array, decay: Array) -> Array:
+    """Bounds (n,) of neglected terms: the sum over odd k > K of (K/k)^D/k is at most 1/(2 D)."""
+    with np.errstate(divide="ignore"):
+        return np.where(decay > 0.0, product / (np.pi * decay), 1.0)
 
 
 def _products_before_and_after(factors: Array) -> tuple[Array, Array]:

@@ -12,9 +12,9 @@ from ..inputs.distribution import Array, Distribution
 
 @dataclass(frozen=True, slots=True)
 class Term:
-    """One independent contribution constant + linear z + quadratic z^2, z ~ `distribution`.
+    """An independent contribution constant + linear z + quadratic z^2, z ~ `distribution`.
 
-    The three coefficients have shape (n,): one value per design. Unit: that of the sum.
+    The three coefficients have shape (n,): a value per design. Unit: that of the sum.
     """
 
     distribution: Distribution
@@ -31,11 +31,11 @@ class Term:
         """First four cumulants, shape (4, n)."""
         if self.quadratic is None:
             scale = self.linear ** np.arange(1, 5)[:, None]
-            cumulants_of_sum = scale * cumulants_of(self.distribution.raw_moments(4)[1:])[:, None]
+            cumulants = scale * cumulants_of(self.distribution.raw_moments(4)[1:])[:, None]
         else:
-            cumulants_of_sum = cumulants_of(self._centred_raw_moments(self.quadratic))
-        cumulants_of_sum[0] += self.constant
-        return cumulants_of_sum
+            cumulants = cumulants_of(self._centred_raw_moments(self.quadratic))
+        cumulants[0] += self.constant
+        return cumulants
 
     def _centred_raw_moments(self, quadratic: Array) -> Array:
         """E[(linear z + quadratic z^2)^k], k = 1..4, shape (4, n), by the binomial theorem."""

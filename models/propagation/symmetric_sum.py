@@ -77,10 +77,7 @@ class SymmetricSum:
         if last is not None and same and self._sure >= sure:
             return last[2]
         scales, p, s = np.array(s, dtype=float), np.array(p), np.abs(np.array(s, dtype=float))
-        start = self._expected(s, p)
-        tangent = Tangent(np.zeros(len(s)), np.zeros_like(s), np.zeros(len(s)), np.zeros_like(s))
-        self._blocks(tangent, np.arange(len(s)), s, p, start, self._begin)
-        self._replace_single_terms(s, p, tangent)
+        tangent = self._tangent(s, p, self._expected(s, p), self._begin)
         if sure:
             self._surer(tangent, s, p)
         self._last, self._sure = (scales, p, tangent), sure
@@ -123,7 +120,7 @@ class SymmetricSum:
     def within(self, s: Array, low: Array, high: Array) -> tuple[Array, Array]:
         """P(low < X <= high) (n,) of scales (n, m), and the bound of its error.
 
-        One series without derivatives serves both ends: a sixth of the work of `below` twice.
+        A single series without derivatives serves both ends: a sixth of the work of `below` twice.
         """
         s = np.abs(np.asarray(s, dtype=float))
         std, end = self._size(s)
@@ -163,8 +160,15 @@ class SymmetricSum:
             series = build(self._kinds, s, safe, terms)
         return series
 
+    def _tangent(self, s: Array, p: Array, start: Array, at: int) -> Tangent:
+        """Quantiles from `start` (n,) on, with `TERMS[at]` terms or more."""
+        tangent = Tangent(np.zeros(len(s)), np.zeros_like(s), np.zeros(len(s)), np.zeros_like(s))
+        self._blocks(tangent, np.arange(len(s)), s, p, start, at)
+        self._replace_single_terms(s, p, tangent)
+        return tangent
+
     def _blocks(self, tangent: Tangent, rows: NDArray[np.int64], s: Array, p: Array, start: Array, at: int) -> None:
-        """Fill in some rows of `tangent` with `TERMS[at]` terms; rows that need more get more."""
+        """Fill in some rows of `tangent` with `TERMS[at]` terms, or more where a row needs more."""
         most = max(1, BLOCK // (TERMS[at] * max(1, s.shape[1])))
         more = []
         for begin in range(0, len(rows), most):
@@ -175,15 +179,8 @@ class SymmetricSum:
             done = (series.missing <= ENOUGH) | (end <= 0.0) | (at + 1 == len(TERMS))
             if np.any(done):
                 some = slice(None) if np.all(done) else done
-                self._fill(
-                    tangent,
-                    block[some],
-                    series.of_rows(some),
-                    p[block[some]],
-                    high[some],
-                    start[block[some]],
-                    end[some],
-                )
+                at_rows = block[some]
+                self._fill(tangent, at_rows, series.of_rows(some), p[at_rows], high[some], start[at_rows], end[some])
             more.append(block[~done])
         remaining = np.concatenate(more) if more else rows
         if len(remaining) == len(rows) > 0 and at == self._begin < LARGE:
@@ -207,12 +204,7 @@ class SymmetricSum:
         ends = []
         for side in (1.0, -1.0):
             shifted = (s[rows][:, None, :] + side * h[:, :, None] * np.eye(m)).reshape(-1, m)
-            probabilities = np.repeat(p[rows], m)
-            at_shifted = Tangent(
-                np.zeros(len(shifted)), np.zeros_like(shifted), np.zeros(len(shifted)), np.zeros_like(shifted)
-            )
-            self._blocks(at_shifted, np.arange(len(shifted)), shifted, probabilities, np.repeat(value, m), 0)
-            self._replace_single_terms(shifted, probabilities, at_shifted)
+            at_shifted = self._tangent(shifted, np.repeat(p[rows], m), np.repeat(value, m), 0)
             rise = at_shifted.value - np.repeat(value, m)
             ends.append((rise.reshape(-1, m), at_shifted.value_error.reshape(-1, m) + error[:, None]))
         safe = np.where(h > 0.0, h, 1.0)
@@ -243,7 +235,7 @@ class SymmetricSum:
         return np.asarray(ndtri(p) * np.sqrt(np.sum((s * self._std) ** 2, axis=1)))
 
     def _replace_single_terms(self, s: Array, p: Array, tangent: Tangent) -> None:
-        """Sums of at most one term, whose quantile is that of its law, in place of the series."""
+        """Replace quantiles of sums of at most one term by that of its law."""
         active = np.count_nonzero(s > 0.0, axis=1)
         for row in np.flatnonzero(active <= 1).tolist():
             for part in (tangent.value, tangent.gradient, tangent.value_error, tangent.gradient_error):

@@ -17,8 +17,6 @@ from . import declared
 from .chain import positions
 from .table import TABLES, read_chain
 
-AXES = ("x", "y", "z")
-
 
 class SerialArm(MeasurableModel):
     """Positions of a point on the last link of a chain of revolute joints.
@@ -32,7 +30,7 @@ class SerialArm(MeasurableModel):
         Column(f"joint_{joint}_deg", "deg", f"commanded angle of joint {joint}")
         for joint in range(1, declared.MOST + 1)
     )
-    outputs = tuple(Output(f"{axis}_mm", "mm", f"measured position, {axis}") for axis in AXES)
+    outputs = tuple(Output(f"{axis}_mm", "mm", f"measured position, {axis}") for axis in "xyz")
     parameters = declared.PARAMETERS
     free: ClassVar[Mapping[str, float]] = declared.free_of({})
     tables = TABLES

@@ -43,9 +43,6 @@ class Cell:
             vectors = rows[:, 3:] if rows.shape[1] == 6 else np.tile(self.turn, (len(rows), 1))
             return rows[:, :3], np.array([rotation(vector) for vector in vectors])
         unit = _grid(self.per_edge) if self.kind == "grid" else _iso_cube()
-        return self._placed(unit)
-
-    def _placed(self, unit: Array) -> tuple[Array, Array]:
         turn = np.repeat(rotation(np.array(self.turn))[None], len(unit), axis=0)
         return np.array(self.centre) + self.side * unit, turn
 

@@ -43,17 +43,13 @@ def positions(chain: Chain, angles: Array) -> Array:
 
 def _through(chain: Chain, at: int, theta: Array, point: Array) -> Array:
     """A point (n, 3) of the frame after joint `at`, in the frame before it."""
-    x, y, z = _about_y(float(chain.beta[at]), point).T
+    x, y, z = point.T
+    cos, sin = np.cos(chain.beta[at]), np.sin(chain.beta[at])
+    x, z = cos * x + sin * z, cos * z - sin * x
     cos, sin = np.cos(chain.alpha[at]), np.sin(chain.alpha[at])
     x, y, z = x + chain.a[at], y * cos - z * sin, y * sin + z * cos
     c, s = np.cos(theta), np.sin(theta)
     return np.column_stack([c * x - s * y, s * x + c * y, z + chain.d[at]])
-
-
-def _about_y(angle: float, point: Array) -> Array:
-    cos, sin = np.cos(angle), np.sin(angle)
-    x, y, z = point.T
-    return np.column_stack([cos * x + sin * z, y, cos * z - sin * x])
 
 
 def rotation(vector: Array) -> Array:

@@ -14,11 +14,13 @@ from .chain import Chain
 MOST = 9
 """Joints of a chain."""
 DEG = np.pi / 180.0
+SI = {"mm": MM, "um": UM, "deg": DEG, "mrad": MRAD}
+"""SI units in the units of the declarations."""
 TABLE: Mapping[str, tuple[str, str]] = {
     "d": ("mm", "offset along the axis of joint"),
     "a": ("mm", "length of the common normal after joint"),
     "alpha": ("deg", "twist about the common normal after joint"),
-    "offset": ("deg", "angle that is added to the reading of joint"),
+    "offset": ("deg", "angle that is added to the measured angle of joint"),
 }
 """Columns of the Denavit-Hartenberg table: unit and meaning."""
 ERRORS: Mapping[str, tuple[str, str, float]] = {
@@ -38,6 +40,11 @@ _UR5 = {
     "offset": (0.0,) * 6,
 }
 _SOURCE = "Universal Robots, DH parameters of the UR5"
+
+
+def frame_units(axis: str) -> tuple[str, str]:
+    """Units of a coordinate of base or tool, and of its error."""
+    return ("deg", "mrad") if axis.startswith("r") else ("mm", "um")
 
 
 def _nominal(column: str, joint: int) -> Parameter:
@@ -65,12 +72,11 @@ def _frame(stem: str, axes: tuple[str, ...]) -> list[Parameter]:
     """Nominal place of base or tool in the measurement, and its error."""
     parameters = []
     for axis in axes:
-        turned = axis.startswith("r")
-        units = ("deg", "mrad") if turned else ("mm", "um")
-        meaning = f"{'rotation vector' if turned else 'position'} of the {stem}, {axis[-1]}"
+        unit, error_unit = frame_units(axis)
+        meaning = f"{'position' if unit == 'mm' else 'rotation vector'} of the {stem}, {axis[-1]}"
         parameters += [
-            Parameter(f"nominal_{stem}_{axis}_{units[0]}", 0.0, units[0], meaning),
-            Parameter(f"{stem}_{axis}_{units[1]}", 0.0, units[1], f"error of the {meaning}"),
+            Parameter(f"nominal_{stem}_{axis}_{unit}", 0.0, unit, meaning),
+            Parameter(f"{stem}_{axis}_{error_unit}", 0.0, error_unit, f"error of the {meaning}"),
         ]
     return parameters
 
@@ -100,8 +106,11 @@ def free_of(parameters: Mapping[str, Value]) -> dict[str, float]:
         for kind, (_, _, tolerance) in ERRORS.items():
             if kind != ("d" if parallel else "beta"):
                 bounds[error(kind, joint)] = tolerance
-    bounds |= {f"base_{axis}_{'mrad' if axis[0] == 'r' else 'um'}": 20.0 if axis[0] == "r" else 5000.0 for axis in BASE}
-    return bounds | {f"tool_{axis}_um": 5000.0 for axis in TOOL}
+    for stem, axes in (("base", BASE), ("tool", TOOL)):
+        for axis in axes:
+            _, unit = frame_units(axis)
+            bounds[f"{stem}_{axis}_{unit}"] = 20.0 if unit == "mrad" else 5000.0
+    return bounds
 
 
 def chain_of(parameters: Mapping[str, Value]) -> Chain:
@@ -109,27 +118,22 @@ def chain_of(parameters: Mapping[str, Value]) -> Chain:
     p = {n: v for n, v in completed(PARAMETERS, parameters).items() if isinstance(v, int | float)}
     joints = range(1, int(p["joints"]) + 1)
 
-    def nominals(column: str, unit: float) -> np.ndarray:
-        return unit * np.array([p[nominal(column, joint)] for joint in joints], dtype=float)
+    def nominals(column: str) -> np.ndarray:
+        return SI[TABLE[column][0]] * np.array([p[nominal(column, joint)] for joint in joints], dtype=float)
 
-    def errors(kind: str, unit: float) -> np.ndarray:
-        return unit * np.array([p[error(kind, joint)] for joint in joints], dtype=float)
+    def errors(kind: str) -> np.ndarray:
+        return SI[ERRORS[kind][0]] * np.array([p[error(kind, joint)] for joint in joints], dtype=float)
 
-    def frame(stem: str, axes: tuple[str, ...]) -> np.ndarray:
-        lengths = [
-            (f"nominal_{stem}_{x}_mm", MM, f"{stem}_{x}_um", UM)
-            if x[0] != "r"
-            else (f"nominal_{stem}_{x}_deg", DEG, f"{stem}_{x}_mrad", MRAD)
-            for x in axes
-        ]
-        return np.array([p[n] * big + p[e] * small for n, big, e, small in lengths])
+    def coordinate(stem: str, axis: str) -> float:
+        unit, error_unit = frame_units(axis)
+        return p[f"nominal_{stem}_{axis}_{unit}"] * SI[unit] + p[f"{stem}_{axis}_{error_unit}"] * SI[error_unit]
 
     return Chain(
-        zero=nominals("offset", DEG) + errors("zero", MRAD),
-        d=nominals("d", MM) + errors("d", UM),
-        a=nominals("a", MM) + errors("a", UM),
-        alpha=nominals("alpha", DEG) + errors("alpha", MRAD),
-        beta=errors("beta", MRAD),
-        base=frame("base", BASE),
-        tool=frame("tool", TOOL),
+        zero=nominals("offset") + errors("zero"),
+        d=nominals("d") + errors("d"),
+        a=nominals("a") + errors("a"),
+        alpha=nominals("alpha") + errors("alpha"),
+        beta=errors("beta"),
+        base=np.array([coordinate("base", axis) for axis in BASE]),
+        tool=np.array([coordinate("tool", axis) for axis in TOOL]),
     )

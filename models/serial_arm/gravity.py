@@ -15,11 +15,11 @@ def gravity_torques(frames: Frames, mass: Array, centre: Array, payload: float =
     `mass` (k,) [kg] and `centre` (k, 3) [m] of the links, the latter in the frame after the joint;
     `payload` [kg] at the tool; gravity acts along -z of the measuring frame.
     """
-    at = frames.origin[:, 1:] + np.einsum("nkij,kj->nki", frames.turn[:, 1:], centre)
+    centres = frames.origin[:, 1:] + np.einsum("nkij,kj->nki", frames.turn[:, 1:], centre)
     weights = np.append(mass, payload)
-    points = np.concatenate([at, frames.tool[:, None, :]], axis=1)
+    points = np.concatenate([centres, frames.tool[:, None, :]], axis=1)
     # moments of the masses about the origin, summed from the tool inwards
-    whole = np.cumsum(weights[::-1])[::-1][: len(mass)]
+    mass_beyond = np.cumsum(weights[::-1])[::-1][: len(mass)]
     moment = np.cumsum((weights[:, None] * points)[:, ::-1], axis=1)[:, ::-1][:, : len(mass)]
-    lever = moment - whole[:, None] * frames.origin[:, :-1]
+    lever = moment - mass_beyond[:, None] * frames.origin[:, :-1]
     return np.asarray(GRAVITY * np.cross(frames.axes, lever)[..., 2])

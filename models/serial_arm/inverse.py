@@ -14,7 +14,7 @@ from .frames import Frames, frames
 
 STEPS = 120
 HOPELESS = 1e12
-"""Damping, as a factor, above which a pose is given up: no step reduces its residual."""
+"""Damping, as a factor, above which the search for a pose ends: no step reduces its residual."""
 CLOSE = 1e-9
 """Residual [m, or rad times the length of the arm] that counts as reached."""
 SEEDS = (-1.0, 0.0, 1.0)
@@ -49,8 +49,8 @@ def inverse(chain: Chain, position: Array, turn: Array, start: Array, low: Array
     `position` (n, 3) [m], `turn` (n, 3, 3); with fewer than six joints the position alone counts.
     """
     q, scale = np.clip(start, low, high), reach(chain)
-    whole = len(chain.d) >= 6
-    r, jacobian = _residual(frames(chain, q), position, turn, scale, whole)
+    with_rotation = len(chain.d) >= 6
+    r, jacobian = _residual(frames(chain, q), position, turn, scale, with_rotation)
     damping = np.ones(len(q))
     for _ in range(STEPS):
         rows = np.flatnonzero((np.linalg.norm(r, axis=1) > 0.01 * CLOSE) & (damping < HOPELESS))
@@ -60,8 +60,7 @@ def inverse(chain: Chain, position: Array, turn: Array, start: Array, low: Array
         ends = ((q[rows] <= low) & (step < 0.0)) | ((q[rows] >= high) & (step > 0.0))
         step = _step(np.where(ends[:, None, :], 0.0, jacobian[rows]), r[rows], scale, damping[rows])
         tried = np.clip(q[rows] + step, low, high)
-        now = frames(chain, tried)
-        new_r, new_jacobian = _residual(now, position[rows], turn[rows], scale, whole)
+        new_r, new_jacobian = _residual(frames(chain, tried), position[rows], turn[rows], scale, with_rotation)
         better = np.sum(new_r**2, axis=1) < np.sum(r[rows] ** 2, axis=1)
         improved = rows[better]
         q[improved], r[improved] = tried[better], new_r[better]
@@ -71,15 +70,15 @@ def inverse(chain: Chain, position: Array, turn: Array, start: Array, low: Array
     return Reached(q, np.linalg.norm(r, axis=1))
 
 
-def _residual(now: Frames, position: Array, turn: Array, scale: float, whole: bool) -> tuple[Array, Array]:
+def _residual(now: Frames, position: Array, turn: Array, scale: float, with_rotation: bool) -> tuple[Array, Array]:
     """The residual (n, 3 or 6) [m], rotations times `scale`, and its derivative by -angles."""
     move, rotate = now.joints()
     r = position - now.tool
-    if not whole:
+    if not with_rotation:
         return r, move
     current = now.turn[:, -1]
     apart = 0.5 * np.sum(np.cross(current, turn, axis=1), axis=2)
-    opposite = np.einsum("nij,nij->n", current, turn) < -0.999  # half a turn: any axis will do
+    opposite = np.einsum("nij,nij->n", current, turn) < -0.999  # half a turn: about any axis
     apart[opposite] += current[opposite][:, :, 0]
     return np.hstack([r, scale * apart]), np.concatenate([move, scale * rotate], axis=1)
 
@@ -95,15 +94,15 @@ def _step(jacobian: Array, r: Array, scale: float, damping: Array) -> Array:
 
 
 def over_cell(chain: Chain, position: Array, turn: Array, near: Array, low: Array, high: Array) -> Reached:
-    """The same of all poses (n,) of a cell in one posture: that nearest to angles `near` (k,) at
-    the pose in the middle, carried on to the others.
+    """The same of all poses (n,) of a cell in one posture: that of the pose in the middle which is
+    nearest to the angles `near` (k,), from which the search of all other poses starts.
     """
     middle = int(np.argmin(np.sum((position - position.mean(axis=0)) ** 2, axis=1)))
     shifts = np.array(list(product(SEEDS, repeat=min(len(near), SHIFTED))))
     starts = np.tile(near, (len(shifts), 1))
     starts[:, : shifts.shape[1]] += shifts
-    many = [np.repeat(part[middle][None], len(starts), axis=0) for part in (position, turn)]
-    first = inverse(chain, many[0], many[1], starts, low, high)
+    positions, turns = (np.repeat(part[middle][None], len(starts), axis=0) for part in (position, turn))
+    first = inverse(chain, positions, turns, starts, low, high)
     apart = np.max(np.abs(first.angles - near), axis=1)
     best = np.lexsort((np.round(apart, 6), np.round(first.missing, 9)))[0]
     start = np.tile(first.angles[best], (len(position), 1))

@@ -16,11 +16,11 @@ counts as singular."""
 ALIGNED = 0.35
 """Sine of the angle at a joint that counts as stretched or folded."""
 ALIKE = 0.3
-"""Component in a dependent motion, over the largest, from which a joint is named."""
+"""Component in a dependent motion, over the largest, from which a joint belongs to it."""
 
 
 def blocking(chain: Chain, reached: Reached, low: Array, high: Array) -> list[str]:
-    """For each pose the joint that prevents it; empty where it is reached."""
+    """The joint that prevents each pose; empty where the pose is reached."""
     missed = np.flatnonzero(~reached.within)
     reasons = [""] * len(reached.angles)
     stretched = _stretched(chain, frames(chain, reached.angles[missed]))
@@ -28,9 +28,9 @@ def blocking(chain: Chain, reached: Reached, low: Array, high: Array) -> list[st
         q = reached.angles[at]
         stopped = np.flatnonzero((q <= low + 1e-9) | (q >= high - 1e-9))
         if len(stopped):
-            names = " and ".join(str(joint + 1) for joint in stopped)
+            names = " and ".join(map(str, stopped + 1))
             ends = ", ".join(f"{np.degrees(q[joint]):.4g} deg" for joint in stopped)
-            reasons[at] = f"joint {names} stands at the end of its range ({ends})"
+            reasons[at] = f"joint {names} is at the end of its range ({ends})"
         else:
             reasons[at] = f"joint {stretched[row] + 1} is stretched or folded"
     return reasons
@@ -52,19 +52,19 @@ def _stretched(chain: Chain, now: Frames) -> NDArray[np.int64]:
 
 
 def singular(chain: Chain, now: Frames) -> list[str]:
-    """For each pose the joints that move the tool alike; empty where it is regular."""
+    """The joints that move the tool dependently at each pose; empty where it is regular."""
     move, turn = now.joints()
     jacobian = move / reach(chain)
     if move.shape[2] >= 6:
         jacobian = np.concatenate([jacobian, turn], axis=1)
     rank = min(jacobian.shape[1:])
     _, sizes, rows = np.linalg.svd(jacobian)
-    places = []
+    joints = []
     for size, row in zip(sizes, rows, strict=True):
         if size[rank - 1] > SINGULAR * size[0]:
-            places.append("")
+            joints.append("")
             continue
-        part = np.abs(row[rank - 1])
-        names = np.flatnonzero(part > ALIKE * part.max()) + 1
-        places.append(" and ".join(str(name) for name in names))
-    return places
+        component = np.abs(row[rank - 1])
+        dependent = np.flatnonzero(component > ALIKE * component.max()) + 1
+        joints.append(" and ".join(map(str, dependent)))
+    return joints

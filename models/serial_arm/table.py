@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ...declarations import Value
 from ...section import Section
-from .declared import BASE, ERRORS, MOST, TABLE, TOOL, nominal
+from .declared import BASE, ERRORS, MOST, TABLE, TOOL, frame_units, nominal
 
 TABLES = ("joint", "base", "tool")
 OF_ALLOCATIONS = (
@@ -27,15 +27,15 @@ def read_chain(top: Section) -> dict[str, Value]:
     if not 1 <= len(rows) <= MOST:
         top.fault("joint", f"is no chain: it has {len(rows)} rows, and needs 1 to {MOST}")
         return values
-    read = [_joint(top.item("joint", at), at + 1) for at in range(len(rows))]
-    for row in read:
-        values |= row
-    _check(top, read)
+    joints = [_joint(top.item("joint", at), at + 1) for at in range(len(rows))]
+    for joint in joints:
+        values |= joint
+    _check(top, joints)
     return values | {"joints": len(rows)}
 
 
 def _joint(section: Section, joint: int) -> dict[str, Value]:
-    """One row: d, a and alpha are required, since defaults would be those of another arm."""
+    """A row: d, a and alpha are required, since defaults would be those of another arm."""
     values: dict[str, Value] = {}
     for column, (unit, meaning) in TABLE.items():
         name = f"{column}_{unit}"
@@ -59,11 +59,8 @@ def _check(top: Section, rows: list[dict[str, Value]]) -> None:
 
     last = len(rows)
     for joint in range(1, last):
-        if (
-            value("a", joint) == 0.0
-            and (value("alpha", joint) or 0.0) % 180.0 == 0.0
-            and value("alpha", joint) is not None
-        ):
+        alpha = value("alpha", joint)
+        if value("a", joint) == 0.0 and alpha is not None and alpha % 180.0 == 0.0:
             top.item("joint", joint - 1).fault(
                 "", f"is no chain: joints {joint} and {joint + 1} turn about one axis (a and alpha are 0)"
             )
@@ -75,7 +72,7 @@ def _check(top: Section, rows: list[dict[str, Value]]) -> None:
 def _frame(section: Section, stem: str, axes: tuple[str, ...]) -> dict[str, Value]:
     values: dict[str, Value] = {}
     for axis in axes:
-        unit = "deg" if axis[0] == "r" else "mm"
+        unit, _ = frame_units(axis)
         value = section.quantity(f"{axis}_{unit}", unit)
         if value is not None:
             values[f"nominal_{stem}_{axis}_{unit}"] = value

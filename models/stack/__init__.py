@@ -1,7 +1,5 @@
 """Tolerance stacks: any requirement on any parts, linearised and exact."""
 
-from __future__ import annotations
-
 from .domain import box, least_margin
 from .law import Law, law_of
 from .linear import Linear, linearised

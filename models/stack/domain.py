@@ -6,13 +6,12 @@ from itertools import product
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from ..expressions import domain_margin
+from ..inputs.distribution import Array
 from .made import Tolerances, limit_of
 from .mechanism import Mechanism
 
-Array = NDArray[np.float64]
 CORNERS = 12
 """Pieces of a formula up to which all corners of the tolerance range are tested; with more pieces,
 a sample of the corners."""
@@ -58,5 +57,5 @@ def least_margin(mechanism: Mechanism, t: Tolerances) -> Array:
 
 def _points(mechanism: Mechanism, used: list[int]) -> Array:
     """Corners, the corners of the largest and least requirement, and some points between."""
-    way = np.sign(mechanism.sensitivities[used])[:, None]
-    return np.hstack([box(len(used), FEW), way, -way])
+    largest = np.sign(mechanism.sensitivities[used])[:, None]
+    return np.hstack([box(len(used), FEW), largest, -largest])

@@ -5,16 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
 from ..inputs import Normal
+from ..inputs.distribution import Array
 from ..propagation.even import Even, even_law
 from ..propagation.symmetric_sum import SymmetricSum
 from .made import Tolerances, mean_of, spread_of
 from .mechanism import Mechanism
 
-Array = NDArray[np.float64]
 ROUNDING = 1e-12
 """Least stated error of a yield [percent]."""
 
@@ -37,14 +36,15 @@ class Law:
 
     def yield_percent(self, t: Tolerances) -> tuple[Array, Array]:
         """Fraction of units within the limits (n,), in percent, and a bound of its error (n,)."""
-        (_, high), (_, low) = self._ends(t)
+        ends = self._ends(t)
         if self.covariance is None:
+            (_, high), (_, low) = ends
             yields, error = self.deviations.within(self._scales(t), low, high)
-            return 100.0 * np.clip(yields, 0.0, 1.0), 100.0 * error + ROUNDING
-        yields, error = np.zeros(len(t)), np.zeros(len(t))
-        for sign, end in self._ends(t):
-            below, _, doubt = self._below(t, end)
-            yields, error = yields + sign * below, error + doubt
+        else:
+            yields, error = np.zeros(len(t)), np.zeros(len(t))
+            for sign, end in ends:
+                below, _, doubt = self._below(t, end)
+                yields, error = yields + sign * below, error + doubt
         return 100.0 * np.clip(yields, 0.0, 1.0), 100.0 * error + ROUNDING
 
     def half_width(self, t: Tolerances, coverage: float) -> Array:
@@ -95,8 +95,8 @@ class Law:
         if self.covariance is None:
             far = np.where(np.isfinite(at), at, 0.0)
             probability, slopes, error = self.deviations.below(self._scales(t), far)
-            whole = np.where(np.isfinite(at), probability, (at > 0.0).astype(float))
-            return whole, self._to_parts(slopes), np.where(np.isfinite(at), error, 0.0)
+            below = np.where(np.isfinite(at), probability, (at > 0.0).astype(float))
+            return below, self._to_parts(slopes), np.where(np.isfinite(at), error, 0.0)
         std = self._std(t)
         safe = np.where(std > 0.0, std, 1.0)
         x = np.where(std > 0.0, at / safe, np.where(at >= 0.0, np.inf, -np.inf))
@@ -126,36 +126,35 @@ def law_of(mechanism: Mechanism, covariance: Array) -> Law | str:
         return "the formula is not linear"
     mechanism = _relevant_pieces(mechanism)
     used = dict.fromkeys(mechanism.owner)
-    even_laws = {at: even_law(mechanism.inputs[at]) for at in used}
-    odd = [at for at, law in even_laws.items() if law is None]
-    if odd:
-        owner = mechanism.owner.index(odd[0])
-        return f"the deviations of {mechanism.names[owner]} are skewed or have poles"
-    by_feature = {at: law for at, law in even_laws.items() if law is not None}
+    even_laws = {}
+    for at in used:
+        law = even_law(mechanism.inputs[at])
+        if law is None:
+            return f"the deviations of {mechanism.names[mechanism.owner.index(at)]} are skewed or have poles"
+        even_laws[at] = law
     normal = all(isinstance(mechanism.inputs[at], Normal) for at in used)
     if mechanism.correlation is not None and not normal:
         return "correlated deviations have no even law"
     owners = mechanism.owners
     parts = (owners == np.arange(len(mechanism.inputs))[:, None]).astype(float)
-    mean = parts @ (mechanism.sensitivities * np.array([by_feature[at][0] for at in owners]))
-    laws = tuple(by_feature[at][1] for at in owners)
-    return Law(
-        mechanism, np.abs(mechanism.sensitivities), mean, SymmetricSum(laws), laws, covariance if normal else None
-    )
+    mean = parts @ (mechanism.sensitivities * np.array([even_laws[at][0] for at in owners]))
+    laws = tuple(even_laws[at][1] for at in owners)
+    slopes = np.abs(mechanism.sensitivities)
+    return Law(mechanism, slopes, mean, SymmetricSum(laws), laws, covariance if normal else None)
 
 
 def _relevant_pieces(mechanism: Mechanism) -> Mechanism:
     """The mechanism with only the pieces that the requirement depends on."""
-    kept = np.flatnonzero(mechanism.sensitivities)
-    if len(kept) == len(mechanism.owner):
+    used = np.flatnonzero(mechanism.sensitivities)
+    if len(used) == len(mechanism.owner):
         return mechanism
     correlation = mechanism.correlation
     return replace(
         mechanism,
-        names=tuple(mechanism.names[i] for i in kept),
-        owner=tuple(mechanism.owner[i] for i in kept),
-        sensitivities=mechanism.sensitivities[kept],
-        mids=None if mechanism.mids is None else mechanism.mids[kept],
-        scale=None if mechanism.scale is None else mechanism.scale[kept],
-        correlation=None if correlation is None else correlation[np.ix_(kept, kept)],
+        names=tuple(mechanism.names[i] for i in used),
+        owner=tuple(mechanism.owner[i] for i in used),
+        sensitivities=mechanism.sensitivities[used],
+        mids=None if mechanism.mids is None else mechanism.mids[used],
+        scale=None if mechanism.scale is None else mechanism.scale[used],
+        correlation=None if correlation is None else correlation[np.ix_(used, used)],
     )

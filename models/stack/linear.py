@@ -5,13 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtr
 
+from ..inputs.distribution import Array
 from .made import Tolerances, limit_of, mean_of, spread_of
 from .mechanism import Mechanism
 
-Array = NDArray[np.float64]
 SIGMAS = 3.0
 """Standard deviations in a root-sum-square variation: t of a normal part with Cp = 1."""
 
@@ -89,19 +88,18 @@ class Linear:
         return np.where(std > 0.0, slopes, 0.0)
 
     def variance_shares(self, t: Tolerances) -> Array:
-        """Fraction of each part in the variance (n, p); a negative one compensates others."""
-        contributions = spread_of(t) * (spread_of(t) @ self.covariance)
-        return _shares(contributions, contributions.sum(axis=1))
+        """Fraction of each part in the variance (n, p); a negative fraction compensates others."""
+        return _fractions(spread_of(t) * (spread_of(t) @ self.covariance))
 
     def worst_shares(self, t: Tolerances) -> Array:
         """Fraction of each part in the worst case (n, p)."""
-        contributions = limit_of(t) * self.worst
-        return _shares(contributions, contributions.sum(axis=1))
+        return _fractions(limit_of(t) * self.worst)
 
 
-def _shares(contributions: Array, total: Array) -> Array:
-    """Fractions that add up to 1, or are 0 where the total is 0."""
-    return np.divide(contributions, total[:, None], out=np.zeros_like(contributions), where=total[:, None] > 0.0)
+def _fractions(contributions: Array) -> Array:
+    """Fractions (n, p) that add up to 1, or are 0 where the total is 0."""
+    total: Array = contributions.sum(axis=1)[:, None]
+    return np.divide(contributions, total, out=np.zeros_like(contributions), where=total > 0.0)
 
 
 def linearised(mechanism: Mechanism) -> Linear:

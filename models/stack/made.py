@@ -32,23 +32,18 @@ class AsMade:
         chosen = None if self.chosen is None else self.chosen[rows]
         return AsMade(self.limit[rows], self.spread[rows], self.mean[rows], chosen)
 
-    @classmethod
-    def between(cls, low: AsMade, high: AsMade, fraction: Array) -> AsMade:
-        """Designs at fractions (n, 1) of the way from one design to another."""
-        ends = [(low.limit, high.limit), (low.spread, high.spread), (low.mean, high.mean)]
-        limit, spread, mean = (first + fraction * (last - first) for first, last in ends)
-        return cls(limit, spread, mean)
-
 
 Tolerances = Array | AsMade
 """Half-widths t (n, p), where the scatter of all parts is in proportion to them; else `AsMade`."""
 
 
 def between(low: Tolerances, high: Tolerances, fraction: Array) -> Tolerances:
-    """Designs at fractions (n, 1) of the way from one design (1, p) to another."""
-    if isinstance(low, AsMade) and isinstance(high, AsMade):
-        return AsMade.between(low, high, fraction)
-    return limit_of(low) + fraction * (limit_of(high) - limit_of(low))
+    """Designs at fractions (n, 1) of the distance from one design (1, p) to another."""
+    limit = limit_of(low) + fraction * (limit_of(high) - limit_of(low))
+    if not (isinstance(low, AsMade) and isinstance(high, AsMade)):
+        return limit
+    spread = low.spread + fraction * (high.spread - low.spread)
+    return AsMade(limit, spread, low.mean + fraction * (high.mean - low.mean))
 
 
 def limit_of(t: Tolerances) -> Array:

@@ -30,8 +30,8 @@ class Mechanism:
 
     `sensitivities` (k,) are dy/dx_i at the mid-limits, requirement unit per unit of the part;
     `centre` is y at the mid-limits. `lower` and `upper` are the limits of y, infinite where there
-    are none. Correlated pieces are normal. `undefined` says where the formula has no value within
-    the widest tolerances; empty where it has one everywhere.
+    are none. Correlated pieces are normal. `undefined` states where the formula has no value
+    within the widest tolerances; empty where it has a value everywhere.
     """
 
     names: tuple[str, ...]

@@ -6,14 +6,13 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
+from ..inputs.distribution import Array
 from ..propagation.monte_carlo import REPLICATES, power_of, replicates
 from .made import Tolerances
 from .mechanism import Mechanism
 
-Array = NDArray[np.float64]
 MEMORY = 2**22
 """Bytes that the pieces of a block of designs may take."""
 
@@ -73,7 +72,7 @@ def yield_percent(mechanism: Mechanism, t: Tolerances, sample: Sample) -> tuple[
 
 
 def joint_yield_percent(mechanisms: Sequence[Mechanism], t: Tolerances, sample: Sample) -> tuple[Array, Array]:
-    """`yield_percent` of the units that conform to every one of several mechanisms."""
+    """`yield_percent` of the units that conform to all of several mechanisms."""
     yields, error = np.empty(len(t)), np.empty(len(t))
     least = 1.0 / sample.size
     for blocks in zip(*(sample.blocks(mechanism, t) for mechanism in mechanisms), strict=True):

@@ -180,7 +180,7 @@ class TestBadInput:
 
     def test_end_of_the_range_of_a_joint(self) -> None:
         found = faults(changed(joint=rows(joint_3={"range_deg": [-15, 158]})))
-        assert all("joint 3 stands at the end of its range (-15 deg)" in one
+        assert all("joint 3 is at the end of its range (-15 deg)" in one
                    for one in found.values())  # fmt: skip
 
     def test_singular_pose(self) -> None:

@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from tolevo.models.capability import Gauge, Prior, capability, distribution_type, findings, knowledge_of
-from tolevo.models.capability.knowledge import upper_of_difference
+from tolevo.models.capability import Prior, knowledge_of
+from tolevo.models.capability.indices import capability
+from tolevo.models.capability.knowledge import Gauge, upper_of_difference
+from tolevo.models.capability.stability import distribution_type, findings
 
 
 def test_posterior_of_a_sample() -> None:
@@ -50,7 +52,7 @@ def test_a_gauge_is_taken_off() -> None:
 
 @pytest.mark.parametrize(
     ("values", "gauge", "words"),
-    [([1.0, 2.0, 3.0, 4.0], None, "has 4 values, 5 at least"), ([2.0] * 9, None, "equal values"),
+    [([1.0, 2.0, 3.0, 4.0], None, "has 4 values; at least 5"), ([2.0] * 9, None, "equal values"),
      ([1.0, 2.0, 3.0, 4.0, 5.0], Gauge(2.0), "the gauge is unfit")],
 )  # fmt: skip
 def test_samples_that_tell_nothing(values: list[float], gauge: Gauge | None, words: str) -> None:

@@ -15,13 +15,13 @@ from tolevo.models.iso286 import (
     UNVERIFIED,
     Fit,
     angle_rad,
-    deviations_um,
     geometrical_mm,
     grade_um,
     linear_mm,
     pair_of_text,
     zone,
 )
+from tolevo.models.iso286.deviations import deviations_um
 
 DATA = Path(__file__).parents[1] / "data" / "iso286"
 
@@ -142,7 +142,7 @@ def test_classes_that_the_standard_does_not_have(text: str, size: float, words: 
 def test_fits_of_two_parts() -> None:
     assert pair_of_text("25 H7/g6") == (Fit("H", "IT7", 25.0), Fit("g", "IT6", 25.0))
     assert [str(one) for one in pair_of_text("H8/f7")] == ["H8", "f7"]
-    for text, words in (("25 g6/H7", "hole in capitals first"), ("25 H7", "of two parts")):
+    for text, words in (("25 g6/H7", "hole first, in capitals"), ("25 H7", "of two parts")):
         with pytest.raises(ValueError, match=words):
             pair_of_text(text)
 

@@ -83,7 +83,7 @@ def test_what_is_known_is_said_and_written(tmp_path: Path) -> None:
         assert problem is not None
         told = {one.name: one for one in problem.assumptions()}
         assert str(told[f"{place}.grinder.measured"].value).startswith("30 parts: mean ")
-        assert "does not say that it is corrected" in told[place].reason
+        assert "does not state that it is corrected" in told[place].reason
         assert any("grinder, measured: drifts by" in text for text in problem.cautions())
         (tmp_path / "again.toml").write_text(configuration.toml(), encoding="utf-8")
         again = read(tmp_path / "again.toml")

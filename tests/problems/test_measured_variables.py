@@ -150,7 +150,7 @@ def faults(folder: Path, table: dict[str, Any]) -> str:
 
 
 WRONG: list[tuple[dict[str, Any], dict[str, Any], list[str]]] = [
-    ({"values": [1.0], "made_to": 4.0}, {}, ["measured.values: has 1 values, 5 at least"]),
+    ({"values": [1.0], "made_to": 4.0}, {}, ["measured.values: has 1 values; at least 5"]),
     ({"values": [1.0] * 9, "made_to": 4.0}, {}, ["measured.values: has 9 equal values"]),
     (SAMPLE | {"gauge": {"sigma": 3.0}}, {}, ["the gauge is unfit for these parts"]),
     ({"values": (VALUES * 1000.0).tolist(), "made_to": 4.0}, {}, ["lie up to", "their unit"]),

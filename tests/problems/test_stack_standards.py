@@ -150,7 +150,7 @@ def test_a_dearer_coarser_grade_is_said(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("old", "new", "place", "words"),
-    [('"25 H7/g6"', '"25 g6/H7"', "fit[0].size", "hole in capitals first"),
+    [('"25 H7/g6"', '"25 g6/H7"', "fit[0].size", "hole first, in capitals"),
      ('"25 H7/g6"', '"30 H7/g6"', "part[0].fit", "size of 30 mm, but the nominal is 25 mm"),
      ('"25 H7/g6"', '"25 H7/cd6"', "part[1].fit", "no fundamental deviation cd"),
      ('["bore", "pin"]', '["bore", "pn"]', "fit[0].parts", 'did you mean `pin`'),

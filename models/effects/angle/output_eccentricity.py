@@ -1,7 +1,5 @@
 """One wave per turn of the output."""
 
-from __future__ import annotations
-
 from ..shapes import Orders
 
 

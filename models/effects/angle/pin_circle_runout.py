@@ -1,7 +1,5 @@
 """Order of the pins (39): the pin circle runs out."""
 
-from __future__ import annotations
-
 from ...gear import PINS
 from ..shapes import Orders
 

@@ -1,33 +1,32 @@
-"""One bad pin."""
+"""A defective pin."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from math import cos, inf, log, pi, tau
 
 import numpy as np
 
 from ...gear import PINS
-from ...inputs.distribution import Array
 from ...measurable import Role
-from ..effect import EffectParameter, Readings, Target, quantity
+from ..effect import Array, EffectParameter, Readings, Target, Values, quantity
 from ..shapes import OneColumn, Weight, no_waves, turns
 
 BELL, ENDING = 1.0, 2.0
-"""Forms of the pulse: one that dies away, and one of a contact that begins and ends."""
+"""Forms of the pulse: it dies away, or begins and ends with the contact."""
 
 
 class PitchDefect(OneColumn):
-    """A pulse at every passing of the pins, 39 times per turn: one pin is bad.
+    """A pulse at every passing of the pins, 39 times per turn: a pin is defective.
 
     How a defect is rolled over is not known: the pulse dies away on both sides (von Mises, the
     default), or begins and ends with the contact (a raised cosine, as of a cam). At a
-    hundred noise levels the wrong form leaves harmonics that would be identified as other effects.
+    hundred noise levels the residual of the wrong form has harmonics that would be identified as
+    other effects.
     """
 
     name = "pitch_defect"
     family = "geometry by angle"
-    cause = "One bad pin is scanned by each tooth of a disc (39 in the RV-40E)."
+    cause = "A defective pin is passed by each tooth of a disc (39 in the RV-40E)."
     formula = (
         "h exp(k (cos(n theta - p) - 1)), n the order in which pins pass (39), k from the pulse's "
         "width at half its height; or, of the same width, a raised cosine that ends"
@@ -45,26 +44,19 @@ class PitchDefect(OneColumn):
         return no_waves(target, PINS)
 
     def shape_parameters(self, target: Target) -> tuple[EffectParameter, ...]:
-        middle = "p, where in a pitch the pulse stands"
-        width = "width of the pulse at half its height, as a share of the pitch"
+        middle = "p, position of the pulse in a pitch"
+        width = "width of the pulse at half its height, as a fraction of the pitch"
+        form = "1: dies away, 2: ends at twice that width"
         return (
             quantity("position", "deg", middle, 0.0, 360.0, linear=False),
             quantity("width", "", width, 0.03, 0.25, linear=False),
-            quantity(
-                "form",
-                "",
-                "1: dies away, 2: ends at twice that width",
-                BELL,
-                ENDING,
-                linear=False,
-                choices=(BELL, ENDING),
-            ),
+            quantity("form", "", form, BELL, ENDING, linear=False, choices=(BELL, ENDING)),
         )
 
-    def missing(self, values: Mapping[str, float], target: Target) -> tuple[str, ...]:
-        return tuple(reason for reason in super().missing(values, target) if reason != "form")
+    def missing(self, values: Values, target: Target) -> tuple[str, ...]:
+        return tuple(name for name in super().missing(values, target) if name != "form")
 
-    def column(self, readings: Readings, values: Mapping[str, float], target: Target) -> Array:
+    def column(self, readings: Readings, values: Values, target: Target) -> Array:
         scans = target.gear.orders[PINS] if target.gear else 0.0
         phase = scans * readings[Role.ANGLE] - np.radians(values["position_deg"])
         if values.get("form", BELL) == ENDING:

@@ -1,7 +1,5 @@
 """Orders of the sun (120 and 121): the sun gear runs out."""
 
-from __future__ import annotations
-
 from ...gear import SUN, SUN_OVER_CARRIER
 from ..shapes import Orders
 

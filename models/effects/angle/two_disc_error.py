@@ -1,7 +1,5 @@
 """Twice the orders of pins and cranks (78, 80): errors common to both discs."""
 
-from __future__ import annotations
-
 from ...gear import CRANK, PINS
 from ..shapes import Orders
 

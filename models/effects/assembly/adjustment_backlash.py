@@ -1,7 +1,5 @@
 """An adjustment with play."""
 
-from __future__ import annotations
-
 from ..inside import Inside
 
 
@@ -10,7 +8,7 @@ class AdjustmentBacklash(Inside):
 
     name = "adjustment_backlash"
     family = "assembly"
-    cause = "The adjuster has play: what it moves follows late."
+    cause = "The adjuster has play, and the adjusted part follows only beyond the dead band."
     formula = "dead band of the adjuster"
     mistaken_for = ("adjustment_gain",)
     reference = "Nordin and Gutman, Automatica 38, 2002"

@@ -1,16 +1,14 @@
-"""An adjustment that is not what was commanded."""
-
-from __future__ import annotations
+"""An adjustment that differs from the command."""
 
 from ..inside import Inside
 
 
 class AdjustmentGain(Inside):
-    """An adjustment that is not what was commanded."""
+    """An adjustment that differs from the command."""
 
     name = "adjustment_gain"
     family = "assembly"
-    cause = "What is achieved at an adjustment is not what was commanded, but a share of it."
+    cause = "An adjustment achieves only a fraction of what was commanded."
     formula = "achieved = (1 + e) commanded"
     mistaken_for = ("springback",)
     reference = "Mantripragada and Whitney, IEEE Trans. Robot. Autom. 15, 1999"

@@ -1,7 +1,5 @@
 """Installing a chain moves another."""
 
-from __future__ import annotations
-
 from ..inside import Inside
 
 
@@ -11,7 +9,7 @@ class ChainCoupling(Inside):
     name = "chain_coupling"
     family = "assembly"
     cause = "Installing the second chain moves the first, which was adjusted before."
-    formula = "a share of what chain 2 is moved by is added to chain 1"
+    formula = "a fraction of the displacement of chain 2 is added to chain 1"
     mistaken_for = ("springback", "adjustment_gain")
     reference = "Mantripragada and Whitney, IEEE Trans. Robot. Autom. 15, 1999"
     inside_bounds = (-1.0, 1.0)

@@ -1,7 +1,5 @@
 """Adjustments that return."""
 
-from __future__ import annotations
-
 from ..inside import Inside
 
 
@@ -10,8 +8,8 @@ class Springback(Inside):
 
     name = "springback"
     family = "assembly"
-    cause = "A share of the total adjustment returns after the last step."
-    formula = "-a share of the total adjustment, after the last step"
+    cause = "A fraction of the total adjustment returns after the last step."
+    formula = "-a fraction of the total adjustment, after the last step"
     mistaken_for = ("adjustment_gain", "chain_coupling")
     reference = "Mantripragada and Whitney, IEEE Trans. Robot. Autom. 15, 1999"
     inside_bounds = (0.0, 1.0)

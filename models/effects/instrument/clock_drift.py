@@ -1,25 +1,23 @@
-"""A clock that runs off."""
+"""A clock that drifts."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from math import inf
 
 import numpy as np
 
-from ...inputs.distribution import Array
 from ...measurable import Role
-from ..effect import Readings, Target
+from ..effect import Array, Readings, Target, Values
 from ..shapes import POSITIONS, OneColumn, Weight, speed_unit
 
 
 class ClockDrift(OneColumn):
-    """A clock that runs off."""
+    """A clock that drifts."""
 
     name = "clock_drift"
     family = "instrument"
     dimensions = POSITIONS
-    cause = "The clocks of input and output run apart, and the reading is ever further behind."
+    cause = "The clocks of input and output diverge, and the output is recorded later and later."
     formula = "a t v d"
     needs = (Role.TIME, Role.SPEED, Role.DIRECTION)
     mistaken_for = ("wear", "read_out_lag")
@@ -28,5 +26,5 @@ class ClockDrift(OneColumn):
     def weights(self, target: Target) -> tuple[Weight, ...]:
         return (Weight("rate", "a, per unit of speed and second", f"({speed_unit(target)} s)", -inf),)
 
-    def column(self, readings: Readings, values: Mapping[str, float], target: Target) -> Array:
+    def column(self, readings: Readings, values: Values, target: Target) -> Array:
         return np.asarray(readings[Role.TIME] * readings[Role.SPEED] * readings[Role.DIRECTION])

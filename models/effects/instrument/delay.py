@@ -1,4 +1,4 @@
-"""A recorded channel that comes late."""
+"""A recorded channel that is delayed."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from math import inf, sqrt
 
 import numpy as np
 
-from ...inputs.distribution import Array
 from ...measurable import Role
-from ..effect import Action, Effect, EffectParameter, Readings, Target, quantity
+from ..effect import Action, Array, Effect, EffectParameter, Readings, Target, Values, quantity
+from ..readings import usual_step
 
 LONGEST = 20.0
 """Longest delay or lead of a channel, in usual steps of the clock."""
@@ -52,7 +52,7 @@ class Delay(Effect):
 
     def own_parameters(self, target: Target) -> tuple[EffectParameter, ...]:
         end = LONGEST * target.pace if target.pace > 0.0 else inf
-        meaning = "T, by how much the channel is late (negative: early)"
+        meaning = "T, delay of the channel (negative: lead)"
         return tuple(
             quantity(f"{target.prefix(output)}delay", "s", meaning, -end, end, linear=False)
             for output in target.outputs
@@ -65,7 +65,7 @@ class Delay(Effect):
             return None
         return {numbers[name].name: 0.0 for name in rough}
 
-    def own_action(self, readings: Readings, values: Mapping[str, float], target: Target) -> Action:
+    def own_action(self, readings: Readings, values: Values, target: Target) -> Action:
         names = [own_parameter.name for own_parameter in self.own_parameters(target)]
         delays = {o.name: values.get(name, 0.0) for o, name in zip(target.outputs, names, strict=True)}
         time = np.asarray(readings[Role.TIME], dtype=float)
@@ -87,9 +87,9 @@ def delayed(
     delayed_values = np.empty(len(t))
     for rows in _stretches(t):
         delayed_values[rows] = np.interp(t[rows] - by, *_with_jumps(t[rows], y[rows], v[rows]))
-    whole = np.empty(len(t))
-    whole[at] = delayed_values
-    return whole
+    in_table_order = np.empty(len(t))
+    in_table_order[at] = delayed_values
+    return in_table_order
 
 
 def _with_jumps(t: Array, y: Array, v: Array) -> tuple[Array, Array]:
@@ -113,9 +113,7 @@ def _with_jumps(t: Array, y: Array, v: Array) -> tuple[Array, Array]:
 def _stretches(time: Array) -> list[slice]:
     """Rows of each stretch without an interruption of the record."""
     steps = np.diff(time)
-    ahead = steps[steps > 0.0]
-    usual = float(np.median(ahead)) if len(ahead) else inf
-    ends = np.flatnonzero((steps <= 0.0) | (steps > BREAK * usual)) + 1
+    ends = np.flatnonzero((steps <= 0.0) | (steps > BREAK * usual_step(time, inf))) + 1
     edges = [0, *ends.tolist(), len(time)]
     return [slice(a, b) for a, b in pairwise(edges)]
 

@@ -1,17 +1,15 @@
 """Waves of the encoder."""
 
-from __future__ import annotations
-
 from ..shapes import POSITIONS, Orders
 
 
 class EncoderHarmonics(Orders):
-    """Orders 1, 2 and 4: the encoder or resolver is read with waves."""
+    """Orders 1, 2 and 4: errors of the encoder or resolver."""
 
     name = "encoder_harmonics"
     family = "instrument"
     dimensions = POSITIONS
-    cause = "The scale is eccentric and oval, the signals of its reading heads are not alike."
+    cause = "The scale is eccentric and oval, and the signals of its reading heads differ."
     formula = "orders 1, 2 and 4, as above; without 2 and 4 it is output_eccentricity"
     mistaken_for = ("output_eccentricity",)
     reference = "Sanchez-Brea and Morlanes, Meas. Sci. Technol. 19, 2008"

@@ -1,14 +1,12 @@
-"""An instrument that reads too much or too little."""
+"""An instrument that measures too much or too little."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from math import inf
 
 import numpy as np
 
-from ...inputs.distribution import Array
-from ..effect import Readings, Target
+from ..effect import Array, Readings, Target, Values
 from ..shapes import OneColumn, Weight
 
 
@@ -17,11 +15,11 @@ class GaugeBias(OneColumn):
 
     name = "gauge_bias"
     family = "instrument"
-    cause = "The instrument's zero is off."
+    cause = "The zero of the instrument deviates."
     formula = "c"
     mistaken_for = ("process_mean_shift", "lot_offset")
     reference = "AIAG, Measurement Systems Analysis, 2010"
-    weight = Weight("offset", "c, what the instrument adds", low=-inf)
+    weight = Weight("offset", "c, constant that the instrument adds", low=-inf)
 
-    def column(self, readings: Readings, values: Mapping[str, float], target: Target) -> Array:
+    def column(self, readings: Readings, values: Values, target: Target) -> Array:
         return np.ones(len(readings))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...inputs.distribution import Array
+from ..effect import Array
 
 FINEST = 1e-6
 """Least step, as a fraction of the range of the measurements, that is searched for."""
@@ -27,7 +27,7 @@ def step_of(values: Array) -> float | None:
     gaps = gaps[gaps > FINEST * np.ptp(levels)]
     counts = np.round(gaps / float(np.min(gaps)))
     step = float(gaps.sum() / counts.sum())
-    whole = np.round(levels / step)
-    step = float(levels @ whole) / max(float(whole @ whole), 1.0)
+    counts = np.round(levels / step)
+    step = float(levels @ counts) / max(float(counts @ counts), 1.0)
     off = levels / step - np.round(levels / step)
     return step if float(np.sqrt(np.mean(off**2))) < OFF else None

@@ -1,4 +1,4 @@
-"""Readings in steps."""
+"""Measurements in steps."""
 
 from __future__ import annotations
 
@@ -7,23 +7,22 @@ from functools import partial
 
 import numpy as np
 
-from ...inputs.distribution import Array
-from ..effect import Action, Effect, EffectParameter, Readings, Target, quantity, value_or_zero
+from ..effect import Action, Array, Effect, EffectParameter, Readings, Target, Values, quantity, value_or_zero
 from .lattice import step_of
 
 
 class Quantisation(Effect):
-    """Readings come in steps of the instrument's resolution."""
+    """Measurements are multiples of the instrument's resolution."""
 
     name = "quantisation"
     family = "instrument"
-    cause = "The instrument resolves no less than a step."
+    cause = "The instrument resolves whole steps only."
     formula = "y becomes q round(y/q)"
     mistaken_for = ()
     reference = "Widrow and Kollar, Quantization Noise, 2008"
 
     def own_parameters(self, target: Target) -> tuple[EffectParameter, ...]:
-        meaning = "q, the step; 0 resolves everything"
+        meaning = "q, the step; 0 is no quantisation"
         return tuple(
             quantity(f"{target.prefix(output)}step", output.unit, meaning, linear=False) for output in target.outputs
         )
@@ -35,7 +34,7 @@ class Quantisation(Effect):
             return None
         return {name: step or 0.0 for name, step in steps.items()}
 
-    def own_action(self, readings: Readings, values: Mapping[str, float], target: Target) -> Action:
+    def own_action(self, readings: Readings, values: Values, target: Target) -> Action:
         numbers = zip(target.outputs, self.own_parameters(target), strict=True)
         steps = {output.name: value_or_zero(values, number.name) for output, number in numbers}
         return Action(reading={name: partial(rounded, step=q) for name, q in steps.items() if q > 0.0})

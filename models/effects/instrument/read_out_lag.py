@@ -1,20 +1,18 @@
-"""The output is read late."""
+"""The output is recorded late."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from math import inf
 
 import numpy as np
 
-from ...inputs.distribution import Array
 from ...measurable import Role
-from ..effect import Readings, Target
+from ..effect import Array, Readings, Target, Values
 from ..shapes import POSITIONS, OneColumn, Weight, speed_unit
 
 
 class ReadOutLag(OneColumn):
-    """The output is read late, or its input is.
+    """The output is recorded late, or its input is.
 
     An output that grows with the motion lags by v times the delay (a < 0); in a difference
     in/i - out, such as the transmission error, a late output has the opposite sign (a > 0).
@@ -23,7 +21,7 @@ class ReadOutLag(OneColumn):
     name = "read_out_lag"
     family = "instrument"
     dimensions = POSITIONS
-    cause = "The reading of the output is some time behind that of the input."
+    cause = "The output is recorded some time after the input."
     formula = "a v d"
     needs = (Role.SPEED, Role.DIRECTION)
     mistaken_for = ("viscous_friction", "windage")
@@ -32,5 +30,5 @@ class ReadOutLag(OneColumn):
     def weights(self, target: Target) -> tuple[Weight, ...]:
         return (Weight("rate", "a, per unit of speed", speed_unit(target), -inf),)
 
-    def column(self, readings: Readings, values: Mapping[str, float], target: Target) -> Array:
+    def column(self, readings: Readings, values: Values, target: Target) -> Array:
         return np.asarray(readings[Role.SPEED] * readings[Role.DIRECTION])

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 
-from ...inputs.distribution import Array
-from ..effect import EffectParameter, Readings, Target, quantity
+from ..effect import Array, EffectParameter, Readings, Target, Values, quantity
 from ..shapes import POSITIONS, Load, LoadShape, Weight
 
 
@@ -25,9 +22,9 @@ class BearingClearance(LoadShape):
 
     def shape_parameters(self, target: Target) -> tuple[EffectParameter, ...]:
         low, high = Load.share(target, 0.02, 0.5)
-        meaning = "T0, the load that takes it up (0.02 to 0.5 of the largest)"
+        meaning = "T0, the load that takes up the clearance (0.02 to 0.5 of the largest)"
         return (quantity("load", Load.unit(target), meaning, low, high, linear=False),)
 
-    def column(self, readings: Readings, values: Mapping[str, float], target: Target) -> Array:
+    def column(self, readings: Readings, values: Values, target: Target) -> Array:
         up = values[self.shape_parameters(target)[0].name]
         return np.clip(Load.of(readings) / max(up, np.finfo(float).tiny), -1.0, 1.0)

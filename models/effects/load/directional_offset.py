@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-
 import numpy as np
 
-from ...inputs.distribution import Array
 from ...measurable import Role
-from ..effect import Readings, Target, kind_of
-from ..shapes import Shape, Weight
+from ..effect import Readings, Target, Values, kind_of
+from ..shapes import Columns, Shape, Weight
 
 
 class DirectionalOffset(Shape):
@@ -23,7 +20,7 @@ class DirectionalOffset(Shape):
 
     name = "directional_offset"
     family = "load"
-    cause = "Seals, flanks or preload hold one direction back more than the other."
+    cause = "Friction of seals, flanks or preload is greater in one direction than in the other."
     formula = "a (d > 0) - b (d < 0)"
     needs = (Role.DIRECTION,)
     mistaken_for = ("friction_hysteresis", "gauge_bias")
@@ -34,13 +31,11 @@ class DirectionalOffset(Shape):
         return not angles and not target.population and super().own_applies(target)
 
     def own_reason(self, target: Target) -> str:
-        return "the zero of an angle is free: there it is friction_hysteresis"
+        return "the zero of an angle is free, so that the effect is identical with friction_hysteresis"
 
     def weights(self, target: Target) -> tuple[Weight, ...]:
         return (Weight("forward", "a, friction in + motion"), Weight("backward", "b, friction in - motion"))
 
-    def columns(
-        self, readings: Readings, values: Mapping[str, float], target: Target
-    ) -> Mapping[str, Callable[[], Array]]:
+    def columns(self, readings: Readings, values: Values, target: Target) -> Columns:
         direction = np.asarray(readings[Role.DIRECTION], dtype=float)
         return {"forward": lambda: np.maximum(direction, 0.0), "backward": lambda: np.minimum(direction, 0.0)}

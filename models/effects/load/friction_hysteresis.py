@@ -1,16 +1,13 @@
-"""A hysteresis loop between motion, or loading, there and back."""
+"""A hysteresis loop between the two directions of motion or loading."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-
 import numpy as np
 
-from ...inputs.distribution import Array
 from ...measurable import Role
-from ..effect import EffectParameter, Readings, Target, quantity
+from ..effect import Array, EffectParameter, Readings, Target, Values, quantity
 from ..path import along_path
-from ..shapes import Load, Shape, Weight
+from ..shapes import Columns, Load, Shape, Weight
 
 LOCKED = "rv_lost_motion"
 TABLE = "table"
@@ -19,16 +16,16 @@ MOVING = Weight("half_width", "a, half of the loop")
 
 
 class FrictionHysteresis(Shape):
-    """Hysteresis loop of dry friction, between there and back.
+    """Hysteresis loop of dry friction between the two directions.
 
-    In motion it goes with the direction, with the input locked along the path of the load. A table
+    In motion it depends on the direction, with the input locked on the path of the load. A table
     may be of either kind: its rows decide which parameters are fitted, and the given parameters
     decide which form acts.
     """
 
     name = "friction_hysteresis"
     family = "load"
-    cause = "Dry friction holds part of the twist back until the motion, or the load, turns round."
+    cause = "Dry friction retains part of the twist until the motion, or the load, reverses."
     formula = "a d; input locked: c (play(T, w) - T) along the path"
     needs = (Role.DIRECTION,)
     mistaken_for = ("lost_motion", "viscous_friction", "wear")
@@ -40,7 +37,7 @@ class FrictionHysteresis(Shape):
         return super().own_applies(target)
 
     def weights(self, target: Target) -> tuple[Weight, ...]:
-        meaning = "c, twist per unit of the torque that friction holds back"
+        meaning = "c, twist per unit of the torque that friction retains"
         loop = Weight(LOOP, meaning, Load.unit(target))
         if target.model == LOCKED:
             return (loop,)
@@ -60,7 +57,7 @@ class FrictionHysteresis(Shape):
             return parameters
         return tuple(parameter for parameter in parameters if _of_loop(parameter) == target.locked)
 
-    def missing(self, values: Mapping[str, float], target: Target) -> tuple[str, ...]:
+    def missing(self, values: Values, target: Target) -> tuple[str, ...]:
         loop = [parameter for parameter in self.parameters(target) if _of_loop(parameter)]
         if target.model != LOCKED and not {parameter.name for parameter in loop} & set(values):
             return ()
@@ -69,9 +66,7 @@ class FrictionHysteresis(Shape):
         needed += twists[: not set(twists) & set(values)]
         return tuple(name for name in needed if name not in values)
 
-    def columns(
-        self, readings: Readings, values: Mapping[str, float], target: Target
-    ) -> Mapping[str, Callable[[], Array]]:
+    def columns(self, readings: Readings, values: Values, target: Target) -> Columns:
         def loop() -> Array:
             load = Load.of(readings)
             return along_path(readings, load, values[self.shape_parameters(target)[0].name]) - load

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 
-from ...inputs.distribution import Array
-from ..effect import Readings, Target
+from ..effect import Array, Readings, Target, Values
 from ..shapes import POSITIONS, Load, LoadShape, Weight
 
 
@@ -25,6 +22,6 @@ class HertzStiffening(LoadShape):
     def weights(self, target: Target) -> tuple[Weight, ...]:
         return (Weight(f"at_1_{Load.unit(target)}", "c, the twist at a load of 1"),)
 
-    def column(self, readings: Readings, values: Mapping[str, float], target: Target) -> Array:
+    def column(self, readings: Readings, values: Values, target: Target) -> Array:
         load = Load.of(readings)
         return np.asarray(np.sign(load) * np.cbrt(load) ** 2)

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 
-from ...inputs.distribution import Array
 from ...measurable import Role
-from ..effect import Readings, Target
-from ..shapes import Load, OneColumn, Weight
+from ..effect import Array, Readings, Target, Values
+from ..shapes import Load, LoadShape, Weight
 
 
-class LoadFriction(OneColumn):
+class LoadFriction(LoadShape):
     """Coulomb friction of loaded contacts, in proportion to the magnitude of the load.
 
     Reference: Palmgren's torque of a rolling bearing under load, M = mu F d/2 (Harris and
@@ -22,17 +19,14 @@ class LoadFriction(OneColumn):
 
     name = "load_friction"
     family = "load"
-    cause = "Teeth and bearings rub the more, the harder they are pressed."
+    cause = "The friction of teeth and bearings grows with the load."
     formula = "a |T| d"
     needs = (Role.TORQUE, Role.DIRECTION)
     mistaken_for = ("friction_hysteresis", "load_viscous")
     reference = "Bittencourt and Gunnarsson, J. Dyn. Syst. Meas. Control 134, 2012"
 
-    def own_applies(self, target: Target) -> bool:
-        return Load.role(target) is not None and Role.DIRECTION in target.roles()
-
     def weights(self, target: Target) -> tuple[Weight, ...]:
         return (Weight("rate", "a, half of the loop per unit of load", Load.unit(target)),)
 
-    def column(self, readings: Readings, values: Mapping[str, float], target: Target) -> Array:
+    def column(self, readings: Readings, values: Values, target: Target) -> Array:
         return np.asarray(np.abs(Load.of(readings)) * readings[Role.DIRECTION])

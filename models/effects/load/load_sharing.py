@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from ...gear import PINS
-from ...inputs.distribution import Array
 from ...measurable import Role
-from ..effect import Readings, Target
+from ..effect import Array, Readings, Target
 from ..shapes import Load, Orders
 
 

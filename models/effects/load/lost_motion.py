@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 
-from ...inputs.distribution import Array
-from ..effect import Readings, Target
+from ..effect import Array, Readings, Target, Values
 from ..shapes import POSITIONS, Load, LoadShape, Weight
 
 
@@ -21,7 +18,7 @@ class LostMotion(LoadShape):
     formula = "c sgn(T)"
     mistaken_for = ("bearing_clearance", "friction_hysteresis", "hertz_stiffening")
     reference = "Nordin and Gutman, Automatica 38, 2002"
-    weight = Weight("half_width", "c, half of the motion lost")
+    weight = Weight("half_width", "c, half of the lost motion")
 
-    def column(self, readings: Readings, values: Mapping[str, float], target: Target) -> Array:
+    def column(self, readings: Readings, values: Values, target: Target) -> Array:
         return np.sign(Load.of(readings))

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
-from ...inputs.distribution import Array
-from ..effect import Readings, Target
+from ..effect import Array, Readings, Target, Values
 from ..shapes import POSITIONS, Load, LoadShape, Weight
 
 
@@ -23,5 +20,5 @@ class TorsionalCompliance(LoadShape):
     def weights(self, target: Target) -> tuple[Weight, ...]:
         return (Weight("compliance", "1/K, twist per unit of torque", Load.unit(target)),)
 
-    def column(self, readings: Readings, values: Mapping[str, float], target: Target) -> Array:
+    def column(self, readings: Readings, values: Values, target: Target) -> Array:
         return Load.of(readings)

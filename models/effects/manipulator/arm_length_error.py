@@ -6,9 +6,7 @@ from math import inf
 
 from ...measurable import Role
 from ..effect import EffectParameter, Target, quantity
-from ..inside import InsideSeveral
-
-CHAINS = (1, 2, 3)
+from ..inside import CHAINS, InsideSeveral
 
 
 class ArmLengthError(InsideSeveral):
@@ -16,7 +14,7 @@ class ArmLengthError(InsideSeveral):
 
     name = "arm_length_error"
     family = "manipulator"
-    cause = "The arms are longer or shorter than the drawing says."
+    cause = "The arms are longer or shorter than on the drawing."
     formula = "arm length of each chain"
     needs = (Role.POSITION,)
     mistaken_for = ("thermal_growth", "joint_zero_offset")

@@ -1,4 +1,4 @@
-"""A base that does not stand upright."""
+"""A base that is tilted."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from ..inside import InsideSeveral
 
 
 class BaseTilt(InsideSeveral):
-    """A base that does not stand upright."""
+    """A base that is tilted."""
 
     name = "base_tilt"
     family = "manipulator"
-    cause = "The base, or the frame of measuring, is turned about its x and y."
+    cause = "The base, or the frame of the measurement, is rotated about its x and y."
     formula = "rotation of the machine about x and y of its base"
     needs = (Role.ANGLE, Role.POSITION)
     mistaken_for = ("joint_zero_offset", "gravity_sag")

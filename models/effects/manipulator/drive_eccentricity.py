@@ -6,9 +6,7 @@ from math import inf
 
 from ...measurable import Role
 from ..effect import EffectParameter, Target, quantity
-from ..inside import InsideSeveral
-
-CHAINS = (1, 2, 3)
+from ..inside import CHAINS, InsideSeveral
 
 
 class DriveEccentricity(InsideSeveral):

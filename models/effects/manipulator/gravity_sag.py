@@ -1,25 +1,20 @@
-"""Drives that give way under the load."""
+"""Drives that yield under the load."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 
-from ...inputs.distribution import Array
 from ...measurable import Role
-from ..effect import EffectParameter, Readings, Target, quantity
-from ..inside import InsideSeveral
-
-CHAINS = (1, 2, 3)
+from ..effect import Array, EffectParameter, Readings, Target, Values, quantity
+from ..inside import CHAINS, InsideSeveral
 
 
 class GravitySag(InsideSeveral):
-    """Drives that give way under the load."""
+    """Drives that yield under the load."""
 
     name = "gravity_sag"
     family = "manipulator"
-    cause = "Drives turn back elastically under the static torque of what they carry."
+    cause = "Drives yield elastically under the static torque of their load."
     formula = "-a_i (m + m0) g dz/dtheta_i on the angle of each arm"
     needs = (Role.PAYLOAD, Role.POSITION)
     mistaken_for = ("base_tilt", "joint_clearance")
@@ -34,5 +29,5 @@ class GravitySag(InsideSeveral):
         mass = quantity("moving_mass", "kg", meaning, 0.0, 100.0, linear=False)
         return (*super().own_parameters(target), mass)
 
-    def factor(self, readings: Readings, values: Mapping[str, float]) -> Array:
+    def factor(self, readings: Readings, values: Values) -> Array:
         return np.asarray(readings[Role.PAYLOAD] + values["moving_mass_kg"])

@@ -1,7 +1,5 @@
 """Joints with play."""
 
-from __future__ import annotations
-
 from ...measurable import Role
 from ..inside import Inside
 
@@ -11,7 +9,7 @@ class JointClearance(Inside):
 
     name = "joint_clearance"
     family = "manipulator"
-    cause = "The joints have play, and the weight of the platform decides to which side it lies."
+    cause = "The joints have play, and the weight of the platform determines the side of contact."
     formula = "each rod longer by c in tension, shorter by c in compression"
     needs = (Role.POSITION,)
     mistaken_for = ("gravity_sag", "arm_length_error")

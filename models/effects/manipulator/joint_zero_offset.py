@@ -6,9 +6,7 @@ from math import inf
 
 from ...measurable import Role
 from ..effect import EffectParameter, Target, quantity
-from ..inside import InsideSeveral
-
-CHAINS = (1, 2, 3)
+from ..inside import CHAINS, InsideSeveral
 
 
 class JointZeroOffset(InsideSeveral):
@@ -16,7 +14,7 @@ class JointZeroOffset(InsideSeveral):
 
     name = "joint_zero_offset"
     family = "manipulator"
-    cause = "The zeros of the drives were not taught where they are."
+    cause = "The zeros of the drives were set incorrectly."
     formula = "drive zero of each chain"
     needs = (Role.POSITION,)
     mistaken_for = ("drive_eccentricity", "base_tilt")

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
-from ...inputs.distribution import Array
 from ...measurable import Role
-from ..effect import EffectParameter, Readings, Target, quantity
+from ..effect import Array, EffectParameter, Readings, Target, Values, quantity
 from ..inside import InsideSeveral
 from ..shapes import warming
 
@@ -16,7 +13,7 @@ class ThermalGrowth(InsideSeveral):
 
     name = "thermal_growth"
     family = "manipulator"
-    cause = "Links and base warm up alike, and the machine stays similar to itself."
+    cause = "Links and base warm up equally, and all lengths grow by the same factor."
     formula = "all lengths times 1 + a tau"
     needs = (Role.TEMPERATURE, Role.POSITION)
     mistaken_for = ("arm_length_error",)
@@ -26,5 +23,5 @@ class ThermalGrowth(InsideSeveral):
         meaning = "a, expansion per kelvin above 20 degC"
         return ((quantity("expansion_per_K", "ppm", meaning), "growth_ppm"),)
 
-    def factor(self, readings: Readings, values: Mapping[str, float]) -> Array:
+    def factor(self, readings: Readings, values: Values) -> Array:
         return warming(readings)

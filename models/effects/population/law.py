@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import scipy
 
-from ...inputs.distribution import Array
+from ..effect import Array
 
 
 @dataclass(frozen=True)

@@ -8,18 +8,17 @@ from typing import ClassVar
 
 import numpy as np
 
-from ...inputs.distribution import Array
 from ...measurable import Role
-from ..effect import EffectParameter, Readings, Target, quantity, value_or_zero
+from ..effect import Array, EffectParameter, Readings, Target, Values, quantity, value_or_zero
 from ..readings import labels_of, unit_numbers
 from ..shapes import Weight
 from .law import Law
-from .units import OfUnits, number
+from .units import OfUnits, size_of
 
 WITHIN = EffectParameter(
     "within_lots",
     "",
-    "1: units of one lot come from both suppliers; 0: whole lots do",
+    "1: units of a lot come from both suppliers; 0: whole lots from either",
     0.0,
     1.0,
     linear=False,
@@ -35,16 +34,16 @@ class LotMixture(OfUnits):
 
     name = "lot_mixture"
     family = "population"
-    cause = "Parts come from two suppliers, one of which is off by a step."
-    formula = "y + c of a share p of the units (of the lots, where they are known, unless `within_lots` is 1)"
+    cause = "Parts come from two suppliers, and those of the second deviate by a step."
+    formula = "y + c of a fraction p of the units (of the lots, where they are known, unless `within_lots` is 1)"
     mistaken_for = ("lot_offset", "spread_inflation", "process_mean_shift")
     reference = "McLachlan and Peel, Finite Mixture Models, 2000"
     apart_from_inputs = "two suppliers"
     with_lots: ClassVar[Mapping[str, float]] = {WITHIN.name: 1.0}
-    weight = Weight("offset", "c, how far the second supplier is off", low=-inf)
+    weight = Weight("offset", "c, deviation of the second supplier", low=-inf)
 
     def own_parameters(self, target: Target) -> tuple[EffectParameter, ...]:
-        meaning = "p, share of the second supplier"
+        meaning = "p, fraction of the second supplier"
         fraction = quantity("share", "", meaning, 0.02, 0.98, linear=False)
         return (self.weight.of(target.outputs[0], target), fraction)
 
@@ -52,24 +51,18 @@ class LotMixture(OfUnits):
         """Its parameters, including the optional one."""
         return WITHIN if name == WITHIN.name else super().parameter(name, target)
 
-    def carried(self, values: Mapping[str, float], target: Target) -> float:
+    def carried(self, values: Values, target: Target) -> float:
         """The fraction of the second supplier times its offset."""
-        return values["share"] * value_or_zero(values, number(self.weight, target))
+        return values["share"] * size_of(self.weight, values, target)
 
-    def law(self, law: Law, values: Mapping[str, float], target: Target) -> Law:
-        return law.mixed(value_or_zero(values, number(self.weight, target)), values["share"])
+    def law(self, law: Law, values: Values, target: Target) -> Law:
+        return law.mixed(size_of(self.weight, values, target), values["share"])
 
     def units(
-        self,
-        readings: Readings,
-        values: Mapping[str, float],
-        target: Target,
-        drawn: Array,
-        mean: float,
-        rng: np.random.Generator,
+        self, readings: Readings, values: Values, target: Target, drawn: Array, mean: float, rng: np.random.Generator
     ) -> Array:
         of_group = unit_numbers(readings)
         if Role.LOT in readings and not value_or_zero(values, WITHIN.name):
             of_group = labels_of(readings[Role.LOT])[1]
         second = rng.random(int(of_group.max(initial=-1)) + 1) < values["share"]
-        return drawn + value_or_zero(values, number(self.weight, target)) * second[of_group]
+        return drawn + size_of(self.weight, values, target) * second[of_group]

@@ -1,23 +1,21 @@
-"""Single lots are off by a step."""
+"""Single lots deviate by a step."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from math import inf
 
 import numpy as np
 
 from ....units import unit_key
-from ...inputs.distribution import Array
 from ...measurable import Role
-from ..effect import EffectParameter, Readings, Target, value_or_zero
+from ..effect import Array, EffectParameter, Readings, Target, Values
 from ..readings import labels_of
 from ..shapes import Weight
-from .units import OfUnits, number
+from .units import OfUnits, size_of
 
 
 class LotOffset(OfUnits):
-    """Single lots are off by a step."""
+    """Single lots deviate by a step."""
 
     name = "lot_offset"
     family = "population"
@@ -28,31 +26,23 @@ class LotOffset(OfUnits):
     reference = "Searle, Casella and McCulloch, Variance Components, 1992"
 
     def own_parameters(self, target: Target) -> tuple[EffectParameter, ...]:
-        """One per lot of the table except the first, in the order of their labels."""
+        """An offset for each lot of the table except the first, in the order of their labels."""
         lots = target.labels.get(Role.LOT, ())[1:]
         return tuple(_offset(lot).of(target.outputs[0], target) for lot in lots)
 
     def parameter(self, name: str, target: Target) -> EffectParameter | None:
         """The offset of any lot: only the table shows which lots exist."""
-        unit = unit_key(target.outputs[0].unit)
-        stem = name.removesuffix(f"_{unit}")
-        lot = stem.removeprefix("offset_")
-        named = bool(lot) and stem.startswith("offset_")
-        return _offset(lot).of(target.outputs[0], target) if named else None
+        output = target.outputs[0]
+        prefix, _, lot = name.removesuffix(f"_{unit_key(output.unit)}").partition("offset_")
+        return _offset(lot).of(output, target) if lot and not prefix else None
 
     def units(
-        self,
-        readings: Readings,
-        values: Mapping[str, float],
-        target: Target,
-        drawn: Array,
-        mean: float,
-        rng: np.random.Generator,
+        self, readings: Readings, values: Values, target: Target, drawn: Array, mean: float, rng: np.random.Generator
     ) -> Array:
         lots, of_lot = labels_of(readings[Role.LOT])
-        offsets = [value_or_zero(values, number(_offset(str(lot)), target)) for lot in lots]
+        offsets = [size_of(_offset(str(lot)), values, target) for lot in lots]
         return np.asarray(drawn + np.array(offsets)[of_lot])
 
 
 def _offset(lot: str) -> Weight:
-    return Weight(f"offset_{lot}", f"c, how far lot {lot} is off", low=-inf)
+    return Weight(f"offset_{lot}", f"c, deviation of lot {lot}", low=-inf)

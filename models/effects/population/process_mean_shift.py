@@ -1,4 +1,4 @@
-"""All units are off by the same."""
+"""All units deviate by the same amount."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from .units import MovedUnits
 
 
 class ProcessMeanShift(MovedUnits):
-    """All units are off by the same."""
+    """All units deviate by the same amount."""
 
     name = "process_mean_shift"
     family = "population"
-    cause = "The process runs off its middle: every unit is off by the same."
+    cause = "The process mean is off its target: every unit deviates by the same amount."
     formula = "y + c"
     mistaken_for = ("gauge_bias", "lot_mixture", "differential_thermal_expansion")
     reference = "Montgomery, Introduction to Statistical Quality Control, 2013"

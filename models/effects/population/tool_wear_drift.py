@@ -19,7 +19,7 @@ class ToolWearDrift(MovedUnits):
 
     name = "tool_wear_drift"
     family = "population"
-    cause = "The tool wears, and each unit is a little further off than the one before it."
+    cause = "The tool wears, and each unit deviates a little more than the unit before it."
     formula = "y + a u, u the number of the unit from 0"
     needs = (Role.UNIT,)
     mistaken_for = ("drift", "spread_inflation", "lot_offset")

@@ -11,8 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ...inputs.distribution import Array
-from ..effect import Action, Effect, EffectParameter, Readings, Target, value_or_zero
+from ..effect import Action, Array, Effect, EffectParameter, Readings, Target, Values, value_or_zero
 from ..shapes import Weight
 from .law import Law
 
@@ -32,32 +31,26 @@ class OfUnits(Effect):
     def own_applies(self, target: Target) -> bool:
         return target.population and super().own_applies(target)
 
-    def own_action(self, readings: Readings, values: Mapping[str, float], target: Target) -> Action:
+    def own_action(self, readings: Readings, values: Values, target: Target) -> Action:
         return Action(population=partial(self.units, readings, dict(values), target))
 
-    def carried(self, values: Mapping[str, float], target: Target) -> float:
+    def carried(self, values: Values, target: Target) -> float:
         """The shift of the mean of the units by an effect on their scatter."""
         return 0.0
 
-    def law(self, law: Law, values: Mapping[str, float], target: Target) -> Law | None:
+    def law(self, law: Law, values: Values, target: Target) -> Law | None:
         """The law with the effect in it, about the mean without it; None: taken from `units`."""
         return None
 
     @abstractmethod
     def units(
-        self,
-        readings: Readings,
-        values: Mapping[str, float],
-        target: Target,
-        drawn: Array,
-        mean: float,
-        rng: np.random.Generator,
+        self, readings: Readings, values: Values, target: Target, drawn: Array, mean: float, rng: np.random.Generator
     ) -> Array:
-        """The units (n,) with the effect, from `drawn` ones whose mean in the model is `mean`."""
+        """The units (n,) with the effect, from `drawn` units whose mean in the model is `mean`."""
 
 
 class MovedUnits(OfUnits):
-    """Moves every unit by one number times a pattern over the units."""
+    """Moves every unit by a parameter times a pattern over the units."""
 
     weight: ClassVar[Weight]
 
@@ -66,21 +59,14 @@ class MovedUnits(OfUnits):
 
     @abstractmethod
     def pattern(self, readings: Readings) -> float | NDArray[Any]:
-        """The factor of the number: one value, or one per row (n,)."""
+        """The factor of the parameter: a single value, or one per row (n,)."""
 
     def units(
-        self,
-        readings: Readings,
-        values: Mapping[str, float],
-        target: Target,
-        drawn: Array,
-        mean: float,
-        rng: np.random.Generator,
+        self, readings: Readings, values: Values, target: Target, drawn: Array, mean: float, rng: np.random.Generator
     ) -> Array:
-        size = value_or_zero(values, number(self.weight, target))
-        return np.asarray(drawn + size * self.pattern(readings))
+        return np.asarray(drawn + size_of(self.weight, values, target) * self.pattern(readings))
 
 
-def number(weight: Weight, target: Target) -> str:
-    """Name of a linear parameter of the single output of a population."""
-    return weight.of(target.outputs[0], target).name
+def size_of(weight: Weight, values: Values, target: Target) -> float:
+    """A linear parameter of the single output of a population, 0 where it is not given."""
+    return value_or_zero(values, weight.of(target.outputs[0], target).name)

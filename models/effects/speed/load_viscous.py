@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
 from math import inf
 
 import numpy as np
 
-from ...inputs.distribution import Array
 from ...measurable import Role
-from ..effect import Readings, Target
-from ..shapes import Load, Shape, Weight, speed_unit
+from ..effect import Readings, Target, Values
+from ..shapes import Columns, Load, Shape, Weight, speed_unit
 
 
 class LoadViscous(Shape):
-    """Products of load and speed: one with the sign of the load, one against the motion.
+    """Products of load and speed, with the sign of the load and against the motion.
 
     The first is a compliance that grows with the speed (or a load that is measured late), the
     second the viscous friction of loaded contacts. Reference: Bittencourt and Gunnarsson,
@@ -31,8 +29,7 @@ class LoadViscous(Shape):
     reference = "Bittencourt and Gunnarsson, J. Dyn. Syst. Meas. Control 134, 2012"
 
     def own_applies(self, target: Target) -> bool:
-        roles = target.roles()
-        return Load.role(target) is not None and {Role.SPEED, Role.DIRECTION} <= roles
+        return Load.applies(target, self.needs)
 
     def weights(self, target: Target) -> tuple[Weight, ...]:
         per = f"({Load.unit(target)} {speed_unit(target)})"
@@ -41,9 +38,7 @@ class LoadViscous(Shape):
             Weight("drag", "b, against the motion", per),
         )
 
-    def columns(
-        self, readings: Readings, values: Mapping[str, float], target: Target
-    ) -> Mapping[str, Callable[[], Array]]:
+    def columns(self, readings: Readings, values: Values, target: Target) -> Columns:
         load, speed = Load.of(readings), np.asarray(readings[Role.SPEED], dtype=float)
         return {
             "signed": lambda: np.asarray(load * speed),

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
 from math import inf
 
 import numpy as np
 
-from ...inputs.distribution import Array
 from ...measurable import Role
-from ..effect import EffectParameter, Readings, Target, quantity
-from ..shapes import Shape, Weight, speed_unit
+from ..effect import EffectParameter, Readings, Target, Values, quantity
+from ..shapes import Columns, Shape, Weight, speed_unit
 
 SLOWEST, FASTEST = 0.01, 0.7
-"""Shares of the largest speed between which the Stribeck speed lies."""
+"""Fractions of the largest speed between which the Stribeck speed lies."""
 
 
 class Stribeck(Shape):
@@ -26,7 +24,7 @@ class Stribeck(Shape):
 
     name = "stribeck"
     family = "speed"
-    cause = "Contacts rub at low speed, and float up on their oil as the speed rises."
+    cause = "Contacts rub at low speed, and are separated by their oil film as the speed rises."
     formula = "d (c + e exp(-(v/v_s)^2)), e = s - c"
     needs = (Role.SPEED, Role.DIRECTION)
     mistaken_for = ("friction_hysteresis", "viscous_friction", "delay")
@@ -34,7 +32,7 @@ class Stribeck(Shape):
 
     def weights(self, target: Target) -> tuple[Weight, ...]:
         return (
-            Weight("excess", "e, by how much friction at rest exceeds that in motion"),
+            Weight("excess", "e, excess of the friction at rest over that in motion"),
             Weight("level", "c, friction in motion"),
         )
 
@@ -44,9 +42,7 @@ class Stribeck(Shape):
         meaning = "v_s, speed at which e has fallen to 1/e of itself"
         return (quantity("speed", speed_unit(target), meaning, *ends, linear=False),)
 
-    def columns(
-        self, readings: Readings, values: Mapping[str, float], target: Target
-    ) -> Mapping[str, Callable[[], Array]]:
+    def columns(self, readings: Readings, values: Values, target: Target) -> Columns:
         direction = np.asarray(readings[Role.DIRECTION], dtype=float)
         speed = np.asarray(readings[Role.SPEED], dtype=float)
         name = self.shape_parameters(target)[0].name

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
 from math import inf
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...inputs.distribution import Array
 from ...measurable import Role
-from ..effect import EffectParameter, Readings, Target, quantity
-from ..shapes import Shape, Weight, no_waves
+from ..effect import EffectParameter, Readings, Target, Values, quantity
+from ..shapes import Columns, Shape, Weight, no_waves
 
 Waves = NDArray[np.complex128]
 
@@ -21,7 +19,7 @@ class StructuralResonance(Shape):
 
     name = "structural_resonance"
     family = "speed"
-    cause = "A wave of some order meets a natural frequency of the structure at some speed."
+    cause = "A wave of some order excites a natural frequency of the structure at some speed."
     formula = "Re[(c - j s) H exp(j k theta)], H = 1/(1 - r^2 + 2 j z r), r = k v d/f"
     needs = (Role.ANGLE, Role.SPEED)
     mistaken_for = ("eccentric_error", "pin_circle_runout", "two_disc_error", "sun_runout")
@@ -50,13 +48,11 @@ class StructuralResonance(Shape):
         low, high = bounds if fastest > 0.0 else (0.0, inf)
         return (
             quantity("frequency", "Hz", "f, the natural frequency", low, high, linear=False),
-            quantity("damping", "", "z, share of the critical damping", 0.005, 0.3, linear=False),
+            quantity("damping", "", "z, fraction of the critical damping", 0.005, 0.3, linear=False),
             quantity("order", "", order, first, last, linear=False, choices=orders),
         )
 
-    def columns(
-        self, readings: Readings, values: Mapping[str, float], target: Target
-    ) -> Mapping[str, Callable[[], Array]]:
+    def columns(self, readings: Readings, values: Values, target: Target) -> Columns:
         wave = response(readings, values["order"], values["frequency_Hz"], values["damping"])
         return {"cos": lambda: np.ascontiguousarray(wave.real), "sin": lambda: wave.imag.copy()}
 

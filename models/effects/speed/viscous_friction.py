@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 
-from ...inputs.distribution import Array
 from ...measurable import Role
-from ..effect import Readings, Target
+from ..effect import Array, Readings, Target, Values
 from ..shapes import OneColumn, Weight, speed_unit
 
 
@@ -17,7 +14,7 @@ class ViscousFriction(OneColumn):
 
     name = "viscous_friction"
     family = "speed"
-    cause = "Grease is sheared, and holds the output back in proportion to the speed."
+    cause = "Grease is sheared, and its drag is proportional to the speed."
     formula = "a v d"
     needs = (Role.SPEED, Role.DIRECTION)
     mistaken_for = ("read_out_lag", "windage", "friction_hysteresis")
@@ -26,5 +23,5 @@ class ViscousFriction(OneColumn):
     def weights(self, target: Target) -> tuple[Weight, ...]:
         return (Weight("rate", "a, per unit of speed", speed_unit(target)),)
 
-    def column(self, readings: Readings, values: Mapping[str, float], target: Target) -> Array:
+    def column(self, readings: Readings, values: Values, target: Target) -> Array:
         return np.asarray(readings[Role.SPEED] * readings[Role.DIRECTION])

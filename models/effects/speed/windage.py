@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 
-from ...inputs.distribution import Array
 from ...measurable import Role
-from ..effect import Readings, Target
+from ..effect import Array, Readings, Target, Values
 from ..shapes import OneColumn, Weight, speed_unit
 
 
@@ -17,7 +14,7 @@ class Windage(OneColumn):
 
     name = "windage"
     family = "speed"
-    cause = "Air and oil are thrown about, with the square of the speed."
+    cause = "Air and oil are displaced, with a drag that grows with the square of the speed."
     formula = "a v^2 d"
     needs = (Role.SPEED, Role.DIRECTION)
     mistaken_for = ("viscous_friction", "read_out_lag")
@@ -26,7 +23,7 @@ class Windage(OneColumn):
     def weights(self, target: Target) -> tuple[Weight, ...]:
         return (Weight("rate", "a, per squared unit of speed", _squared(speed_unit(target))),)
 
-    def column(self, readings: Readings, values: Mapping[str, float], target: Target) -> Array:
+    def column(self, readings: Readings, values: Values, target: Target) -> Array:
         return np.asarray(readings[Role.SPEED] ** 2 * readings[Role.DIRECTION])
 
 

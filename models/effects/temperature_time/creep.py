@@ -1,20 +1,18 @@
-"""A reading that settles logarithmically."""
+"""A measurement that settles logarithmically."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from math import inf
 
 import numpy as np
 
-from ...inputs.distribution import Array
 from ...measurable import Role
-from ..effect import EffectParameter, Readings, Target, quantity
+from ..effect import Array, EffectParameter, Readings, Target, Values, quantity
 from ..shapes import OneColumn, Weight
 
 
 class Creep(OneColumn):
-    """A reading that settles logarithmically."""
+    """A measurement that settles logarithmically."""
 
     name = "creep"
     family = "temperature, time"
@@ -30,6 +28,6 @@ class Creep(OneColumn):
         low, high = (1e-4 * last, 0.5 * last) if last > 0.0 else (0.0, inf)
         return (quantity("begin", "s", "t0, when it begins to slow down", low, high, linear=False),)
 
-    def column(self, readings: Readings, values: Mapping[str, float], target: Target) -> Array:
+    def column(self, readings: Readings, values: Values, target: Target) -> Array:
         since = np.maximum(readings[Role.TIME], 0.0)  # before its beginning nothing creeps
         return np.asarray(np.log1p(since / max(values["begin_s"], np.finfo(float).tiny)))

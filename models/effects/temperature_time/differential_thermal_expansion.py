@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from math import inf
 
 import numpy as np
 
-from ...inputs.distribution import Array
 from ...measurable import Role
-from ..effect import Action, EffectParameter, Readings, Target, quantity, value_or_zero
+from ..effect import Action, Array, EffectParameter, Readings, Target, Values, quantity, value_or_zero
 from ..shapes import POSITIONS, OneColumn, Weight, warming
 
 DISC = "disc_temperature_K"
@@ -19,7 +17,7 @@ class DifferentialThermalExpansion(OneColumn):
     """Disc and housing grow differently.
 
     In a model of the pin circle it acts there: the disc is warmer than the housing by a difference,
-    and by a share of the measured temperature above 20 degC, where that is known.
+    and by a fraction of the measured temperature above 20 degC, where that is known.
     """
 
     name = "differential_thermal_expansion"
@@ -38,13 +36,13 @@ class DifferentialThermalExpansion(OneColumn):
     def own_parameters(self, target: Target) -> tuple[EffectParameter, ...]:
         if not target.changes(DISC):
             return super().own_parameters(target)
-        constant = quantity("temperature_difference", "K", "D, disc warmer than housing", -100.0, 100.0)
+        constant = quantity("temperature_difference", "K", "D, disc less housing", -100.0, 100.0)
         per_kelvin = quantity("temperature_share", "", "s, per kelvin above 20 degC", -2.0, 2.0)
         if Role.TEMPERATURE not in target.roles():
             return (constant,)
         return (per_kelvin,) if target.largest else (constant, per_kelvin)
 
-    def own_action(self, readings: Readings, values: Mapping[str, float], target: Target) -> Action:
+    def own_action(self, readings: Readings, values: Values, target: Target) -> Action:
         if not target.changes(DISC):
             return super().own_action(readings, values, target)
         warmer = np.full(len(readings), value_or_zero(values, "temperature_difference_K"))
@@ -52,5 +50,5 @@ class DifferentialThermalExpansion(OneColumn):
             warmer += value_or_zero(values, "temperature_share") * warming(readings)
         return Action(changes={DISC: warmer})
 
-    def column(self, readings: Readings, values: Mapping[str, float], target: Target) -> Array:
+    def column(self, readings: Readings, values: Values, target: Target) -> Array:
         return np.asarray(warming(readings) * readings[Role.DIRECTION])

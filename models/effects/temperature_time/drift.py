@@ -1,23 +1,20 @@
-"""A reading that moves with time."""
+"""A measurement that changes with time."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 
-from ...inputs.distribution import Array
 from ...measurable import Role
-from ..effect import Readings, Target
+from ..effect import Array, Readings, Target, Values
 from ..shapes import OneColumn, Weight
 
 
 class Drift(OneColumn):
-    """A reading that moves with time."""
+    """A measurement that changes with time."""
 
     name = "drift"
     family = "temperature, time"
-    cause = "Something runs away steadily while it is measured."
+    cause = "The measured quantity changes steadily during the measurement."
     formula = "a t"
     needs = (Role.TIME,)
     mistaken_for = ("creep", "wear")
@@ -25,5 +22,5 @@ class Drift(OneColumn):
     along_units = True
     weight = Weight("rate", "a, per second", "s")
 
-    def column(self, readings: Readings, values: Mapping[str, float], target: Target) -> Array:
+    def column(self, readings: Readings, values: Values, target: Target) -> Array:
         return np.asarray(readings[Role.TIME], dtype=float)

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 
-from ...inputs.distribution import Array
 from ...measurable import Role
-from ..effect import EffectParameter, Readings, Target, quantity
+from ..effect import Array, EffectParameter, Readings, Target, Values, quantity
 from ..shapes import OneColumn, Weight, warming
 
 
@@ -28,6 +25,6 @@ class ThermalFriction(OneColumn):
         meaning = "b, relative fall of the viscosity per kelvin"
         return (quantity("decay", "1/K", meaning, 0.005, 0.15, linear=False),)
 
-    def column(self, readings: Readings, values: Mapping[str, float], target: Target) -> Array:
+    def column(self, readings: Readings, values: Values, target: Target) -> Array:
         fallen = np.expm1(-values["decay_per_K"] * warming(readings))
         return np.asarray(readings[Role.DIRECTION] * fallen)

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from math import inf
 
-from ...inputs.distribution import Array
 from ...measurable import Role
-from ..effect import Readings, Target
+from ..effect import Array, Readings, Target, Values
 from ..shapes import OneColumn, Weight, warming
 
 
@@ -20,7 +18,7 @@ class ThermalZero(OneColumn):
 
     name = "thermal_zero"
     family = "temperature, time"
-    cause = "Mount, fixture or sensor grow with the temperature, and the zero moves along."
+    cause = "Mount, fixture or sensor expand with the temperature, and shift the zero."
     formula = "a tau"
     needs = (Role.TEMPERATURE,)
     mistaken_for = ("drift", "differential_thermal_expansion", "creep")
@@ -32,7 +30,7 @@ class ThermalZero(OneColumn):
         return not target.population and super().own_applies(target)
 
     def own_reason(self, target: Target) -> str:
-        return "units of a batch grow by differential_thermal_expansion"
+        return "the thermal effect on the units of a batch is differential_thermal_expansion"
 
-    def column(self, readings: Readings, values: Mapping[str, float], target: Target) -> Array:
+    def column(self, readings: Readings, values: Values, target: Target) -> Array:
         return warming(readings)

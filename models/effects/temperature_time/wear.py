@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 
-from ...inputs.distribution import Array
 from ...measurable import Role
-from ..effect import Readings, Target
+from ..effect import Array, Readings, Target, Values
 from ..shapes import POSITIONS, OneColumn, Weight
 
 
@@ -18,12 +15,12 @@ class Wear(OneColumn):
     name = "wear"
     family = "temperature, time"
     dimensions = POSITIONS
-    cause = "Flanks wear, and the gap between there and back opens."
+    cause = "Flanks wear, and the gap between the two directions grows."
     formula = "a t d"
     needs = (Role.TIME, Role.DIRECTION)
     mistaken_for = ("drift", "friction_hysteresis", "clock_drift")
     reference = "Archard, J. Appl. Phys. 24, 1953"
     weight = Weight("rate", "a, half of the gap per second", "s")
 
-    def column(self, readings: Readings, values: Mapping[str, float], target: Target) -> Array:
+    def column(self, readings: Readings, values: Values, target: Target) -> Array:
         return np.asarray(readings[Role.TIME] * readings[Role.DIRECTION])

@@ -121,7 +121,7 @@ def test_orders_of_a_declared_gear_are_those_without_a_name() -> None:
     runout = registry.load("effects", "pin_circle_runout")()
     assert [one.name for one in runout.parameters(declared)] == ["cos_45_N", "sin_45_N"]
     assert not runout.applies(target)
-    assert runout.left_out(target) == "no [gear] says its orders"
+    assert runout.left_out(target) == "no [gear] states the orders"
 
 
 LATE = 0.0031
@@ -226,7 +226,7 @@ def test_a_linear_axis_has_newtons_per_metre_and_second() -> None:
         "load_viscous": "signed_um_per_N_m_per_s",
         "read_out_lag": "rate_um_per_m_per_s",
     }
-    assert registry.load("effects", "gear_order")().left_out(target) == ("nothing turns by the angle")
+    assert registry.load("effects", "gear_order")().left_out(target) == ("the angle is not that of a rotating output")
 
 
 def test_a_delay_is_looked_for_beneath_the_noise_of_a_channel() -> None:
