@@ -52,8 +52,7 @@ def start_faults_of(
         return start_faults(Path(out), workers, resume, overwrite, shared)
     faults = choice_faults(workers, resume, overwrite)
     if resume:
-        text = "needs the directory that holds what is to be gone on with: out"
-        faults.append(Fault("--resume", text))
+        faults.append(Fault("--resume", "needs the directory that holds what is to be gone on with: out"))
     return faults
 
 

@@ -43,8 +43,7 @@ def choice_faults(workers: int | None, resume: bool, overwrite: bool, place: str
     if workers is not None and (complaint := too_many_workers(workers)):
         faults.append(Fault(place, complaint))
     if resume and overwrite:
-        text = "goes on with what --overwrite would replace; give one of them"
-        faults.append(Fault("--resume", text))
+        faults.append(Fault("--resume", "goes on with what --overwrite would replace; give one of them"))
     return faults
 
 
@@ -58,8 +57,7 @@ def file_faults(out: Path, source: Path | None) -> list[Fault]:
     else:
         faults += unwritable(out.parent, "--out")
         if out.suffix.lower() not in TABLES:
-            text = f"{out.name} is neither .csv nor .parquet; no other table can be written"
-            faults.append(Fault("--out", text))
+            faults.append(Fault("--out", f"{out.name} is neither .csv nor .parquet; no other table can be written"))
     if source is None:
         return faults
     if not source.exists():
@@ -92,8 +90,7 @@ def watch_faults(folders: Sequence[Path], figures: Path | None) -> list[Fault]:
     if len(folders) != 1:
         faults.append(Fault("--watch", f"takes one directory, got {len(folders)}"))
     if figures is not None:
-        text = "are drawn when the result is complete; leave out --watch"
-        faults.append(Fault("--figures", text))
+        faults.append(Fault("--figures", "are drawn when the result is complete; leave out --watch"))
     return faults
 
 

@@ -103,8 +103,7 @@ def unwritable(path: Path, place: str) -> list[Fault]:
     except OSError as error:
         reason, remedy = cause(error) or (error.strerror or "not writable", "")
         remedy = f"{remedy}, or " if remedy else ""
-        text = f"cannot be written ({existing}: {reason}); {remedy}name another directory"
-        return [Fault(place, text)]
+        return [Fault(place, f"cannot be written ({existing}: {reason}); {remedy}name another directory")]
 
 
 def is_folder(path: Path) -> bool:

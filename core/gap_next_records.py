@@ -56,11 +56,9 @@ class Sensitivity:
 
     def __str__(self) -> str:
         return (
-            f"{self.name} of {self.parameter} = {self.amount:.3g} {self.unit}: detected with "
-            "probability "
-            f"{self.then:.2f} (now {self.now:.2f}, with as many measurements like these "
-            f"{self.alike:.2f}); detected from {self.least_then:.3g} instead of "
-            f"{self.least_now:.3g}"
+            f"{self.name} of {self.parameter} = {self.amount:.3g} {self.unit}: detected with probability "
+            f"{self.then:.2f} (now {self.now:.2f}, with as many measurements like these {self.alike:.2f}); detected "
+            f"from {self.least_then:.3g} instead of {self.least_now:.3g}"
         )
 
 

@@ -87,8 +87,7 @@ def _find(group: str, name: str) -> EntryPoint:
     if not offers:
         known = names(group)
         listed = f"installed: {', '.join(known)}" if known else "none is installed"
-        text = f'"{name}" is not an installed {kind}{nearest(name, known)}; {listed}'
-        raise refuse(kind, text)
+        raise refuse(kind, f'"{name}" is not an installed {kind}{nearest(name, known)}; {listed}')
     if len(offers) > 1:
         both = " and ".join(sorted(_origin(offer) for offer in offers))
         raise refuse(kind, f'"{name}" is offered by {both}; uninstall one of them')
@@ -114,8 +113,7 @@ def load(group: str, name: str) -> Any:
         loaded = offer.load()
     except PLUGIN_FAULTS as error:  # a plugin may raise anything while it is imported
         reason = f"{type(error).__name__}: {error}"
-        text = f'"{name}" of {_origin(offer)} cannot be imported ({offer.value}): {reason}'
-        raise refuse(kind, text) from error
+        raise refuse(kind, f'"{name}" of {_origin(offer)} cannot be imported ({offer.value}): {reason}') from error
     for extra in getattr(loaded, "extras", ()):
         if offer.dist is not None and (missing := _missing(offer.dist.requires or [], extra)):
             command = f"pip install '{offer.dist.name}[{extra}]'"
@@ -182,8 +180,7 @@ class Kinds(Mapping[str, type[Kind]]):
         for name, registered in self.sound().items():
             if registered is kind:
                 return name
-        text = f"{kind.__module__}.{kind.__qualname__} is no entry point of tolevo.{self.group}"
-        raise LookupError(text)
+        raise LookupError(f"{kind.__module__}.{kind.__qualname__} is no entry point of tolevo.{self.group}")
 
 
 def _begun(offer: EntryPoint) -> bool:

@@ -56,8 +56,7 @@ def evaluate(
 
     faults = table_faults_of(out, designs, partitioned, resume, overwrite)
     if quality not in QUALITIES:
-        text = f'must be one of {", ".join(QUALITIES)}, got "{quality}"'
-        faults.append(Fault("--quality", text))
+        faults.append(Fault("--quality", f'must be one of {", ".join(QUALITIES)}, got "{quality}"'))
     where = executing(source, settings, workers, dask, faults, block_rows, store)
     configuration = collected(lambda: _read(source, settings), faults)
     problem, notes = configuration.problem, list[str]()

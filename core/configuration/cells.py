@@ -54,9 +54,8 @@ def _read(path: Path, name: str) -> tuple[str, list[list[float]]]:
             [
                 Fault(
                     name,
-                    f"lacks {', '.join(missing)}: poses are x_mm, y_mm, z_mm "
-                    "with rx_deg, ry_deg, rz_deg or without, or joint_1_deg, "
-                    "joint_2_deg, ...",
+                    f"lacks {', '.join(missing)}: poses are x_mm, y_mm, z_mm with rx_deg, ry_deg, rz_deg or without, "
+                    "or joint_1_deg, joint_2_deg, ...",
                 )
             ]
         )

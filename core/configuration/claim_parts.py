@@ -25,8 +25,7 @@ def names_of(section: Section, key: str, count: int, known: Mapping[str, Any]) -
         section.fault(key, f"must name {count} as `printed` does, got {len(names)}")
     for name in names:
         if known and name not in known:
-            text = f'"{name}" is not computed{nearest(name, known)}; known: {", ".join(known)}'
-            section.fault(key, text)
+            section.fault(key, f'"{name}" is not computed{nearest(name, known)}; known: {", ".join(known)}')
     return tuple(names)
 
 

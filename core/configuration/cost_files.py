@@ -234,8 +234,7 @@ def _curve(rows: list[Raw], prices: Prices, unit: str, name: str, faults: list[F
         return None
     if prices.t_unit and key == "t":
         if not unit or not fits(prices.t_unit, unit):
-            text = f'{name}: t is in "{prices.t_unit}", which cannot be stated in "{unit}"'
-            faults.append(Fault(prices.place, text))
+            faults.append(Fault(prices.place, f'{name}: t is in "{prices.t_unit}", which cannot be stated in "{unit}"'))
             return None
         values = [float(converted(value, prices.t_unit, unit)) for value in values]
     order = np.argsort(values, kind="stable").tolist()

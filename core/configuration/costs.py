@@ -50,9 +50,8 @@ def narrowed(
         return setting, ""
     unit = f" {variable.unit}".rstrip()
     note = (
-        f"costs of {variable.name} are given from {curve.t[0]:g} to {curve.t[-1]:g}{unit}: the "
-        f"search from {low:g} to {high:g} is narrowed to "
-        f"{ends[0]:g} to {ends[1]:g}"
+        f"costs of {variable.name} are given from {curve.t[0]:g} to {curve.t[-1]:g}{unit}: the search from {low:g} to "
+        f"{high:g} is narrowed to {ends[0]:g} to {ends[1]:g}"
     )
     return replace(stated, low=ends[0], high=ends[1]), note
 

@@ -76,7 +76,6 @@ def _check_prediction_unit(section: Section, name: str, output: str, columns: di
     unit, output_unit = columns[name].unit, columns[output].unit
     try:
         if not fits(unit, output_unit):
-            text = f'"{unit}" does not fit {output}, which is in "{output_unit}"'
-            section.section(name).fault("unit", text)
+            section.section(name).fault("unit", f'"{unit}" does not fit {output}, which is in "{output_unit}"')
     except ValueError:
         return  # the unknown unit is reported where it stands

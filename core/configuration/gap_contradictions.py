@@ -73,9 +73,8 @@ def check_own(top: Section, stated: Own, run: Run, built: Built, of_the_bench: I
         if name not in of_the_bench and not _values_equal(value, wanted):
             section.fault(
                 name,
-                f"is {shown(value)} here and {shown(wanted)} in {run.name}: the "
-                "units are those of the run; leave it out here, or name the run of the "
-                "units that were measured",
+                f"is {shown(value)} here and {shown(wanted)} in {run.name}: the units are those of the run; leave it "
+                "out here, or name the run of the units that were measured",
             )
     check_values(top, stated.variables, built, theirs.variables, run.name)
     values = {active.effect.name: dict(active.values) for active in theirs.effects}

@@ -32,8 +32,7 @@ def fill_measured(table: Raw, folder: Path, faults: list[Fault]) -> None:
             names = [names] if isinstance(names, str) else names
             options = tables.ReadOptions(*(measured.pop(key, None) for key in OPTIONS))
             if not _are_names(names):
-                text = f"must be the name of a file, or a list of them, got {names}"
-                faults.append(Fault(place, text))
+                faults.append(Fault(place, f"must be the name of a file, or a list of them, got {names}"))
                 continue
             if "values" in measured:
                 faults.append(Fault(place, "is given in addition to values: keep one"))

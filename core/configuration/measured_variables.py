@@ -39,9 +39,8 @@ def read_measured(section: Section, variable: Variable, mid: float | None, t: fl
     if sample.offset and mid is None:
         section.fault(
             "measured.mean",
-            f'must be "corrected": errors of {variable.name} have no '
-            "mid-limit here and count as centred, and the sample is "
-            f"{sample.offset:+.4g} {variable.unit} off",
+            f'must be "corrected": errors of {variable.name} have no mid-limit here and count as centred, and the '
+            f"sample is {sample.offset:+.4g} {variable.unit} off",
         )
         return None
     return sample

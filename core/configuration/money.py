@@ -44,9 +44,8 @@ def read_money(
         stated = f"{len(costs)} of {len(costs) + len(assumed)} costs are stated"
         top.fault(
             "currency",
-            f"{stated} in {currency}; assumed, in units of their own: "
-            f"{', '.join(assumed)}; state them too, or what one assumed unit is worth, "
-            "[costs] scale_assumed = ...",
+            f"{stated} in {currency}; assumed, in units of their own: {', '.join(assumed)}; state them too, or what "
+            "one assumed unit is worth, [costs] scale_assumed = ...",
         )
     if currency and scale is not None:
         curves |= {name: times(defaults[name], scale) for name in assumed}

@@ -23,9 +23,8 @@ KEPT = ("problem", "parameters", "variables", "costs", "propagation", "objective
 POINTS = ("rms_arcmin", "cost")
 """Columns of a table of prices."""
 EXPECTED = (
-    "name a configuration of rv_backlash, the directory of a finished run of rv_backlash "
-    "or rv_reducer, a table (.csv) with the columns rms_arcmin and cost, or write either "
-    "as a table here"
+    "name a configuration of rv_backlash, the directory of a finished run of rv_backlash or rv_reducer, a table "
+    "(.csv) with the columns rms_arcmin and cost, or write either as a table here"
 )
 
 

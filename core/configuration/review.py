@@ -105,8 +105,7 @@ def _run(run: Path, faults: list[Fault]) -> tuple[Table | None, dict[str, float]
         allocation = read_own_csv(run / "allocation.csv")
         front = read_own_csv(run / "front.csv")
     except (OSError, ValueError):
-        text = "has no allocation.csv: it is no complete run with a choice"
-        faults.append(Fault(str(run), text))
+        faults.append(Fault(str(run), "has no allocation.csv: it is no complete run with a choice"))
         return table, {}
     if allocation.empty or not set(ALLOCATION) <= set(allocation):
         faults.append(Fault(str(run), "has an allocation.csv without an allocation"))
@@ -127,8 +126,7 @@ def _with_promise(table: Table, faults: list[Fault]) -> None:
     limit = next((limits.pop(name) for name in YIELDS if name in limits), None)
     yield_percent = limit.get("min") if isinstance(limit, dict) else limit
     if yield_percent is None:
-        text = "promises nothing: it has neither [promise] nor a limit on yield_percent"
-        faults.append(Fault("RUN", text))
+        faults.append(Fault("RUN", "promises nothing: it has neither [promise] nor a limit on yield_percent"))
         return
     table["promise"] = {YIELD: yield_percent, "statement": ASSURED}
 
@@ -242,8 +240,7 @@ def _measured(owner: Owner, files: Sequence[MeasuredFile], faults: list[Fault]) 
     place = f"PARTS ({owner.name})"
     sample: dict[str, Any] = together(samples, names, place, faults)
     if owner.chosen:
-        text = "has machines or processes to choose from: state what the parts say in them"
-        faults.append(Fault(place, text))
+        faults.append(Fault(place, "has machines or processes to choose from: state what the parts say in them"))
         return None
     stated, t, unit = sample.pop("made_to", None), owner.t, owner.unit
     if stated is not None and owner.follows and sample.get("unit") == unit and abs(stated - t) > 1e-6 * t:

@@ -178,8 +178,7 @@ def _base(run: Table, varied: Any, faults: list[Fault]) -> Configuration | None:
         faults.append(Fault(f"{RUN}.problem", "is missing: a model alone can only be simulated"))
         return None
     if not configuration.problem.free:
-        text = "every variable is fixed: there is nothing to optimise"
-        faults.append(Fault(f"{RUN}.problem", text))
+        faults.append(Fault(f"{RUN}.problem", "every variable is fixed: there is nothing to optimise"))
         return None
     return configuration
 

@@ -51,14 +51,12 @@ def standing(folder: Path, apart: Iterable[str] = ()) -> Standing:
     try:
         manifest = read_manifest(folder)
     except ValueError as error:
-        text = f"cannot be read: {error}; {ANEW}; {AS_IT_IS}"
-        faults.append(Fault(f"{folder}/{MANIFEST}", text))
+        faults.append(Fault(f"{folder}/{MANIFEST}", f"cannot be read: {error}; {ANEW}; {AS_IT_IS}"))
     if manifest is None and not faults:
         try:
             unfinished = read_unfinished(folder)
         except ValueError as error:
-            text = f"cannot be read: {error}; start again with --overwrite"
-            faults.append(Fault(f"{folder}/{UNFINISHED}", text))
+            faults.append(Fault(f"{folder}/{UNFINISHED}", f"cannot be read: {error}; start again with --overwrite"))
     mark = manifest or unfinished
     missing: tuple[str, ...] = ()
     if manifest is not None:

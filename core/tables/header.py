@@ -145,9 +145,8 @@ def _without_names(rows: list[Row], count: int, place: str) -> Layout:
     above = [row for _, row in rows[:at] if len(row) > 1]
     if any(_is_measurement(cell) for cell in names) and above:
         text = (
-            f"line {rows[at][0]} has {len(names)} cells, and no line above it as many names "
-            f"({len(above[-1])} cells expected by the last one); where decimal commas stand "
-            "between commas, export it with another delimiter"
+            f"line {rows[at][0]} has {len(names)} cells, and no line above it as many names ({len(above[-1])} cells "
+            "expected by the last one); where decimal commas stand between commas, export it with another delimiter"
         )
         layout.faults.append(Fault(place, text))
     elif any(_is_measurement(cell) for cell in names):

@@ -73,8 +73,7 @@ def fitted(table: Table, place: str, known: Mapping[str, str], uses: Mapping[str
         name = spelt.get(key)
         if name is None:
             if use.target and use.target not in spelt:
-                text = f"{place} has no such column{nearest(key, spelt)}"
-                faults.append(Fault(f'columns."{key}"', text))
+                faults.append(Fault(f'columns."{key}"', f"{place} has no such column{nearest(key, spelt)}"))
         else:
             names[name] = use.target
             cells[name], wrong = _used(cells[name], table.units.get(name, ""), use, known)

@@ -29,8 +29,7 @@ def rows_of_workbook(content: bytes, place: str) -> tuple[list[Row], Dialect]:
     filled = {title: rows for title, rows in sheets.items() if rows}
     tables = {title: rows for title, rows in filled.items() if len(rows) > 1} or filled
     if len(tables) > 1:
-        text = f"has several sheets ({', '.join(tables)}); save the one that is meant alone"
-        raise refuse(place, text)
+        raise refuse(place, f"has several sheets ({', '.join(tables)}); save the one that is meant alone")
     if not tables:
         return [], Dialect("xlsx")
     title, rows = next(iter(tables.items()))

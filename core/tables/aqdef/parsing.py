@@ -96,8 +96,7 @@ class Content:
             return
         raw = self.characteristics.setdefault(index, Raw(self._part))
         if raw.keys.setdefault(key, value) != value:
-            text = f'{key} of characteristic {index} is "{raw.keys[key]}" above, here "{value}"'
-            self.fault(at, text)
+            self.fault(at, f'{key} of characteristic {index} is "{raw.keys[key]}" above, here "{value}"')
 
     def _value_key(self, at: int, key: str, index: int, value: str, number: int | None) -> None:
         if index == 0:
@@ -130,8 +129,7 @@ class Content:
         cells = line.split(BETWEEN)
         indices = sorted(self.characteristics)
         if len(cells) > len(indices):
-            text = f"{len(cells)} characteristics in a line, {len(indices)} are described above"
-            self.fault(at, text)
+            self.fault(at, f"{len(cells)} characteristics in a line, {len(indices)} are described above")
             return
         for index, cell in zip(indices, cells, strict=False):
             raw = self.characteristics[index]
