@@ -109,15 +109,13 @@ def gap(
     asked: Asked,
 ) -> Finished:
     """Find where model and measurement disagree, name the missing effect, correct the model."""
-    options = into.arguments() | asked.arguments() | asdict(dialect)
-    return _called("gap", asked, config, data, **options)
+    return _called("gap", asked, config, data, **into.arguments(), **asked.arguments(), **asdict(dialect))
 
 
 @command("study")
 def study(config: Config, *, into: Into, shared: Shared, asked: Asked) -> Finished:
     """Run many optimisations over settings and seeds, and say what the settings do."""
-    options = into.arguments() | asked.arguments() | asdict(shared)
-    return _called("study", asked, config, **options)
+    return _called("study", asked, config, **into.arguments(), **asked.arguments(), **asdict(shared))
 
 
 @command("reproduce")
@@ -228,7 +226,7 @@ def review(
 
 @command("list")
 def list_(json_: Annotated[bool, typer.Option("--json", help="As JSON.")] = False) -> None:
-    """List models, problems, algorithms, effects and calculations, plugins included."""
+    """List models, problems, algorithms, effects and calculations, including those of plugins."""
     from .listing import listed
 
     typer.echo(listed(json_))

@@ -21,7 +21,8 @@ TIME = 30.0 * 86_400.0
 """Seconds that one count may take on one core."""
 _HUGE = 10**100
 """Larger counts are replaced by this one: it exceeds every budget, and is still a float."""
-_UNITS = (("years", 365.25 * 86_400.0), ("days", 86_400.0), ("hours", 3600.0))
+_TIMES = (("years", 365.25 * 86_400.0), ("days", 86_400.0), ("hours", 3600.0), ("s", 1.0))
+_SIZES = (("TiB", 2.0**40), ("GiB", 2.0**30), ("MiB", 2.0**20), ("KiB", 2.0**10))
 _FORCED: ContextVar[bool] = ContextVar("forced", default=False)
 
 
@@ -137,15 +138,15 @@ def shown(count: int) -> str:
 
 def size(number: float) -> str:
     """Bytes in a unit that fits."""
-    for name, unit in (("TiB", 2.0**40), ("GiB", 2.0**30), ("MiB", 2.0**20)):
-        if number >= unit:
-            return f"{number / unit:.3g} {name}"
-    return f"{number / 1024.0:.3g} KiB"
+    return _scaled(number, _SIZES)
 
 
 def duration(seconds: float) -> str:
     """A time in a unit that fits."""
-    for name, unit in _UNITS:
-        if seconds >= unit:
-            return f"{seconds / unit:.3g} {name}"
-    return f"{seconds:.3g} s"
+    return _scaled(seconds, _TIMES)
+
+
+def _scaled(number: float, units: tuple[tuple[str, float], ...]) -> str:
+    """A number in the largest unit that it reaches, or the smallest one."""
+    name, unit = next((entry for entry in units if number >= entry[1]), units[-1])
+    return f"{number / unit:.3g} {name}"

@@ -7,7 +7,7 @@ the user's. An apostrophe in front makes it text. Numbers are no text, and stay 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -33,16 +33,8 @@ def csv_text(frame: pd.DataFrame, header: bool = True) -> str:
 
     Without its `header` it continues a file that has one.
     """
-    columns = [_changed_cells(frame.iloc[:, at].to_numpy(), neutral) for at in range(frame.shape[1])]
-    if all(cells is None for cells in columns):
-        table = frame
-    else:
-        table = frame.copy()
-        for at, cells in enumerate(columns):
-            if cells is not None:
-                table.isetitem(at, cells)
     names = [neutral(name) for name in frame.columns]
-    return table.to_csv(index=False, lineterminator="\n", header=names if header else False)
+    return _changed(frame, neutral).to_csv(index=False, lineterminator="\n", header=names if header else False)
 
 
 def read_own_csv(path: Path | TextIO) -> pd.DataFrame:
@@ -50,13 +42,8 @@ def read_own_csv(path: Path | TextIO) -> pd.DataFrame:
 
     Raises OSError where the file cannot be read, ValueError where it is no table.
     """
-    table: pd.DataFrame = pd.read_csv(path, **EXACT)
-    for at in range(table.shape[1]):
-        cells = _changed_cells(table.iloc[:, at].to_numpy(), original)
-        if cells is not None:
-            table.isetitem(at, cells)
-    table.columns = pd.Index([original(name) for name in table.columns])
-    return table
+    table = _changed(pd.read_csv(path, **EXACT), original)
+    return table.set_axis([original(name) for name in table.columns], axis="columns")
 
 
 def neutral(cell: Any) -> Any:
@@ -77,7 +64,17 @@ def originals(cells: NDArray[Any]) -> NDArray[Any]:
     return cells if changed is None else changed
 
 
-def _changed_cells(cells: NDArray[Any], change: Any) -> NDArray[Any] | None:
+def _changed(frame: pd.DataFrame, change: Callable[[Any], Any]) -> pd.DataFrame:
+    """The table with the changed texts; the table itself where none changes."""
+    columns = {at: _changed_cells(frame.iloc[:, at].to_numpy(), change) for at in range(frame.shape[1])}
+    changed = {at: cells for at, cells in columns.items() if cells is not None}
+    table = frame.copy() if changed else frame
+    for at, cells in changed.items():
+        table.isetitem(at, cells)
+    return table
+
+
+def _changed_cells(cells: NDArray[Any], change: Callable[[Any], Any]) -> NDArray[Any] | None:
     """The changed cells of a column; None where none changes."""
     if cells.dtype.kind not in "OUT":
         return None

@@ -71,8 +71,7 @@ READING = "reading"
 def completed(parameters: Iterable[Parameter], stated: Mapping[str, Value]) -> dict[str, Value]:
     """Every parameter: as stated, else its default in the stated or the default interpretation."""
     declared = {parameter.name: parameter for parameter in parameters}
-    default_reading = declared[READING].default if READING in declared else None
-    reading = stated.get(READING, default_reading)
+    reading = stated.get(READING, declared[READING].default if READING in declared else None)
     return {name: parameter.default_in(reading) for name, parameter in declared.items()} | dict(stated)
 
 

@@ -1,8 +1,8 @@
 """Everything tolevo raises on purpose.
 
 TolevoError            exit status 1
-|-- InputError         exit status 2: the user's input is wrong; carries every fault found
-|-- RunError           exit status 1: a run failed; says what is saved and how to go on
+|-- InputError         exit status 2: the user's input is wrong; carries every fault
+|-- RunError           exit status 1: a run failed; says what is saved and how to continue
 `-- ModelError         exit status 1: a model returned what it must not (NaN, wrong shape)
 """
 
@@ -62,8 +62,7 @@ def refuse(place: str, message: str) -> InputError:
 
 def raise_all(faults: Iterable[Fault]) -> None:
     """Raise one `InputError` that carries all `faults`; do nothing where there are none."""
-    collected = tuple(faults)
-    if collected:
+    if collected := tuple(faults):
         raise InputError(collected)
 
 

@@ -158,8 +158,7 @@ def model_lines(summary: Mapping[str, Any]) -> list[str]:
         return []
     choices = summary.get("choices") or {}
     labels = {name: str(choice.get("model") or statement) for name, choice in choices.items()}
-    others = [f"{name}: {label}" for name, label in labels.items() if label != statement]
-    return [f"model: {statement}", *others]
+    return [f"model: {statement}", *(f"{name}: {label}" for name, label in labels.items() if label != statement)]
 
 
 @dataclass(frozen=True, slots=True)
