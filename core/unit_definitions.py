@@ -17,45 +17,15 @@ _BASES = frozenset(["meter", "gram", TIME, "ampere", "kelvin", "mole", "candela"
 _SI = {"gram": "kilogram"}
 _PLAIN = frozenset(["%", "‰", "percent", "permille", "ppm"])
 """Names of plain numbers; what else is one (pi, decades) is no unit here."""
+_FRACTIONS = ("yocto", "zepto", "atto", "femto", "pico", "nano", "micro", "milli")
+_MULTIPLES = ("kilo", "mega", "giga", "tera", "peta", "exa", "zetta", "yotta")
 _PREFIXES: Mapping[str, int] = {
-    "yocto": -24,
-    "zepto": -21,
-    "atto": -18,
-    "femto": -15,
-    "pico": -12,
-    "nano": -9,
-    "micro": -6,
-    "milli": -3,
-    "centi": -2,
-    "deci": -1,
-    "deca": 1,
-    "deka": 1,
-    "hecto": 2,
-    "kilo": 3,
-    "mega": 6,
-    "giga": 9,
-    "tera": 12,
-    "peta": 15,
-    "exa": 18,
-    "zetta": 21,
-    "yotta": 24,
-    "da": 1,
-    "a": -18,
-    "f": -15,
-    "p": -12,
-    "n": -9,
-    "u": -6,
-    "µ": -6,
-    "m": -3,
-    "c": -2,
-    "d": -1,
-    "h": 2,
-    "k": 3,
-    "M": 6,
-    "G": 9,
-    "T": 12,
-    "P": 15,
-    "E": 18,
+    **dict(zip(_FRACTIONS, range(-24, 0, 3), strict=True)),
+    **{"centi": -2, "deci": -1, "deca": 1, "deka": 1, "hecto": 2},
+    **dict(zip(_MULTIPLES, range(3, 25, 3), strict=True)),
+    **{"da": 1, "c": -2, "d": -1, "h": 2, "µ": -6},
+    **dict(zip("afpnum", range(-18, 0, 3), strict=True)),
+    **dict(zip("kMGTPE", range(3, 19, 3), strict=True)),
 }
 """Powers of ten; those of more letters first."""
 _OURS: Mapping[str, str] = {
@@ -194,8 +164,7 @@ def looked_up(name: str) -> Unit:
     unit = _defined(stem)
     if prefix and unit.zero:
         raise UnitError(f'"{name}" is not a unit: what has a zero of its own takes no prefix')
-    exponent = _PREFIXES[prefix] if prefix else 0
-    return Unit(unit.factor * Fraction(10) ** exponent, unit.dimensions, unit.zero)
+    return Unit(unit.factor * Fraction(10) ** _PREFIXES.get(prefix, 0), unit.dimensions, unit.zero)
 
 
 def _split(name: str) -> tuple[str, str]:

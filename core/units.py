@@ -29,27 +29,8 @@ MM = 1e-3
 """Metres in a millimetre."""
 
 SUFFIXES = frozenset(
-    [
-        "um",
-        "mm",
-        "m",
-        "arcmin",
-        "arcsec",
-        "deg",
-        "rad",
-        "mrad",
-        "percent",
-        "K",
-        "C",
-        "s",
-        "rpm",
-        "Hz",
-        "Nm",
-        "kg",
-        "N",
-        "N_per_mm",
-        "Nm_per_arcmin",
-    ]
+    {"um", "mm", "m", "arcmin", "arcsec", "deg", "rad", "mrad", "percent"}
+    | {"K", "C", "s", "rpm", "Hz", "kg", "N", "Nm", "N_per_mm", "Nm_per_arcmin"}
 )
 """The unit suffixes that names of parameters, variables and outputs end with."""
 

@@ -66,7 +66,7 @@ def _allocation(path: Path, name: str, point: Any, variables: Mapping[str, Varia
         if run is None:
             raise _wrong(f"{name} is no directory of a run; name {FORMS}")
         path = home / (FRONT if isinstance(point, int) else ALLOCATION)
-    frame = tables.read(path, path.name)
+    frame = tables.opened_whole(path, path.name).cells
     if set(CHOICE) <= set(frame):
         values, origin = _of_choices(frame, path.name, point)
     else:

@@ -55,10 +55,7 @@ def _usual(rows: list[Row]) -> int:
 
 
 def _trimmed(row: list[str]) -> list[str]:
-    end = len(row)
-    while end and not row[end - 1]:
-        end -= 1
-    return row[:end]
+    return row[: max((at for at, cell in enumerate(row, 1) if cell), default=0)]
 
 
 def _numeric(rows: list[Row], count: int) -> list[int]:
@@ -152,7 +149,7 @@ def _without_names(rows: list[Row], count: int, place: str) -> Layout:
     elif any(_is_measurement(cell) for cell in names):
         layout.faults.append(
             Fault(
-                place, f"has no column names: line {rows[at][0]} begins with readings; put a line of names above them"
+                place, f"has no column names: line {rows[at][0]} begins with measurements; add a line of names above it"
             )
         )
     return layout
@@ -160,20 +157,16 @@ def _without_names(rows: list[Row], count: int, place: str) -> Layout:
 
 def _without_summaries(layout: Layout, numeric: list[int]) -> None:
     """Leave out rows of limits below the names, and of means or an end mark below the data."""
-    dropped = []
-    while layout.body and _names_summary(layout.body[0][1]):
-        dropped.append(layout.body.pop(0))
-    bottom = []
-    while layout.body and _names_summary(layout.body[-1][1]):
-        bottom.append(layout.body.pop())
-    dropped += reversed(bottom)
+    body = layout.body
+    first = next((at for at, row in enumerate(body) if not _names_summary(row[1])), len(body))
+    end = next((at for at in range(len(body), first, -1) if not _names_summary(body[at - 1][1])), first)
+    dropped, layout.body = body[:first] + body[end:], body[first:end]
     if dropped:
-        layout.notes.append(f"{len(dropped)} rows that are no readings are left out: {_listed(dropped)}")
+        layout.notes.append(f"{len(dropped)} rows that hold no measurement are left out: {_listed(dropped)}")
 
 
 def _names_summary(row: list[str]) -> bool:
-    first = next((cell for cell in row if cell), "")
-    return is_summary(first)
+    return is_summary(next((cell for cell in row if cell), ""))
 
 
 def _listed(rows: list[Row]) -> str:

@@ -4,18 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from ..errors import Fault, nearest, raise_all
+from ..errors import Fault, nearest
 from ..units import converted, fits, split_unit
 from .marks import is_date
 from .moments import seconds
-from .options import AS_DETECTED, ReadOptions
-from .reading import opened
 from .record import Table
 
 AQDEF = "aqdef"
@@ -47,14 +44,6 @@ class Fitted:
     cells: pd.DataFrame
     notes: tuple[str, ...] = ()
     faults: tuple[Fault, ...] = ()
-
-
-def opened_whole(path: Path, place: str, options: ReadOptions = AS_DETECTED) -> Table:
-    """The table in a file. Raises InputError with every fault."""
-    table, faults = opened(path, place, options)
-    raise_all(faults)
-    assert table is not None
-    return table
 
 
 def fitted(table: Table, place: str, known: Mapping[str, str], uses: Mapping[str, ColumnUse] | None = None) -> Fitted:
@@ -104,7 +93,7 @@ def fitted(table: Table, place: str, known: Mapping[str, str], uses: Mapping[str
     taken = [target for target in names.values() if target]
     for target in sorted({name for name in taken if taken.count(name) > 1}):
         both = ", ".join(f'"{name}"' for name, used_as in names.items() if used_as == target)
-        faults.append(Fault("columns", f"{both} are both {target}; only one column can be"))
+        faults.append(Fault("columns", f"{both} are all mapped to {target}; only one column can be"))
     return Fitted(pd.DataFrame(kept, index=table.cells.index), tuple(notes), tuple(faults))
 
 

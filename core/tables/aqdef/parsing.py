@@ -68,7 +68,7 @@ class Content:
     def _key(self, at: int, line: str) -> None:
         match = _KEY.fullmatch(line)
         if match is None:
-            self.fault(at, f'"{line[:40]}" is no key of a Q-DAS file')
+            self.fault(at, f'"{line[:40]}" is not a key of a Q-DAS file')
             return
         key, value = match[1], (match[4] or "").strip()
         index = int(match[2]) if match[2] else 1
