@@ -24,6 +24,12 @@ class Fault:
         return f"{self.place}: {self.message}"
 
 
+class UnknownKey(Fault):
+    """A key of a configuration that nothing reads."""
+
+    __slots__ = ()
+
+
 class TolevoError(Exception):
     """Root of the tree; `exit_status` is what the command line returns."""
 

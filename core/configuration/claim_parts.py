@@ -1,11 +1,11 @@
-"""Parts common to all ways to recompute a claim: names, tables of configurations, units."""
+"""Parts common to all methods to recompute a claim: names, tables of configurations, units."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
-from ..errors import InputError, nearest
+from ..errors import nearest
 from ..section import Section
 from ..units import converted
 from ..workflows.reproduce.recipes import ByCalculation, ByModel, ByProblem, Constant, Derivative, Recipe
@@ -19,7 +19,7 @@ def names_of(section: Section, key: str, count: int, known: Mapping[str, Any]) -
     names = [value] if isinstance(value, str) else section.names(key)
     if names is None:
         if value is None:
-            section.fault(key, "is missing: name what is to be compared with the printed value")
+            section.fault(key, "is missing: name the quantity that is compared with the printed value")
         return ()
     if count and len(names) != count:
         section.fault(key, f"must name {count} as `printed` does, got {len(names)}")
@@ -32,21 +32,7 @@ def names_of(section: Section, key: str, count: int, known: Mapping[str, Any]) -
 def configured(section: Section, keys: tuple[str, ...]) -> Configuration | None:
     """The configuration in some keys of an interpretation; its faults are placed in the latter."""
     table = {key: section.take(key) for key in keys if key in section}
-    try:
-        return read_table(table, [])
-    except InputError as error:
-        for fault in error.faults:
-            section.fault(fault.place, fault.message)
-        return None
-
-
-def report_build_faults(section: Section, build: Callable[[], object]) -> None:
-    """Report faults that only show when an object is built."""
-    try:
-        build()
-    except InputError as error:
-        for fault in error.faults:
-            section.fault(fault.place, fault.message)
+    return section.attempt(lambda: read_table(table, []))
 
 
 def convertible(section: Section, recipe: Recipe, unit: str) -> None:

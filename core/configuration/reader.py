@@ -22,15 +22,14 @@ from .complete import complete_tables
 from .configuration import Configuration
 from .costs import check_ends, narrowed, read_costs
 from .effects import read_effects, resolved_effects
-from .files import with_files
 from .goals import read_limits, read_objectives, read_propagation
 from .labels import read_labels
+from .measured_files import with_files
 from .model_columns import read_design_columns, read_model_columns, resolved_columns
 from .money import read_money
 from .objects import with_choices
-from .pairs import belongs, stranger
 from .parameters import read_parameters
-from .plugins import ModelClass, load_named, problem_of
+from .plugins import ModelClass, belongs, load_named, problem_of, stranger
 from .reducers import with_reducers
 from .resolved import resolved_variables
 from .search import check_size, read_algorithm, read_budget, read_engine, resolved_algorithm

@@ -21,8 +21,8 @@ from ..workflows.study.plan import StudyPlan
 from ..workflows.study.records import RESPONSES, Design, Factor, Hypothesis, StudySettings
 from ..workflows.study.responses import unsuitable
 from .configuration import Configuration
-from .files import with_files
 from .labels import read_labels
+from .measured_files import with_files
 from .reader import read_table
 from .readings import read_hypotheses, written
 from .search import by_default, evaluations, settings_of

@@ -120,7 +120,7 @@ def test_an_allocation_of_another_problem_is_a_fault(folder: Path) -> None:
     pd.DataFrame([{**DESIGN, "gear_1_x_mrad": 2.0, "pitch_um": -1.0}]).to_csv(folder / "built.csv", index=False)
     (folder / "gap.toml").write_text(GAP.format('built_to = "built.csv"'))
     both = [one.message for one in gap_plan(folder / "gap.toml")[1]]
-    assert any("gear_1_x_mrad is no variable" in one for one in both)
+    assert any("gear_1_x_mrad is not a variable" in one for one in both)
     assert any("pitch_um must lie in [0, 1000], got -1" in one for one in both)
     assert "which run.toml searches" in _without_a_column(folder)
 
