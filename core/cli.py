@@ -217,8 +217,8 @@ def review(
     since: Annotated[list[Path] | None, typer.Option("--since", help="Earlier parts; may be repeated.")] = None,
     dialect: Dialect,
 ) -> None:
-    """Say what the promise of a run is worth by parts that were made to its drawing."""
-    from .configuration.reviewed import reviewed
+    """Test the promise of a run against parts that were made to its drawing."""
+    from .configuration.review import reviewed
     from .tables import ReadOptions
 
     typer.echo(reviewed(folder, parts, since or (), ReadOptions(**asdict(dialect))))

@@ -43,8 +43,7 @@ def narrowed(
     stated = setting or VariableSetting()
     if not isinstance(curve, Table) or stated.value is not None:
         return setting, ""
-    low = variable.low if stated.low is None else stated.low
-    high = variable.high if stated.high is None else stated.high
+    low, high = _search_range(variable, stated)
     ends = max(low, curve.t[0]), min(high, curve.t[-1])
     if ends == (low, high) or ends[0] >= ends[1]:
         return setting, ""
@@ -58,22 +57,24 @@ def narrowed(
 
 def check_ends(section: Section, variable: Variable, setting: VariableSetting | None, curve: CostCurve | None) -> None:
     """Report a range or value at which the cost is not finite."""
+    if curve is None:
+        return
     stated = setting or VariableSetting()
-    ends = {"value": stated.value}
-    if stated.value is None:
-        low = variable.low if stated.low is None else stated.low
-        ends = {"low": low, "high": variable.high if stated.high is None else stated.high}
+    low, high = _search_range(variable, stated)
+    ends = {"low": low, "high": high} if stated.value is None else {"value": stated.value}
     for key, end in ends.items():
-        if curve is None or end is None:
-            continue
         with np.errstate(all="ignore"):
             cost = float(curve.cost(np.array([end]))[0])
         if not np.isfinite(cost):
-            section.fault(
-                key,
-                f"must have a finite cost, but {end:g} {variable.unit} costs "
-                f"{cost:g} by its cost curve ({name_of(curve)})",
-            )
+            text = f"must have a finite cost, but {end:g} {variable.unit} costs {cost:g}"
+            section.fault(key, f"{text} by its cost curve ({name_of(curve)})")
+
+
+def _search_range(variable: Variable, setting: VariableSetting) -> tuple[float, float]:
+    return (
+        variable.low if setting.low is None else setting.low,
+        variable.high if setting.high is None else setting.high,
+    )
 
 
 def unknown(name: str, valid: list[str], what: str) -> str:

@@ -26,12 +26,11 @@ from .gap_next import read_next
 from .gap_run import RUN_KEYS, counterparts, read_run
 from .gear import GEAR, check_gear, resolved_gear
 from .reader import read_table
-from .sense import SENSE
+from .senses import SENSE, ZERO
 from .simulated import build_model, rebuilt
 from .source import Source, folder_of, load, overridden
 from .table import TABLE
 from .unresolved import UNRESOLVED
-from .zero import ZERO
 
 GAP_ONLY = ("built_to", "free", "effects", "noise", "validation", "data", "settings", "next_measurement")
 """Tables that only the configuration of a gap analysis has."""

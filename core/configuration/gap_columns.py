@@ -5,7 +5,7 @@ from __future__ import annotations
 from ..section import Section
 from ..units import dimension, fits
 from ..workflows.gap.plan import ROLE_UNITS, ROLES, ColumnRole, output_of
-from .sense import sign_of
+from .senses import sign_of
 
 PLAIN = ("unit", "lot", "repeat", "direction", "ignore")
 """Roles without a unit: labels, signs and counts."""

@@ -297,8 +297,7 @@ FAULTS = {
     'algorithm.engine = "arrray"':
         'algorithm.engine: must be one of pymoo, array, got "arrray" (did you mean `array`?)',
     'algorithm.name = "random"\nalgorithm.engine = "array"':
-        "algorithm.engine: random has no array engine; gde3, nsga2 have one: choose one of them, "
-        'or engine = "pymoo"',
+        'algorithm.engine: random has no array engine: choose one of gde3, nsga2, or engine = "pymoo"',
     "algorithm.mutatoin.probability = 1":
         "algorithm.mutatoin: is not a known key (did you mean `mutation`?)",
     'algorithm.name = "cmopso"':

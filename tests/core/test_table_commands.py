@@ -45,7 +45,7 @@ def test_a_german_export_needs_no_hand_edit(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("config", "said"),
     [
-        ('[columns]\nSpiel = "twist"', '"twist" is no column of the model'),
+        ('[columns]\nSpiel = "twist"', '"twist" is not a column of the model'),
         ('[columns]\nSpiel = { role = "payload" }', 'no column of the model has the role "payload"'),
         ('[columns]\nSpiel = { role = "measured", unit = "kg" }', "cannot be stated in arcmin"),
         ("[columns]\nSpiel = 3", "must be a name of a column of the model"),

@@ -201,7 +201,7 @@ def test_bad_gears_and_senses_are_all_said_at_once(tmp_path: Path) -> None:
     assert "gear.sun_teeth: is missing" in said and "gear.planet_teeth: is missing" in said
     assert "columns.te.sense: must be 1" in said
     right_columns = refused(tmp_path, rows(), head(wrong))
-    assert "sense.tee: is no output of the model" in right_columns
+    assert "sense.tee: is not an output of the model" in right_columns
     assert "sense.te: must be 1" in right_columns
     assert "gear.sun_teeth: is missing" in right_columns
 
