@@ -279,13 +279,6 @@ def _spec(module: str) -> ModuleSpec | None:
         if end > 1 and (spec is None or spec.submodule_search_locations is None):
             return None
         where = None if spec is None else list(spec.submodule_search_locations or ())
-        spec = _ask(".".join(parts[:end]), where)
+        specs = (finder.find_spec(".".join(parts[:end]), where) for finder in sys.meta_path)
+        spec = next((candidate for candidate in specs if candidate is not None), None)
     return spec
-
-
-def _ask(name: str, where: list[str] | None) -> ModuleSpec | None:
-    for finder in sys.meta_path:
-        spec = finder.find_spec(name, where)
-        if spec is not None:
-            return spec
-    return None

@@ -40,7 +40,7 @@ def sealed_record(record: Mapping[str, Any], of: str = "") -> dict[str, Any]:
 def unsealed_record(stored: Any, of: str = "") -> dict[str, Any]:
     """What `sealed_record` was given. Raises ValueError where a value is another."""
     if not isinstance(stored, dict) or KEY not in stored:
-        raise ValueError("it is no record with a digest")
+        raise ValueError("it is not a record with a digest")
     record = {name: value for name, value in stored.items() if name != KEY}
     if stored[KEY] != digest_of(record, of):
         raise ValueError("it is damaged: its content does not fit its digest")

@@ -38,7 +38,6 @@ def _column(section: Section) -> ColumnRole | None:
     if sense < 0 and role in UNSIGNED:
         section.fault("sense", f"has no meaning: a column of role {role} has no sign")
     choices = ROLE_UNITS.get(role)
-    wanted = choices[0] if choices else None
     try:
         if unit and choices and not any(fits(unit, choice) for choice in choices):
             listed = " or ".join(f'"{choice}"' for choice in choices)
@@ -47,8 +46,8 @@ def _column(section: Section) -> ColumnRole | None:
             dimension(unit)
     except ValueError as error:
         section.fault("unit", str(error))
-    if wanted is not None and not unit:
-        section.fault("unit", f'is missing: a column of role {role} needs one, such as "{wanted}"')
+    if choices and not unit:
+        section.fault("unit", f'is missing: a column of role {role} needs a unit, such as "{choices[0]}"')
     return ColumnRole(role, unit, of, sense)
 
 
@@ -58,10 +57,10 @@ def _check(section: Section, columns: dict[str, ColumnRole]) -> None:
     if not by["measured"]:
         section.fault("", 'no column has the role "measured"')
     if not by["predicted"]:
-        section.fault("", 'no column has the role "predicted"; without a model the table must carry the prediction')
+        section.fault("", 'no column has the role "predicted"; without a model the table must contain the prediction')
     for role in ("direction", "time", "unit", "lot", "repeat"):
         if len(by[role]) > 1:
-            section.fault("", f'the role "{role}" is given to {", ".join(by[role])}: only one')
+            section.fault("", f'the role "{role}" is given to {", ".join(by[role])}: only one column can have it')
     for role in ("predicted", "std"):
         for name in by[role]:
             output = output_of(name, columns)

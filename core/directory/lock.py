@@ -1,7 +1,7 @@
-"""One owner of a directory: a lock on a file in it, held as long as the process lives.
+"""The only owner of a directory: a lock on a file in it, held as long as the process lives.
 
-The kernel lets go of the lock when the process ends, however it ends, so a killed process leaves
-none; the file itself then says nothing.
+The kernel releases the lock when the process ends, however it ends, so that a killed process leaves
+no lock; the file alone means nothing.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ OTHER = "another process"
 PATIENCE = 0.3
 """Time [s] within which another process has finished testing the lock."""
 STEP = 0.02
-Found = TypeVar("Found")
+Outcome = TypeVar("Outcome")
 
 
 class Held(Exception):
@@ -164,8 +164,8 @@ def _entries(folder: Path) -> list[dict[str, Any]]:
     return []
 
 
-def patient(attempt: Callable[[], Found | None], seconds: float = PATIENCE) -> Found | None:
-    """What `attempt` returns, tried again for so long while it is None."""
+def patient(attempt: Callable[[], Outcome | None], seconds: float = PATIENCE) -> Outcome | None:
+    """What `attempt` returns; while it is None, it is tried again for so many seconds."""
     until = time.monotonic() + seconds
     while (outcome := attempt()) is None and time.monotonic() < until:
         time.sleep(STEP)

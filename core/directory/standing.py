@@ -72,12 +72,9 @@ def not_whole(folder: Path) -> tuple[Fault, ...]:
     here = standing(folder)
     if here.unfinished is None:
         return here.faults
-    at_work = (
-        f"{here.holders} is at work on it: wait for that"
-        if here.holders
-        else ("end it by the same command with --resume")
-    )
-    text = f"this result of `tolevo {here.command}` is unfinished: {at_work}, or name another"
+    remedy = f"{here.holders} is at work on it: wait for it to end" if here.holders else ""
+    remedy = remedy or "complete it by the same command with --resume"
+    text = f"this result of `tolevo {here.command}` is unfinished: {remedy}, or name another directory"
     return (*here.faults, Fault(str(folder), text))
 
 

@@ -357,7 +357,7 @@ def test_overrides_are_checked_like_the_file(read_text: Read) -> None:
     assert faults_of(lambda: read_text(BASE, "seed", "=1", "problem.x=1", "sed=2")) == [
         '--set: must be key=value, got "seed"',
         '--set: must be key=value, got "=1"',
-        "--set problem.x: leads through a value, not a table",
+        "--set problem.x: leads through a value that is not a table",
         "sed: is not a known key (did you mean `seed`?)",
     ]
 

@@ -79,7 +79,7 @@ LEVELS = '"algorithm.population" = [10, 20]'
          "did you mean `uniform`"),
         ('"algorithm.engine" = ["pymoo", "array"]', "vary.algorithm.engine",
          "ga has no array engine"),
-        ("seed = [1, 2]", "vary.seed", "the seeds are the replicates"),
+        ("seed = [1, 2]", "vary.seed", "replicates differ by their seeds"),
         ("", "vary", "names nothing to vary"),
     ],
 )  # fmt: skip
