@@ -120,9 +120,9 @@ def run(
     collected(lambda: searchable(plan.problem), faults)
     raise_all(faults)
     report_lines(tell, "warning", Checks.of(plan.problem).cautions())
-    folder, kept = folder_for(out)
+    folder, scratch = folder_for(out)
     done = running(plan, folder, where, progress, resume, overwrite or out is None)
-    return Run(done.status, done.lines, done.result, folder, kept)
+    return Run(done.status, done.lines, done.result, folder, scratch)
 
 
 def search(
@@ -185,9 +185,9 @@ def study(
         faults += other_study(plan, where.store, where.store_place)
     raise_all(faults)
     report_lines(tell, "warning", plan.warnings)
-    folder, kept = folder_for(out)
+    folder, scratch = folder_for(out)
     done = studying(plan, folder, executor_of(where), progress, resume, overwrite or out is None, where.store)
-    return Study(done.status, done.lines, done.data, folder, kept)
+    return Study(done.status, done.lines, done.data, folder, scratch)
 
 
 def gap(
@@ -227,9 +227,9 @@ def gap(
     assert plan is not None
     assert measurements is not None
     report_lines(tell, READ, measurements.understood)
-    folder, kept = folder_for(out)
+    folder, scratch = folder_for(out)
     done = closing(plan, measurements, folder, where, progress, resume, overwrite or out is None)
-    return Gap(done.status, done.lines, done.result, folder, kept)
+    return Gap(done.status, done.lines, done.result, folder, scratch)
 
 
 def reproduce(
@@ -255,9 +255,9 @@ def reproduce(
     where = executing({}, (), workers, dask, faults)
     plan = collected(lambda: read_claims([Path(path) for path in claims], settings), faults)
     raise_all(faults)
-    folder, kept = folder_for(out)
+    folder, scratch = folder_for(out)
     done = comparing(plan, folder, executor_of(where), progress, resume, overwrite or out is None)
-    return Reproduction(done.status, done.lines, done.result, folder, kept)
+    return Reproduction(done.status, done.lines, done.result, folder, scratch)
 
 
 def report(

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 AnyPath: TypeAlias = str | PathLike[str]
 Raw: TypeAlias = "AnyPath | Mapping[str, Any] | ToleranceProblem | Problem"
 """A configuration: a path, a dictionary with the keys of the file, which may have objects in the
-place of problem and algorithm, or a problem alone: of this suite, or a plain pymoo one."""
+place of problem and algorithm, or a problem alone: of this suite, or of pymoo itself."""
 Source: TypeAlias = "Raw | Configuration"
 """A configuration, or what `read` returns."""
 Frame = AnyPath | pd.DataFrame
@@ -105,7 +105,7 @@ def table_faults_of(
 
 
 def folder_for(out: AnyPath | None) -> tuple[Path, Scratch | None]:
-    """The directory of the files: the user's, or a temporary one, removed with the result."""
+    """The directory of the files: the user's, or a temporary directory, removed with the result."""
     if out is not None:
         return Path(fspath(out)), None
     scratch = Scratch()

@@ -1,7 +1,7 @@
 """Text of CSV files in which no spreadsheet finds a formula, and the same files read again.
 
 A spreadsheet computes a cell that begins with `=`, `+`, `-` or `@`, even a name from a table of
-the user's. An apostrophe in front makes it text. Numbers are no text, and stay as they are.
+the user's. An apostrophe in front makes it text. Numbers stay as they are.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ was lost."""
 def csv_text(frame: pd.DataFrame, header: bool = True) -> str:
     """A table without its index as CSV: LF line ends, and no cell or name that is a formula.
 
-    Without its `header` it continues a file that has one.
+    Without its `header` it continues a file that has a header.
     """
     names = [neutral(name) for name in frame.columns]
     return _changed(frame, neutral).to_csv(index=False, lineterminator="\n", header=names if header else False)
@@ -40,7 +40,7 @@ def csv_text(frame: pd.DataFrame, header: bool = True) -> str:
 def read_own_csv(path: Path | TextIO) -> pd.DataFrame:
     """A CSV table that `csv_text` wrote, every text and number as it was.
 
-    Raises OSError where the file cannot be read, ValueError where it is no table.
+    Raises OSError where the file cannot be read, ValueError where it is not a table.
     """
     table = _changed(pd.read_csv(path, **EXACT), original)
     return table.set_axis([original(name) for name in table.columns], axis="columns")
@@ -54,7 +54,7 @@ def neutral(cell: Any) -> Any:
 
 
 def original(cell: Any) -> Any:
-    """The cell that `neutral` was given."""
+    """The argument of `neutral`, from its result."""
     return cell[1:] if isinstance(cell, str) and _MARKED.match(cell) else cell
 
 

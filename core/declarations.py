@@ -42,7 +42,7 @@ class Parameter:
 
     `assumed` marks a default that no document prints; it is reported as an assumption. The default
     gives the type: a list keeps its length, the names in a table are `choices`, each with its unit.
-    `need` is what each takes where the parameter is a count: of units, positions, points.
+    `need` is what an item takes where the parameter is a count: of units, positions, points.
     """
 
     name: str
@@ -108,7 +108,7 @@ class Output:
     """A named output of a model or problem.
 
     `scale` normalises a limit whose bound is 0. `larger_is_better` makes a bare number in
-    `[limits]` a lower limit. `error_of` names the output whose numerical error this one states.
+    `[limits]` a lower limit. `error_of` names the output whose numerical error this output states.
     """
 
     name: str

@@ -62,7 +62,7 @@ class ModelError(TolevoError):
 
 
 def refuse(place: str, message: str) -> InputError:
-    """An `InputError` of one fault, to be raised."""
+    """An `InputError` with a single fault, to be raised."""
     return InputError([Fault(place, message)])
 
 

@@ -65,9 +65,9 @@ class Sensitivity:
 @dataclass(frozen=True, slots=True)
 class NextMeasurement:
     """The points of the next measurement, in `file` (empty where there are none), and what they
-    are expected to show of each pair of effects, or of effects that are barely detectable.
+    are expected to show of every pair of effects, or of effects that are barely detectable.
 
-    `telling` are the inputs whose values matter most.
+    `telling` are the inputs whose values matter most for the separation.
     """
 
     text: str

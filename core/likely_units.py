@@ -20,7 +20,7 @@ def likely_unit(value: float, unit: str, low: float, high: float) -> str:
     """The common unit in which `value` would lie from `low` to `high`, both in `unit`.
 
     Empty where there is none, where `value` lies there already, and where an end is infinite. Of
-    several units that fit, the one that comes nearest to the middle of the range of ratios.
+    several units that fit, the unit that comes nearest to the middle of the range of ratios.
     """
     if not unit or low <= value <= high or not (math.isfinite(low) and math.isfinite(high)):
         return ""

@@ -78,7 +78,7 @@ def names(group: str) -> list[str]:
 
 
 def _find(group: str, name: str) -> EntryPoint:
-    """The one entry point of that name.
+    """The only entry point of that name.
 
     Raises InputError where there is none, or where two distributions offer it.
     """
@@ -142,7 +142,7 @@ def name_of(group: str, kind: type) -> str:
 class Kinds(Mapping[str, type[Kind]]):
     """The classes of a group by their names in configurations; each is imported when it is used.
 
-    All are subclasses of `base`: another one is refused with its origin when it is asked for.
+    All are subclasses of `base`: any other class is refused with its origin when it is used.
     """
 
     def __init__(self, group: str, base: Any) -> None:
@@ -153,7 +153,7 @@ class Kinds(Mapping[str, type[Kind]]):
             raise KeyError(name)
         loaded = load(self.group, name)
         if not (isinstance(loaded, type) and issubclass(loaded, self.base)):
-            text = f'"{name}" of {origin(self.group, name)} is no {self.base.__name__}: '
+            text = f'"{name}" of {origin(self.group, name)} is not a {self.base.__name__}: '
             raise refuse(self.group.removesuffix("s"), f"{text}it must be a subclass of it")
         return loaded
 
@@ -165,7 +165,7 @@ class Kinds(Mapping[str, type[Kind]]):
 
     def sound(self) -> dict[str, type[Kind]]:
         """Our classes, and those of plugins that are imported already since a configuration named
-        them. One that cannot be used is reported when it is asked for.
+        them. A class that cannot be used is reported when it is used.
         """
         classes = {}
         for name in dict.fromkeys(offer.name for offer in _offers(self.group) if _begun(offer)):
@@ -180,7 +180,7 @@ class Kinds(Mapping[str, type[Kind]]):
         for name, registered in self.sound().items():
             if registered is kind:
                 return name
-        raise LookupError(f"{kind.__module__}.{kind.__qualname__} is no entry point of tolevo.{self.group}")
+        raise LookupError(f"{kind.__module__}.{kind.__qualname__} is not an entry point of tolevo.{self.group}")
 
 
 def _begun(offer: EntryPoint) -> bool:

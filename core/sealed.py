@@ -70,7 +70,7 @@ def digest_of(record: Mapping[str, Any], of: str = "") -> str:
 
 
 def loads(text: str | bytes) -> Any:
-    """A JSON value. Raises ValueError for whatever is none."""
+    """A JSON value. Raises ValueError for any other text."""
     try:
         return json.loads(text)
     except RecursionError:

@@ -19,7 +19,7 @@ Item = TypeVar("Item")
 
 @dataclass(frozen=True, slots=True)
 class Range:
-    """The numbers from `low` to `high`; an open end is not one of them."""
+    """The numbers from `low` to `high`, without an end that is open."""
 
     low: float = -inf
     high: float = inf
@@ -42,7 +42,7 @@ class Range:
 
 
 def _number_text(value: float) -> str:
-    """A number without the `.0` of a whole one."""
+    """A number, without `.0` if it is whole."""
     return str(int(value)) if value == int(value) else str(value)
 
 
@@ -62,7 +62,7 @@ def shown(value: object) -> str:
 class Section:
     """A table and its place; what is missing or faulty is returned as None.
 
-    A key that was never asked for is unknown: `finish` reports it.
+    A key that was never read is unknown: `finish` reports it.
     """
 
     def __init__(self, table: Mapping[str, Any], place: str, faults: list[Fault]) -> None:
@@ -103,13 +103,13 @@ class Section:
         self._known |= dict.fromkeys(keys)
 
     def finish(self) -> None:
-        """Report every key that was not asked for, with the nearest one that would be valid."""
+        """Report every key that was not read, with the nearest key that would be valid."""
         for key in self._table:
             if key not in self._known:
                 self.fault(key, f"is not a known key{nearest(key, self._known)}", UnknownKey)
 
     def number(self, key: str, unit: str = "", within: Range = ANY) -> float | None:
-        """A finite number in `unit`; where there is a unit, also a string that states one."""
+        """A finite number in `unit`; where there is a unit, also a string that states its unit."""
         value = self.take(key)
         return None if value is None else self.as_number(key, value, unit, within)
 
@@ -153,7 +153,7 @@ class Section:
         return self.as_number(stem, value, unit, within)
 
     def integer(self, key: str, within: Range = ANY, need: Need | None = PLAIN) -> int | None:
-        """A whole number; what `need` says is too many is a fault, None where it is no count."""
+        """A whole number; more than `need` allows is a fault (None: it is not a count)."""
         value = self.take(key)
         if value is None:
             return None

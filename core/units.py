@@ -137,7 +137,7 @@ def family(unit: str) -> tuple[str, float]:
 
 @lru_cache(maxsize=256)
 def _affine(unit: str, to: str) -> tuple[float, float]:
-    """How many of `to` one `unit` is, and where its zero lies."""
+    """The factor from `unit` to `to`, and where the zero of `unit` lies."""
     try:
         scale, zero = _scale(unit, to)
     except UnitError as error:

@@ -14,7 +14,7 @@ from .reader import read_table
 
 
 def names_of(section: Section, key: str, count: int, known: Mapping[str, Any]) -> tuple[str, ...]:
-    """One name, or a list of as many as the claim prints; each must be in `known`, if given."""
+    """A name, or as many names as the claim prints; all must be in `known`, if given."""
     value = section.take(key)
     names = [value] if isinstance(value, str) else section.names(key)
     if names is None:

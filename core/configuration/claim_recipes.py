@@ -106,7 +106,7 @@ def _constant(section: Section, unit: str) -> Recipe | None:
 
 
 def _derived(section: Section, recipe: Recipe | None) -> Recipe | None:
-    """The derivative of the recipe where one is asked for."""
+    """The derivative of the recipe, where the table states one."""
     if "derivative" not in section:
         return recipe
     derivative = section.section("derivative")

@@ -72,7 +72,7 @@ def _file(table: Table, faults: list[Fault]) -> ClaimsFile:
         if not name:
             section.fault("id", "is missing: name the claim")
         elif name in positions:
-            section.fault("id", f'"{name}" is that of claim[{positions[name]}] already')
+            section.fault("id", f'"{name}" is also the id of claim[{positions[name]}]')
         positions[name or f"[{at}]"] = at
         claim = _claim(section, name or "", study)
         if claim is not None:

@@ -1,7 +1,7 @@
 """`[costs] file` and `[part.costs] file`: prices from a table, put into the configuration.
 
-The contents of the file (see `cost_rows`) replace its name in the tables of the configuration, which
-are then read as if the contents were written there.
+The contents of the file (see `cost_rows`) replace its name in the tables of the configuration,
+which are then read as if the contents were written there.
 """
 
 from __future__ import annotations

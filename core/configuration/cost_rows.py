@@ -61,7 +61,7 @@ def read_prices(name: Any, folder: Path, place: str, filled: Filled, faults: lis
     if not have & {"t", "grade", "process"}:
         form_faults.append(Fault(place, f"{name}: column t or grade is missing: what the costs are for"))
     if {"variable", "part"} <= have:
-        form_faults.append(Fault(place, f"{name}: has a column variable and a column part: keep one"))
+        form_faults.append(Fault(place, f"{name}: has a column variable and a column part: keep only one of them"))
     if form_faults:
         faults += form_faults
         return None

@@ -17,7 +17,7 @@ from ..section import Section
 
 
 def read_costs(section: Section, defaults: Mapping[str, CostCurve]) -> dict[str, CostCurve]:
-    """The curves that the configuration sets; only variables with a cost may have one."""
+    """The curves that the configuration sets; only variables with a cost may have a curve."""
     curves = {name: _read(section.section(name), default) for name, default in defaults.items() if name in section}
     section.accept((*defaults, "scale_assumed", "assumed"))
     section.finish()

@@ -88,7 +88,7 @@ def _value(section: Section, key: str, number: EffectParameter) -> float | None:
 
 
 def _listed(declared: Iterable[EffectParameter]) -> str:
-    return f"it takes {', '.join(p.name for p in declared) or 'one per lot: offset_<lot>_...'}"
+    return f"it takes {', '.join(p.name for p in declared) or 'a parameter per lot: offset_<lot>_...'}"
 
 
 def resolved_effects(effects: Iterable[Active]) -> dict[str, list[Mapping[str, Any]]]:

@@ -42,7 +42,7 @@ def read_built(top: Section, folder: Path, variables: Iterable[Variable]) -> Bui
     key = "run" if "run" in inner else "file"
     name, point = inner.text(key), inner.take("point")
     if key == "run" and "file" in inner:
-        inner.fault("file", "is given in addition to run: leave one of them out")
+        inner.fault("file", "is given in addition to run: leave out one of the two")
         inner.take("file")
     inner.finish()
     if name is None:
@@ -63,7 +63,7 @@ def _allocation(path: Path, name: str, point: Any, variables: Mapping[str, Varia
     run = _run_of(home)
     if is_folder(path):
         if run is None:
-            raise refuse("", f"{name} is no directory of a run; name {FORMS}")
+            raise refuse("", f"{name} is not the directory of a run; name {FORMS}")
         path = home / (FRONT if isinstance(point, int) else ALLOCATION)
     frame = tables.opened_whole(path, path.name).cells
     if set(CHOICE) <= set(frame):

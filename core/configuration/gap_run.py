@@ -1,4 +1,4 @@
-"""The allocation that a gap analysis is to repeat with the corrected model."""
+"""The run that a gap analysis repeats with the corrected model."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def read_run(top: Section, model: str, table: Mapping[str, Any], folder: Path) -
     run = top.text("run")
     if "problem" in top:
         if run is not None:
-            top.fault("run", "this configuration is that of a run already; leave one of them out")
+            top.fault("run", "this configuration states a problem itself: leave out run")
         return {key: table[key] for key in RUN_KEYS if key in table}, None
     if run is None:
         return {}, None
@@ -92,7 +92,7 @@ def _belongs(top: Section, model: str, run: Configuration) -> bool:
 def counterparts(text: str) -> dict[str, str]:
     """What each effect of a configuration does in its problem; empty where it does nothing.
 
-    Raises InputError where the text is no configuration with a problem.
+    Raises InputError where the text is not a configuration with a problem.
     """
     problem = read_table(tomllib.loads(text), []).problem
     if problem is None:

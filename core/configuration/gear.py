@@ -42,7 +42,7 @@ def _of_orders(section: Section, kind: str | None) -> Gear | None:
         section.fault("orders", "cannot be combined with kind or tooth numbers: leave one of them out")
         return None
     if not numbers:
-        section.fault("orders", 'must name at least one, as { "pin passing" = 45 }')
+        section.fault("orders", 'must name at least one order, such as { "pin passing" = 45 }')
     section.finish()
     orders = {name: order for name, order in numbers.items() if order is not None}
     return Gear(DECLARED, orders) if orders and len(orders) == len(numbers) else None

@@ -46,7 +46,7 @@ def fill_measured(table: Raw, folder: Path, faults: list[Fault]) -> None:
                 faults.append(Fault(place, f"must be the name of a file, or a list of them, got {names}"))
                 continue
             if "values" in measured:
-                faults.append(Fault(place, "is given in addition to values: keep one"))
+                faults.append(Fault(place, "is given in addition to values: keep only one of them"))
                 continue
             wanted, before = measured.get("characteristic"), len(faults)
             contents = [_read(folder / name, wanted, options, place, faults) for name in names]
@@ -59,7 +59,7 @@ def fill_measured(table: Raw, folder: Path, faults: list[Fault]) -> None:
 
 
 def _owners(table: Raw) -> Iterator[tuple[str, Raw]]:
-    """Every table that may have a `measured` one, with its place: parts, variables, machines."""
+    """Every table that may have a table `measured`, with its place: parts, variables, machines."""
     for at, part in tables_in(table, "part"):
         yield f"part[{at}]", part
         for number, machine in tables_in(part, "machine"):

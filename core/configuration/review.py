@@ -106,7 +106,7 @@ def _run(run: Path, faults: list[Fault]) -> tuple[Table | None, dict[str, float]
         allocation = read_own_csv(run / "allocation.csv")
         front = read_own_csv(run / "front.csv")
     except (OSError, ValueError):
-        faults.append(Fault(str(run), "has no allocation.csv: it is no complete run with a choice"))
+        faults.append(Fault(str(run), "has no allocation.csv: it is not a complete run with a choice"))
         return table, {}
     if allocation.empty or not set(ALLOCATION) <= set(allocation):
         faults.append(Fault(str(run), "has an allocation.csv without an allocation"))
@@ -127,13 +127,13 @@ def _with_promise(table: Table, faults: list[Fault]) -> None:
     limit = next((limits.pop(name) for name in YIELDS if name in limits), None)
     yield_percent = limit.get("min") if isinstance(limit, dict) else limit
     if yield_percent is None:
-        faults.append(Fault("RUN", "promises nothing: it has neither [promise] nor a limit on yield_percent"))
+        faults.append(Fault("RUN", "promises no yield: it has neither [promise] nor a limit on yield_percent"))
         return
     table["promise"] = {YIELD: yield_percent, "statement": ASSURED}
 
 
 def _without_promise(limits: Table) -> Table:
-    """Limits without those that a promise sets, of each requirement."""
+    """Limits without those that a promise sets, of every requirement."""
     return {
         name: _without_promise(bound) if isinstance(bound, dict) else bound
         for name, bound in limits.items()
@@ -198,7 +198,7 @@ def _owners(table: Table, problem: ToleranceProblem, design: dict[str, float]) -
 
 
 def _opened(paths: Sequence[Path], options: tables.ReadOptions, faults: list[Fault]) -> list[MeasuredFile]:
-    """The files, each opened once."""
+    """The opened files."""
     opened = []
     for path in paths:
         try:
@@ -288,5 +288,5 @@ def _attributed(folder: Path, faults: list[Fault]) -> str:
         return f"{analysis['verdict']}" + (f": {', '.join(names)}" if names else "")
     except (OSError, ValueError, KeyError, TypeError):
         near = nearest(GAP, [path.name for path in folder.glob("*.json")])
-        faults.append(Fault(str(folder), f"is no result of `tolevo gap`: it has no {GAP}{near}"))
+        faults.append(Fault(str(folder), f"is not a result of `tolevo gap`: it has no {GAP}{near}"))
         return ""

@@ -32,7 +32,7 @@ from .varied import base_values, read_factors
 
 RUN = "run"
 STUDY = "study"
-"""Title of a study that is no file."""
+"""Title of a study that is not a file."""
 SEEDS = 10
 RACED = ("one_at_a_time", "factorial", "table")
 """Analyses of designs whose settings may be stopped."""

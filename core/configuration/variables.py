@@ -17,7 +17,7 @@ from .measured_variables import read_measured
 
 
 def read_variable(section: Section, variable: Variable, parameters: Mapping[str, Value]) -> Any:
-    """The `VariableSetting` that one table states, None where it states nothing."""
+    """The `VariableSetting` that a table states, None where it states nothing."""
     value, low, high = (_bound(section, variable, key) for key in ("value", "low", "high"))
     mid = _mid(section, variable)
     zone = _zone(section, variable)

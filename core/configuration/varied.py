@@ -36,7 +36,7 @@ def read_factors(section: Section, table: Table, base: Mapping[str, Any]) -> tup
             factors.append(_factor(section, key, value, base[key]))
     section.finish()
     if not factors and not table:
-        section.fault("", "names nothing to vary: give at least one key of the run configuration")
+        section.fault("", "is empty: name at least one key of the run configuration")
     return tuple(factor for factor in factors if factor is not None)
 
 

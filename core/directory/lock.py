@@ -40,7 +40,7 @@ class Lock:
         self._sign()
 
     def share(self) -> None:
-        """Share the lock with others. Raises Held where one took the directory meanwhile."""
+        """Share the lock with others. Raises Held where another process took it meanwhile."""
         handle = self._handle
         if handle is None or not self.exclusive:
             return
@@ -53,12 +53,12 @@ class Lock:
         """Wait until no process shares any more. Raises Held where that takes longer."""
         if self.exclusive:
             return
-        self._let_go()  # two that both held on would wait for each other
+        self._let_go()  # two processes that both kept it would wait for each other
         taken = acquire(self.path.parent, self.command, patience=patience)
         self._handle, taken._handle, self.exclusive = taken._handle, None, True
 
     def release(self) -> None:
-        """Let go; the last one takes the file away."""
+        """Release the lock; its last holder removes the file."""
         if self._handle is not None and (self.exclusive or _flock(self._handle, fcntl.LOCK_EX)):
             self.path.unlink(missing_ok=True)
         self._let_go()
@@ -69,7 +69,7 @@ class Lock:
         self._handle = None
 
     def _sign(self) -> None:
-        """Write who holds it, for those who are refused."""
+        """Write who holds the lock, for processes that are refused."""
         entry = {
             "command": self.command,
             "pid": os.getpid(),
@@ -81,7 +81,7 @@ class Lock:
         if self.exclusive:
             os.ftruncate(handle, 0)
         os.lseek(handle, 0, os.SEEK_END)
-        with suppress(OSError):  # on a full disk it holds all the same
+        with suppress(OSError):  # on a full disk the lock holds without its entry
             os.write(handle, json.dumps(entry).encode() + b"\n")
 
 
@@ -108,7 +108,7 @@ def acquire(folder: Path, command: str, sharing: Callable[[], bool] | None = Non
 
 
 def hold(path: Path, kind: int) -> int | None:
-    """A handle on `path` with a lock on it, None where another process has one.
+    """A handle on `path` with a lock on it, None where another process holds a lock.
 
     The file is made where there is none. A file that its last holder removed meanwhile does not
     count: the next process would lock another file.

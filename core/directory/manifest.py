@@ -14,8 +14,8 @@ from .names import KINDS, present
 
 MANIFEST = "manifest.json"
 FORMAT = 1
-ANEW = "put back what was written, or start again with --overwrite"
-AS_IT_IS = "to have what is there shown as it is, remove manifest.json"
+ANEW = "restore the original file, or start again with --overwrite"
+AS_IT_IS = "to show the files as they are, remove manifest.json"
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +57,7 @@ def read_manifest(folder: Path) -> Manifest | None:
 
 
 def strangers(folder: Path, manifest: Manifest, apart: Iterable[str] = ()) -> list[Fault]:
-    """A fault for every file that is not of the one set, except those in `apart`."""
+    """A fault for every file that does not belong to the result, except those in `apart`."""
     faults = []
     for name in present(folder, KINDS[manifest.command].files):
         text = ""

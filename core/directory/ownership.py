@@ -1,4 +1,4 @@
-"""A directory in the hands of one command: taken, the old result retired, the new one completed."""
+"""A directory that a command owns: taken, the old result retired, the new result completed."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ UNCHANGED = (
     "cannot be written ({}: {}): nothing was changed; {} and run the same command again, or name another directory"
 )
 READY = 60.0
-"""Time [s] within which one whose result can be shared has begun or completed it."""
+"""Time [s] within which a command whose result can be shared has begun or completed it."""
 LAST = 600.0
 """Time [s] to wait for the last others that share a directory."""
 
@@ -46,8 +46,8 @@ class Ownership:
 
     @property
     def blank(self) -> bool:
-        """Whether there is nothing to go on from: it is empty, or this command was broken off
-        before it had saved anything.
+        """Whether there is nothing to continue: it is empty, or this command was interrupted before
+        it had saved anything.
         """
         if not occupied(self.folder):
             return True
@@ -114,7 +114,7 @@ class Ownership:
         self._still_ours()
 
     def exclude(self) -> bool:
-        """Wait until all that helped are through; whether this process completes the result."""
+        """Wait until all other processes have ended; whether this process completes the result."""
         try:
             self._lock.exclude(LAST)
         except Held as holder:
@@ -130,13 +130,13 @@ class Ownership:
         (self.folder / UNFINISHED).unlink(missing_ok=True)
 
     def release(self) -> None:
-        """Release the directory; one that was made and not used is removed."""
+        """Release the directory; a directory that was made and not used is removed."""
         self._lock.release()
         if not self.begun:
             _unmade(self._made)
 
     def unwritten(self, path: object, reason: str, remedy: str) -> TolevoError:
-        """The error where a file cannot be written: why, what is kept, and how to go on."""
+        """The error where a file cannot be written: why, what is kept, and how to continue."""
         if not self.begun:
             return refuse("--out", UNCHANGED.format(path, reason, remedy))
         kind = KINDS[self.command]

@@ -22,10 +22,11 @@ OWNERS = ".at-work-"
 class Standing:
     """The state of a directory.
 
-    `command` is the one whose result it holds, empty where that is not known. A complete result has
-    a manifest, an unfinished one a mark of its own; one with neither is of an older version, or
-    none. `faults` say what does not belong together or cannot be read; such a directory may not be
-    used. `missing` are files of a complete result that are gone, `holders` who works in it.
+    `command` is the command whose result it holds, empty where that is not known. A complete result
+    has a manifest, an unfinished result has another mark; a directory with neither holds a result
+    of an older version, or none. `faults` state which files do not belong together or cannot be
+    read; such a directory may not be used. `missing` are files of a complete result that do not
+    exist any more, `holders` the processes that work in it.
     """
 
     command: str = ""

@@ -36,14 +36,16 @@ _CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f]")
 def decoded(content: bytes, place: str, stated: str | None = None, allowed: str = "") -> tuple[str, str]:
     """The text of a file and its encoding. Raises InputError where it is ambiguous.
 
-    Control characters are no text, but those `allowed`.
+    Control characters are faults, except those `allowed`.
     """
     encoding = stated or _marked(content) or _utf_without_mark(content) or _legacy(content, place)
     try:
         text = content.decode(_quick(content, encoding))
     except (UnicodeDecodeError, UnicodeError) as error:
         at = f" (byte {error.start})" if isinstance(error, UnicodeDecodeError) else ""
-        raise refuse("--encoding" if stated else place, f"{place} is not {encoding}{at}; state another one") from error
+        raise refuse(
+            "--encoding" if stated else place, f"{place} is not {encoding}{at}; state another encoding"
+        ) from error
     text = text.removeprefix("\ufeff")
     stray = _stray(content, text, allowed)
     if stray:
@@ -114,7 +116,7 @@ def _beyond_ascii(content: bytes) -> bytes:
 
 
 def _stray(content: bytes, text: str, allowed: str) -> str | None:
-    """The first control character that is no text."""
+    """The first control character that is not allowed."""
     if len(content.translate(None, _CONTROLS)) == len(content):
         return None
     return next((match[0] for match in _CONTROL.finditer(text) if match[0] not in allowed), None)

@@ -94,7 +94,7 @@ def _is_preamble(row: list[str], count: int) -> bool:
 
 
 def is_unit_row(row: list[str], numeric: list[int]) -> bool:
-    """Whether a row holds units: every cell is one, or empty."""
+    """Whether a row holds units: every cell is a unit, or empty."""
     cells = [cell for cell in row if cell]
     stated = [cell for column, cell in enumerate(row) if cell and column in numeric]
     return (

@@ -49,8 +49,8 @@ class Fitted:
 def fitted(table: Table, place: str, known: Mapping[str, str], uses: Mapping[str, ColumnUse] | None = None) -> Fitted:
     """The table with its columns named and in units as `known` (unit by name) has them.
 
-    `uses` says what columns of the file are; one whose name and unit are those of a known name,
-    "torque [N mm]" of "torque_Nm", is matched by itself.
+    `uses` states what columns of the file are; a column whose name and unit are those of a known
+    name, "torque [N mm]" of "torque_Nm", is matched without it.
     """
     spelt = {spelling: name for name, spelling in table.headers.items()}
     spelt |= {str(name): str(name) for name in table.cells}
@@ -172,7 +172,7 @@ def _alike(table: Table, wanted: str, unit: str, names: Mapping[str, str]) -> st
 
 
 def _in_unit(cells: pd.Series[Any], source_unit: str, unit: str, sense: int) -> pd.Series[Any]:
-    """Cells of numbers in another unit and sense; what is no number stays as it is."""
+    """Cells of numbers in another unit and sense; cells that are not numbers stay as they are."""
     if sense == 1 and (source_unit == unit or not source_unit or not unit or _is_same_unit(source_unit, unit)):
         return cells
     numbers = pd.to_numeric(cells.astype(object), errors="coerce").to_numpy(dtype=float)

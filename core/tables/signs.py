@@ -128,7 +128,7 @@ _MIXED = (
 
 
 def _signs_as_stated(numeric: Mapping[str, Evidence], stated: str, place: str) -> tuple[dict[str, str], list[Fault]]:
-    """Every column by the sign that was stated; one whose numbers all contradict it is a fault."""
+    """Every column by the stated sign; a column whose numbers all contradict it is a fault."""
     faults = [
         Fault(
             f"{place}: column {name}",

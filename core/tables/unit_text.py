@@ -24,7 +24,7 @@ _SPELLINGS = {
 """What measuring rooms write, by the name of the unit in the units module."""
 ALIASES = {spelling: unit for unit, spellings in _SPELLINGS.items() for spelling in spellings.split()}
 UNKNOWN = frozenset(["grad", "Grad", "GRAD", "min.", "分", "B", "d", "a", "l", "r", "h."])
-"""Words that mean one unit to some and another to others: no unit is read from them."""
+"""Words that are ambiguous: no unit is read from them."""
 _BRACKETS = re.compile(r"(?P<name>.*?)\s*[\[(（［【〔](?P<unit>[^\[\]()（）［］【】]+)[\])）］】〕]\s*")
 _SLASH = re.compile(r"(?P<name>.*\S)\s+(?:/|in)\s*(?P<unit>\S+)")
 
@@ -63,7 +63,7 @@ def names_of(header: list[str]) -> dict[str, str]:
 
 
 def is_unit_cell(cell: str) -> bool:
-    """Whether a cell of a row of units is one: "mm", "[mm]", "-"."""
+    """Whether a cell of a row of units is a unit: "mm", "[mm]", "-"."""
     text = cell.strip().strip("[]()（）［］【】").strip()
     return text in ("-", "--", "–", "1", "Text", "text") or known_unit(text) is not None
 

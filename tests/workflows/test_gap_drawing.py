@@ -162,7 +162,7 @@ def test_a_chosen_point_of_a_run_directory(folder: Path) -> None:
     said = faults(folder, 'built_to = { file = "run", point = "kneee" }')
     assert "did you mean `knee`" in said["built_to.file"]
     both = faults(folder, 'built_to = { run = "run", file = "run", point = "knee" }')
-    assert "leave one of them out" in both["built_to.file"]
+    assert "leave out one of the two" in both["built_to.file"]
 
 
 def test_terminal_and_file_begin_with_what_was_simulated(folder: Path) -> None:

@@ -107,7 +107,7 @@ FAULTS = {
         HEAD + CLAIM.replace('unit = "1"', 'unit = "1"\ntolerence = 9.0'),
         "claim[0] (a).tolerence: is not a known key (did you mean `tolerance`?)",
     ),
-    "same id": (HEAD + 2 * CLAIM, 'claim[1] (a).id: "a" is that of claim[0] already'),
+    "same id": (HEAD + 2 * CLAIM, 'claim[1] (a).id: "a" is also the id of claim[0]'),
     "no reading": (
         HEAD + CLAIM[: CLAIM.index("[[claim.reading]]")], "claim[0] (a).reading: is missing",
     ),

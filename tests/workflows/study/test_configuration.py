@@ -80,7 +80,7 @@ LEVELS = '"algorithm.population" = [10, 20]'
         ('"algorithm.engine" = ["pymoo", "array"]', "vary.algorithm.engine",
          "ga has no array engine"),
         ("seed = [1, 2]", "vary.seed", "replicates differ by their seeds"),
-        ("", "vary", "names nothing to vary"),
+        ("", "vary", "is empty: name at least one key"),
     ],
 )  # fmt: skip
 def test_settings_that_make_no_sense(tmp_path: Path, vary: str, place: str, message: str) -> None:
