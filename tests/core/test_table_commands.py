@@ -123,7 +123,7 @@ def test_a_column_of_dates_is_a_time(tmp_path: Path) -> None:
     ("old", "new", "said"),
     [
         ("01.03.2026 08:00:00", "2026-03-01 08:00:00", "has times in two formats"),
-        ("01.03.2026 08:00:00", "31.02.2026 08:00:00", "is no time"),
+        ("01.03.2026 08:00:00", "31.02.2026 08:00:00", "is not a time"),
         (".03.2026", "/03/2026", "with the day or the month first"),
     ],
 )
