@@ -113,8 +113,9 @@ def _claim(section: Section, name: str, study: str) -> Claim | None:
     elif not lost and "printed" not in section:
         section.fault("printed", "is missing: the number that the document prints")
     section.finish()
-    stated = (name, place, quantity, unit, printed, printed_as, relation)
-    return Claim(*stated, tolerance, reason, ambiguous, lost, why, readings)
+    return Claim(
+        name, place, quantity, unit, printed, printed_as, relation, tolerance, reason, ambiguous, lost, why, readings
+    )
 
 
 def _unit(section: Section) -> str:

@@ -93,8 +93,9 @@ def reviewed(run: Path, parts: Sequence[Path], since: Sequence[Path], options: t
     opened = reopened(run, parts, since, options)
     names = opened.measured_parts
     again = [name for name in names if name in opened.earlier]
-    problems = opened.before, opened.design, opened.now, opened.reset
-    result = review(*problems, names, opened.since, opened.attributed, again)
+    result = review(
+        opened.before, opened.design, opened.now, opened.reset, names, opened.since, opened.attributed, again
+    )
     table = result.parts.dropna(axis="columns", how="all").to_string(index=False, float_format="%.4g", na_rep="-")
     return "\n".join([*result.lines, "", table])
 
