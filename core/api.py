@@ -25,6 +25,7 @@ from .api_arguments import (
     Source,
     Tell,
     collected,
+    executing,
     folder_for,
     opened,
     raw,
@@ -35,12 +36,11 @@ from .api_arguments import (
 from .arguments import page_faults, page_next_to, watch_faults
 from .configuration import Configuration
 from .configuration import read as read_raw
-from .errors import Fault, raise_all
+from .errors import Fault, raise_all, refuse
 from .problems.interfaces import Checks
 from .results import Gap, Reproduction, Run, Study
 from .tabled import evaluate as evaluate
 from .tabled import simulate as simulate
-from .wide import executing
 
 if TYPE_CHECKING:
     from .algorithms.search import Progress
@@ -64,10 +64,10 @@ def read(
     if not isinstance(source, Configuration):
         return read_raw(raw(source), settings, algorithm, seed)
     if settings:
-        place, remedy = "--set", "give what it was read from, or change it before it is read"
-        raise_all([Fault(place, f"cannot change a configuration that is complete: {remedy}")])
-    same = algorithm is None and seed is None
-    return source if same else read_raw(source.tables(), (), algorithm, seed)
+        raise refuse(
+            "--set", "cannot change a complete configuration: change its source, or the settings with which it is read"
+        )
+    return source if algorithm is None and seed is None else read_raw(source.tables(), (), algorithm, seed)
 
 
 def check(source: Source, settings: Sequence[str] = ()) -> str:
@@ -105,7 +105,7 @@ def run(
     resume: bool = False,
     overwrite: bool = False,
 ) -> Run:
-    """One optimisation: from a configuration or a problem to a Pareto front (`.front`).
+    """Run one optimisation: from a configuration or a problem to a Pareto front (`.front`).
 
     `algorithm` and `seed` take the place of those in the configuration. `progress` is called after
     every generation. The result does not depend on `workers`. With `resume`, `out` may hold the
@@ -116,14 +116,13 @@ def run(
 
     faults = start_faults_of(out, workers, resume, overwrite)
     where = executing(source, settings, workers, dask, faults)
-    configuration = collected(lambda: _with_problem(read(source, settings, algorithm=algorithm, seed=seed)), faults)
-    plan = configuration.plan()
+    plan = collected(lambda: _with_problem(read(source, settings, algorithm=algorithm, seed=seed)), faults).plan()
     collected(lambda: searchable(plan.problem), faults)
     raise_all(faults)
     report_lines(tell, "warning", Checks.of(plan.problem).cautions())
-    folder, kept = folder_for(out)
+    folder, scratch = folder_for(out)
     done = running(plan, folder, where, progress, resume, overwrite or out is None)
-    return Run(done.status, done.lines, done.result, folder, kept)
+    return Run(done.status, done.lines, done.result, folder, scratch)
 
 
 def search(
@@ -186,10 +185,9 @@ def study(
         faults += other_study(plan, where.store, where.store_place)
     raise_all(faults)
     report_lines(tell, "warning", plan.warnings)
-    folder, kept = folder_for(out)
-    replace = overwrite or out is None
-    done = studying(plan, folder, executor_of(where), progress, resume, replace, where.store)
-    return Study(done.status, done.lines, done.data, folder, kept)
+    folder, scratch = folder_for(out)
+    done = studying(plan, folder, executor_of(where), progress, resume, overwrite or out is None, where.store)
+    return Study(done.status, done.lines, done.data, folder, scratch)
 
 
 def gap(
@@ -224,14 +222,14 @@ def gap(
     plan, plan_faults = gap_plan(raw(source), settings)
     table, form_faults, place = opened(data, tables.ReadOptions(encoding, delimiter, decimal))
     file = None if isinstance(data, pd.DataFrame) else Path(data)
-    readings, data_faults = checked_table(plan, table, form_faults, place, file)
+    measurements, data_faults = checked_table(plan, table, form_faults, place, file)
     raise_all([*plan_faults, *faults, *data_faults])
     assert plan is not None
-    assert readings is not None
-    report_lines(tell, READ, readings.understood)
-    folder, kept = folder_for(out)
-    done = closing(plan, readings, folder, where, progress, resume, overwrite or out is None)
-    return Gap(done.status, done.lines, done.result, folder, kept)
+    assert measurements is not None
+    report_lines(tell, READ, measurements.understood)
+    folder, scratch = folder_for(out)
+    done = closing(plan, measurements, folder, where, progress, resume, overwrite or out is None)
+    return Gap(done.status, done.lines, done.result, folder, scratch)
 
 
 def reproduce(
@@ -257,9 +255,9 @@ def reproduce(
     where = executing({}, (), workers, dask, faults)
     plan = collected(lambda: read_claims([Path(path) for path in claims], settings), faults)
     raise_all(faults)
-    folder, kept = folder_for(out)
+    folder, scratch = folder_for(out)
     done = comparing(plan, folder, executor_of(where), progress, resume, overwrite or out is None)
-    return Reproduction(done.status, done.lines, done.result, folder, kept)
+    return Reproduction(done.status, done.lines, done.result, folder, scratch)
 
 
 def report(
@@ -305,5 +303,5 @@ def _watched(folders: list[Path], out: Path | None, figures: Path | None, tell: 
 
 def _with_problem(configuration: Configuration) -> Configuration:
     if configuration.problem is None:
-        raise_all([Fault("problem", "is missing: a model alone can only be simulated")])
+        raise refuse("problem", "is missing: a model alone can only be simulated")
     return configuration

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from os import PathLike, fspath
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
@@ -10,7 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 import pandas as pd
 
 from . import tables
-from .arguments import choice_faults, file_faults, start_faults
+from .arguments import choice_faults, file_faults, source_faults, start_faults
 from .configuration import Configuration
 from .errors import Fault, InputError, raise_all
 from .files import unwritable
@@ -20,11 +21,12 @@ if TYPE_CHECKING:
     from pymoo.core.problem import Problem
 
     from .problems.tolerance_problem import ToleranceProblem
+    from .workflows.execution import Execution
 
 AnyPath: TypeAlias = str | PathLike[str]
 Raw: TypeAlias = "AnyPath | Mapping[str, Any] | ToleranceProblem | Problem"
 """A configuration: a path, a dictionary with the keys of the file, which may have objects in the
-place of problem and algorithm, or a problem alone: of this suite, or a plain pymoo one."""
+place of problem and algorithm, or a problem alone: of this suite, or of pymoo itself."""
 Source: TypeAlias = "Raw | Configuration"
 """A configuration, or what `read` returns."""
 Frame = AnyPath | pd.DataFrame
@@ -33,15 +35,39 @@ READ = "read"
 NOTES = "notes"
 """Key in `attrs` of returned frames: how the table was read, and notes for the user."""
 Tell = Callable[[str], None]
-Found = TypeVar("Found")
+Result = TypeVar("Result")
 
 
-def collected(compute: Callable[[], Found], faults: Sequence[Fault]) -> Found:
+def collected(compute: Callable[[], Result], faults: Sequence[Fault]) -> Result:
     """The result of `compute`; its faults are raised together with the earlier `faults`."""
     try:
         return compute()
     except InputError as error:
         raise InputError([*error.faults, *faults]) from None
+
+
+def executing(
+    source: Source | Mapping[str, object],
+    settings: Sequence[str],
+    workers: int | None,
+    dask: str,
+    faults: list[Fault],
+    block_rows: int | None = None,
+    store: str | None = None,
+) -> Execution:
+    """Where a command computes: by its options and, where they state nothing, by its configuration;
+    faults are added to `faults`.
+
+    A command that can keep finished parts in a shared `store` passes its address, "" for none.
+    """
+    from .configuration.execution import read_execution
+    from .workflows.execution import Execution
+
+    options = Execution(workers, dask, block_rows, store=store or "")
+    configuration = {} if isinstance(source, Configuration) else raw(source)
+    execution, execution_faults = read_execution(configuration, settings, options, store is not None)
+    faults += execution_faults
+    return execution if store is not None else replace(execution, store="")
 
 
 def start_faults_of(
@@ -52,8 +78,7 @@ def start_faults_of(
         return start_faults(Path(out), workers, resume, overwrite, shared)
     faults = choice_faults(workers, resume, overwrite)
     if resume:
-        text = "needs the directory that holds what is to be gone on with: out"
-        faults.append(Fault("--resume", text))
+        faults.append(Fault("--resume", "needs the directory of the result that it continues: out"))
     return faults
 
 
@@ -72,23 +97,19 @@ def table_faults_of(
         text = "needs a file or directory to write to: out"
         return faults + [Fault(name, text) for name, is_set in options.items() if is_set]
     target = Target(Path(out), partitioned)
-    if not partitioned:
-        faults += file_faults(target.path, read)
+    if partitioned:
+        faults += unwritable(target.path, "--out") + source_faults(target.path, read)
     else:
-        faults += unwritable(target.path, "--out")
-        if read is not None and not read.exists():
-            faults.append(Fault(str(read), "does not exist"))
-        elif read is not None and target.path.exists() and target.path.samefile(read):
-            faults.append(Fault("--out", f"would replace its own input {read}; name another"))
+        faults += file_faults(target.path, read)
     return faults + folder_faults(target.blocks, resume, overwrite)
 
 
 def folder_for(out: AnyPath | None) -> tuple[Path, Scratch | None]:
-    """The directory of the files: the user's, or a temporary one, removed with the result."""
+    """The directory of the files: the user's, or a temporary directory, removed with the result."""
     if out is not None:
         return Path(fspath(out)), None
-    kept = Scratch()
-    return kept.path / "result", kept
+    scratch = Scratch()
+    return scratch.path / "result", scratch
 
 
 def raw(source: Raw) -> Path | Mapping[str, Any]:

@@ -27,63 +27,53 @@ def directory_faults(out: Path, replace: bool, busy: bool = True) -> list[Fault]
     """A directory that cannot be written, that others work in (where `busy` looks for them), or
     that holds something and is not to be used.
     """
-    faults = unwritable(out, "--out")
-    if busy and not faults:
-        faults = busy_faults(out, "--out")
+    faults = unwritable(out, "--out") or (busy_faults(out, "--out") if busy else [])
     if not faults and not replace and occupied(out):
         faults.append(Fault("--out", OCCUPIED.format(out)))
     return faults
 
 
 def choice_faults(workers: int | None, resume: bool, overwrite: bool, place: str = "--workers") -> list[Fault]:
-    """Options that make no sense; `place` is where the number of workers stands."""
+    """Options that contradict each other; `place` is where the number of workers is stated."""
     faults = []
     if workers is not None and workers < 1:
         faults.append(Fault(place, f"must be at least 1, got {workers}"))
     if workers is not None and (complaint := too_many_workers(workers)):
         faults.append(Fault(place, complaint))
     if resume and overwrite:
-        text = "goes on with what --overwrite would replace; give one of them"
-        faults.append(Fault("--resume", text))
+        faults.append(Fault("--resume", "continues what --overwrite would replace; give only one of them"))
     return faults
 
 
 def file_faults(out: Path, source: Path | None) -> list[Fault]:
-    """An output file that cannot be written, or an input file that is not there."""
-    faults = []
-    if out.is_dir():
-        faults.append(Fault("--out", f"{out} is a directory; name a file"))
-    elif not out.parent.is_dir():
-        faults.append(Fault("--out", f"the directory {out.parent} does not exist"))
-    else:
-        faults += unwritable(out.parent, "--out")
-        if out.suffix.lower() not in TABLES:
-            text = f"{out.name} is neither .csv nor .parquet; no other table can be written"
-            faults.append(Fault("--out", text))
+    """An output table that cannot be written, or an input file that does not exist."""
+    faults = _place_faults(out)
+    if not out.is_dir() and out.parent.is_dir() and out.suffix.lower() not in TABLES:
+        faults.append(Fault("--out", f"{out.name} is neither .csv nor .parquet; no other table can be written"))
+    return faults + source_faults(out, source)
+
+
+def source_faults(out: Path, source: Path | None) -> list[Fault]:
+    """An input file that does not exist, or that the output would replace."""
     if source is None:
-        return faults
+        return []
     if not source.exists():
-        faults.append(Fault(str(source), "does not exist"))
-    elif out.exists() and out.samefile(source):
-        faults.append(Fault("--out", f"would replace its own input {source}; name another file"))
-    return faults
+        return [Fault(str(source), "does not exist")]
+    replaced = out.exists() and out.samefile(source)
+    return [Fault("--out", f"would replace its own input {source}; name another path")] if replaced else []
 
 
 def template_faults(out: Path) -> list[Fault]:
-    """A file that cannot be written, or is there already: it may be the user's own work."""
-    if out.exists():
-        return [Fault("--out", f"{out} exists; name another file, or remove it")]
-    if not out.parent.is_dir():
-        return [Fault("--out", f"the directory {out.parent} does not exist")]
-    return unwritable(out.parent, "--out")
+    """A file that cannot be written, or exists already: it may be the user's own work."""
+    return [Fault("--out", f"{out} exists; name another file, or remove it")] if out.exists() else _place_faults(out)
 
 
 def page_faults(folders: Sequence[Path], out: Path | None, figures: Path | None = None) -> list[Fault]:
-    """Directories that are not there, or a page or figures that cannot be written."""
-    drawn = [] if figures is None else busy_faults(figures, "--figures")
-    if figures is not None and not drawn:
-        drawn = unwritable(figures, "--figures")
-    return _page_faults(folders, out) + drawn
+    """Directories that do not exist, or a page or figures that cannot be written."""
+    faults = _page_faults(folders, out)
+    return (
+        faults if figures is None else faults + (busy_faults(figures, "--figures") or unwritable(figures, "--figures"))
+    )
 
 
 def watch_faults(folders: Sequence[Path], figures: Path | None) -> list[Fault]:
@@ -92,8 +82,7 @@ def watch_faults(folders: Sequence[Path], figures: Path | None) -> list[Fault]:
     if len(folders) != 1:
         faults.append(Fault("--watch", f"takes one directory, got {len(folders)}"))
     if figures is not None:
-        text = "are drawn when the result is complete; leave out --watch"
-        faults.append(Fault("--figures", text))
+        faults.append(Fault("--figures", "are drawn when the result is complete; leave out --watch"))
     return faults
 
 
@@ -114,10 +103,15 @@ def _page_faults(folders: Sequence[Path], out: Path | None) -> list[Fault]:
         return faults or busy_faults(folders[0], "report") or unwritable(folders[0], "--out")
     if out is None:
         return faults or unwritable(Path(), "--out")
-    if out.is_dir():
-        return [*faults, Fault("--out", f"{out} is a directory; name a file")]
-    if out.suffix.lower() not in (".html", ".htm"):
+    if not out.is_dir() and out.suffix.lower() not in (".html", ".htm"):
         faults.append(Fault("--out", f"{out.name} must end with .html: it is a page"))
+    return faults + _place_faults(out)
+
+
+def _place_faults(out: Path) -> list[Fault]:
+    """Why no file can be written at that path."""
+    if out.is_dir():
+        return [Fault("--out", f"{out} is a directory; name a file")]
     if not out.parent.is_dir():
-        return [*faults, Fault("--out", f"the directory {out.parent} does not exist")]
-    return faults + unwritable(out.parent, "--out")
+        return [Fault("--out", f"the directory {out.parent} does not exist")]
+    return unwritable(out.parent, "--out")

@@ -37,16 +37,16 @@ Table = Annotated[Path, typer.Option("--out", help="The table that is written.")
 
 def main() -> None:
     """Entry point of the `tolevo` command; SIGTERM and SIGHUP end it as Ctrl-C does."""
-    for polite in (signal.SIGTERM, signal.SIGHUP):
-        if signal.getsignal(polite) is not signal.SIG_IGN:  # as nohup leaves it
-            signal.signal(polite, signal.default_int_handler)
+    for request in (signal.SIGTERM, signal.SIGHUP):
+        if signal.getsignal(request) is not signal.SIG_IGN:  # as nohup leaves it
+            signal.signal(request, signal.default_int_handler)
     gc.set_threshold(GARBAGE)
     keep_standard_streams()
     app()
 
 
 def command(name: str) -> Callable[[Callable[..., Finished | None]], Callable[..., Any]]:
-    """Make a function a command: it ends with an exit status, after its summary if it has one."""
+    """Make a function a command: it prints its summary, if any, and ends with an exit status."""
 
     def registered(function: Callable[..., Finished | None]) -> Callable[..., Any]:
         whole = grouped(function)
@@ -109,15 +109,13 @@ def gap(
     asked: Asked,
 ) -> Finished:
     """Find where model and measurement disagree, name the missing effect, correct the model."""
-    options = into.arguments() | asked.arguments() | asdict(dialect)
-    return _called("gap", asked, config, data, **options)
+    return _called("gap", asked, config, data, **into.arguments(), **asked.arguments(), **asdict(dialect))
 
 
 @command("study")
 def study(config: Config, *, into: Into, shared: Shared, asked: Asked) -> Finished:
-    """Run many optimisations over settings and seeds, and say what the settings do."""
-    options = into.arguments() | asked.arguments() | asdict(shared)
-    return _called("study", asked, config, **options)
+    """Run many optimisations over settings and seeds, and report what the settings do."""
+    return _called("study", asked, config, **into.arguments(), **asked.arguments(), **asdict(shared))
 
 
 @command("reproduce")
@@ -129,7 +127,7 @@ def reproduce(
     ] = None,
     asked: Asked,
 ) -> Finished:
-    """Recompute every figure that documents print, and say which of them hold."""
+    """Recompute every figure that documents print, and report which of them hold."""
     return _called("reproduce", asked, claims or (), **into.arguments(), settings=asked.set_)
 
 
@@ -185,7 +183,7 @@ def report(
 
 @command("check")
 def check(config: Config, *, asked: Asked) -> None:
-    """Validate a configuration and print all it comes to; the output is itself one."""
+    """Validate a configuration and print all its values; the output is itself a configuration."""
     from .api import check
 
     text = check(config, asked.set_)
@@ -199,7 +197,7 @@ def template(
     out: Annotated[Path | None, typer.Option("--out", help="The file.", show_default="the terminal")] = None,
     config: Annotated[Path | None, typer.Option(help="Whose designs, costs or units.")] = None,
 ) -> None:
-    """Write the table or configuration that a command wants, filled in."""
+    """Write a filled-in table or configuration of the form that a command reads."""
     from .configuration.template import written
 
     text = written(kind, config)
@@ -219,8 +217,8 @@ def review(
     since: Annotated[list[Path] | None, typer.Option("--since", help="Earlier parts; may be repeated.")] = None,
     dialect: Dialect,
 ) -> None:
-    """Say what the promise of a run is worth by parts that were made to its drawing."""
-    from .configuration.reviewed import reviewed
+    """Test the promise of a run against parts that were made to its drawing."""
+    from .configuration.review import reviewed
     from .tables import ReadOptions
 
     typer.echo(reviewed(folder, parts, since or (), ReadOptions(**asdict(dialect))))
@@ -228,7 +226,7 @@ def review(
 
 @command("list")
 def list_(json_: Annotated[bool, typer.Option("--json", help="As JSON.")] = False) -> None:
-    """List models, problems, algorithms, effects and calculations, plugins included."""
+    """List models, problems, algorithms, effects and calculations, including those of plugins."""
     from .listing import listed
 
     typer.echo(listed(json_))

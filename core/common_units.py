@@ -70,24 +70,9 @@ COMMON: Mapping[str, tuple[Fraction, Powers]] = {
 ZEROS: Mapping[str, Fraction] = {"degC": Fraction("273.15")}
 """Where the zero of a unit lies in its SI unit, 0 for all others."""
 RATES = frozenset(
-    [
-        "beats_per_minute",
-        "bits_per_pixel",
-        "counts_per_second",
-        "dots_per_inch",
-        "foot_per_second",
-        "kilometer_per_hour",
-        "kilometer_per_second",
-        "kip_per_square_inch",
-        "meter_per_second",
-        "meter_per_second_squared",
-        "mile_per_hour",
-        "pixels_per_centimeter",
-        "pixels_per_inch",
-        "pound_force_per_square_inch",
-        "revolutions_per_minute",
-        "revolutions_per_second",
-        "standard_liter_per_minute",
-    ]
+    {"beats_per_minute", "counts_per_second", "revolutions_per_minute", "revolutions_per_second"}
+    | {"foot_per_second", "kilometer_per_hour", "kilometer_per_second", "meter_per_second", "mile_per_hour"}
+    | {"meter_per_second_squared", "standard_liter_per_minute", "kip_per_square_inch", "pound_force_per_square_inch"}
+    | {"bits_per_pixel", "dots_per_inch", "pixels_per_centimeter", "pixels_per_inch"}
 )
-"""Names of pint's with a "_per_" of their own, the first one since 0.26."""
+"""Names of units of pint that contain "_per_" (beats_per_minute since pint 0.26)."""

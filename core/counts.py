@@ -2,8 +2,8 @@
 
 A count declares its `Need` where its range is declared: `Parameter(need=...)` of a model, problem
 or calculation, `field(metadata={"need": ...})` of an algorithm or a design, `Section.integer`.
-A count without one is taken for numbers that are kept (`PLAIN`). The budgets do not depend on the
-machine, so that a configuration is accepted everywhere or nowhere; `--force` asks for more.
+A count without a `Need` is taken for numbers that are stored (`PLAIN`). The budgets do not depend
+on the machine, so that a configuration is accepted everywhere or nowhere; `--force` lifts them.
 """
 
 from __future__ import annotations
@@ -20,15 +20,16 @@ MEMORY = 8.0 * 2**30
 TIME = 30.0 * 86_400.0
 """Seconds that one count may take on one core."""
 _HUGE = 10**100
-"""Larger counts are replaced by this one: it exceeds every budget, and is still a float."""
-_UNITS = (("years", 365.25 * 86_400.0), ("days", 86_400.0), ("hours", 3600.0))
+"""Larger counts are replaced by this number: it exceeds every budget, and is still a float."""
+_TIMES = (("years", 365.25 * 86_400.0), ("days", 86_400.0), ("hours", 3600.0), ("s", 1.0))
+_SIZES = (("TiB", 2.0**40), ("GiB", 2.0**30), ("MiB", 2.0**20), ("KiB", 2.0**10))
 _FORCED: ContextVar[bool] = ContextVar("forced", default=False)
 
 
 @dataclass(frozen=True, slots=True)
 class Need:
-    """What a count takes: bytes and seconds for each, and bytes for each pair where all are
-    compared with all.
+    """What a count takes: bytes and seconds per item, and bytes per pair where all items are
+    compared with all others.
 
     `of` is what is counted ("individual"). The numbers are measured, and rather too low: a count
     that is refused is really too large.
@@ -62,9 +63,9 @@ class Need:
 
 
 PLAIN = Need("number", bytes=8.0)
-"""For a count that declares nothing: a number is kept for each."""
+"""For a count that declares nothing: a number is stored per item."""
 INDIVIDUALS = Need("individual", bytes=2.5e3, seconds=2e-5)
-"""For a population: pymoo keeps an object for each."""
+"""For a population: pymoo stores an object per individual."""
 PAIRED = Need("individual", bytes=2.5e3, seconds=2e-5, bytes_per_pair=15.0)
 """For a population whose members are compared pairwise, as reference directions are."""
 GENERATIONS = Need("generation", bytes=400.0, seconds=1e-3)
@@ -72,11 +73,11 @@ EVALUATIONS = Need("evaluation", seconds=2e-5)
 POINTS = Need("point", bytes=1.5e3, seconds=1e-3)
 """For a front: a row of every variable and output."""
 SAMPLES = Need("sample", bytes=120.0, seconds=1e-6)
-"""Units that are drawn, with a dozen inputs each."""
+"""Units that are drawn, with a dozen inputs per unit."""
 SETTINGS = Need("setting", bytes=2e4, seconds=0.05)
 """For a study: a setting is read as a run configuration, and runs once at least."""
 RUNS = Need("run", bytes=1e4, seconds=0.05)
-"""For a study: the course of each is kept."""
+"""For a study: the course of every run is stored."""
 BLOCK_ROWS = Need("row", bytes=1e3, seconds=1e-6)
 """For a block of a table: a worker holds all of them, with every column."""
 PER_CORE = 16
@@ -137,15 +138,15 @@ def shown(count: int) -> str:
 
 def size(number: float) -> str:
     """Bytes in a unit that fits."""
-    for name, unit in (("TiB", 2.0**40), ("GiB", 2.0**30), ("MiB", 2.0**20)):
-        if number >= unit:
-            return f"{number / unit:.3g} {name}"
-    return f"{number / 1024.0:.3g} KiB"
+    return _scaled(number, _SIZES)
 
 
 def duration(seconds: float) -> str:
     """A time in a unit that fits."""
-    for name, unit in _UNITS:
-        if seconds >= unit:
-            return f"{seconds / unit:.3g} {name}"
-    return f"{seconds:.3g} s"
+    return _scaled(seconds, _TIMES)
+
+
+def _scaled(number: float, units: tuple[tuple[str, float], ...]) -> str:
+    """A number in the largest unit that it reaches, or the smallest one."""
+    name, unit = next((entry for entry in units if number >= entry[1]), units[-1])
+    return f"{number / unit:.3g} {name}"

@@ -1,13 +1,13 @@
 """Text of CSV files in which no spreadsheet finds a formula, and the same files read again.
 
 A spreadsheet computes a cell that begins with `=`, `+`, `-` or `@`, even a name from a table of
-the user's. An apostrophe in front makes it text. Numbers are no text, and stay as they are.
+the user's. An apostrophe in front makes it text. Numbers stay as they are.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -31,32 +31,19 @@ was lost."""
 def csv_text(frame: pd.DataFrame, header: bool = True) -> str:
     """A table without its index as CSV: LF line ends, and no cell or name that is a formula.
 
-    Without its `header` it continues a file that has one.
+    Without its `header` it continues a file that has a header.
     """
-    columns = [_changed_cells(frame.iloc[:, at].to_numpy(), neutral) for at in range(frame.shape[1])]
-    if all(cells is None for cells in columns):
-        table = frame
-    else:
-        table = frame.copy()
-        for at, cells in enumerate(columns):
-            if cells is not None:
-                table.isetitem(at, cells)
     names = [neutral(name) for name in frame.columns]
-    return table.to_csv(index=False, lineterminator="\n", header=names if header else False)
+    return _changed(frame, neutral).to_csv(index=False, lineterminator="\n", header=names if header else False)
 
 
 def read_own_csv(path: Path | TextIO) -> pd.DataFrame:
     """A CSV table that `csv_text` wrote, every text and number as it was.
 
-    Raises OSError where the file cannot be read, ValueError where it is no table.
+    Raises OSError where the file cannot be read, ValueError where it is not a table.
     """
-    table: pd.DataFrame = pd.read_csv(path, **EXACT)
-    for at in range(table.shape[1]):
-        cells = _changed_cells(table.iloc[:, at].to_numpy(), original)
-        if cells is not None:
-            table.isetitem(at, cells)
-    table.columns = pd.Index([original(name) for name in table.columns])
-    return table
+    table = _changed(pd.read_csv(path, **EXACT), original)
+    return table.set_axis([original(name) for name in table.columns], axis="columns")
 
 
 def neutral(cell: Any) -> Any:
@@ -67,7 +54,7 @@ def neutral(cell: Any) -> Any:
 
 
 def original(cell: Any) -> Any:
-    """The cell that `neutral` was given."""
+    """The argument of `neutral`, from its result."""
     return cell[1:] if isinstance(cell, str) and _MARKED.match(cell) else cell
 
 
@@ -77,7 +64,17 @@ def originals(cells: NDArray[Any]) -> NDArray[Any]:
     return cells if changed is None else changed
 
 
-def _changed_cells(cells: NDArray[Any], change: Any) -> NDArray[Any] | None:
+def _changed(frame: pd.DataFrame, change: Callable[[Any], Any]) -> pd.DataFrame:
+    """The table with the changed texts; the table itself where none changes."""
+    columns = {at: _changed_cells(frame.iloc[:, at].to_numpy(), change) for at in range(frame.shape[1])}
+    changed = {at: cells for at, cells in columns.items() if cells is not None}
+    table = frame.copy() if changed else frame
+    for at, cells in changed.items():
+        table.isetitem(at, cells)
+    return table
+
+
+def _changed_cells(cells: NDArray[Any], change: Callable[[Any], Any]) -> NDArray[Any] | None:
     """The changed cells of a column; None where none changes."""
     if cells.dtype.kind not in "OUT":
         return None

@@ -42,7 +42,7 @@ class Parameter:
 
     `assumed` marks a default that no document prints; it is reported as an assumption. The default
     gives the type: a list keeps its length, the names in a table are `choices`, each with its unit.
-    `need` is what each takes where the parameter is a count: of units, positions, points.
+    `need` is what an item takes where the parameter is a count: of units, positions, points.
     """
 
     name: str
@@ -71,8 +71,7 @@ READING = "reading"
 def completed(parameters: Iterable[Parameter], stated: Mapping[str, Value]) -> dict[str, Value]:
     """Every parameter: as stated, else its default in the stated or the default interpretation."""
     declared = {parameter.name: parameter for parameter in parameters}
-    default_reading = declared[READING].default if READING in declared else None
-    reading = stated.get(READING, default_reading)
+    reading = stated.get(READING, declared[READING].default if READING in declared else None)
     return {name: parameter.default_in(reading) for name, parameter in declared.items()} | dict(stated)
 
 
@@ -109,7 +108,7 @@ class Output:
     """A named output of a model or problem.
 
     `scale` normalises a limit whose bound is 0. `larger_is_better` makes a bare number in
-    `[limits]` a lower limit. `error_of` names the output whose numerical error this one states.
+    `[limits]` a lower limit. `error_of` names the output whose numerical error this output states.
     """
 
     name: str

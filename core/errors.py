@@ -1,8 +1,8 @@
 """Everything tolevo raises on purpose.
 
 TolevoError            exit status 1
-|-- InputError         exit status 2: the user's input is wrong; carries every fault found
-|-- RunError           exit status 1: a run failed; says what is saved and how to go on
+|-- InputError         exit status 2: the user's input is wrong; carries every fault
+|-- RunError           exit status 1: a run failed; says what is saved and how to continue
 `-- ModelError         exit status 1: a model returned what it must not (NaN, wrong shape)
 """
 
@@ -22,6 +22,12 @@ class Fault:
 
     def __str__(self) -> str:
         return f"{self.place}: {self.message}"
+
+
+class UnknownKey(Fault):
+    """A key of a configuration that nothing reads."""
+
+    __slots__ = ()
 
 
 class TolevoError(Exception):
@@ -56,14 +62,13 @@ class ModelError(TolevoError):
 
 
 def refuse(place: str, message: str) -> InputError:
-    """An `InputError` of one fault, to be raised."""
+    """An `InputError` with a single fault, to be raised."""
     return InputError([Fault(place, message)])
 
 
 def raise_all(faults: Iterable[Fault]) -> None:
     """Raise one `InputError` that carries all `faults`; do nothing where there are none."""
-    collected = tuple(faults)
-    if collected:
+    if collected := tuple(faults):
         raise InputError(collected)
 
 

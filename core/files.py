@@ -19,10 +19,10 @@ REASONS = {
     errno.ENOSPC: ("the disk is full", "make room"),
     errno.EDQUOT: ("the disk quota is used up", "make room within the quota"),
     errno.EROFS: ("the file system is read-only", "make it writable"),
-    errno.EACCES: ("permission denied", "see to the permissions"),
-    errno.EPERM: ("permission denied", "see to the permissions"),
+    errno.EACCES: ("permission denied", "change the permissions"),
+    errno.EPERM: ("permission denied", "change the permissions"),
     errno.EFBIG: ("the file would be larger than is allowed", "raise the limit (ulimit -f)"),
-    errno.EIO: ("the disk reports an error", "mend the disk"),
+    errno.EIO: ("the disk reports an error", "check the disk"),
     errno.ENOLCK: ("the file system has no locks", "use a local disk"),
     errno.ENOSYS: ("the file system has no locks", "use a local disk"),
     errno.EOPNOTSUPP: ("the file system has no locks", "use a local disk"),
@@ -103,8 +103,7 @@ def unwritable(path: Path, place: str) -> list[Fault]:
     except OSError as error:
         reason, remedy = cause(error) or (error.strerror or "not writable", "")
         remedy = f"{remedy}, or " if remedy else ""
-        text = f"cannot be written ({existing}: {reason}); {remedy}name another directory"
-        return [Fault(place, text)]
+        return [Fault(place, f"cannot be written ({existing}: {reason}); {remedy}name another directory")]
 
 
 def is_folder(path: Path) -> bool:

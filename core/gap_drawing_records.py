@@ -73,7 +73,7 @@ class Drawing:
         return tuple(texts)
 
     def distributions(self) -> tuple[str, ...]:
-        """The law of every input; once where it is one for all."""
+        """The distribution of every input; a single entry where it is the same for all."""
         laws = {zone.variable: zone.distribution for zone in self.zones if zone.distribution}
         if len(set(laws.values())) == 1:
             return (next(iter(laws.values())),)

@@ -56,20 +56,18 @@ class Sensitivity:
 
     def __str__(self) -> str:
         return (
-            f"{self.name} of {self.parameter} = {self.amount:.3g} {self.unit}: detected with "
-            "probability "
-            f"{self.then:.2f} (now {self.now:.2f}, with as many measurements like these "
-            f"{self.alike:.2f}); detected from {self.least_then:.3g} instead of "
-            f"{self.least_now:.3g}"
+            f"{self.name} of {self.parameter} = {self.amount:.3g} {self.unit}: detected with probability "
+            f"{self.then:.2f} (now {self.now:.2f}, with as many measurements like these {self.alike:.2f}); detected "
+            f"from {self.least_then:.3g} instead of {self.least_now:.3g}"
         )
 
 
 @dataclass(frozen=True, slots=True)
 class NextMeasurement:
     """The points of the next measurement, in `file` (empty where there are none), and what they
-    are expected to show of each pair of effects, or of effects that are barely detectable.
+    are expected to show of every pair of effects, or of effects that are barely detectable.
 
-    `telling` are the inputs whose values matter most.
+    `telling` are the inputs whose values matter most for the separation.
     """
 
     text: str

@@ -47,10 +47,11 @@ class PopulationLine:
 class InputChange:
     """The change of one input that would alone explain a difference.
 
-    `amount` is in `unit`, a factor for a widening without one; `share_of_tolerance` is the fraction
-    of the half-width of its zone. `distance` is twice the log likelihood by which it explains the
-    data worse than the best. `parts` is how many measured parts would show it, `readings` how many
-    units like these would distinguish it from the best (0: none would, or not known).
+    `amount` is in `unit`, a factor for a widening without a unit; `share_of_tolerance` is the
+    fraction of the half-width of its zone. `distance` is twice the log likelihood by which it
+    explains the data worse than the best. `parts` is how many measured parts would show it,
+    `readings` how many units like these would distinguish it from the best (0: none would, or not
+    known).
     """
 
     input: str

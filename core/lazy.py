@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 
 class Renamed(NamedTuple):
-    """A public name that was replaced: by which one, and in which version it goes."""
+    """A public name that was replaced: the new name, and the version that removes the old name."""
 
     name: str
     until: str
@@ -19,15 +19,15 @@ class Renamed(NamedTuple):
 def lazily(
     package: str, places: Mapping[str, str], renamed: Mapping[str, Renamed] = MappingProxyType({})
 ) -> Callable[[str], Any]:
-    """`__getattr__` of a package: each name is found in the module that `places` give, relative to
-    the package; one whose place is empty is a module itself. A name in `renamed` warns
+    """`__getattr__` of a package: a name is taken from the module that `places` give, relative to
+    the package; a name whose place is empty is a module itself. A name in `renamed` warns
     (DeprecationWarning) and gives what the new name gives.
     """
 
     def get(name: str) -> Any:
         if name in renamed:
             new = renamed[name]
-            text = f"{package}.{name} is now {package}.{new.name}; it goes in version {new.until}"
+            text = f"{package}.{name} is now {package}.{new.name}; the old name is removed in version {new.until}"
             warnings.warn(text, DeprecationWarning, stacklevel=2)
             return get(new.name)
         if name not in places:

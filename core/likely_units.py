@@ -7,28 +7,11 @@ import math
 from .units import converted, fits
 
 COMMON = (
-    "um",
-    "mm",
-    "in",
-    "m",
-    "arcsec",
-    "arcmin",
-    "mrad",
-    "deg",
-    "rad",
-    "N mm",
-    "N m",
-    "N",
-    "kN",
-    "N mm/arcmin",
-    "N m/arcmin",
-    "N m/rad",
-    "N/um",
-    "N/mm",
-    "N/m",
-    "rpm",
-    "deg/s",
-    "rad/s",
+    *("um", "mm", "in", "m"),
+    *("arcsec", "arcmin", "mrad", "deg", "rad"),
+    *("N mm", "N m", "N", "kN"),
+    *("N mm/arcmin", "N m/arcmin", "N m/rad", "N/um", "N/mm", "N/m"),
+    *("rpm", "deg/s", "rad/s"),
 )
 """Units that drawings, catalogues and measuring machines state, the small ones first."""
 
@@ -37,7 +20,7 @@ def likely_unit(value: float, unit: str, low: float, high: float) -> str:
     """The common unit in which `value` would lie from `low` to `high`, both in `unit`.
 
     Empty where there is none, where `value` lies there already, and where an end is infinite. Of
-    several units that fit, the one that comes nearest to the middle of the range of ratios.
+    several units that fit, the unit that comes nearest to the middle of the range of ratios.
     """
     if not unit or low <= value <= high or not (math.isfinite(low) and math.isfinite(high)):
         return ""
@@ -55,7 +38,7 @@ def likely_unit(value: float, unit: str, low: float, high: float) -> str:
 
 
 def unit_hint(value: float, unit: str, low: float, high: float) -> str:
-    """` (in m it would be 64 mm; write "0.064 m")`, empty where no common unit fits."""
+    """` (was m meant? "0.064 m" is 64 mm)`, empty where no common unit fits."""
     likely = likely_unit(value, unit, low, high)
     if not likely:
         return ""

@@ -1,4 +1,4 @@
-"""Options of the commands: each is written once, in a group that commands take as one argument."""
+"""Options of the commands, in groups that commands take as single arguments."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ WORKERS = min(4, os.cpu_count() or 1)
 class MessageOptions:
     """Options of every command that prints messages in addition to its result."""
 
-    quiet: Annotated[bool, typer.Option("--quiet", help="Nothing on stderr but errors.")] = False
+    quiet: Annotated[bool, typer.Option("--quiet", help="Print only errors to stderr.")] = False
 
     def report(self, line: str) -> None:
         """A line that the user should read, on stderr."""
@@ -32,7 +32,7 @@ class Asked(MessageOptions):
     """Options of every command that reads a configuration."""
 
     set_: Annotated[list[str], typer.Option("--set", help="key=value; may be repeated.")] = field(default_factory=list)
-    force: Annotated[bool, typer.Option("--force", help="Refuse no count for its size.")] = False
+    force: Annotated[bool, typer.Option("--force", help="Accept counts of any size.")] = False
 
     def arguments(self) -> dict[str, Any]:
         """As the functions of the Python interface take them."""
@@ -54,7 +54,7 @@ class Into:
     """Options of commands that write a directory."""
 
     out: Annotated[Path, typer.Option("--out", help="Where the results go.")]
-    resume: Annotated[bool, typer.Option("--resume", help="Do what is missing in OUT.")] = False
+    resume: Annotated[bool, typer.Option("--resume", help="Compute what is missing in OUT.")] = False
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace what OUT holds.")] = False
     workers: Annotated[
         int | None, typer.Option(help="Processes; no result depends on it.", show_default=str(WORKERS))

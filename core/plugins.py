@@ -1,4 +1,4 @@
-"""All that a plugin builds on: base classes and declarations, by one import."""
+"""All that a plugin builds on: base classes and declarations, by a single import."""
 
 from __future__ import annotations
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -21,16 +21,10 @@ LINE_EVERY = 10.0
 
 
 def describe(progress: Progress) -> str:
-    """Generation, evaluations, hypervolume and time left in one line."""
+    """Generation, evaluations, hypervolume and remaining time in one line."""
     step = f"generation {_of(progress.generation, progress.generations)}"
-    parts = [
-        progress.phase or step,
-        f"evaluations {_of(progress.evaluations, progress.evaluations_total)}",
-        f"hypervolume {progress.hypervolume:.4f}",
-    ]
-    if progress.remaining is not None:
-        parts.append(f"{progress.remaining:.0f} s left")
-    return ", ".join(parts)
+    evaluations = f"evaluations {_of(progress.evaluations, progress.evaluations_total)}"
+    return f"{progress.phase or step}, {evaluations}, hypervolume {progress.hypervolume:.4f}{_remaining(progress)}"
 
 
 def fraction(progress: Progress) -> float | None:
@@ -45,11 +39,9 @@ def fraction(progress: Progress) -> float | None:
 
 
 def describe_study(progress: StudyProgress) -> str:
-    """Runs done, running and failed, and the time left in one line."""
-    parts = [f"runs {progress.done}/{progress.total} done", f"{progress.running} running", f"{progress.failed} failed"]
-    if progress.remaining is not None:
-        parts.append(f"{progress.remaining:.0f} s left")
-    return ", ".join([*parts, progress.note] if progress.note else parts)
+    """Runs done, running and failed, and the remaining time in one line."""
+    text = f"runs {progress.done}/{progress.total} done, {progress.running} running, {progress.failed} failed"
+    return text + _remaining(progress) + (f", {progress.note}" if progress.note else "")
 
 
 def study_fraction(progress: StudyProgress) -> float | None:
@@ -63,14 +55,13 @@ def ended_share(progress: GapProgress | ClaimsProgress | BlockProgress) -> float
 
 
 def describe_gap(progress: GapProgress) -> str:
-    """What is being done, replicates that have ended, and the time left in one line."""
+    """What is being done, replicates that have ended, and the remaining time in one line."""
     counted = f" {progress.done}/{progress.total}" if progress.total else ""
-    remaining = "" if progress.remaining is None else f", {progress.remaining:.0f} s left"
-    return f"{progress.phase}{counted}{remaining}"
+    return f"{progress.phase}{counted}{_remaining(progress)}"
 
 
 def describe_claims(progress: ClaimsProgress) -> str:
-    """Claims checked, the time left, and which one was the last."""
+    """Claims checked, the remaining time, and the claim that was checked last."""
     text = f"claims {progress.done}/{progress.total} checked, {progress.seconds:.0f} s"
     if progress.remaining is not None:
         text += f", some {progress.remaining:.0f} s left"
@@ -80,9 +71,12 @@ def describe_claims(progress: ClaimsProgress) -> str:
 
 
 def describe_blocks(progress: BlockProgress) -> str:
-    """Blocks that have ended, and the time left in one line."""
-    remaining = "" if progress.remaining is None else f", {progress.remaining:.0f} s left"
-    return f"blocks {progress.done}/{progress.total}{remaining}"
+    """Blocks that have ended, and the remaining time in one line."""
+    return f"blocks {progress.done}/{progress.total}{_remaining(progress)}"
+
+
+def _remaining(progress: Progress | StudyProgress | GapProgress | BlockProgress) -> str:
+    return "" if progress.remaining is None else f", {progress.remaining:.0f} s left"
 
 
 @dataclass(frozen=True)
@@ -116,43 +110,31 @@ def shown(command: str, quiet: bool) -> Iterator[Callable[[Any], None] | None]:
     display = DISPLAYS[command]
     if quiet:
         yield None
-    elif display.counts_parts:
-        with _terminal(display) as update:
-            yield lambda progress: update(progress) if progress.total > 1 else None
-    else:
-        with _terminal(display) as update:
-            yield update
-
-
-@contextmanager
-def _terminal(display: Display) -> Iterator[Callable[[Any], None]]:
-    """A bar where stderr is a terminal, else lines."""
-    if sys.stderr.isatty():
-        with _bar(display.text, display.share) as update:
-            yield update
-    else:
-        yield _lines(display.text, display.phase)
+        return
+    with _bar(display) if sys.stderr.isatty() else nullcontext(_lines(display)) as update:
+        yield (lambda progress: update(progress) if progress.total > 1 else None) if display.counts_parts else update
 
 
 def _of(done: int, total: int | None) -> str:
     return f"{done}" if total is None else f"{done}/{total}"
 
 
-def _lines(text: Callable[[Any], str], phase: Callable[[Any], str]) -> Callable[[Any], None]:
+def _lines(display: Display) -> Callable[[Any], None]:
     """Prints the first report of each phase, and then one every `LINE_EVERY` seconds."""
     due, shown_last = 0.0, None
 
     def update(progress: Any) -> None:
         nonlocal due, shown_last
-        if time.monotonic() >= due or phase(progress) != shown_last:
-            due, shown_last = time.monotonic() + LINE_EVERY, phase(progress)
-            print(text(progress), file=sys.stderr, flush=True)
+        phase = display.phase(progress)
+        if time.monotonic() >= due or phase != shown_last:
+            due, shown_last = time.monotonic() + LINE_EVERY, phase
+            print(display.text(progress), file=sys.stderr, flush=True)
 
     return update
 
 
 @contextmanager
-def _bar(text: Callable[[Any], str], fraction_of: Callable[[Any], float | None]) -> Iterator[Callable[[Any], None]]:
+def _bar(display: Display) -> Iterator[Callable[[Any], None]]:
     from rich.console import Console
     from rich.progress import BarColumn, TextColumn
     from rich.progress import Progress as Bar
@@ -163,9 +145,9 @@ def _bar(text: Callable[[Any], str], fraction_of: Callable[[Any], float | None])
 
     def update(progress: Any) -> None:
         bar.start()  # with the first report: earlier messages stand above the bar
-        completed = fraction_of(progress)
+        completed = display.share(progress)
         total = None if completed is None else 1.0
-        bar.update(task, total=total, completed=completed, description=text(progress))
+        bar.update(task, total=total, completed=completed, description=display.text(progress))
 
     try:
         yield update

@@ -31,7 +31,7 @@ class Bars:
 
 @dataclass(frozen=True, slots=True)
 class UnitsShown:
-    """Units of one design: what their backlash means in words, one unit, the population.
+    """Units of a design: what their backlash means in words, the turn of one unit, the population.
 
     `turn` has the columns turn_deg, cycloid_arcmin (below zero flanks overlap), backlash_arcmin and
     measured (the positions that count); `population` backlash_max_arcmin, share_within_percent of
@@ -94,8 +94,8 @@ class RunResult:
 
     @property
     def answers(self) -> Mapping[str, str]:
-        """The question and the results of a run, a sentence each: `asked`, `found`, `published`,
-        `limits`, `promise` and `proof`, as far as the summary has them.
+        """The question and the results of a run, a sentence per entry: `asked`, `found`,
+        `published`, `limits`, `promise` and `proof`, as far as the summary has them.
         """
         stated = self.summary.get("answers")
         return stated if isinstance(stated, Mapping) else {}
@@ -114,19 +114,19 @@ def mechanism_lines(summary: Mapping[str, Any]) -> list[str]:
 
 
 def _money(known: object) -> list[str]:
-    """Like "costs in EUR; assumed: pin_radius_um (one assumed unit is worth 25 EUR)"."""
+    """Like "costs in EUR; assumed: pin_radius_um (an assumed unit costs 25 EUR)"."""
     if not isinstance(known, Mapping) or not known.get("currency"):
         return []
     currency, assumed = str(known["currency"]), list(known.get("assumed") or ())
     text = f"costs in {currency}" + (f"; assumed: {', '.join(map(str, assumed))}" if assumed else "")
     scale = known.get("scale_assumed")
     if assumed and isinstance(scale, int | float):
-        text += f" (one assumed unit is worth {scale:g} {currency})"
+        text += f" (an assumed unit costs {scale:g} {currency})"
     return [text]
 
 
 def _mechanism(known: object) -> list[str]:
-    """The mechanism and its requirements, a line each."""
+    """The mechanism and its requirements, a line per entry."""
     if not isinstance(known, Mapping):
         return []
     mechanism = _described(known)
@@ -150,16 +150,15 @@ def _described(known: Mapping[str, Any]) -> str:
 
 
 def model_lines(summary: Mapping[str, Any]) -> list[str]:
-    """The model that a run used, where there are several: a line, and one for each choice that
-    another model was used for. Nothing where there is only one model.
+    """The model that a run used, where there are several: a line, and a further line per choice
+    that another model was used for. No line where there is only a single model.
     """
     statement = str(summary.get("model_statement") or "")
     if not statement:
         return []
     choices = summary.get("choices") or {}
     labels = {name: str(choice.get("model") or statement) for name, choice in choices.items()}
-    others = [f"{name}: {label}" for name, label in labels.items() if label != statement]
-    return [f"model: {statement}", *others]
+    return [f"model: {statement}", *(f"{name}: {label}" for name, label in labels.items() if label != statement)]
 
 
 @dataclass(frozen=True, slots=True)

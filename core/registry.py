@@ -78,7 +78,7 @@ def names(group: str) -> list[str]:
 
 
 def _find(group: str, name: str) -> EntryPoint:
-    """The one entry point of that name.
+    """The only entry point of that name.
 
     Raises InputError where there is none, or where two distributions offer it.
     """
@@ -87,8 +87,7 @@ def _find(group: str, name: str) -> EntryPoint:
     if not offers:
         known = names(group)
         listed = f"installed: {', '.join(known)}" if known else "none is installed"
-        text = f'"{name}" is not an installed {kind}{nearest(name, known)}; {listed}'
-        raise refuse(kind, text)
+        raise refuse(kind, f'"{name}" is not an installed {kind}{nearest(name, known)}; {listed}')
     if len(offers) > 1:
         both = " and ".join(sorted(_origin(offer) for offer in offers))
         raise refuse(kind, f'"{name}" is offered by {both}; uninstall one of them')
@@ -114,8 +113,7 @@ def load(group: str, name: str) -> Any:
         loaded = offer.load()
     except PLUGIN_FAULTS as error:  # a plugin may raise anything while it is imported
         reason = f"{type(error).__name__}: {error}"
-        text = f'"{name}" of {_origin(offer)} cannot be imported ({offer.value}): {reason}'
-        raise refuse(kind, text) from error
+        raise refuse(kind, f'"{name}" of {_origin(offer)} cannot be imported ({offer.value}): {reason}') from error
     for extra in getattr(loaded, "extras", ()):
         if offer.dist is not None and (missing := _missing(offer.dist.requires or [], extra)):
             command = f"pip install '{offer.dist.name}[{extra}]'"
@@ -144,7 +142,7 @@ def name_of(group: str, kind: type) -> str:
 class Kinds(Mapping[str, type[Kind]]):
     """The classes of a group by their names in configurations; each is imported when it is used.
 
-    All are subclasses of `base`: another one is refused with its origin when it is asked for.
+    All are subclasses of `base`: any other class is refused with its origin when it is used.
     """
 
     def __init__(self, group: str, base: Any) -> None:
@@ -155,7 +153,7 @@ class Kinds(Mapping[str, type[Kind]]):
             raise KeyError(name)
         loaded = load(self.group, name)
         if not (isinstance(loaded, type) and issubclass(loaded, self.base)):
-            text = f'"{name}" of {origin(self.group, name)} is no {self.base.__name__}: '
+            text = f'"{name}" of {origin(self.group, name)} is not a {self.base.__name__}: '
             raise refuse(self.group.removesuffix("s"), f"{text}it must be a subclass of it")
         return loaded
 
@@ -167,7 +165,7 @@ class Kinds(Mapping[str, type[Kind]]):
 
     def sound(self) -> dict[str, type[Kind]]:
         """Our classes, and those of plugins that are imported already since a configuration named
-        them. One that cannot be used is reported when it is asked for.
+        them. A class that cannot be used is reported when it is used.
         """
         classes = {}
         for name in dict.fromkeys(offer.name for offer in _offers(self.group) if _begun(offer)):
@@ -182,8 +180,7 @@ class Kinds(Mapping[str, type[Kind]]):
         for name, registered in self.sound().items():
             if registered is kind:
                 return name
-        text = f"{kind.__module__}.{kind.__qualname__} is no entry point of tolevo.{self.group}"
-        raise LookupError(text)
+        raise LookupError(f"{kind.__module__}.{kind.__qualname__} is not an entry point of tolevo.{self.group}")
 
 
 def _begun(offer: EntryPoint) -> bool:
@@ -282,13 +279,6 @@ def _spec(module: str) -> ModuleSpec | None:
         if end > 1 and (spec is None or spec.submodule_search_locations is None):
             return None
         where = None if spec is None else list(spec.submodule_search_locations or ())
-        spec = _ask(".".join(parts[:end]), where)
+        specs = (finder.find_spec(".".join(parts[:end]), where) for finder in sys.meta_path)
+        spec = next((candidate for candidate in specs if candidate is not None), None)
     return spec
-
-
-def _ask(name: str, where: list[str] | None) -> ModuleSpec | None:
-    for finder in sys.meta_path:
-        spec = finder.find_spec(name, where)
-        if spec is not None:
-            return spec
-    return None

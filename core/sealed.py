@@ -40,7 +40,7 @@ def sealed_record(record: Mapping[str, Any], of: str = "") -> dict[str, Any]:
 def unsealed_record(stored: Any, of: str = "") -> dict[str, Any]:
     """What `sealed_record` was given. Raises ValueError where a value is another."""
     if not isinstance(stored, dict) or KEY not in stored:
-        raise ValueError("it is no record with a digest")
+        raise ValueError("it is not a record with a digest")
     record = {name: value for name, value in stored.items() if name != KEY}
     if stored[KEY] != digest_of(record, of):
         raise ValueError("it is damaged: its content does not fit its digest")
@@ -70,7 +70,7 @@ def digest_of(record: Mapping[str, Any], of: str = "") -> str:
 
 
 def loads(text: str | bytes) -> Any:
-    """A JSON value. Raises ValueError for whatever is none."""
+    """A JSON value. Raises ValueError for any other text."""
     try:
         return json.loads(text)
     except RecursionError:

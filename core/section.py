@@ -1,4 +1,4 @@
-"""One table of a configuration: hands out checked values and collects the faults."""
+"""A table of a configuration: returns checked values and collects the faults."""
 
 from __future__ import annotations
 
@@ -6,10 +6,11 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from math import inf
+from operator import attrgetter
 from typing import Any, TypeVar
 
 from .counts import PLAIN, Need, too_many
-from .errors import Fault, nearest
+from .errors import Fault, InputError, UnknownKey, nearest
 from .likely_units import unit_hint
 from .units import split_unit, to_unit
 
@@ -18,7 +19,7 @@ Item = TypeVar("Item")
 
 @dataclass(frozen=True, slots=True)
 class Range:
-    """The numbers from `low` to `high`; an open end is not one of them."""
+    """The numbers from `low` to `high`, without an end that is open."""
 
     low: float = -inf
     high: float = inf
@@ -41,7 +42,7 @@ class Range:
 
 
 def _number_text(value: float) -> str:
-    """A number without the `.0` of a whole one."""
+    """A number, without `.0` if it is whole."""
     return str(int(value)) if value == int(value) else str(value)
 
 
@@ -59,9 +60,9 @@ def shown(value: object) -> str:
 
 
 class Section:
-    """A table and its place; what is missing or faulty is handed out as None.
+    """A table and its place; what is missing or faulty is returned as None.
 
-    A key that was never asked for is unknown: `finish` reports it.
+    A key that was never read is unknown: `finish` reports it.
     """
 
     def __init__(self, table: Mapping[str, Any], place: str, faults: list[Fault]) -> None:
@@ -86,9 +87,9 @@ class Section:
         """The faults of the whole configuration until now."""
         return self._faults
 
-    def fault(self, key: str, message: str) -> None:
+    def fault(self, key: str, message: str, kind: type[Fault] = Fault) -> None:
         """Report a fault of `key`, or of the table where the key is empty."""
-        fault = Fault(self.place(key) or "configuration", message)
+        fault = kind(self.place(key) or "configuration", message)
         if fault not in self._faults:  # a table may be read twice
             self._faults.append(fault)
 
@@ -102,13 +103,13 @@ class Section:
         self._known |= dict.fromkeys(keys)
 
     def finish(self) -> None:
-        """Report every key that was not asked for, with the nearest one that would be valid."""
+        """Report every key that was not read, with the nearest key that would be valid."""
         for key in self._table:
             if key not in self._known:
-                self.fault(key, f"is not a known key{nearest(key, self._known)}")
+                self.fault(key, f"is not a known key{nearest(key, self._known)}", UnknownKey)
 
     def number(self, key: str, unit: str = "", within: Range = ANY) -> float | None:
-        """A finite number in `unit`; where there is a unit, also a string that states one."""
+        """A finite number in `unit`; where there is a unit, also a string that states its unit."""
         value = self.take(key)
         return None if value is None else self.as_number(key, value, unit, within)
 
@@ -132,8 +133,7 @@ class Section:
             self.fault(key, f"must be finite, got {shown(value)}")
             return None
         if complaint := within.complaint(number):
-            hint = unit_hint(number, unit, within.low, within.high) if unit else ""
-            self.fault(key, complaint + hint)
+            self.fault(key, complaint + unit_hint(number, unit, within.low, within.high))
             return None
         return float(number)
 
@@ -153,7 +153,7 @@ class Section:
         return self.as_number(stem, value, unit, within)
 
     def integer(self, key: str, within: Range = ANY, need: Need | None = PLAIN) -> int | None:
-        """A whole number; what `need` says is too many is a fault, None where it is no count."""
+        """A whole number; more than `need` allows is a fault (None: it is not a count)."""
         value = self.take(key)
         if value is None:
             return None
@@ -186,8 +186,7 @@ class Section:
             self.fault(key, f"must be a string, got {shown(value)}")
             return None
         if valid and value not in valid:
-            known = ", ".join(valid)
-            self.fault(key, f'must be one of {known}, got "{value}"{nearest(value, valid)}')
+            self.fault(key, f'must be one of {", ".join(valid)}, got "{value}"{nearest(value, valid)}')
             return None
         return value
 
@@ -225,13 +224,11 @@ class Section:
     def named_items(self, key: str, read: Callable[[Section, str], Item | None]) -> tuple[Item, ...] | None:
         """What `read` makes of each table of a list, with its name; None after a fault.
 
-        Every table needs a name of its own, and there must be one at least.
+        Every table needs a different name, and there must be at least one table.
         """
-        tables = self.tables(key)
         names: list[str] = []
         items: list[Item | None] = []
-        for at in range(len(tables)):
-            section = self.item(key, at)
+        for section in self.items(key):
             name = section.text("name")
             if not name:
                 section.fault("name", f"is missing: name the {key}")
@@ -240,7 +237,7 @@ class Section:
             names.append(name or "")
             items.append(read(section, name or ""))
             section.finish()
-        if not tables and isinstance(self.take(key), list):
+        if not items and isinstance(self.take(key), list):
             self.fault(key, f"must list at least one {key}")
         whole = tuple(item for item in items if item is not None)
         return whole if items and len(whole) == len(items) else None
@@ -272,8 +269,24 @@ class Section:
 
     def item(self, key: str, at: int, faults: list[Fault] | None = None) -> Section:
         """The table at place `at` (from 0) of `[[key]]`; its faults may go to a list."""
-        collector = self._faults if faults is None else faults
-        return Section(self.tables(key)[at], f"{self.place(key)}[{at}]", collector)
+        return Section(self.tables(key)[at], f"{self.place(key)}[{at}]", self._faults if faults is None else faults)
+
+    def items(self, key: str) -> list[Section]:
+        """Every table of `[[key]]`."""
+        return [self.item(key, at) for at in range(len(self.tables(key)))]
+
+    def attempt(
+        self, compute: Callable[[], Item], placed: Callable[[Fault], tuple[str, str]] = attrgetter("place", "message")
+    ) -> Item | None:
+        """What `compute` returns; None where it raises InputError, whose faults are then reported
+        in this table, with the key and the message that `placed` gives.
+        """
+        try:
+            return compute()
+        except InputError as error:
+            for fault in error.faults:
+                self.fault(*placed(fault))
+        return None
 
 
 def flat(table: Mapping[str, Any], place: str = "") -> dict[str, Any]:

@@ -37,8 +37,7 @@ def keep_standard_streams() -> None:
         except OSError:
             os.open(os.devnull, os.O_RDWR)
     if sys.stdout is sys.__stdout__:  # else they lead elsewhere
-        terminal = sys.stdout is not None and sys.stdout.isatty()
-        sys.stdout = _over(1, sys.stdout, line_buffering=terminal)
+        sys.stdout = _over(1, sys.stdout, line_buffering=sys.stdout is not None and sys.stdout.isatty())
     if sys.stderr is sys.__stderr__:
         sys.stderr = _over(2, sys.stderr, line_buffering=True)
 

@@ -10,11 +10,21 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 
 from . import tables
-from .api_arguments import NOTES, READ, AnyPath, Frame, Source, Tell, collected, readable, report_lines, table_faults_of
-from .configuration import Configuration
+from .api_arguments import (
+    NOTES,
+    READ,
+    AnyPath,
+    Frame,
+    Source,
+    Tell,
+    collected,
+    executing,
+    readable,
+    report_lines,
+    table_faults_of,
+)
 from .errors import Fault, raise_all
 from .problems.interfaces import WithEffects
-from .wide import executing
 
 if TYPE_CHECKING:
     from .workflows.blocks import BlockProgress, Target
@@ -52,14 +62,14 @@ def evaluate(
     `frame` an empty frame is returned, for results too large to be held. Raises ConfigurationError
     with every fault.
     """
+    from .api import read
     from .workflows.evaluate import QUALITIES, designs_in, evaluation
 
     faults = table_faults_of(out, designs, partitioned, resume, overwrite)
     if quality not in QUALITIES:
-        text = f'must be one of {", ".join(QUALITIES)}, got "{quality}"'
-        faults.append(Fault("--quality", text))
+        faults.append(Fault("--quality", f'must be one of {", ".join(QUALITIES)}, got "{quality}"'))
     where = executing(source, settings, workers, dask, faults, block_rows, store)
-    configuration = collected(lambda: _read(source, settings), faults)
+    configuration = collected(lambda: read(source, settings), faults)
     problem, notes = configuration.problem, list[str]()
     if problem is None:
         faults.append(Fault("problem", "is missing: a model alone can only be simulated"))
@@ -101,13 +111,14 @@ def simulate(
     Options as those of `evaluate`. Long Parquet files, and directories of such files, are read in
     batches. Raises ConfigurationError with every fault.
     """
+    from .api import read
     from .configuration.simulated import build_model
     from .workflows.simulate import Simulation, inputs_in, rows_of
     from .workflows.streamed import streamed
 
     faults = table_faults_of(out, inputs, partitioned, resume, overwrite)
     where = executing(source, settings, workers, dask, faults, block_rows, store)
-    configuration = collected(lambda: _read(source, settings), faults)
+    configuration = collected(lambda: read(source, settings), faults)
     raise_all(faults)
     model_settings = configuration.settings
     simulation = Simulation(
@@ -125,20 +136,14 @@ def simulate(
         columns = list(rows.names.values())
     else:
         table, place = readable(inputs, tables.ReadOptions(encoding, delimiter, decimal))
-        read = inputs_in(simulation, table, place, model_settings.columns, understood.extend, notes.extend)
-        rows, columns, index = rows_of(read), list(map(str, read)), read.index
+        points = inputs_in(simulation, table, place, model_settings.columns, understood.extend, notes.extend)
+        rows, columns, index = rows_of(points), list(map(str, points)), points.index
     report_lines(tell, READ, understood)
     report_lines(tell, "note", notes)
     computing = simulation.computed(rows, columns, configuration.toml())
     target = _target(out, partitioned, resume, overwrite)
     predictions = _computed(computing, where, target, progress, frame, [*understood, *notes])
     return predictions.set_axis(index) if index is not None and frame else predictions
-
-
-def _read(source: Source, settings: Sequence[str]) -> Configuration:
-    from .api import read
-
-    return read(source, settings)
 
 
 def _target(out: AnyPath | None, partitioned: bool, resume: bool, overwrite: bool) -> Target | None:
@@ -160,8 +165,7 @@ def _computed(
     from .workflows.execution import executor_of
 
     if not where.dask:
-        blocks = computing.about(where.block_rows).total
-        where = replace(where, workers=min(where.workers or 1, blocks))
+        where = replace(where, workers=min(where.workers or 1, computing.about(where.block_rows).total))
     shared = (where.store, where.store_place) if where.store else None
     done = computed(computing, executor_of(where), target, where.block_rows, progress, frame, shared)
     done.attrs[NOTES] = tuple(notes)

@@ -1,4 +1,4 @@
-"""The value in SI of a unit by its name, by the definitions of pint and a few of our own."""
+"""The value in SI of a unit by its name, by the definitions of pint and a few additional ones."""
 
 from __future__ import annotations
 
@@ -16,46 +16,16 @@ _BASES = frozenset(["meter", "gram", TIME, "ampere", "kelvin", "mole", "candela"
 """What units are made of; an angle is a quantity of its own here."""
 _SI = {"gram": "kilogram"}
 _PLAIN = frozenset(["%", "‰", "percent", "permille", "ppm"])
-"""Names of plain numbers; what else is one (pi, decades) is no unit here."""
+"""Names of plain numbers; other plain numbers (pi, decades) are not units here."""
+_FRACTIONS = ("yocto", "zepto", "atto", "femto", "pico", "nano", "micro", "milli")
+_MULTIPLES = ("kilo", "mega", "giga", "tera", "peta", "exa", "zetta", "yotta")
 _PREFIXES: Mapping[str, int] = {
-    "yocto": -24,
-    "zepto": -21,
-    "atto": -18,
-    "femto": -15,
-    "pico": -12,
-    "nano": -9,
-    "micro": -6,
-    "milli": -3,
-    "centi": -2,
-    "deci": -1,
-    "deca": 1,
-    "deka": 1,
-    "hecto": 2,
-    "kilo": 3,
-    "mega": 6,
-    "giga": 9,
-    "tera": 12,
-    "peta": 15,
-    "exa": 18,
-    "zetta": 21,
-    "yotta": 24,
-    "da": 1,
-    "a": -18,
-    "f": -15,
-    "p": -12,
-    "n": -9,
-    "u": -6,
-    "µ": -6,
-    "m": -3,
-    "c": -2,
-    "d": -1,
-    "h": 2,
-    "k": 3,
-    "M": 6,
-    "G": 9,
-    "T": 12,
-    "P": 15,
-    "E": 18,
+    **dict(zip(_FRACTIONS, range(-24, 0, 3), strict=True)),
+    **{"centi": -2, "deci": -1, "deca": 1, "deka": 1, "hecto": 2},
+    **dict(zip(_MULTIPLES, range(3, 25, 3), strict=True)),
+    **{"da": 1, "c": -2, "d": -1, "h": 2, "µ": -6},
+    **dict(zip("afpnum", range(-18, 0, 3), strict=True)),
+    **dict(zip("kMGTPE", range(3, 19, 3), strict=True)),
 }
 """Powers of ten; those of more letters first."""
 _OURS: Mapping[str, str] = {
@@ -92,8 +62,8 @@ _PLURALS = 3
 
 @dataclass(frozen=True, slots=True)
 class Unit:
-    """A unit: how many of its SI unit one is, the powers of what it is made of, and where its zero
-    lies in its SI unit (of a temperature alone).
+    """A unit: its factor to the SI unit, the powers of its base units, and where its zero lies in
+    the SI unit (only of a temperature).
     """
 
     factor: Fraction
@@ -124,7 +94,7 @@ def unit_of(text: str) -> Unit:
         return _unit_named(parts[0][0])
     above = [name for name, power in parts if power > 0]
     if len(above) > 1 and not _PLAIN.isdisjoint(above):
-        raise UnitError("a percentage of a unit is no unit")
+        raise UnitError("a percentage of a unit is not a unit")
     product = NUMBER
     for name, power in parts:
         product = _times(product, _unit_named(name), power)
@@ -182,20 +152,19 @@ def _names() -> frozenset[str]:
 
 @lru_cache(maxsize=1024)
 def _unit_named(name: str) -> Unit:
-    """The unit of one name, with or without a prefix or a plural's s."""
+    """The unit of a single name, with or without a prefix or a plural's s."""
     if name in COMMON:
         return Unit(*COMMON[name], ZEROS.get(name, Fraction(0)))
     return looked_up(name)
 
 
 def looked_up(name: str) -> Unit:
-    """The unit of one name by the definitions of pint."""
+    """The unit of a single name by the definitions of pint."""
     prefix, stem = _split(name)
     unit = _defined(stem)
     if prefix and unit.zero:
         raise UnitError(f'"{name}" is not a unit: what has a zero of its own takes no prefix')
-    exponent = _PREFIXES[prefix] if prefix else 0
-    return Unit(unit.factor * Fraction(10) ** exponent, unit.dimensions, unit.zero)
+    return Unit(unit.factor * Fraction(10) ** _PREFIXES.get(prefix, 0), unit.dimensions, unit.zero)
 
 
 def _split(name: str) -> tuple[str, str]:

@@ -6,7 +6,7 @@
     power   = (name | "(" unit ")") [ ["^" | "**"] exponent ]
 
 An exponent is a whole number of one digit, with or without a sign, or a superscript. What is
-divided by several units needs brackets: "J/kg K" is read one way here and the other way there.
+divided by several units needs brackets, as "J/kg K" is ambiguous.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ Factors = tuple[tuple[str, int], ...]
 
 
 class UnitError(ValueError):
-    """A text that is no unit; the message says why."""
+    """A text that is not a unit; the message states why."""
 
 
 @dataclass(frozen=True, slots=True)

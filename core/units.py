@@ -29,27 +29,8 @@ MM = 1e-3
 """Metres in a millimetre."""
 
 SUFFIXES = frozenset(
-    [
-        "um",
-        "mm",
-        "m",
-        "arcmin",
-        "arcsec",
-        "deg",
-        "rad",
-        "mrad",
-        "percent",
-        "K",
-        "C",
-        "s",
-        "rpm",
-        "Hz",
-        "Nm",
-        "kg",
-        "N",
-        "N_per_mm",
-        "Nm_per_arcmin",
-    ]
+    {"um", "mm", "m", "arcmin", "arcsec", "deg", "rad", "mrad", "percent"}
+    | {"K", "C", "s", "rpm", "Hz", "kg", "N", "Nm", "N_per_mm", "Nm_per_arcmin"}
 )
 """The unit suffixes that names of parameters, variables and outputs end with."""
 
@@ -156,7 +137,7 @@ def family(unit: str) -> tuple[str, float]:
 
 @lru_cache(maxsize=256)
 def _affine(unit: str, to: str) -> tuple[float, float]:
-    """How many of `to` one `unit` is, and where its zero lies."""
+    """The factor from `unit` to `to`, and where the zero of `unit` lies."""
     try:
         scale, zero = _scale(unit, to)
     except UnitError as error:

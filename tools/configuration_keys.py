@@ -21,8 +21,7 @@ import tomli_w
 
 from tolevo.configuration.claims import read_claims, shipped
 from tolevo.configuration.execution import read_execution
-from tolevo.configuration.gap import read_gap
-from tolevo.configuration.gap_kind import is_gap
+from tolevo.configuration.gap import is_gap, read_gap
 from tolevo.configuration.reader import read
 from tolevo.configuration.study import is_study, read_study
 from tolevo.errors import InputError
@@ -97,7 +96,7 @@ OUTSIDE = {
 }
 """Keys that are read before sections are made, or by whatever name they bear, and their types."""
 QUESTIONS = ("number", "quantity", "integer", "flag", "text", "names", "numbers", "section",
-             "tables", "named_items", "item", "collecting", "take")  # fmt: skip
+             "tables", "named_items", "item", "items", "collecting", "take")  # fmt: skip
 """The methods of a section that ask for a key."""
 
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from .. import tables
-from ..errors import Fault, InputError, raise_all
+from ..errors import raise_all, refuse
 from ..models.serial_arm.declared import MOST
 from ..section import Section
 from .plugins import ProblemClass
@@ -28,15 +29,12 @@ def with_poses(top: Section, problem_class: ProblemClass | None, folder: Path) -
     name = cell.get("poses") if isinstance(cell, Mapping) else None
     if cell is None or not isinstance(name, str) or "." not in name:
         return top
-    section = top.section("cell")
-    try:
-        key, rows = _read(folder / name, name)
-    except InputError as error:
-        for fault in error.faults:
-            section.fault("poses", f"{fault.place} {fault.message}")
+    read = top.section("cell").attempt(
+        partial(_read, folder / name, name), lambda fault: ("poses", f"{fault.place} {fault.message}")
+    )
+    if read is None:
         return top
-    remaining = {k: v for k, v in cell.items() if k != "poses"}
-    return top.having("cell", remaining | {key: rows})
+    return top.having("cell", {k: v for k, v in cell.items() if k != "poses"} | {read[0]: read[1]})
 
 
 def _read(path: Path, name: str) -> tuple[str, list[list[float]]]:
@@ -50,16 +48,8 @@ def _read(path: Path, name: str) -> tuple[str, list[list[float]]]:
         return "joints_deg", _numbers(cells[joints], name)
     wanted = [*PLACE, *(TURN if turned else ())]
     if missing := [column for column in wanted if column not in cells]:
-        raise InputError(
-            [
-                Fault(
-                    name,
-                    f"lacks {', '.join(missing)}: poses are x_mm, y_mm, z_mm "
-                    "with rx_deg, ry_deg, rz_deg or without, or joint_1_deg, "
-                    "joint_2_deg, ...",
-                )
-            ]
-        )
+        poses = "x_mm, y_mm, z_mm, with or without rx_deg, ry_deg, rz_deg, or joint_1_deg, joint_2_deg, ..."
+        raise refuse(name, f"lacks {', '.join(missing)}: the columns of poses are {poses}")
     return "poses", _numbers(cells[wanted], name)
 
 
@@ -67,9 +57,9 @@ def _numbers(cells: Any, name: str) -> list[list[float]]:
     try:
         rows = cells.to_numpy(dtype=float)
     except (TypeError, ValueError) as error:
-        raise InputError([Fault(name, f"must hold numbers: {error}")]) from None
-    if len(rows) == 0 or not np.all(np.isfinite(rows)):
-        row = int(np.argmin(np.all(np.isfinite(rows), axis=1))) + 1 if len(rows) else 0
-        text = f"row {row} has an empty or infinite cell" if len(rows) else "has no rows"
-        raise InputError([Fault(name, text)])
+        raise refuse(name, f"must hold numbers: {error}") from None
+    if len(rows) == 0:
+        raise refuse(name, "has no rows")
+    if not (finite := np.all(np.isfinite(rows), axis=1)).all():
+        raise refuse(name, f"row {int(np.argmin(finite)) + 1} has an empty or infinite cell")
     return [[float(number) for number in row] for row in rows]

@@ -1,4 +1,4 @@
-"""`tolevo check`: a configuration of any kind, validated, and the text that says all of it."""
+"""`tolevo check`: a configuration of any kind, validated, and the text that states all of it."""
 
 from __future__ import annotations
 
@@ -7,8 +7,7 @@ from collections.abc import Sequence
 from ..problems.interfaces import Accuracy
 from ..workflows.run.reach import searchable
 from .description import describe, describe_plan
-from .gap import read_gap
-from .gap_kind import is_gap
+from .gap import is_gap, read_gap
 from .reader import read
 from .simulated import build_model
 from .source import Source

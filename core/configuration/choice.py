@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -11,7 +10,7 @@ from ..section import POSITIVE, Range, Section
 from ..workflows.choice.settings import RULES, ChoiceSettings, Step
 from .costs import unknown
 from .goals import read_limits
-from .nested import nested
+from .resolved import resolved_limits
 
 
 def read_choice(
@@ -24,8 +23,7 @@ def read_choice(
     budget = section.number("budget", within=POSITIVE)
     roughness = section.number("roughness_share", within=Range(low=0.0, high=1.0, open_low=True))
     section.finish()
-    steps = _steps(top.section("rounding"), variables)
-    return ChoiceSettings(weights, limits, budget, steps, roughness)
+    return ChoiceSettings(weights, limits, budget, _steps(top.section("rounding"), variables), roughness)
 
 
 def _weights(section: Section, objectives: Sequence[str]) -> dict[str, float]:
@@ -56,7 +54,7 @@ def _step(section: Section, variable: Variable) -> Step | None:
     if isinstance(value, str) and value in RULES:
         if variable.tolerance:
             return value
-        section.fault(variable.name, "is no tolerance: give a step or a list of values")
+        section.fault(variable.name, "is not a tolerance: give a step or a list of values")
         return None
     if isinstance(value, list):
         numbers = section.numbers(variable.name)
@@ -75,15 +73,9 @@ def _step(section: Section, variable: Variable) -> Step | None:
 
 def resolved_choice(settings: ChoiceSettings) -> dict[str, Any]:
     """The tables that state these settings; what was not given is left out."""
-    limits = {name: _limit(bound.low, bound.high) for name, bound in settings.limits.items()}
-    numbers = {} if settings.budget is None else {"budget": settings.budget}
-    if settings.roughness_share is not None:
-        numbers["roughness_share"] = settings.roughness_share
-    parts: Mapping[str, Any] = {"weights": dict(settings.weights), "limits": nested(limits)}
-    choice = {name: table for name, table in parts.items() if table} | numbers
+    numbers = {"budget": settings.budget, "roughness_share": settings.roughness_share}
+    tables: Mapping[str, Any] = {"weights": dict(settings.weights), "limits": resolved_limits(settings.limits)}
+    choice = {name: table for name, table in tables.items() if table}
+    choice |= {name: number for name, number in numbers.items() if number is not None}
     steps = {name: list(step) if isinstance(step, tuple) else step for name, step in settings.steps.items()}
     return {name: table for name, table in (("choice", choice), ("rounding", steps)) if table}
-
-
-def _limit(low: float, high: float) -> dict[str, float]:
-    return {key: end for key, end in (("min", low), ("max", high)) if math.isfinite(end)}

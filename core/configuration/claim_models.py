@@ -7,7 +7,7 @@ from ..counts import SAMPLES
 from ..problems.interfaces import Documented
 from ..section import Range, Section
 from ..workflows.reproduce.recipes import STATISTICS, ByModel, ByProblem, Recipe, Statistic
-from .claim_parts import configured, names_of, report_build_faults
+from .claim_parts import configured, names_of
 from .plugins import ModelClass
 from .simulated import arguments_of
 
@@ -27,7 +27,7 @@ def by_model(section: Section, count: int) -> Recipe | None:
     drawn = section.integer("units", Range(low=2), SAMPLES) or 0
     statistic = _statistic(section, drawn, max((len(points) for points in at.values()), default=1))
     if kind.population and not drawn:
-        section.fault("units", f"is missing: {configuration.model_name} draws units; say how many")
+        section.fault("units", f"is missing: {configuration.model_name} draws units; state their number")
     names = names_of(section, "output", count, {output.name: output.unit for output in kind.outputs})
     recipe = ByModel(
         configuration.model_name,
@@ -39,7 +39,7 @@ def by_model(section: Section, count: int) -> Recipe | None:
         statistic=statistic,
         drawn=drawn,
     )
-    report_build_faults(section, recipe.model)
+    section.attempt(recipe.model)  # reports faults that only show when the model is built
     return recipe
 
 
@@ -70,7 +70,7 @@ def _statistic(section: Section, drawn: int, rows: int) -> Statistic:
     level = section.number("level", within=LEVEL)
     threshold = section.number("threshold")
     if name == "quantile" and "level" not in section:
-        section.fault("level", "is missing: the share of rows below the quantile")
+        section.fault("level", "is missing: the fraction of rows below the quantile")
     if name.startswith("fraction") and "threshold" not in section:
         section.fault("threshold", "is missing: the value, in the unit of the output")
     if name == "value" and (drawn or rows > 1):
@@ -87,8 +87,7 @@ def by_problem(section: Section, count: int) -> Recipe | None:
     if configuration is None or configuration.problem is None:
         return None
     problem = configuration.problem
-    known = {output.name: output.unit for output in problem.outputs}
-    names = names_of(section, "output", count, known)
+    names = names_of(section, "output", count, {output.name: output.unit for output in problem.outputs})
     printed = Documented.of(problem).references()
     label = section.text("reference", printed)
     values = {v.name: v.document for v in problem.variables if v.document is not None} | problem.fixed
@@ -96,8 +95,7 @@ def by_problem(section: Section, count: int) -> Recipe | None:
         values |= dict(zip(problem.names, printed[label].tolist(), strict=True))
     design = section.section("design")
     for variable in problem.variables:
-        within = Range(variable.valid_low, variable.valid_high)
-        value = design.number(variable.name, variable.unit, within)
+        value = design.number(variable.name, variable.unit, Range(variable.valid_low, variable.valid_high))
         if value is not None:
             values[variable.name] = value
         elif variable.name not in values and variable.name not in design:

@@ -1,11 +1,11 @@
-"""Parts common to all ways to recompute a claim: names, tables of configurations, units."""
+"""Parts common to all methods to recompute a claim: names, tables of configurations, units."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
-from ..errors import InputError, nearest
+from ..errors import nearest
 from ..section import Section
 from ..units import converted
 from ..workflows.reproduce.recipes import ByCalculation, ByModel, ByProblem, Constant, Derivative, Recipe
@@ -14,40 +14,25 @@ from .reader import read_table
 
 
 def names_of(section: Section, key: str, count: int, known: Mapping[str, Any]) -> tuple[str, ...]:
-    """One name, or a list of as many as the claim prints; each must be in `known`, if given."""
+    """A name, or as many names as the claim prints; all must be in `known`, if given."""
     value = section.take(key)
     names = [value] if isinstance(value, str) else section.names(key)
     if names is None:
         if value is None:
-            section.fault(key, "is missing: name what is to be compared with the printed value")
+            section.fault(key, "is missing: name the quantity that is compared with the printed value")
         return ()
     if count and len(names) != count:
         section.fault(key, f"must name {count} as `printed` does, got {len(names)}")
     for name in names:
         if known and name not in known:
-            text = f'"{name}" is not computed{nearest(name, known)}; known: {", ".join(known)}'
-            section.fault(key, text)
+            section.fault(key, f'"{name}" is not computed{nearest(name, known)}; known: {", ".join(known)}')
     return tuple(names)
 
 
 def configured(section: Section, keys: tuple[str, ...]) -> Configuration | None:
     """The configuration in some keys of an interpretation; its faults are placed in the latter."""
     table = {key: section.take(key) for key in keys if key in section}
-    try:
-        return read_table(table, [])
-    except InputError as error:
-        for fault in error.faults:
-            section.fault(fault.place, fault.message)
-        return None
-
-
-def report_build_faults(section: Section, build: Callable[[], object]) -> None:
-    """Report faults that only show when an object is built."""
-    try:
-        build()
-    except InputError as error:
-        for fault in error.faults:
-            section.fault(fault.place, fault.message)
+    return section.attempt(lambda: read_table(table, []))
 
 
 def convertible(section: Section, recipe: Recipe, unit: str) -> None:

@@ -9,7 +9,7 @@ from ..models.expressions import Formula, FormulaError
 from ..section import POSITIVE, Section
 from ..workflows.reproduce.recipes import ByCalculation, ByFormula, Constant, Derivative, Recipe
 from .claim_models import by_model, by_problem
-from .claim_parts import convertible, names_of, report_build_faults
+from .claim_parts import convertible, names_of
 from .parameters import read_parameters
 from .plugins import load_named
 
@@ -20,8 +20,7 @@ STUDY = "study"
 
 def read_recipe(section: Section, count: int, unit: str, study: str) -> Recipe | None:
     """The recipe of an interpretation of a claim in `unit`; None where it is faulty."""
-    recipe = _recipe(section, count, study, unit)
-    derived = _derived(section, recipe)
+    derived = _derived(section, _recipe(section, count, study, unit))
     if derived is not None and unit:
         convertible(section, derived, unit)
     return derived
@@ -31,8 +30,7 @@ def _recipe(section: Section, count: int, study: str, unit: str = "") -> Recipe 
     """A recipe of `count` values; `unit` is that of a formula's results."""
     kinds = [kind for kind in KINDS if kind in section]
     if len(kinds) != 1:
-        text = f"names {' and '.join(kinds)}; one is enough" if kinds else "names nothing"
-        section.fault("", f"{text}: recompute by one of {', '.join(KINDS)}")
+        section.fault("", f"must have exactly one of the keys {', '.join(KINDS)}, got {' and '.join(kinds) or 'none'}")
         section.accept(section.all_keys())
         return None
     match kinds[0]:
@@ -51,8 +49,7 @@ def _by_calculation(section: Section, count: int, study: str) -> Recipe | None:
     if kind is None:
         section.accept(["quantity", "parameters", "derivative"])
         return None
-    known = {output.name: output.unit for output in kind.outputs}
-    names = names_of(section, "quantity", count, known)
+    names = names_of(section, "quantity", count, {output.name: output.unit for output in kind.outputs})
     parameters = read_parameters(section.section("parameters"), kind.parameters)
     if study and any(parameter.name == STUDY for parameter in kind.parameters):
         parameters.setdefault(STUDY, study)
@@ -65,7 +62,7 @@ def _by_formula(section: Section, count: int, unit: str, study: str) -> Recipe |
     value = section.take("formula")
     texts = [value] if isinstance(value, str) else section.names("formula") or []
     if count and texts and len(texts) != count:
-        section.fault("formula", f"must be {count} as `printed` has, got {len(texts)}")
+        section.fault("formula", f"must hold {count} formulas, as many as `printed` has numbers, got {len(texts)}")
     formulas = []
     for text in texts:
         try:
@@ -76,7 +73,7 @@ def _by_formula(section: Section, count: int, unit: str, study: str) -> Recipe |
     used = {name for formula in formulas for name in formula.names}
     table = section.section("terms")
     for name in sorted(used - set(table.all_keys())):
-        section.fault("formula", f'"{name}" is no term{nearest(name, table.all_keys())}')
+        section.fault("formula", f'"{name}" is not a term{nearest(name, table.all_keys())}')
     for name in sorted(set(table.all_keys()) - used):
         table.fault(name, "is used by no formula")
     complete = len(formulas) == len(texts) and used <= set(terms)
@@ -95,7 +92,7 @@ def _terms(section: Section, study: str) -> dict[str, tuple[Recipe, str]]:
         unit = term.text("unit")
         if not unit:
             term.fault("unit", 'is missing: the unit in which it enters the formula, "1" for none')
-        recipe = _constant(term, unit or "1") if "value" in term else _term(term, study)
+        recipe = _constant(term, unit or "1") if "value" in term else _derived(term, _recipe(term, 1, study, "1"))
         term.finish()
         if recipe is not None and unit:
             convertible(term, recipe, unit)
@@ -108,27 +105,24 @@ def _constant(section: Section, unit: str) -> Recipe | None:
     return None if value is None else Constant(value, unit)
 
 
-def _term(section: Section, study: str) -> Recipe | None:
-    return _derived(section, _recipe(section, 1, study, "1"))
-
-
 def _derived(section: Section, recipe: Recipe | None) -> Recipe | None:
-    """The derivative of the recipe where one is asked for."""
+    """The derivative of the recipe, where the table states one."""
     if "derivative" not in section:
         return recipe
     derivative = section.section("derivative")
     name, step = derivative.text("by"), derivative.number("step", within=POSITIVE)
     for key in ("by", "step"):
         if key not in derivative:
-            derivative.fault(key, "is missing: a derivative needs what it is by, and a step")
+            derivative.fault(key, "is missing: a derivative needs the input that is varied, and a step")
     derivative.finish()
     if recipe is None or name is None or step is None:
         return None
     known = recipe.shiftable()
     if recipe.unit_of(name) is None:
-        derivative.fault("by", f'"{name}" is no input of {recipe.by}{nearest(name, known)}; known: {", ".join(known)}')
+        text = f'"{name}" is not an input of {recipe.by}{nearest(name, known)}; known: {", ".join(known)}'
+        derivative.fault("by", text)
         return None
     derived = Derivative(recipe, name, step)
     for sign in (-1.0, 1.0):
-        report_build_faults(derivative, partial(recipe.shifted, name, sign * step))
+        derivative.attempt(partial(recipe.shifted, name, sign * step))
     return derived

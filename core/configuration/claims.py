@@ -24,8 +24,7 @@ HALF_UNIT = "half a unit of the last printed digit"
 
 def shipped() -> tuple[Path, ...]:
     """The files of claims that come with the package, by name."""
-    folder = Path(str(files("tolevo.configs")))
-    return tuple(sorted(folder.glob(SHIPPED)))
+    return tuple(sorted(Path(str(files("tolevo.configs"))).glob(SHIPPED)))
 
 
 def read_claims(paths: Sequence[Path], overrides: Sequence[str] = ()) -> ReproducePlan:
@@ -34,16 +33,16 @@ def read_claims(paths: Sequence[Path], overrides: Sequence[str] = ()) -> Reprodu
     Raises InputError with every fault of every file.
     """
     faults: list[Fault] = []
-    sources = [_source(path, overrides, faults) for path in (paths or shipped())]
+    read = {path: _source(path, overrides, faults) for path in (paths or shipped())}
+    sources = {path: source for path, source in read.items() if source is not None}
     names: list[str] = []
-    for path, source in zip(paths or shipped(), sources, strict=True):
-        if source is not None:
-            name = source.file.document.name
-            if name in names:
-                faults.append(Fault(f"{path.name}: document", f'"{name}" is read twice'))
-            names.append(name)
+    for path, source in sources.items():
+        name = source.file.document.name
+        if name in names:
+            faults.append(Fault(f"{path.name}: document", f'"{name}" is read twice'))
+        names.append(name)
     raise_all(faults)
-    return ReproducePlan(tuple(source for source in sources if source is not None))
+    return ReproducePlan(tuple(sources.values()))
 
 
 def _source(path: Path, overrides: Sequence[str], faults: list[Fault]) -> Source | None:
@@ -73,7 +72,7 @@ def _file(table: Table, faults: list[Fault]) -> ClaimsFile:
         if not name:
             section.fault("id", "is missing: name the claim")
         elif name in positions:
-            section.fault("id", f'"{name}" is that of claim[{positions[name]}] already')
+            section.fault("id", f'"{name}" is also the id of claim[{positions[name]}]')
         positions[name or f"[{at}]"] = at
         claim = _claim(section, name or "", study)
         if claim is not None:
@@ -104,30 +103,18 @@ def _claim(section: Section, name: str, study: str) -> Claim | None:
     printed, step = _printed(section)
     tolerance, reason = _tolerance(section, relation, step)
     lost = section.text("lost") or ""
-    written = {key: section.text(key) or "" for key in ("printed_as", "ambiguous", "why")}
+    printed_as, ambiguous, why = (section.text(key) or "" for key in ("printed_as", "ambiguous", "why"))
     section.accept(["reading"])
     readings = _read_interpretations(section, unit, relation, len(printed), study)
     if lost and "reading" in section:
-        section.fault("reading", "computes what `lost` says cannot be; give one of them")
+        section.fault("reading", "computes what `lost` states to be impossible; give only one of them")
     elif not lost and "reading" not in section:
-        section.fault("reading", "is missing: say how it is recomputed ([[claim.reading]]), or what is lost")
+        section.fault("reading", "is missing: state how it is recomputed ([[claim.reading]]), or what is lost")
     elif not lost and "printed" not in section:
         section.fault("printed", "is missing: the number that the document prints")
     section.finish()
     return Claim(
-        name,
-        place,
-        quantity,
-        unit,
-        printed,
-        written["printed_as"],
-        relation,
-        tolerance,
-        reason,
-        written["ambiguous"],
-        lost,
-        written["why"],
-        readings,
+        name, place, quantity, unit, printed, printed_as, relation, tolerance, reason, ambiguous, lost, why, readings
     )
 
 
@@ -147,19 +134,18 @@ def _printed(section: Section) -> tuple[tuple[float, ...], float]:
     value = section.take("printed")
     if value is None:
         return (), 0.0
-    many = isinstance(value, list)
     entries = value if isinstance(value, list) else [value]
     numbers, steps = [], []
     for at, entry in enumerate(entries):
         number = _digits(entry)
         if number is None:
             text = f'must be a number, or its digits as a string ("0.110"), got {shown(entry)}'
-            section.fault(f"printed[{at}]" if many else "printed", text)
+            section.fault(f"printed[{at}]" if isinstance(value, list) else "printed", text)
             continue
         numbers.append(float(number))
         steps.append(0.5 * 10.0 ** int(number.as_tuple().exponent))
-    if many and not entries:
-        section.fault("printed", "names no number")
+    if not entries:
+        section.fault("printed", "must hold at least one number")
     return tuple(numbers), max(steps, default=0.0)
 
 
@@ -171,8 +157,9 @@ def _digits(value: Any) -> Decimal | None:
         number = Decimal(str(value))
     except InvalidOperation:
         return None
-    whole = isinstance(value, float) and value == int(value) if number.is_finite() else False
-    return (Decimal(int(value)) if whole else number) if number.is_finite() else None
+    if not number.is_finite():
+        return None
+    return Decimal(int(value)) if isinstance(value, float) and value == int(value) else number
 
 
 def _tolerance(section: Section, relation: str, step: float) -> tuple[float, str]:
@@ -197,14 +184,13 @@ def _read_interpretations(
     if relation == "within" and count != 2:
         section.fault("printed", f"must be [low, high] where the relation is within, got {count}")
     wanted = 1 if relation == "within" else count
-    readings = []
-    for at in range(len(section.tables("reading"))):
-        reading = section.item("reading", at)
+    interpretations = []
+    for at, reading in enumerate(section.items("reading")):
         states = reading.text("states") or ""
         if at and not states.strip():
-            reading.fault("states", "is missing: only the first reading may be the literal one")
+            reading.fault("states", "is missing: only the first interpretation may be the literal one")
         recipe = read_recipe(reading, wanted, unit, study)
         reading.finish()
         if recipe is not None:
-            readings.append(Interpretation(recipe, states))
-    return tuple(readings)
+            interpretations.append(Interpretation(recipe, states))
+    return tuple(interpretations)

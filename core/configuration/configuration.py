@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Configuration:
-    """What one TOML file asks for.
+    """The contents of a TOML file.
 
     `problem` and `algorithm` are None where the configuration is `model = "..."` alone. `resolved`
     holds every value, defaults included: reading it again gives the same configuration.
@@ -60,7 +60,7 @@ class Configuration:
 
     @property
     def seed(self) -> int:
-        """The one seed of everything random."""
+        """The seed of everything random."""
         return self.settings.seed
 
     def toml(self) -> str:

@@ -1,7 +1,7 @@
 """`[costs] file` and `[part.costs] file`: prices from a table, put into the configuration.
 
-What the file says (see `cost_rows`) takes its place in the tables of the configuration, which are
-then read as if it stood there.
+The contents of the file (see `cost_rows`) replace its name in the tables of the configuration,
+which are then read as if the contents were written there.
 """
 
 from __future__ import annotations
@@ -83,17 +83,14 @@ def _fill_variables(filled: Filled, prices: Prices, faults: list[Fault]) -> None
             if process is not None and process in machines:
                 _price(machines[process], process, some, prices.place, faults)
             elif process is not None:
-                faults.append(
-                    Fault(
-                        prices.place, f'{name} has no machine "{process}"{nearest(process, [str(m) for m in machines])}'
-                    )
-                )
+                text = f'{name} has no machine "{process}"{nearest(process, map(str, machines))}'
+                faults.append(Fault(prices.place, text))
             elif isinstance(costs.get(name, {}), dict) and costs.get(name, {}).keys() <= {*EXTRAS}:
                 unit = split_unit(name)[1]
                 if (curve := _curve(some, prices, unit, name, faults)) is not None:
                     costs[name] = curve | costs.get(name, {})
             else:
-                faults.append(Fault(f"costs.{name}", "is stated here and in the file: keep one"))
+                faults.append(Fault(f"costs.{name}", "is stated here and in the file: keep only one of them"))
 
 
 def _fill_parts(filled: Filled, prices: Prices, faults: list[Fault]) -> None:
@@ -101,7 +98,7 @@ def _fill_parts(filled: Filled, prices: Prices, faults: list[Fault]) -> None:
     parts = {part.get("name"): (at, part) for at, part in tables_in(filled.table, "part")}
     for name, rows in _by(prices, "part", faults):
         if name not in parts:
-            text = f'"{name}" of the file is not a part{nearest(name, [str(p) for p in parts])}'
+            text = f'"{name}" of the file is not a part{nearest(name, map(str, parts))}'
             faults.append(Fault(prices.place, text))
             continue
         at, part = parts[name]
@@ -112,7 +109,7 @@ def _by(prices: Prices, key: str, faults: list[Fault]) -> Iterator[tuple[str, li
     """Rows by variable or part."""
     groups = _grouped(prices.rows, key)
     if None in groups:
-        faults.append(Fault(prices.place, f"column {key} is missing or empty: it says what each cost is of"))
+        faults.append(Fault(prices.place, f"column {key} is missing or empty: it states what each cost is of"))
     for name, rows in groups.items():
         if name is not None:
             yield name, rows
@@ -129,32 +126,19 @@ def _fill_part(filled: Filled, part: Raw, at: int, prices: Prices, faults: list[
     """Prices of one part: of its processes and machines, by grade, or as a table of t."""
     owners = {owner.get("name"): owner for key in ("process", "machine") for _, owner in tables_in(part, key)}
     machines = {machine.get("name") for _, machine in tables_in(part, "machine")}
-    name = str(part.get("name", at))
+    name, unit = str(part.get("name", at)), _unit_of(filled.table, part)
     for process, rows in _grouped(prices.rows, "process").items():
+        of_owner = replace(prices, rows=rows)
         if process is None:
-            _fill_table(
-                filled, part, f"part[{at}]", name, replace(prices, rows=rows), faults, _unit_of(filled.table, part)
-            )
+            _fill_table(filled, part, f"part[{at}]", name, of_owner, faults, unit)
         elif process not in owners:
-            faults.append(
-                Fault(
-                    prices.place,
-                    f'part {name} has no process or machine "{process}"'
-                    f"{nearest(process, [str(owner) for owner in owners])}",
-                )
-            )
+            text = f'part {name} has no process or machine "{process}"{nearest(process, map(str, owners))}'
+            faults.append(Fault(prices.place, text))
         elif process in machines:
             _price(owners[process], process, rows, prices.place, faults)
         else:
-            _fill_table(
-                filled,
-                owners[process],
-                f"part[{at}].process",
-                f"{name}, {process}",
-                replace(prices, rows=rows),
-                faults,
-                _unit_of(filled.table, part),
-            )
+            place = f"part[{at}].process"
+            _fill_table(filled, owners[process], place, f"{name}, {process}", of_owner, faults, unit)
 
 
 def _unit_of(table: Raw, part: Raw) -> str:
@@ -174,7 +158,7 @@ def _fill_table(
     by_grade = [row for row in prices.rows if "grade" in row]
     key = "price" if by_grade else "cost"
     if key in owner:
-        faults.append(Fault(f"{place}.{key}", "is stated here and in the file: keep one"))
+        faults.append(Fault(f"{place}.{key}", "is stated here and in the file: keep only one of them"))
         return
     if by_grade and len(by_grade) < len(prices.rows):
         faults.append(Fault(prices.place, f"{name} has rows with a grade and rows without one"))
@@ -199,10 +183,10 @@ def _fill_table(
 
 def _narrow_grades(filled: Filled, owner: Raw, name: str, by_grade: dict[str, float]) -> None:
     """Narrow the range of grades to that with prices in the file; prices beyond it are left out."""
-    asked = owner.get("grade")
-    if not (isinstance(asked, list) and len(asked) == 2 and all(end in GRADES for end in asked)):
+    stated = owner.get("grade")
+    if not (isinstance(stated, list) and len(stated) == 2 and all(end in GRADES for end in stated)):
         return
-    first, last = (GRADES.index(end) for end in asked)
+    first, last = (GRADES.index(end) for end in stated)
     priced = [at for at in range(first, last + 1) if GRADES[at] in by_grade]
     for grade in [grade for grade in by_grade if grade in GRADES]:
         if not first <= GRADES.index(grade) <= last:
@@ -212,7 +196,7 @@ def _narrow_grades(filled: Filled, owner: Raw, name: str, by_grade: dict[str, fl
         owner["grade"] = list(ends)
         filled.notes.append(
             f"part {name}: prices are given from {ends[0]} to {ends[1]}; the search from "
-            f"{asked[0]} to {asked[1]} is narrowed to them"
+            f"{stated[0]} to {stated[1]} is narrowed to them"
         )
 
 
@@ -220,7 +204,8 @@ def _price(machine: Raw, name: str, rows: list[Raw], place: str, faults: list[Fa
     if len(rows) != 1 or rows[0].keys() & {"t", "grade"}:
         faults.append(Fault(place, f"machine {name} has one price, without t or grade: its scatter does not follow t"))
     elif "price" in machine:
-        faults.append(Fault(place, f"the price of machine {name} is stated in the configuration as well: keep one"))
+        text = f"the price of machine {name} is stated in the configuration as well: keep only one of them"
+        faults.append(Fault(place, text))
     else:
         machine["price"] = rows[0]["cost"]
 
@@ -234,15 +219,13 @@ def _curve(rows: list[Raw], prices: Prices, unit: str, name: str, faults: list[F
         return None
     if prices.t_unit and key == "t":
         if not unit or not fits(prices.t_unit, unit):
-            text = f'{name}: t is in "{prices.t_unit}", which cannot be stated in "{unit}"'
-            faults.append(Fault(prices.place, text))
+            faults.append(Fault(prices.place, f'{name}: t is in "{prices.t_unit}", which cannot be stated in "{unit}"'))
             return None
         values = [float(converted(value, prices.t_unit, unit)) for value in values]
     order = np.argsort(values, kind="stable").tolist()
     t = [values[at] for at in order]
     twice = sorted({value for value in t if t.count(value) > 1})
-    for repeated in twice:
-        faults.append(Fault(prices.place, f"{name}: t = {repeated:g} has two costs"))
+    faults += [Fault(prices.place, f"{name}: t = {repeated:g} has two costs") for repeated in twice]
     if len(t) < 2 and not twice:
         faults.append(Fault(prices.place, f"{name}: needs costs at two values of t at least"))
     if len(t) < 2 or twice:

@@ -56,11 +56,12 @@ def read_prices(name: Any, folder: Path, place: str, filled: Filled, faults: lis
     ]
     have = set(columns.values())
     if "cost" not in have:
-        form_faults.append(Fault(place, f"{name}: column cost is missing{_nearest('cost', cost_table)}"))
+        close = nearest("cost", map(str, cost_table.cells))
+        form_faults.append(Fault(place, f"{name}: column cost is missing{close}"))
     if not have & {"t", "grade", "process"}:
         form_faults.append(Fault(place, f"{name}: column t or grade is missing: what the costs are for"))
     if {"variable", "part"} <= have:
-        form_faults.append(Fault(place, f"{name}: has a column variable and a column part: keep one"))
+        form_faults.append(Fault(place, f"{name}: has a column variable and a column part: keep only one of them"))
     if form_faults:
         faults += form_faults
         return None
@@ -78,12 +79,8 @@ def read_prices(name: Any, folder: Path, place: str, filled: Filled, faults: lis
 def _contradiction(name: str, currency: str, stated: Any) -> str:
     whose = f'{name}, whose costs are in "{currency}"'
     if isinstance(stated, str):
-        return f'contradicts {whose}: the configuration says "{stated}"'
-    return f'is missing next to {whose}: write currency = "{currency}"'
-
-
-def _nearest(name: str, cost_table: tables.Table) -> str:
-    return nearest(name, [str(column) for column in cost_table.cells])
+        return f'contradicts {whose}: the configuration states "{stated}"'
+    return f'is missing, as {name} states its costs in "{currency}": write currency = "{currency}"'
 
 
 def _columns(cost_table: tables.Table) -> tuple[dict[str, str], dict[str, str], list[str]]:
@@ -113,21 +110,20 @@ def _rows(cells: pd.DataFrame, name: str) -> tuple[list[dict[str, Any]], list[st
     rows, wrong = [], []
     for line, cell in zip(cells.index, cells.to_dict("records"), strict=True):
         row: dict[str, Any] = {}
+        messages = []
         for column, value in cell.items():
             text = "" if value is None or value != value else str(value).strip()
-            if column not in ("t", "cost"):
-                if text:
-                    row[str(column)] = text
-                continue
             number = number_in(text)
-            least = number > 0.0 if column == "t" else number >= 0.0
-            if text and not (math.isfinite(number) and least):
-                what = "above 0" if column == "t" else "at least 0"
-                wrong.append(f'{name}, line {line}: {column} must be a number {what}, got "{text}"')
-            elif text:
+            if not text or column not in ("t", "cost"):
+                row |= {str(column): text} if text else {}
+            elif math.isfinite(number) and (number > 0.0 if column == "t" else number >= 0.0):
                 row[str(column)] = number
-        if "cost" not in row and not any(f"line {line}:" in message for message in wrong):
-            wrong.append(f"{name}, line {line}: cost is empty")
+            else:
+                least = "above 0" if column == "t" else "at least 0"
+                messages.append(f'{column} must be a number {least}, got "{text}"')
+        if "cost" not in row and not messages:
+            messages.append("cost is empty")
+        wrong += [f"{name}, line {line}: {message}" for message in messages]
         rows.append(row)
     return rows, wrong
 

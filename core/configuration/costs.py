@@ -17,7 +17,7 @@ from ..section import Section
 
 
 def read_costs(section: Section, defaults: Mapping[str, CostCurve]) -> dict[str, CostCurve]:
-    """The curves that the configuration sets; only variables with a cost may have one."""
+    """The curves that the configuration sets; only variables with a cost may have a curve."""
     curves = {name: _read(section.section(name), default) for name, default in defaults.items() if name in section}
     section.accept((*defaults, "scale_assumed", "assumed"))
     section.finish()
@@ -43,38 +43,38 @@ def narrowed(
     stated = setting or VariableSetting()
     if not isinstance(curve, Table) or stated.value is not None:
         return setting, ""
-    low = variable.low if stated.low is None else stated.low
-    high = variable.high if stated.high is None else stated.high
+    low, high = _search_range(variable, stated)
     ends = max(low, curve.t[0]), min(high, curve.t[-1])
     if ends == (low, high) or ends[0] >= ends[1]:
         return setting, ""
     unit = f" {variable.unit}".rstrip()
     note = (
-        f"costs of {variable.name} are given from {curve.t[0]:g} to {curve.t[-1]:g}{unit}: the "
-        f"search from {low:g} to {high:g} is narrowed to "
-        f"{ends[0]:g} to {ends[1]:g}"
+        f"costs of {variable.name} are given from {curve.t[0]:g} to {curve.t[-1]:g}{unit}: the search from {low:g} to "
+        f"{high:g} is narrowed to {ends[0]:g} to {ends[1]:g}"
     )
     return replace(stated, low=ends[0], high=ends[1]), note
 
 
 def check_ends(section: Section, variable: Variable, setting: VariableSetting | None, curve: CostCurve | None) -> None:
     """Report a range or value at which the cost is not finite."""
+    if curve is None:
+        return
     stated = setting or VariableSetting()
-    ends = {"value": stated.value}
-    if stated.value is None:
-        low = variable.low if stated.low is None else stated.low
-        ends = {"low": low, "high": variable.high if stated.high is None else stated.high}
+    low, high = _search_range(variable, stated)
+    ends = {"low": low, "high": high} if stated.value is None else {"value": stated.value}
     for key, end in ends.items():
-        if curve is None or end is None:
-            continue
         with np.errstate(all="ignore"):
             cost = float(curve.cost(np.array([end]))[0])
         if not np.isfinite(cost):
-            section.fault(
-                key,
-                f"must have a finite cost, but {end:g} {variable.unit} costs "
-                f"{cost:g} by its cost curve ({name_of(curve)})",
-            )
+            text = f"must have a finite cost, but {end:g} {variable.unit} costs {cost:g}"
+            section.fault(key, f"{text} by its cost curve ({name_of(curve)})")
+
+
+def _search_range(variable: Variable, setting: VariableSetting) -> tuple[float, float]:
+    return (
+        variable.low if setting.low is None else setting.low,
+        variable.high if setting.high is None else setting.high,
+    )
 
 
 def unknown(name: str, valid: list[str], what: str) -> str:

@@ -31,7 +31,7 @@ def describe(configuration: Configuration) -> str:
     lines += ["Variables", *(_variable(v, settings[v.name]) for v in problem.variables)]
     lines += [
         "",
-        "Assumptions (values in use that nobody has stated)",
+        "Assumptions (values in use that are not stated)",
         *_assumptions(problem.assumptions()),
         *_assumptions(roughness_assumptions(problem, configuration.choice)),
     ]
@@ -55,9 +55,8 @@ def _effects(configuration: Configuration) -> list[str]:
         parameters = [f"{name} = {value:g}" for name, value in active.values.items()]
         more = active.effect.described(active.values, target)
         parameters += [f"{name} = {value:.6g} {unit}" for name, (value, unit) in more.items()]
-        values = ", ".join(parameters)
         lines.append(f"  {active.effect.name} ({active.effect.family}): {active.effect.cause}")
-        lines.append(f"    {values}")
+        lines.append(f"    {', '.join(parameters)}")
     notes = WithEffects.of(problem).effect_notes() if problem is not None else ()
     return ["Effects", *lines, *(f"  {note}" for note in notes), ""]
 
@@ -97,11 +96,8 @@ def describe_plan(plan: StudyPlan) -> str:
         f"Responses: {', '.join(settings.responses)}",
     ]
     if len(plan.points) < count:
-        lines += [
-            f"{len(plan.points)} of the settings were read as the runs that they mean; "
-            "`tolevo study` reads all before it begins"
-        ]
+        text = f"{len(plan.points)} of the settings were read as run configurations"
+        lines.append(f"{text}; `tolevo study` reads all of them before it begins")
     if plan.warnings:
         lines += ["", "Warnings", *(f"  {warning}" for warning in plan.warnings)]
-    comments = "\n".join(f"# {line}".rstrip() for line in lines)
-    return f"{settings.configuration}\n{comments}"
+    return _commented(settings.configuration, lines)

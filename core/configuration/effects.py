@@ -11,7 +11,6 @@ from ..models.effects.compose import Active
 from ..models.effects.effect import Effect, EffectParameter, Target
 from ..models.effects.readings import target_of
 from ..models.effects.unresolved import Unresolved
-from ..models.gear import Gear
 from ..models.measurable import MeasurableModel
 from ..section import Range, Section, shown
 from .plugins import ModelClass, load_named
@@ -20,20 +19,15 @@ from .unresolved import resolved_unresolved
 
 def read_effects(top: Section, model: ModelClass | MeasurableModel | None, name: str) -> tuple[Active, ...]:
     """The effects in the model `name`, of the class `model` (None where it is not known)."""
-    count = len(top.tables("effect"))
-    if count and model is None and not name:
+    sections = top.items("effect")
+    if sections and model is None and not name:
         top.fault("effect", "needs a model: this problem has none that effects could act in")
-    target = target_of(model, name) if count and model is not None else None
-    if target is not None and isinstance(model, type):
-        target = replace(target, gear=_gear_of(model, top.take("parameters")))
-    effects = [_effect(top.item("effect", at), target) for at in range(count)]
+    target = target_of(model, name) if sections and model is not None else None
+    if target is not None and isinstance(model, type):  # it is not built yet: its parameters give its gear
+        parameters = top.take("parameters")
+        target = replace(target, gear=model.gear_of(parameters if isinstance(parameters, Mapping) else {}))
+    effects = [_effect(section, target) for section in sections]
     return tuple(effect for effect in effects if effect is not None)
-
-
-def _gear_of(model: ModelClass, parameters: Any) -> Gear | None:
-    """The gear of a model that is not built yet: its parameters say it."""
-    gear: Gear | None = model.gear_of(parameters if isinstance(parameters, Mapping) else {})
-    return gear
 
 
 def _effect(section: Section, target: Target | None) -> Active | None:
@@ -46,9 +40,7 @@ def _effect(section: Section, target: Target | None) -> Active | None:
         return None
     effect: Effect = kind()
     if not effect.applies(target):
-        why = effect.left_out(target)
-        text = f'"{effect.name}" has no place in the model {target.model}'
-        section.fault("name", text if why in text else f"{text}: {why}")
+        section.fault("name", f'"{effect.name}" has no place in the model {target.model}: {effect.left_out(target)}')
         return None
     values = _values(parameters, effect, target)
     return Active(effect, values) if values is not None else None
@@ -87,8 +79,7 @@ def _value(section: Section, key: str, number: EffectParameter) -> float | None:
     if number.unit and key != number.name and not isinstance(value, str):
         section.fault(key, f'needs a unit: write {key} = "... {number.unit}", or {number.name}')
         return None
-    within = Range(number.low, number.high)
-    converted = section.as_number(key, value, number.unit, within, scale_only=True)
+    converted = section.as_number(key, value, number.unit, Range(number.low, number.high), scale_only=True)
     if converted is not None and number.choices and converted not in number.choices:
         listed = ", ".join(f"{choice:g}" for choice in number.choices)
         section.fault(key, f"must be one of {listed}, got {shown(value)}")
@@ -97,7 +88,7 @@ def _value(section: Section, key: str, number: EffectParameter) -> float | None:
 
 
 def _listed(declared: Iterable[EffectParameter]) -> str:
-    return f"it takes {', '.join(p.name for p in declared) or 'one per lot: offset_<lot>_...'}"
+    return f"it takes {', '.join(p.name for p in declared) or 'a parameter per lot: offset_<lot>_...'}"
 
 
 def resolved_effects(effects: Iterable[Active]) -> dict[str, list[Mapping[str, Any]]]:

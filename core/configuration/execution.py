@@ -32,37 +32,32 @@ def read_execution(
     all is reported by its own reader.
     """
     faults: list[Fault] = []
-    table = parsed_tables(source, overrides)
-    section = Section(table, "", faults).section(EXECUTION)
+    section = Section(parsed_tables(source, overrides), "", faults).section(EXECUTION)
     dask = section.text("dask") or ""
     workers = section.integer("workers", Range(low=1), None)
     block_rows = section.integer("block_rows", Range(low=1), BLOCK_ROWS)
     store = section.text("store") or ""
     section.finish()
     if dask and workers is not None:
-        section.fault("dask", "has workers of its own; leave out workers")
-    faults += [
-        fault
-        for fault in choice_faults(workers, False, False, section.place("workers"))
-        if fault not in faults and workers is not None
-    ]
-    faults += _option_faults(options)
-    asked = options
+        section.fault("dask", "is a scheduler with its own workers; leave out workers")
+    workers_faults = choice_faults(workers, False, False, section.place("workers"))
+    faults += [fault for fault in workers_faults if fault not in faults] + _option_faults(options)
+    execution = options
     if not options.dask and (options.workers is None or isinstance(options.workers, Usual)):
         if dask:
-            asked = replace(asked, workers=None, dask=dask, dask_place=section.place("dask"))
+            execution = replace(execution, workers=None, dask=dask, dask_place=section.place("dask"))
         elif workers is not None:
-            asked = replace(asked, workers=workers)
+            execution = replace(execution, workers=workers)
     if options.dask and isinstance(options.workers, Usual):
-        asked = replace(asked, workers=None)
-    if asked.block_rows is None and block_rows is not None:
-        asked = replace(asked, block_rows=block_rows)
-    if not asked.store and store:
-        asked = replace(asked, store=store, store_place=section.place("store"))
-    faults += unreachable(asked)
-    if asked.store and (keeps or asked.store == store):
-        faults += store_faults(asked.store, asked.store_place, look=keeps)
-    return asked, faults
+        execution = replace(execution, workers=None)
+    if execution.block_rows is None and block_rows is not None:
+        execution = replace(execution, block_rows=block_rows)
+    if not execution.store and store:
+        execution = replace(execution, store=store, store_place=section.place("store"))
+    faults += unreachable(execution)
+    if execution.store and (keeps or execution.store == store):
+        faults += store_faults(execution.store, execution.store_place, look=keeps)
+    return execution, faults
 
 
 def _option_faults(options: Execution) -> list[Fault]:
@@ -71,5 +66,5 @@ def _option_faults(options: Execution) -> list[Fault]:
     if options.block_rows is not None and options.block_rows < 1:
         faults.append(Fault("--block-rows", f"must be at least 1, got {options.block_rows}"))
     if options.dask and options.workers is not None and not isinstance(options.workers, Usual):
-        faults.append(Fault("--dask", "has workers of its own; leave out --workers"))
+        faults.append(Fault("--dask", "is a scheduler with its own workers; leave out --workers"))
     return faults

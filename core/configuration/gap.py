@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import asdict, fields, replace
+from functools import partial
 from typing import Any
 
 import tomli_w
@@ -21,19 +22,19 @@ from .effects import resolved_effects
 from .gap_contradictions import Run
 from .gap_drawing import as_drawn
 from .gap_free import read_free
-from .gap_kind import OWN
 from .gap_next import read_next
-from .gap_run import OF_A_RUN, counterparts, read_run
+from .gap_run import RUN_KEYS, counterparts, read_run
 from .gear import GEAR, check_gear, resolved_gear
 from .reader import read_table
-from .sense import SENSE
+from .senses import SENSE, ZERO
 from .simulated import build_model, rebuilt
-from .source import Source, folder_of, overridden
+from .source import Source, folder_of, load, overridden
 from .table import TABLE
 from .unresolved import UNRESOLVED
-from .zero import ZERO
 
-OF_THE_MODEL = (*OF_A_RUN, "effect", UNRESOLVED, ZERO, SENSE)
+GAP_ONLY = ("built_to", "free", "effects", "noise", "validation", "data", "settings", "next_measurement")
+"""Tables that only the configuration of a gap analysis has."""
+MODEL_KEYS = (*RUN_KEYS, "effect", UNRESOLVED, ZERO, SENSE)
 NEEDS = {
     "simulations": Need("simulation", bytes=3.2e3),  # 400 columns of noise
     "bootstrap": Need("replicate", bytes=1e3, seconds=0.1),
@@ -45,7 +46,7 @@ NEEDS = {
 def read_gap(source: Source, overrides: Sequence[str] = ()) -> GapPlan:
     """The gap analysis that a TOML file or dictionary asks for, with `key=value` overrides applied.
 
-    Raises InputError with every fault found.
+    Raises InputError with every fault.
     """
     plan, faults = gap_plan(source, overrides)
     raise_all(faults)
@@ -53,11 +54,17 @@ def read_gap(source: Source, overrides: Sequence[str] = ()) -> GapPlan:
     return plan
 
 
+def is_gap(source: Source) -> bool:
+    """Whether a configuration has a table that only that of a gap analysis has."""
+    table = load(source, [])
+    return table is not None and "model" in table and not table.keys().isdisjoint(GAP_ONLY)
+
+
 def gap_plan(source: Source, overrides: Sequence[str] = ()) -> tuple[GapPlan | None, list[Fault]]:
     """`read_gap` that returns the faults.
 
-    The plan is then good enough to check data with: defaults stand for what is at fault. It is None
-    where not even the columns are known.
+    The plan is then complete enough to check data with it: defaults replace faulty entries. It is
+    None where not even the columns are known.
     """
     faults: list[Fault] = []
     try:
@@ -65,7 +72,7 @@ def gap_plan(source: Source, overrides: Sequence[str] = ()) -> tuple[GapPlan | N
     except InputError as error:
         return None, list(error.faults)
     top = Section(table, "", faults)
-    top.accept((*OF_THE_MODEL, *OWN, GEAR))
+    top.accept((*MODEL_KEYS, *GAP_ONLY, "run", "columns", GEAR))
     name = top.text("model")
     top.accept(_tables(name or ""))
     if name is None and "model" not in top:
@@ -76,31 +83,34 @@ def gap_plan(source: Source, overrides: Sequence[str] = ()) -> tuple[GapPlan | N
     free = read_free(top, configuration if name != TABLE else None) if checkable else {}
     library = _library(top.section("effects"))
     noise = _noise(top.section("noise"), configuration) if checkable else {}
-    blocks = _blocks(top.section("validation"))
-    drop = _drop(top.section("data"))
-    run, of_run = read_run(top, name or "", table, folder_of(source))
+    validation = top.section("validation")
+    blocks = validation.text("blocks") or "auto"
+    validation.finish()
+    data = top.section("data")
+    drop = bool(data.flag("drop_bad_rows"))
+    data.finish()
+    run_tables, run = read_run(top, name or "", table, folder_of(source))
     simulated = configuration or _stand_in(table, name)
-    simulated, drawing = (simulated, None) if simulated is None else as_drawn(top, simulated, of_run, folder_of(source))
+    simulated, drawing = (simulated, None) if simulated is None else as_drawn(top, simulated, run, folder_of(source))
     model = build_model(simulated) if simulated is not None else None
     planned = read_next(top, model)
     top.finish()
     if simulated is None:
         return None, faults
     plan = _of_model(simulated, model, name, table, configuration is not None)
-    library = tuple(name for name in library if name not in {kept.effect.name for kept in plan.active})
     plan = replace(
         plan,
         free=free,
-        library=library,
+        library=tuple(name for name in library if name not in {active.effect.name for active in plan.active}),
         noise=noise,
         blocks=blocks,
         drop_bad_rows=drop,
         settings=settings,
-        run=run,
-        counterparts=counterparts if run else None,
+        run=run_tables,
+        counterparts=counterparts if run_tables else None,
         next_measurement=planned,
         drawing=drawing,
-        labels=_labels(simulated, of_run),
+        labels=_labels(simulated, run),
     )
     return _with_text(plan, table), faults
 
@@ -117,7 +127,7 @@ def _of_model(
         parameters=_parameters(configuration),
         stated_parameters=dict(table.get("parameters", {})) if whole and not of_table else {},
         columns=configuration.settings.definition if of_table else {},
-        rebuild=None if of_table else Rebuilt(configuration),
+        rebuild=None if of_table else partial(rebuilt, configuration),
         active=active,
         zero=dict(configuration.settings.zero),
         sense=dict(configuration.settings.sense),
@@ -137,7 +147,7 @@ def _configuration(top: Section, name: str, table: Mapping[str, Any], faults: li
         check_gear(top, _kind(name), name)
     if not name:
         return None
-    known = (*OF_THE_MODEL, "columns", *((GEAR,) if name == TABLE else _tables(name)))
+    known = (*MODEL_KEYS, "columns", *((GEAR,) if name == TABLE else _tables(name)))
     part = {key: table[key] for key in known if key in table}
     try:
         return read_table(part, [])
@@ -167,8 +177,9 @@ def _tables(name: str) -> tuple[str, ...]:
 
 
 def _stand_in(table: Mapping[str, Any], name: str | None) -> Configuration | None:
-    """The model with its defaults instead of a faulty configuration, None where it is not known. A
-    chain keeps its number of joints, which decides the columns of the data.
+    """The model with its defaults instead of a faulty configuration, None where it is not known.
+
+    A chain keeps its number of joints, which decides the columns of the data.
     """
     try:
         part = {key: table[key] for key in ("columns",) if key in table and name == TABLE}
@@ -183,8 +194,7 @@ def _parameters(configuration: Configuration) -> dict[str, Any]:
     """Every parameter of the model, those that a problem does not declare included."""
     if configuration.model_name == TABLE:
         return {}
-    kind = registry.load("models", configuration.model_name)
-    return completed(kind.parameters, configuration.settings.parameters)
+    return completed(registry.load("models", configuration.model_name).parameters, configuration.settings.parameters)
 
 
 def _settings(section: Section) -> GapSettings:
@@ -232,15 +242,14 @@ def _effects_named(section: Section, key: str, value: Any, known: list[str]) -> 
         section.fault(key, f'must be "all" or a list of names and families, got {shown(value)}')
         return []
     families: dict[str, str] = {}
-    # A family may have members of any plugin.
-    if any(entry not in known for entry in value):
+    if any(entry not in known for entry in value):  # a family may have members of any plugin
         families = {name: registry.load("effects", name).family for name in known}
     effects: list[str] = []
     for entry in value:
         members = [entry] if entry in known else [n for n, family in families.items() if family == entry]
         if not members:
             valid = [*known, *families.values()]
-            section.fault(key, f'"{entry}" is no effect and no family{nearest(entry, valid)}')
+            section.fault(key, f'"{entry}" is neither an effect nor a family{nearest(entry, valid)}')
         effects += [name for name in members if name not in effects]
     return effects
 
@@ -256,33 +265,7 @@ def _noise(section: Section, configuration: Configuration | None) -> dict[str, f
     return {name: value for name, value in deviations.items() if value is not None}
 
 
-def _blocks(section: Section) -> str:
-    """`[validation] blocks`: "auto", or a column that the data must have."""
-    blocks = section.text("blocks") or "auto"
-    section.finish()
-    return blocks
-
-
-def _drop(section: Section) -> bool:
-    """`[data] drop_bad_rows`."""
-    drop = bool(section.flag("drop_bad_rows"))
-    section.finish()
-    return drop
-
-
-@dataclass(frozen=True)
-class Rebuilt:
-    """The model as a function of its parameters."""
-
-    configuration: Configuration
-
-    def __call__(self, parameters: Mapping[str, Any]) -> MeasurableModel:
-        model: MeasurableModel = rebuilt(self.configuration, parameters)
-        return model
-
-
 def _with_text(plan: GapPlan, table: Mapping[str, Any]) -> GapPlan:
     """The plan with the TOML text that repeats it: as given, with the settings complete."""
     stated = {key: value for key, value in table.items() if key != "settings"}
-    text = tomli_w.dumps({**stated, "seed": plan.seed, "settings": asdict(plan.settings)})
-    return replace(plan, configuration=text)
+    return replace(plan, configuration=tomli_w.dumps({**stated, "seed": plan.seed, "settings": asdict(plan.settings)}))

@@ -12,7 +12,7 @@ import pandas as pd
 from .. import tables
 from ..declarations import Variable
 from ..directory import kind_of, standing
-from ..errors import Fault, InputError, nearest
+from ..errors import Fault, nearest, raise_all, refuse
 from ..files import is_file, is_folder
 from ..section import Range, Section, shown
 from .configuration import Configuration
@@ -42,7 +42,7 @@ def read_built(top: Section, folder: Path, variables: Iterable[Variable]) -> Bui
     key = "run" if "run" in inner else "file"
     name, point = inner.text(key), inner.take("point")
     if key == "run" and "file" in inner:
-        inner.fault("file", "is given in addition to run: leave one of them out")
+        inner.fault("file", "is given in addition to run: leave out one of the two")
         inner.take("file")
     inner.finish()
     if name is None:
@@ -50,12 +50,11 @@ def read_built(top: Section, folder: Path, variables: Iterable[Variable]) -> Bui
             top.fault("built_to", f"must name {FORMS}, got {shown(stated)}")
         return None
     place = inner.place(key) if isinstance(stated, dict) else "built_to"
-    try:
-        return _allocation(folder / name, name, point, {variable.name: variable for variable in variables})
-    except InputError as error:
-        for fault in error.faults:
-            top.fault(place, f"{fault.place} {fault.message}" if fault.place else fault.message)
-        return None
+    known = {variable.name: variable for variable in variables}
+    return top.attempt(
+        lambda: _allocation(folder / name, name, point, known),
+        lambda fault: (place, f"{fault.place} {fault.message}".lstrip()),
+    )
 
 
 def _allocation(path: Path, name: str, point: Any, variables: Mapping[str, Variable]) -> Built:
@@ -64,9 +63,9 @@ def _allocation(path: Path, name: str, point: Any, variables: Mapping[str, Varia
     run = _run_of(home)
     if is_folder(path):
         if run is None:
-            raise _wrong(f"{name} is no directory of a run; name {FORMS}")
+            raise refuse("", f"{name} is not the directory of a run; name {FORMS}")
         path = home / (FRONT if isinstance(point, int) else ALLOCATION)
-    frame = tables.read(path, path.name)
+    frame = tables.opened_whole(path, path.name).cells
     if set(CHOICE) <= set(frame):
         values, origin = _of_choices(frame, path.name, point)
     else:
@@ -75,16 +74,11 @@ def _allocation(path: Path, name: str, point: Any, variables: Mapping[str, Varia
     return Built({k: float(v) for k, v in values.items()}, f"{name}, {origin}", run)
 
 
-def _wrong(text: str) -> InputError:
-    return InputError([Fault("", text)])
-
-
 def _run_of(folder: Path) -> Configuration | None:
     """The configuration of the run that a directory holds. Raises InputError where it is bad."""
     if kind_of(folder) != "run" or not is_file(folder / CONFIG):
         return None
-    if faults := standing(folder).faults:
-        raise InputError(faults)
+    raise_all(standing(folder).faults)
     configuration = read(folder / CONFIG)
     return configuration if configuration.problem is not None else None
 
@@ -94,9 +88,10 @@ def _of_choices(frame: pd.DataFrame, place: str, point: Any) -> tuple[dict[str, 
     by = {(str(label), str(at)): part for (label, at), part in frame.groupby(["choice", "point"], sort=False)}
     names = ", ".join(label for label, _ in by)
     if point is None and len(by) > 1:
-        raise _wrong(
+        raise refuse(
+            "",
             f"{place} holds {len(by)} chosen points ({names}): say which, as "
-            f'built_to = {{ run = "...", point = "{next(iter(by))[0].split()[0]}" }}'
+            f'built_to = {{ run = "...", point = "{next(iter(by))[0].split()[0]}" }}',
         )
     chosen = [
         part
@@ -105,10 +100,9 @@ def _of_choices(frame: pd.DataFrame, place: str, point: Any) -> tuple[dict[str, 
     ]
     if len(chosen) != 1:
         words = [word for label, _ in by for word in label.split()]
-        raise _wrong(f"point {shown(point)} is not in {place}{nearest(str(point), words)}: it holds {names}")
+        raise refuse("", f"point {shown(point)} is not in {place}{nearest(str(point), words)}: it holds {names}")
     label_of_point = str(chosen[0]["choice"].iloc[0]) if point is None else str(point)
-    values = dict(zip(chosen[0]["variable"], chosen[0]["rounded"], strict=True))
-    return values, f"point {label_of_point}"
+    return dict(zip(chosen[0]["variable"], chosen[0]["rounded"], strict=True)), f"point {label_of_point}"
 
 
 def _of_designs(frame: pd.DataFrame, place: str, point: Any, front: bool) -> tuple[dict[str, Any], str]:
@@ -116,43 +110,41 @@ def _of_designs(frame: pd.DataFrame, place: str, point: Any, front: bool) -> tup
     first = 0 if front else 1
     if point is None and len(frame) > 1:
         last = first + len(frame) - 1
-        raise _wrong(
+        raise refuse(
+            "",
             f'{place} holds {len(frame)} designs: say which, as built_to = {{ file = "...'
-            f'", point = {first} }} ({first} to {last})'
+            f'", point = {first} }} ({first} to {last})',
         )
     at = 0 if point is None else point
     if point is not None:
         if isinstance(point, bool) or not isinstance(point, int):
-            raise _wrong(f"point must be the number of a row of {place}, got {shown(point)}")
+            raise refuse("", f"point must be the number of a row of {place}, got {shown(point)}")
         at = point - first
         if not 0 <= at < len(frame):
-            raise _wrong(f"point {point} is not in {place}: it has rows {first} to {first + len(frame) - 1}")
-    row = {str(name): value for name, value in frame.iloc[at].items()}
-    return row, f"row {at + first}"
+            raise refuse("", f"point {point} is not in {place}: it has rows {first} to {first + len(frame) - 1}")
+    return {str(name): value for name, value in frame.iloc[at].items()}, f"row {at + first}"
 
 
 def _check(values: dict[str, Any], place: str, variables: Mapping[str, Variable]) -> None:
     """Values as numbers within what they may be; other columns of a table are left out."""
     known = [name for name in values if name in variables]
     if not known:
-        raise _wrong(
-            f"{place} is an allocation of another problem: it has none of {', '.join(list(variables)[:6])}, ..."
+        raise refuse(
+            "", f"{place} is an allocation of another problem: it has none of {', '.join(list(variables)[:6])}, ..."
         )
     faults = []
-    strange = [n for n in values if n not in variables] if "cost" not in values else []
-    for name in strange:
-        text = f"column {name} is no variable{nearest(name, variables)}"
-        faults.append(Fault("", f"{place}: {text}; is it an allocation of another problem?"))
+    for name in values if "cost" not in values else ():
+        if name not in variables:
+            text = f"column {name} is not a variable{nearest(name, variables)}"
+            faults.append(Fault("", f"{place}: {text}; is it an allocation of another problem?"))
     for name in known:
         variable = variables[name]
         try:
-            number = float(values[name])
-            complaint = Range(variable.valid_low, variable.valid_high).complaint(number)
+            complaint = Range(variable.valid_low, variable.valid_high).complaint(float(values[name]))
         except ValueError:
             complaint = f"must be a number, got {shown(values[name])}"
         if complaint:
             faults.append(Fault("", f"{place}: {name} {complaint}"))
-    if faults:
-        raise InputError(faults)
+    raise_all(faults)
     for name in [n for n in values if n not in known]:
         del values[name]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from ..section import Section
 from ..units import dimension, fits
 from ..workflows.gap.plan import ROLE_UNITS, ROLES, ColumnRole, output_of
-from .sense import sign_of
+from .senses import sign_of
 
 PLAIN = ("unit", "lot", "repeat", "direction", "ignore")
 """Roles without a unit: labels, signs and counts."""
@@ -38,7 +38,6 @@ def _column(section: Section) -> ColumnRole | None:
     if sense < 0 and role in UNSIGNED:
         section.fault("sense", f"has no meaning: a column of role {role} has no sign")
     choices = ROLE_UNITS.get(role)
-    wanted = choices[0] if choices else None
     try:
         if unit and choices and not any(fits(unit, choice) for choice in choices):
             listed = " or ".join(f'"{choice}"' for choice in choices)
@@ -47,8 +46,8 @@ def _column(section: Section) -> ColumnRole | None:
             dimension(unit)
     except ValueError as error:
         section.fault("unit", str(error))
-    if wanted is not None and not unit:
-        section.fault("unit", f'is missing: a column of role {role} needs one, such as "{wanted}"')
+    if choices and not unit:
+        section.fault("unit", f'is missing: a column of role {role} needs a unit, such as "{choices[0]}"')
     return ColumnRole(role, unit, of, sense)
 
 
@@ -58,10 +57,10 @@ def _check(section: Section, columns: dict[str, ColumnRole]) -> None:
     if not by["measured"]:
         section.fault("", 'no column has the role "measured"')
     if not by["predicted"]:
-        section.fault("", 'no column has the role "predicted"; without a model the table must carry the prediction')
+        section.fault("", 'no column has the role "predicted"; without a model the table must contain the prediction')
     for role in ("direction", "time", "unit", "lot", "repeat"):
         if len(by[role]) > 1:
-            section.fault("", f'the role "{role}" is given to {", ".join(by[role])}: only one')
+            section.fault("", f'the role "{role}" is given to {", ".join(by[role])}: only one column can have it')
     for role in ("predicted", "std"):
         for name in by[role]:
             output = output_of(name, columns)
@@ -76,7 +75,6 @@ def _check_prediction_unit(section: Section, name: str, output: str, columns: di
     unit, output_unit = columns[name].unit, columns[output].unit
     try:
         if not fits(unit, output_unit):
-            text = f'"{unit}" does not fit {output}, which is in "{output_unit}"'
-            section.section(name).fault("unit", text)
+            section.section(name).fault("unit", f'"{unit}" does not fit {output}, which is in "{output_unit}"')
     except ValueError:
         return  # the unknown unit is reported where it stands

@@ -18,7 +18,7 @@ CLOSE = 1e-9
 
 
 @dataclass(frozen=True)
-class Own:
+class Stated:
     """What the gap configuration itself states about the units."""
 
     parameters: Mapping[str, Value]
@@ -39,20 +39,14 @@ def check_pair(top: Section, run: Run, built: Built) -> None:
     configuration, built_run = run.configuration, built.run
     if built_run is not None and built_run is not configuration:
         if built_run.problem_name != configuration.problem_name:
-            top.fault(
-                "built_to",
-                f'is an allocation of another problem: "{built_run.problem_name}", '
-                f'and {run.name} is of "{configuration.problem_name}"',
-            )
+            text = f'is an allocation of another problem: "{built_run.problem_name}"'
+            top.fault("built_to", f'{text}, and {run.name} is of "{configuration.problem_name}"')
             return
         for name, value in built_run.settings.parameters.items():
             wanted = configuration.settings.parameters.get(name, value)
             if not _values_equal(value, wanted):
-                top.fault(
-                    "built_to",
-                    f"was made for {name} = {shown(value)}, and {run.name} has "
-                    f"{shown(wanted)}: name the run that the units were made for",
-                )
+                text = f"was made for {name} = {shown(value)}, and {run.name} has {shown(wanted)}"
+                top.fault("built_to", f"{text}: name the run that the units were made for")
     problem = configuration.problem
     for name, value in built.values.items():
         fixed = None if problem is None else problem.fixed.get(name)
@@ -64,21 +58,20 @@ def check_pair(top: Section, run: Run, built: Built) -> None:
             top.fault("built_to", f"has no {', '.join(missing)}, which {run.name} searches")
 
 
-def check_own(top: Section, stated: Own, run: Run, built: Built, of_the_bench: Iterable[str]) -> None:
+def check_stated(top: Section, stated: Stated, run: Run, built: Built, of_the_bench: Iterable[str]) -> None:
     """Faults where this configuration contradicts the run or the allocation."""
-    theirs = run.configuration.settings
+    run_settings = run.configuration.settings
     section = top.section("parameters")
     for name, value in stated.parameters.items():
-        wanted = theirs.parameters.get(name, value)
+        wanted = run_settings.parameters.get(name, value)
         if name not in of_the_bench and not _values_equal(value, wanted):
             section.fault(
                 name,
-                f"is {shown(value)} here and {shown(wanted)} in {run.name}: the "
-                "units are those of the run; leave it out here, or name the run of the "
-                "units that were measured",
+                f"is {shown(value)} here and {shown(wanted)} in {run.name}: the units are those of the run; leave it "
+                "out here, or name the run of the units that were measured",
             )
-    check_values(top, stated.variables, built, theirs.variables, run.name)
-    values = {active.effect.name: dict(active.values) for active in theirs.effects}
+    check_values(top, stated.variables, built, run_settings.variables, run.name)
+    values = {active.effect.name: dict(active.values) for active in run_settings.effects}
     for at, active in enumerate(stated.effects):
         if values.get(active.effect.name, dict(active.values)) != dict(active.values):
             top.fault(f"effect[{at}]", f"{active.effect.name} has other numbers in {run.name}: leave one of them out")
@@ -88,13 +81,15 @@ def check_values(
     top: Section,
     stated: Mapping[str, VariableSetting],
     built: Built,
-    theirs: Mapping[str, VariableSetting],
+    run_variables: Mapping[str, VariableSetting],
     run: str = "",
 ) -> None:
-    """Faults where variables contradict them: value, mid-limit and distribution."""
+    """Faults where value, mid-limit or distribution of a variable contradict the run or the
+    allocation.
+    """
     for name, setting in stated.items():
         section = top.section("variables").section(name)
-        run_setting = theirs.get(name, VariableSetting())
+        run_setting = run_variables.get(name, VariableSetting())
         wanted, place = built.values.get(name), built.source
         if wanted is None:
             wanted, place = run_setting.value, run
@@ -102,9 +97,8 @@ def check_values(
             section.fault("value", f"is {setting.value:g} here and {wanted:g} in {place}: leave it out here")
         if setting.mid is not None and run_setting.mid is not None and not _values_equal(setting.mid, run_setting.mid):
             section.fault("mid", f"is {setting.mid:g} here and {run_setting.mid:g} in {run}: leave it out here")
-        law = run_setting.distribution or Uniform()
-        if name in theirs and setting.distribution not in (None, law):
-            section.fault("distribution", f"is another one in {run}: leave it out here")
+        if name in run_variables and setting.distribution not in (None, run_setting.distribution or Uniform()):
+            section.fault("distribution", f"is different in {run}: leave it out here")
 
 
 def _values_equal(first: Value, second: Value) -> bool:

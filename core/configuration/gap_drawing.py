@@ -18,7 +18,7 @@ from ..section import Section
 from .configuration import Configuration
 from .effects import resolved_effects
 from .gap_built import Built, read_built
-from .gap_contradictions import Own, Run, check_own, check_pair, check_values
+from .gap_contradictions import Run, Stated, check_pair, check_stated, check_values
 from .parameters import read_parameters
 from .plugins import ModelClass
 from .resolved import resolved_variables
@@ -55,7 +55,7 @@ def as_drawn(top: Section, base: Configuration, run: Run | None, folder: Path) -
     if run is not None:
         check_pair(top, run, built)
         if base.problem is None:
-            check_own(top, stated, run, built, kind.of_the_bench)
+            check_stated(top, stated, run, built, kind.of_the_bench)
         base = _with_run(base, kind, stated, run.configuration)
     elif built.values:
         check_values(top, stated.variables, built, {})
@@ -72,43 +72,41 @@ def _variables_of(kind: ModelClass, run: Run | None) -> tuple[Variable, ...]:
     return tuple(registry.load("problems", kind.corrects[0]).declaration.variables)
 
 
-def _stated_here(top: Section, kind: ModelClass, base: Configuration) -> Own:
-    """Parameters, variables and effects that are given here; faults of them are known already."""
+def _stated_here(top: Section, kind: ModelClass, base: Configuration) -> Stated:
+    """Parameters, variables and effects that are given here; their faults are reported already."""
     parameters = read_parameters(top.collecting("parameters", []), kind.parameters)
     section = top.collecting("variables", [])
     settings = {v.name: read_variable(section.section(v.name), v, {}) for v in kind.variables}
     variables = {name: setting for name, setting in settings.items() if setting is not None}
-    return Own(parameters, variables, base.settings.effects)
+    return Stated(parameters, variables, base.settings.effects)
 
 
 # -------------------------------------------------------------------- put together
 
 
-def _with_run(base: Configuration, kind: ModelClass, stated: Own, run: Configuration) -> Configuration:
+def _with_run(base: Configuration, kind: ModelClass, stated: Stated, run: Configuration) -> Configuration:
     """The model at the run's drawing, with what this configuration adds to it."""
     if run is base:
         return base
-    theirs = run.settings
     known = {parameter.name for parameter in kind.parameters}
     parameters = dict(base.settings.parameters)
-    parameters |= {name: value for name, value in theirs.parameters.items() if name in known}
+    parameters |= {name: value for name, value in run.settings.parameters.items() if name in known}
     parameters |= stated.parameters
     variables = dict(base.settings.variables)
-    for name in variables.keys() & theirs.variables.keys():
-        variables[name] = _merged(variables[name], theirs.variables[name], stated.variables.get(name))
+    for name in variables.keys() & run.settings.variables.keys():
+        variables[name] = _merged(variables[name], run.settings.variables[name], stated.variables.get(name))
     active_here = {active.effect.name for active in base.settings.effects}
-    more = (active for active in _effects_of(theirs, kind, base.model_name) if active.effect.name not in active_here)
-    effects = (*more, *base.settings.effects)
-    settings = replace(base.settings, parameters=parameters, variables=variables, effects=effects)
-    return replace(base, settings=settings)
+    of_run = _effects_of(run.settings, kind, base.model_name)
+    effects = (*(active for active in of_run if active.effect.name not in active_here), *base.settings.effects)
+    return replace(base, settings=replace(base.settings, parameters=parameters, variables=variables, effects=effects))
 
 
-def _effects_of(theirs: Settings, kind: ModelClass, model: str) -> Iterator[Active]:
-    """A run's effects that have a place in the model, and its parameters that are one there."""
-    target = replace(target_of(kind, model), gear=kind.gear_of(theirs.parameters))
-    yield from (active for active in theirs.effects if active.effect.applies(target))
+def _effects_of(run: Settings, kind: ModelClass, model: str) -> Iterator[Active]:
+    """A run's effects that have a place in the model, and its parameters that are effects there."""
+    target = replace(target_of(kind, model), gear=kind.gear_of(run.parameters))
+    yield from (active for active in run.effects if active.effect.applies(target))
     for quantity in kind.changeable:
-        value = theirs.parameters.get(quantity.name, 0.0)
+        value = run.parameters.get(quantity.name, 0.0)
         if isinstance(value, int | float) and value:
             for name in registry.names("effects"):
                 effect = registry.load("effects", name)()
@@ -116,15 +114,15 @@ def _effects_of(theirs: Settings, kind: ModelClass, model: str) -> Iterator[Acti
                     yield Active(effect, {quantity.name: float(value)})
 
 
-def _merged(base: VariableSetting, theirs: VariableSetting, stated: VariableSetting | None) -> VariableSetting:
+def _merged(base: VariableSetting, run: VariableSetting, stated: VariableSetting | None) -> VariableSetting:
     """A variable of the model: mid-limit and distribution of the run, its value where it is
-    fixed, or the one that is given here.
+    fixed, or the value that is given here.
     """
-    value = base.value if theirs.value is None else theirs.value
+    value = base.value if run.value is None else run.value
     if stated is not None and stated.value is not None:
         value = stated.value
-    mid = base.mid if theirs.mid is None else theirs.mid
-    return replace(base, value=value, mid=mid, distribution=theirs.distribution, sample=theirs.sample)
+    mid = base.mid if run.mid is None else run.mid
+    return replace(base, value=value, mid=mid, distribution=run.distribution, sample=run.sample)
 
 
 def _with_values(base: Configuration, kind: ModelClass, values: Mapping[str, float], of_a_run: bool) -> Configuration:
@@ -148,49 +146,40 @@ def _with_values(base: Configuration, kind: ModelClass, values: Mapping[str, flo
 # -------------------------------------------------------------------- the record of the drawing
 
 
-def _drawing(configuration: Configuration, kind: ModelClass, stated: Own, run: Run | None, built: Built) -> Drawing:
+def _drawing(configuration: Configuration, kind: ModelClass, stated: Stated, run: Run | None, built: Built) -> Drawing:
     settings = configuration.settings
     declared = {parameter.name: parameter for parameter in kind.parameters}
     geometry = tuple(
-        Dimension(
-            name, settings.parameters.get(name, declared[name].default), declared[name].unit, declared[name].meaning
-        )
-        for name in kind.geometry
+        Dimension(p.name, settings.parameters.get(p.name, p.default), p.unit, p.meaning)
+        for p in (declared[name] for name in kind.geometry)
     )
-    geometry_from = run.name if run else HERE if _drawn_here(stated, kind) else DEFAULT
+    drawn_here = not stated.parameters.keys() <= set(kind.of_the_bench)  # parameters of the drawing, not of the bench
     zones = _zones(settings, kind, run, built)
     return Drawing(
         configuration.model_name,
-        geometry_from,
+        run.name if run else HERE if drawn_here else DEFAULT,
         _allocation_from(stated, run, built, zones),
         geometry,
         zones,
         tuple(active.effect.name for active in settings.effects),
-        _assumed(stated, run, built, zones, bool(_drawn_here(stated, kind))),
+        _assumed(stated, run, built, zones, drawn_here),
     )
 
 
-def _allocation_from(stated: Own, run: Run | None, built: Built, zones: tuple[DrawnZone, ...]) -> str:
+def _allocation_from(stated: Stated, run: Run | None, built: Built, zones: tuple[DrawnZone, ...]) -> str:
     """Where the zones come from; zones that are missing in the allocation are listed."""
     if built.values:
         by_default = [zone.variable for zone in zones if zone.variable not in built.values]
         return f"{built.source} ({', '.join(by_default)}: {DEFAULT})" if by_default else built.source
     if any(setting.value is not None for setting in stated.variables.values()):
         return f"{HERE}, and {DEFAULT}"
-    return f"{run.name} where it fixes them, and {DEFAULT}" if run and _fixed(run) else DEFAULT
+    problem = run.configuration.problem if run else None
+    return (
+        f"{run.name} where it fixes them, and {DEFAULT}" if run and problem is not None and problem.fixed else DEFAULT
+    )
 
 
-def _fixed(run: Run) -> bool:
-    problem = run.configuration.problem
-    return problem is not None and bool(problem.fixed)
-
-
-def _drawn_here(stated: Own, kind: ModelClass) -> set[str]:
-    """Parameters of the drawing, not of the bench, that this configuration gives."""
-    return set(stated.parameters) - set(kind.of_the_bench)
-
-
-def _assumed(stated: Own, run: Run | None, built: Built, zones: tuple[DrawnZone, ...], drawn_here: bool) -> str:
+def _assumed(stated: Stated, run: Run | None, built: Built, zones: tuple[DrawnZone, ...], drawn_here: bool) -> str:
     """What the configuration does not state, and how to; empty where it states everything."""
     problem = None if run is None else run.configuration.problem
     whole = problem is not None and len(problem.fixed) == len(problem.variables)
@@ -203,9 +192,8 @@ def _assumed(stated: Own, run: Run | None, built: Built, zones: tuple[DrawnZone,
         what = "allocation" if run else "drawing"
     if not missing:
         return ""
-    addition = " in addition to what [parameters] and [variables] state"
-    besides = addition if drawn_here or fixed_here else ""
-    return f"answered for {DEFAULT} {what}{besides}: {'; '.join(missing)}"
+    addition = " in addition to what [parameters] and [variables] state" if drawn_here or fixed_here else ""
+    return f"answered for {DEFAULT} {what}{addition}: {'; '.join(missing)}"
 
 
 def _zones(settings: Settings, kind: ModelClass, run: Run | None, built: Built) -> tuple[DrawnZone, ...]:
@@ -213,11 +201,10 @@ def _zones(settings: Settings, kind: ModelClass, run: Run | None, built: Built) 
     drawn, variables = dict(settings.variables), tuple(kind.variables)
     if not variables and (run is not None or built.values):
         variables = _variables_of(kind, run)
-        theirs = run.configuration.settings.variables if run else {}
+        of_run = run.configuration.settings.variables if run else {}
         for variable in variables:
-            here = theirs.get(variable.name, VariableSetting(mid=variable.mid))
-            value = built.values.get(variable.name, here.value)
-            drawn[variable.name] = replace(here, value=value)
+            setting = of_run.get(variable.name, VariableSetting(mid=variable.mid))
+            drawn[variable.name] = replace(setting, value=built.values.get(variable.name, setting.value))
     return tuple(_zone(variable, drawn.get(variable.name, VariableSetting())) for variable in variables)
 
 

@@ -19,28 +19,28 @@ from ..workflows.gap.next.points import inside
 from ..workflows.gap.plan import NextPlan, Span
 
 KEY = "next_measurement"
-READINGS = Range(1, 100_000)
+MEASUREMENTS = Range(1, 100_000)
 ABSOLUTE_ZERO = -273.15
 """[degC]"""
 MESH = 100_000
 """Largest number of points that are tried."""
 STEPS = 33
-"""Values of each range that are tried to see whether the ranges together hold a point."""
+"""Values of each range that are tried to test whether the ranges together contain a point."""
 
 
 def read_next(top: Section, model: MeasurableModel | None) -> NextPlan | None:
-    """What is asked for; None without the table. `model` is None where it is not known."""
+    """The table; None where there is none. `model` is None where it is not known."""
     section = top.section(KEY)
     if KEY not in top:
         return None
-    readings = section.integer("readings", READINGS)
+    measurements = section.integer("readings", MEASUREMENTS)
     effects = _valid_effect_names(section, "effects", section.names("effects"))
     amounts = section.section("amount")
     sizes = {name: amounts.number(name, "", POSITIVE) for name in amounts.all_keys()}
     _valid_effect_names(amounts, "", sizes)
     for name in sizes if effects else ():
         if name not in effects:
-            amounts.fault(name, f"is not among the effects asked for: {', '.join(effects)}")
+            amounts.fault(name, f"is not among the effects of this table: {', '.join(effects)}")
     ranges = section.section("range")
     spans = {name: _span(ranges, name, model) for name in ranges.all_keys()}
     section.finish()
@@ -48,7 +48,7 @@ def read_next(top: Section, model: MeasurableModel | None) -> NextPlan | None:
     if model is not None and valid and len(valid) == len(spans):
         _reached(ranges, model, valid)
     return NextPlan(
-        readings=NextPlan().readings if readings is None else readings,
+        readings=NextPlan().readings if measurements is None else measurements,
         ranges=valid,
         effects=tuple(effects),
         amounts={name: size for name, size in sizes.items() if size is not None},
@@ -56,13 +56,13 @@ def read_next(top: Section, model: MeasurableModel | None) -> NextPlan | None:
 
 
 def _valid_effect_names(section: Section, key: str, stated: Iterable[str] | None) -> list[str]:
-    """The names that are effects; a fault for each that is not."""
-    names, asked = registry.names("effects"), list(stated or ())
-    for name in asked:
-        if name not in names:
-            text = f'"{name}" is no effect{nearest(name, names)}' if key else f"is no effect{nearest(name, names)}"
-            section.fault(key or name, text)
-    return [name for name in asked if name in names]
+    """The names that are effects; a fault for every name that is not."""
+    known, names = registry.names("effects"), list(stated or ())
+    for name in names:
+        if name not in known:
+            text = f"is not an effect{nearest(name, known)}"
+            section.fault(key or name, f'"{name}" {text}' if key else text)
+    return [name for name in names if name in known]
 
 
 def _span(section: Section, name: str, model: MeasurableModel | None) -> Span | None:
@@ -87,7 +87,7 @@ def _column(section: Section, name: str, model: MeasurableModel | None) -> Colum
     if name in {output.name for output in model.outputs}:
         section.fault(name, "is measured, not chosen: name inputs only")
     elif column is None:
-        section.fault(name, f"is no column of the model{nearest(name, free)}")
+        section.fault(name, f"is not a column of the model{nearest(name, free)}")
     elif column.text or column.role is Role.REPEAT:
         section.fault(name, "holds labels: only inputs that are numbers have a range")
         return None
@@ -107,8 +107,7 @@ def _interval_or_values(section: Section, name: str, value: Any, unit: str, sign
     if isinstance(value, int | float | str) and not isinstance(value, bool):
         value, chosen = [value], True
     if not isinstance(value, list):
-        text = "must be [low, high], a number, or { values = [...] }"
-        section.fault(name, f"{text}, got {shown(value)}")
+        section.fault(name, f"must be [low, high], a number, or {{ values = [...] }}, got {shown(value)}")
         return None
     if not value:
         section.fault(name, "is empty: give at least one value")
@@ -124,8 +123,7 @@ def _interval_or_values(section: Section, name: str, value: Any, unit: str, sign
 
 def _interval(section: Section, name: str, ends: list[float]) -> Span | None:
     if len(ends) != 2:
-        text = "must be [low, high]; write { values = [...] } for a set"
-        section.fault(name, f"{text}, got {len(ends)} numbers")
+        section.fault(name, f"must be [low, high], or {{ values = [...] }} for a set, got {len(ends)} numbers")
         return None
     low, high = ends
     if low > high:
@@ -139,7 +137,7 @@ def _physical(section: Section, column: Column, model: MeasurableModel, span: Sp
     ends = np.array(span.values or (span.low, span.high))
     if column.role is Role.DIRECTION and not set(ends.tolist()) <= {-1.0, 1.0}:
         none = not set(ends.tolist()) & {-1.0, 1.0}
-        text = "holds neither +1 nor -1" if none else f"must hold +1 and -1 only, got {ends.tolist()}"
+        text = "holds neither +1 nor -1" if none else f"must hold only +1 and -1, got {ends.tolist()}"
         section.fault(column.name, f"{text}; a direction is +1 or -1")
         return
     if column.role is Role.TEMPERATURE:

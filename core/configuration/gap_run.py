@@ -1,4 +1,4 @@
-"""The allocation that a gap analysis is to repeat with the corrected model."""
+"""The run that a gap analysis repeats with the corrected model."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from ..errors import Fault, InputError
 from ..problems.interfaces import WithEffects
 from ..section import Section
 from .configuration import Configuration
-from .files import with_files
 from .gap_contradictions import Run
 from .labels import KEYS as LABELS
-from .pairs import belongs, stranger
+from .measured_files import with_files
+from .plugins import belongs, stranger
 from .reader import PROBLEM_ONLY, read_table
 from .source import load
 from .table import TABLE
 
-OF_A_RUN = ("problem", "model", "seed", "parameters", "variables", *LABELS, *PROBLEM_ONLY)
+RUN_KEYS = ("problem", "model", "seed", "parameters", "variables", *LABELS, *PROBLEM_ONLY)
 
 
 def read_run(top: Section, model: str, table: Mapping[str, Any], folder: Path) -> tuple[dict[str, Any], Run | None]:
@@ -32,8 +32,8 @@ def read_run(top: Section, model: str, table: Mapping[str, Any], folder: Path) -
     run = top.text("run")
     if "problem" in top:
         if run is not None:
-            top.fault("run", "this configuration is that of a run already; leave one of them out")
-        return {key: table[key] for key in OF_A_RUN if key in table}, None
+            top.fault("run", "this configuration states a problem itself: leave out run")
+        return {key: table[key] for key in RUN_KEYS if key in table}, None
     if run is None:
         return {}, None
     tables, configuration = _read(top, model, folder / run)
@@ -48,14 +48,13 @@ def _read(top: Section, model: str, path: Path) -> tuple[dict[str, Any], Configu
         return {}, None
     run_faults: list[Fault] = []
     filled = with_files(table, path.parent, run_faults)
-    try:
-        configuration = read_table(filled.table, run_faults, filled.notes)
-    except InputError as error:
-        for fault in error.faults:
-            top.fault(f"run: {fault.place}", fault.message)
+    configuration = top.attempt(
+        lambda: read_table(filled.table, run_faults, filled.notes), lambda fault: (f"run: {fault.place}", fault.message)
+    )
+    if configuration is None:
         return {}, None
     if configuration.problem is None:
-        top.fault("run", f"{path} names no problem: there is no allocation to repeat")
+        top.fault("run", f"{path} has no problem: there is no allocation to repeat")
     elif _belongs(top, model, configuration):
         return filled.table, configuration
     return filled.table, None
@@ -66,8 +65,7 @@ def mixed(path: Path) -> list[Fault]:
     if not kind_of(path.parent):
         return []
     here = standing(path.parent)
-    belongs_to_set = here.manifest is None or path.name in here.manifest.files
-    return list(here.faults) if belongs_to_set else []
+    return list(here.faults) if here.manifest is None or path.name in here.manifest.files else []
 
 
 def _belongs(top: Section, model: str, run: Configuration) -> bool:
@@ -94,7 +92,7 @@ def _belongs(top: Section, model: str, run: Configuration) -> bool:
 def counterparts(text: str) -> dict[str, str]:
     """What each effect of a configuration does in its problem; empty where it does nothing.
 
-    Raises InputError where the text is no configuration with a problem.
+    Raises InputError where the text is not a configuration with a problem.
     """
     problem = read_table(tomllib.loads(text), []).problem
     if problem is None:

@@ -24,10 +24,8 @@ def read_gear(top: Section) -> Gear | None:
         return _of_orders(section, kind)
     if kind is None:
         if "kind" not in section:
-            section.fault(
-                "kind",
-                f'is missing: one of {", ".join(TEETH)} with its tooth numbers, or orders = {{ "pin passing" = 45 }}',
-            )
+            text = f"is missing: state one of {', '.join(TEETH)} with its tooth numbers"
+            section.fault("kind", f'{text}, or orders = {{ "pin passing" = 45 }}')
         section.accept({name for names in TEETH.values() for name in names})
         section.finish()
         return None
@@ -41,10 +39,10 @@ def _of_orders(section: Section, kind: str | None) -> Gear | None:
     teeth = [name for names in TEETH.values() for name in names if name in section]
     if kind is not None or teeth:
         section.accept((*teeth, "kind"))
-        section.fault("orders", "stands for itself: give kind and tooth numbers, or orders")
+        section.fault("orders", "cannot be combined with kind or tooth numbers: leave one of them out")
         return None
     if not numbers:
-        section.fault("orders", 'must name at least one, as { "pin passing" = 45 }')
+        section.fault("orders", 'must name at least one order, such as { "pin passing" = 45 }')
     section.finish()
     orders = {name: order for name, order in numbers.items() if order is not None}
     return Gear(DECLARED, orders) if orders and len(orders) == len(numbers) else None
@@ -75,14 +73,11 @@ def check_gear(top: Section, model: ModelClass | None, name: str) -> None:
     parameters = top.take("parameters")
     model_gear = model.gear_of(parameters if isinstance(parameters, Mapping) else {})
     if model_gear is None:
-        top.fault(GEAR, f"is of no use: nothing that acts in {name} follows the orders of a gear; leave it out")
+        top.fault(GEAR, f"has no effect: nothing that acts in {name} follows the orders of a gear; leave it out")
     elif not _agree(model_gear, gear):
-        text = ", ".join(f"{what} {order:g}" for what, order in model_gear.orders.items())
-        top.fault(
-            GEAR,
-            f"contradicts {name}, whose parameters give {text}; leave it out, or set "
-            "the model's own tooth numbers in [parameters]",
-        )
+        orders = ", ".join(f"{what} {order:g}" for what, order in model_gear.orders.items())
+        text = f"contradicts {name}, whose parameters give {orders}; leave it out"
+        top.fault(GEAR, f"{text}, or set the model's own tooth numbers in [parameters]")
 
 
 def _agree(first: Gear, second: Gear) -> bool:

@@ -29,9 +29,8 @@ def read_objectives(section: Section, outputs: Sequence[Output]) -> tuple[str, .
         elif by_name[name].larger_is_better:
             section.fault("minimise", f'"{name}" is better when larger: limit it instead')
         elif by_name[name].error_of:
-            section.fault(
-                "minimise", f'"{name}" is the error of {by_name[name].error_of}, not a property of the design'
-            )
+            text = f'"{name}" is the error of {by_name[name].error_of}, not a property of the design'
+            section.fault("minimise", text)
     return tuple(names)
 
 
@@ -45,15 +44,10 @@ def read_limits(section: Section, outputs: Sequence[Output], variables: Sequence
             table.take(key)
             table.fault(key, f"is the error of {output.error_of} and cannot be limited")
     limitable = [output for output in outputs if not output.error_of]
-    limits = {output.name: _output_limit(places, output) for output in limitable}
+    limits = {o.name: _limit(*places.find(o.name), o.unit, Range(o.low, o.high), o.larger_is_better) for o in limitable}
     limits |= {v.name: _limit(section, v.name, v.unit, Range(), False) for v in numeric}
     places.finish()
     return {name: bound for name, bound in limits.items() if bound is not None}
-
-
-def _output_limit(places: Nested, output: Output) -> Bound | None:
-    within = Range(output.low, output.high)
-    return _limit(*places.find(output.name), output.unit, within, output.larger_is_better)
 
 
 def _limit(section: Section, name: str, unit: str, within: Range, lower: bool) -> Bound | None:

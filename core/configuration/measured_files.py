@@ -2,20 +2,31 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from .. import tables
-from ..errors import Fault, InputError, nearest
-from .cost_files import tables_in
-from .cost_rows import Raw
+from ..errors import Fault, InputError, nearest, refuse
+from .cost_files import fill_costs, tables_in
+from .cost_rows import Filled, Raw
 
 SUFFIXES = (".dfq", ".dfd")
 OPTIONS = ("encoding", "delimiter", "decimal")
 REVISED = {"nominal": "nominal sizes", "made_to": "limits", "unit": "units"}
 """What files of one characteristic must have in common."""
+
+
+def with_files(table: Raw, folder: Path, faults: list[Fault]) -> Filled:
+    """The tables of a run with the contents of the files that they name, relative to `folder`:
+    costs and measured parts. Faults are added to `faults`.
+    """
+    filled = Filled(copy.deepcopy(table))
+    fill_measured(filled.table, folder, faults)
+    fill_costs(filled, folder, faults)
+    return filled
 
 
 def fill_measured(table: Raw, folder: Path, faults: list[Fault]) -> None:
@@ -31,12 +42,11 @@ def fill_measured(table: Raw, folder: Path, faults: list[Fault]) -> None:
             names = measured.pop("file")
             names = [names] if isinstance(names, str) else names
             options = tables.ReadOptions(*(measured.pop(key, None) for key in OPTIONS))
-            if not _are_names(names):
-                text = f"must be the name of a file, or a list of them, got {names}"
-                faults.append(Fault(place, text))
+            if not (isinstance(names, list) and names and all(isinstance(name, str) for name in names)):
+                faults.append(Fault(place, f"must be the name of a file, or a list of them, got {names}"))
                 continue
             if "values" in measured:
-                faults.append(Fault(place, "is given in addition to values: keep one"))
+                faults.append(Fault(place, "is given in addition to values: keep only one of them"))
                 continue
             wanted, before = measured.get("characteristic"), len(faults)
             contents = [_read(folder / name, wanted, options, place, faults) for name in names]
@@ -49,7 +59,7 @@ def fill_measured(table: Raw, folder: Path, faults: list[Fault]) -> None:
 
 
 def _owners(table: Raw) -> Iterator[tuple[str, Raw]]:
-    """Every table that may have a `measured` one, with its place: parts, variables, machines."""
+    """Every table that may have a table `measured`, with its place: parts, variables, machines."""
     for at, part in tables_in(table, "part"):
         yield f"part[{at}]", part
         for number, machine in tables_in(part, "machine"):
@@ -63,13 +73,9 @@ def _owners(table: Raw) -> Iterator[tuple[str, Raw]]:
             yield f"variables.{name}.machine[{number}]", machine
 
 
-def _are_names(names: Any) -> bool:
-    return isinstance(names, list) and bool(names) and all(isinstance(name, str) for name in names)
-
-
 def _read(path: Path, wanted: Any, options: tables.ReadOptions, place: str, faults: list[Fault]) -> Raw | None:
     try:
-        return measured_in(path, wanted, options)
+        return opened_parts(path, options).characteristic(wanted)
     except InputError as error:
         faults += [Fault(place, f"{fault.place} {fault.message}") for fault in error.faults]
         return None
@@ -94,13 +100,8 @@ def together(characteristics: list[Raw], names: Sequence[str], place: str, fault
         }
         if len(stated) > 1:
             listed = ", ".join(f"{value} in {name}" for value, name in stated.items())
-            faults.append(
-                Fault(
-                    place,
-                    f"mixes files of different {what} ({listed}): of several "
-                    "revisions of the drawing? Measure against one",
-                )
-            )
+            text = f"mixes files of different {what} ({listed}): give files of one revision of the drawing"
+            faults.append(Fault(place, text))
     whole: Raw = {}
     for characteristic in characteristics:
         whole |= characteristic
@@ -127,14 +128,6 @@ class MeasuredFile:
         return self.values(_chosen(self.place, wanted, dict(self.names), list(self.labels)))
 
 
-def measured_in(path: Path, wanted: Any, options: tables.ReadOptions) -> Raw:
-    """The values of one characteristic of a file, and what the file says of them.
-
-    Raises InputError where the file or the characteristic is not there.
-    """
-    return opened_parts(path, options).characteristic(wanted)
-
-
 def opened_parts(path: Path, options: tables.ReadOptions) -> MeasuredFile:
     """A file of measured parts. Raises InputError where it is not there, or cannot be read."""
     if path.suffix.lower() in SUFFIXES:
@@ -151,31 +144,19 @@ def opened_parts(path: Path, options: tables.ReadOptions) -> MeasuredFile:
 
 
 def _of_aqdef(path: Path, options: tables.ReadOptions) -> MeasuredFile:
-    known = [
-        characteristic for characteristic in tables.read_aqdef(path, options.encoding) if not characteristic.attributive
-    ]
+    known = [measured for measured in tables.read_aqdef(path, options.encoding) if not measured.attributive]
     names = {
-        key: characteristic.label
-        for characteristic in known
-        for key in (characteristic.number, characteristic.name, characteristic.label)
-        if key
+        key: measured.label for measured in known for key in (measured.number, measured.name, measured.label) if key
     }
-    labels = tuple(dict.fromkeys(characteristic.label for characteristic in known))
-    return MeasuredFile(
-        path.name,
-        labels,
-        names,
-        lambda label: _values(next(characteristic for characteristic in known if characteristic.label == label)),
-    )
+    first = {measured.label: measured for measured in reversed(known)}
+    labels = tuple(dict.fromkeys(measured.label for measured in known))
+    return MeasuredFile(path.name, labels, names, lambda label: _values(first[label]))
 
 
 def _values(characteristic: tables.Characteristic) -> Raw:
     """What a Q-DAS file says of a characteristic."""
-    rows = [
-        (value, lot)
-        for value, lot in zip(characteristic.values, characteristic.batches, strict=True)
-        if value is not None
-    ]
+    cells = zip(characteristic.values, characteristic.batches, strict=True)
+    rows = [(value, lot) for value, lot in cells if value is not None]
     values: Raw = {"values": [float(value) for value, _ in rows], "characteristic": characteristic.label}
     if any(lot for _, lot in rows):
         values["lots"] = [lot for _, lot in rows]
@@ -193,9 +174,9 @@ def _chosen(place: str, wanted: Any, names: dict[str, str], labels: list[str]) -
     if wanted is None and len(labels) == 1:
         return labels[0]
     if wanted is None:
-        text = f"has {len(labels)} characteristics: say which, characteristic = ...; it has "
-        raise InputError([Fault(place, text + ", ".join(labels))])
+        text = f"has {len(labels)} characteristics: state which one is meant, characteristic = ..."
+        raise refuse(place, f"{text}; it has {', '.join(labels)}")
     if str(wanted) not in names:
-        text = f'has no characteristic "{wanted}"{nearest(str(wanted), names)}; it has '
-        raise InputError([Fault(place, text + ", ".join(labels))])
+        text = f'has no characteristic "{wanted}"{nearest(str(wanted), names)}'
+        raise refuse(place, f"{text}; it has {', '.join(labels)}")
     return names[str(wanted)]

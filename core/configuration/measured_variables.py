@@ -24,24 +24,20 @@ def read_measured(section: Section, variable: Variable, mid: float | None, t: fl
     deviates = variable.kind is Kind.STANDARD_DEVIATION
     if not deviates and not (variable.random and variable.kind is Kind.HALF_WIDTH):
         section.take("measured")
-        section.fault(
-            "measured",
-            f"{variable.name} ({variable.kind}) takes no measured parts: "
-            "half-widths with a distribution and standard deviations do",
-        )
+        text = f"{variable.name} ({variable.kind}) takes no measured parts"
+        section.fault("measured", f"{text}: half-widths with a distribution and standard deviations do")
         return None
     stated = [key for key in (BOUNDS if deviates else keys()) if key in section]
     for key in stated:
-        section.fault(key, "is stated in addition to measured, from which it follows: keep one")
+        section.fault(key, "is stated in addition to measured, from which it follows: keep only one of them")
     sample = read_sample(section, variable.unit, None, mid or 0.0, t, follows=not deviates)
     if sample is None or stated:
         return None
     if sample.offset and mid is None:
         section.fault(
             "measured.mean",
-            f'must be "corrected": errors of {variable.name} have no '
-            "mid-limit here and count as centred, and the sample is "
-            f"{sample.offset:+.4g} {variable.unit} off",
+            f'must be "corrected": errors of {variable.name} have no mid-limit here and count as centred, and the '
+            f"sample is {sample.offset:+.4g} {variable.unit} off",
         )
         return None
     return sample

@@ -13,7 +13,7 @@ from ..tables import ColumnUse
 from ..units import fits
 from ..workflows.gap.plan import ROLES
 from .plugins import ModelClass
-from .sense import sign_of
+from .senses import sign_of
 
 ALWAYS = {Role.TIME: ("time_s", "s"), Role.REPEAT: ("repeat", "")}
 """Columns that a table of any model may have: name and unit."""
@@ -47,9 +47,8 @@ def _read(top: Section, known: Mapping[str, tuple[str, str]]) -> dict[str, Colum
         elif isinstance(stated, Mapping):
             use = _by_role(section.section(key), known)
         else:
-            text = f'must be a name of a column {_owner(known)} or {{ role = "..." }}, got '
-            text += shown(stated)
-            section.fault(key, text)
+            text = f'must be a name of a column {_owner(known)} or {{ role = "..." }}'
+            section.fault(key, f"{text}, got {shown(stated)}")
             use = None
         if use is not None:
             uses[key] = use
@@ -80,16 +79,14 @@ def _by_name(section: Section, key: str, name: str, known: Mapping[str, tuple[st
     if name == "ignore":
         return ColumnUse("")
     if name not in known:
-        text = f'"{name}" is no column {_owner(known)}{nearest(name, known)}; it has '
-        text += ", ".join(known)
-        section.fault(key, text)
+        text = f'"{name}" is not a column {_owner(known)}{nearest(name, known)}'
+        section.fault(key, f"{text}; it has {', '.join(known)}")
         return None
     return ColumnUse(name)
 
 
 def _owner(known: Mapping[str, tuple[str, str]]) -> str:
-    designs = all(role == VARIABLE for role, _ in known.values())
-    return "of the problem" if designs else "of the model"
+    return "of the problem" if all(role == VARIABLE for role, _ in known.values()) else "of the model"
 
 
 def _by_role(section: Section, known: Mapping[str, tuple[str, str]]) -> ColumnUse | None:
@@ -103,14 +100,13 @@ def _by_role(section: Section, known: Mapping[str, tuple[str, str]]) -> ColumnUs
         return None  # without a role it is not used, and a note says so
     if role == "std" and f"{of}_std" in known:
         of = f"{of}_std"
-    fitting = [name for name, (column_role, _) in known.items() if column_role == role or (role is None)]
+    fitting = [name for name, (column_role, _) in known.items() if role in (None, column_role)]
     if of and of not in fitting:
-        text = f'"{of}" is no column {_owner(known)} with this role{nearest(of, fitting)}'
+        text = f'"{of}" is not a column {_owner(known)} with this role{nearest(of, fitting)}'
         section.fault("of", f"{text}; it has {', '.join(fitting) or 'none'}")
         return None
     if not of and len(fitting) != 1:
-        listed = ", ".join(fitting)
-        text = f"several columns {_owner(known)} have this role: say which by `of`: {listed}"
+        text = f"several columns {_owner(known)} have this role: state one of them by `of`: {', '.join(fitting)}"
         section.fault("role", text if fitting else f'no column {_owner(known)} has the role "{role}"')
         return None
     target = of or fitting[0]

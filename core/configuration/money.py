@@ -39,15 +39,11 @@ def read_money(
     curves = dict(costs)
     assumed = tuple(name for name in defaults if name not in costs)
     if scale is not None and "currency" not in top:
-        section.fault("scale_assumed", 'needs currency = "EUR": without one all costs are relative')
+        section.fault("scale_assumed", 'needs a currency, such as currency = "EUR": without it all costs are relative')
     if currency and assumed and scale is None and "scale_assumed" not in section:
-        stated = f"{len(costs)} of {len(costs) + len(assumed)} costs are stated"
-        top.fault(
-            "currency",
-            f"{stated} in {currency}; assumed, in units of their own: "
-            f"{', '.join(assumed)}; state them too, or what one assumed unit is worth, "
-            "[costs] scale_assumed = ...",
-        )
+        text = f"{len(costs)} of {len(costs) + len(assumed)} costs are stated in {currency}; {', '.join(assumed)}"
+        remedy = "state them too, or the price of one assumed unit, [costs] scale_assumed = ..."
+        top.fault("currency", f"{text} are assumed in relative units: {remedy}")
     if currency and scale is not None:
         curves |= {name: times(defaults[name], scale) for name in assumed}
     assumed = assumed if currency else ()
@@ -57,9 +53,9 @@ def read_money(
 def _listed(section: Section, costs: Mapping[str, CostCurve]) -> tuple[str, ...]:
     """`assumed = ["pin_radius_um"]`: stated curves that are nevertheless assumptions."""
     names = section.names("assumed") if section.take("assumed") != [] else []
-    unknown = [name for name in names or () if name not in costs]
-    for name in unknown:
-        section.fault("assumed", f'"{name}" has no cost here: state one in [costs.{name}]')
+    for name in names or ():
+        if name not in costs:
+            section.fault("assumed", f'"{name}" has no cost here: state it in [costs.{name}]')
     return tuple(name for name in names or () if name in costs)
 
 

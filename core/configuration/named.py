@@ -13,7 +13,7 @@ class Named(str):
 
     @classmethod
     def of(cls, original: Any) -> Named:
-        """An object that is no string, named by the path of its class."""
+        """An object, named by the path of its class."""
         kind = original if isinstance(original, type) else type(original)
         named = cls(f"{kind.__module__}:{kind.__qualname__}")
         named.original = original

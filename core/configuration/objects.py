@@ -13,9 +13,9 @@ from .. import registry
 from ..algorithms.settings import AlgorithmSettings, Budget
 from ..problems.plain import PlainProblem
 from ..problems.tolerance_problem import ToleranceProblem
-from .complete import complete_tables
 from .merging import merge
 from .named import Named
+from .resolved import complete_tables
 
 KEPT = (*(field.name for field in fields(Budget)), "engine")
 """Keys of `[algorithm]` that are not of the algorithm."""

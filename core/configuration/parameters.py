@@ -43,9 +43,8 @@ def _list(section: Section, parameter: Parameter, count: int, within: Range) -> 
         stated = f"{len(value)} of them" if isinstance(value, list) else shown(value)
         section.fault(parameter.name, f"must be a list of {count} numbers, got {stated}")
         return None
-    checked = [
-        section.as_number(f"{parameter.name}[{i}]", entry, parameter.unit, within) for i, entry in enumerate(value)
-    ]
+    name, unit = parameter.name, parameter.unit
+    checked = [section.as_number(f"{name}[{i}]", entry, unit, within) for i, entry in enumerate(value)]
     numbers = tuple(number for number in checked if number is not None)
     return numbers if len(numbers) == count else None
 

@@ -18,28 +18,25 @@ from ..section import Range, Section
 from ..workflows.choice.steps import rounding_faults
 from .cells import with_poses
 from .choice import read_choice, resolved_choice
-from .complete import complete_tables
 from .configuration import Configuration
 from .costs import check_ends, narrowed, read_costs
-from .effects import read_effects, resolved_effects
-from .files import with_files
+from .effects import read_effects
 from .goals import read_limits, read_objectives, read_propagation
 from .labels import read_labels
-from .model_columns import read_design_columns, read_model_columns, resolved_columns
+from .measured_files import with_files
+from .model_columns import read_design_columns, read_model_columns
 from .money import read_money
 from .objects import with_choices
-from .pairs import belongs, stranger
 from .parameters import read_parameters
-from .plugins import ModelClass, load_named, problem_of
+from .plugins import ModelClass, belongs, load_named, problem_of, stranger
 from .reducers import with_reducers
-from .resolved import resolved_variables
-from .search import check_size, read_algorithm, read_budget, read_engine, resolved_algorithm
-from .sense import read_sense, resolved_sense
+from .resolved import complete_tables, resolved_measurement, resolved_variables
+from .search import read_search, resolved_algorithm
+from .senses import read_sense, read_zero
 from .source import Source, Table, folder_of, overridden
 from .table import TABLE, read_table_model
 from .unresolved import read_unresolved
 from .variables import mid_parameter, read_variable
-from .zero import read_zero, resolved_zero
 
 REFERENCES = ("documents", "none")
 PROBLEM_ONLY = (
@@ -60,15 +57,14 @@ def read(
 ) -> Configuration:
     """The configuration in a TOML file or dictionary, with `key=value` overrides applied.
 
-    An `algorithm` and a `seed` take the place of its own. Raises InputError with every fault found.
+    An `algorithm` and a `seed` take the place of its own. Raises InputError with every fault.
     """
     faults: list[Fault] = []
-    table = with_choices(overridden(source, overrides, faults), algorithm, seed)
-    return read_tables(table, folder_of(source), faults)
+    return read_tables(with_choices(overridden(source, overrides, faults), algorithm, seed), folder_of(source), faults)
 
 
 def read_tables(table: Table, folder: Path, faults: list[Fault]) -> Configuration:
-    """`read_table` with the contents of the files that the tables name, as seen from `folder`."""
+    """`read_table` with the contents of the files that the tables name, relative to `folder`."""
     filled = with_files(table, folder, faults)
     return read_table(filled.table, faults, filled.notes, folder)
 
@@ -128,7 +124,7 @@ def _read_problem(
         columns=columns,
     )
     objectives = settings.objectives or declared.objectives
-    asked = _algorithm(top.section("algorithm"), declared.algorithm, len(objectives))
+    search = read_search(top.section("algorithm"), len(objectives), declared.algorithm)
     choice = read_choice(top, objectives, declared.outputs, declared.variables)
     top.finish()
     raise_all(faults)
@@ -138,12 +134,12 @@ def _read_problem(
     raise_all([*wrong, *(unit_slips(problem) if wrong else ()), *rounding_faults(problem, choice)])
     from ..workflows.run.contradictions import contradictions  # imports the exact solver
 
-    raise_all(contradictions(problem, asked["algorithm_name"]) if reachable else [])
-    assert asked["algorithm"] is not None
+    raise_all(contradictions(problem, search["algorithm_name"]) if reachable else [])
+    assert search["algorithm"] is not None
     resolved = {
         **complete_tables(problem, top.take("problem"), model_name),
         "references": references,
-        "algorithm": resolved_algorithm(*asked.values()),
+        "algorithm": resolved_algorithm(*search.values()),
         **resolved_choice(choice),
     }
     return Configuration(
@@ -154,17 +150,8 @@ def _read_problem(
         problem=problem,
         choice=choice,
         resolved=resolved,
-        **asked,
+        **search,
     )
-
-
-def _algorithm(section: Section, default: str, objectives: int) -> dict[str, Any]:
-    """`[algorithm]`: what a `Configuration` holds of it."""
-    budget = read_budget(section)
-    name, algorithm = read_algorithm(section, objectives, default)
-    check_size(section, algorithm, budget)
-    engine = read_engine(section, name, algorithm)
-    return {"algorithm_name": name, "algorithm": algorithm, "budget": budget, "engine": engine}
 
 
 def _settings(top: Section, declared: Declaration, model: ModelClass | None, notes: Sequence[str]) -> Settings:
@@ -175,17 +162,16 @@ def _settings(top: Section, declared: Declaration, model: ModelClass | None, not
     variables = _variables(top.section("variables"), declared, parameters)
     costs = read_costs(top.section("costs"), declared.costs)
     unpriced = declared.unpriced(parameters)
-    defaults = {name: c for name, c in declared.costs.items() if name not in unpriced}
-    money, costs = read_money(top, costs, defaults)
+    money, costs = read_money(top, costs, {name: c for name, c in declared.costs.items() if name not in unpriced})
     curves = dict(declared.costs) | costs
     messages = list(notes)
     for variable in declared.variables:
-        section = top.section("variables").section(variable.name)
-        narrower, note = narrowed(variable, variables.get(variable.name), curves.get(variable.name))
+        name, curve = variable.name, curves.get(variable.name)
+        narrower, note = narrowed(variable, variables.get(name), curve)
         if narrower is not None and note:
-            variables[variable.name] = narrower
+            variables[name] = narrower
             messages.append(note)
-        check_ends(section, variable, variables.get(variable.name), curves.get(variable.name))
+        check_ends(top.section("variables").section(name), variable, variables.get(name), curve)
     return Settings(
         parameters=parameters,
         variables=variables,
@@ -223,10 +209,10 @@ def _read_model(top: Section, faults: list[Fault]) -> Configuration:
     for key in PROBLEM_ONLY:
         if top.take(key) is not None:
             top.fault(key, "needs a problem: a model alone takes seed, parameters and variables")
-    effects = read_effects(top, kind, top.take("model"))
-    effects += read_unresolved(top, kind, top.take("model"))
-    zero = read_zero(top, kind.outputs if kind else ())
-    sense = read_sense(top, kind.outputs if kind else ())
+    name = top.take("model")
+    effects = read_effects(top, kind, name) + read_unresolved(top, kind, name)
+    outputs = kind.outputs if kind else ()
+    zero, sense = read_zero(top, outputs), read_sense(top, outputs)
     if kind is None:
         top.accept(("parameters", "variables", "columns"))
         top.finish()
@@ -235,9 +221,9 @@ def _read_model(top: Section, faults: list[Fault]) -> Configuration:
     parameters |= read_parameters(top.section("parameters"), kind.parameters)
     variables = _variables(top.section("variables"), Declaration(kind.variables, (), kind.parameters), parameters)
     columns = read_model_columns(top, kind)
-    for name, setting in variables.items():
+    for variable, setting in variables.items():
         if setting.low is not None or setting.high is not None:
-            top.section("variables").fault(name, "a model needs a value, not a range")
+            top.section("variables").fault(variable, "a model needs a value, not a range")
     top.finish()
     raise_all(faults)
     complete = {v.name: _at_document(v, variables.get(v.name, VariableSetting())) for v in kind.variables}
@@ -251,17 +237,13 @@ def _read_model(top: Section, faults: list[Fault]) -> Configuration:
         labels=labels,
         columns=columns,
     )
-    name = top.take("model")
     resolved = {
         "model": name,
         **labels.stated(),
         "seed": seed,
         "parameters": dict(settings.parameters),
         "variables": resolved_variables(complete, kind.variables),
-        **resolved_columns(columns),
-        **resolved_zero(zero),
-        **resolved_sense(sense),
-        **resolved_effects(effects),
+        **resolved_measurement(settings),
     }
     return Configuration(model_name=name, settings=settings, resolved=resolved)
 

@@ -15,8 +15,8 @@ EXPECT = (BETTER, "worse")
 
 def read_hypotheses(top: Section, factors: tuple[Factor, ...], responses: tuple[str, ...]) -> tuple[Hypothesis, ...]:
     """The interpretations, each of two levels that the study compares."""
-    parsed = [_read_hypothesis(top.item("reading", at), factors, responses) for at in range(len(top.tables("reading")))]
-    return tuple(reading for reading in parsed if reading is not None)
+    parsed = [_read_hypothesis(section, factors, responses) for section in top.items("reading")]
+    return tuple(hypothesis for hypothesis in parsed if hypothesis is not None)
 
 
 def _read_hypothesis(section: Section, factors: tuple[Factor, ...], responses: tuple[str, ...]) -> Hypothesis | None:
@@ -47,16 +47,11 @@ def _level(section: Section, name: str, value: Any, factor: Factor) -> Level | N
             return level
     if name in section:
         known = [shown(level) for level in factor.grid()]
-        text = f"is no level of {factor.key}: {', '.join(known)}"
-        section.fault(name, f"{text}{nearest(shown(value), known)}")
+        section.fault(name, f"is not a level of {factor.key}: {', '.join(known)}{nearest(shown(value), known)}")
     return None
 
 
-def written(readings: tuple[Hypothesis, ...]) -> list[dict[str, Any]]:
-    """The tables that say the same."""
-    tables = []
-    for reading in readings:
-        table = asdict(reading)
-        expect = EXPECT[0] if table.pop("better") else EXPECT[1]
-        tables.append(table | {"expect": expect})
-    return tables
+def written(hypotheses: tuple[Hypothesis, ...]) -> list[dict[str, Any]]:
+    """The tables that state these interpretations."""
+    tables = [asdict(hypothesis) for hypothesis in hypotheses]
+    return [table | {"expect": EXPECT[0] if table.pop("better") else EXPECT[1]} for table in tables]

@@ -23,9 +23,8 @@ KEPT = ("problem", "parameters", "variables", "costs", "propagation", "objective
 POINTS = ("rms_arcmin", "cost")
 """Columns of a table of prices."""
 EXPECTED = (
-    "name a configuration of rv_backlash, the directory of a finished run of rv_backlash "
-    "or rv_reducer, a table (.csv) with the columns rms_arcmin and cost, or write either "
-    "as a table here"
+    "name a configuration of rv_backlash, the directory of a finished run of rv_backlash or rv_reducer, a table "
+    "(.csv) with the columns rms_arcmin and cost, or write either as a table here"
 )
 
 
@@ -62,17 +61,15 @@ def _with_rows(top: Section, key: str, folder: Path) -> Section:
 def read_reducers(top: Section, keys: Sequence[str], folder: Path) -> tuple[Nested, ...] | None:
     """The reducers of `keys`, None if one of them is faulty."""
     section = top.section("reducers")
-    reducers: list[Nested | None] = []
+    reducers: list[Nested] = []
     for key in keys:
         if key not in section:
             section.fault(key, f"is missing: {EXPECTED}")
-            reducers.append(None)
-            continue
-        reducers.append(read_reducer(section, key, folder))
+        elif (reducer := read_reducer(section, key, folder)) is not None:
+            reducers.append(reducer)
     section.finish()
-    alike = {reducer.key: reducer for reducer in reducers[::-1] if reducer is not None}
-    known = tuple(alike[reducer.key] for reducer in reducers if reducer is not None)
-    return known if len(known) == len(keys) else None
+    first = {reducer.key: reducer for reducer in reversed(reducers)}
+    return tuple(first[reducer.key] for reducer in reducers) if len(reducers) == len(keys) else None
 
 
 def read_reducer(section: Section, key: str, folder: Path) -> Nested | None:
@@ -80,8 +77,7 @@ def read_reducer(section: Section, key: str, folder: Path) -> Nested | None:
     value = section.take(key)
     if isinstance(value, Mapping):
         if "problem" in value:
-            source = f"{value['problem']} of this configuration"
-            return _of_tables(section, key, dict(value), source, folder)
+            return _of_tables(section, key, dict(value), f"{value['problem']} of this configuration", folder)
         return _of_points(section.section(key))
     if not isinstance(value, str):
         section.fault(key, f"must be a string or a table: {EXPECTED}")
@@ -115,14 +111,13 @@ def _of_tables(section: Section, key: str, table: dict[str, Any], source: str, f
         )
         return None
     if name != "rv_backlash":
-        shown = f'the problem "{name}"' if name else "no problem"
-        section.fault(key, f"{source} has {shown}, which is no reducer: {EXPECTED}")
+        stated = f'the problem "{name}", which is not a reducer' if name else "no problem"
+        section.fault(key, f"{source} has {stated}: {EXPECTED}")
         return None
-    try:
-        configuration = read_tables(table, folder, [])
-    except InputError as error:
-        for fault in error.faults:
-            section.fault(f"{key}: {fault.place}", fault.message)
+    configuration = section.attempt(
+        lambda: read_tables(table, folder, []), lambda fault: (f"{key}: {fault.place}", fault.message)
+    )
+    if configuration is None:
         return None
     problem = configuration.problem
     assert isinstance(problem, RvBacklash)
@@ -136,11 +131,9 @@ def _of_tables(section: Section, key: str, table: dict[str, Any], source: str, f
 def _of_run(section: Section, key: str, folder: Path, source: str) -> Nested | None:
     """A reducer by the directory of a finished run."""
     if faults := not_whole(folder):
-        section.fault(key, "; ".join(f"{fault.place}: {fault.message}" for fault in faults))
+        section.fault(key, "; ".join(map(str, faults)))
         return None
-    faults_: list[Fault] = []
-    table = load(folder / "config.toml", faults_)
-    front = folder / "front.csv"
+    table, front = load(folder / "config.toml", []), folder / "front.csv"
     if table is None or not front.is_file():
         section.fault(key, f"{source} holds no finished run of a reducer (config.toml, front.csv)")
         return None
@@ -191,14 +184,11 @@ def _pointed(section: Section, key: str, rms: list[float], cost: list[float], so
         text = "rms_arcmin must be above 0"
     elif any(value < 0.0 for value in cost):
         text = "cost must not be negative"
-    elif min(cost[at] for at in range(len(rms)) if rms[at] == min(rms)) <= min(
-        cost[at] for at in range(len(rms)) if rms[at] == max(rms)
-    ):
+    elif min(zip(rms, cost, strict=True))[1] <= min((-error, price) for error, price in zip(rms, cost, strict=True))[1]:
         text = "cost must fall as rms_arcmin grows"
     if text:
         section.fault(key, f"{source}: {text}")
         return None
     from ..problems.reducers.nested import Nested
 
-    known = {"rms_arcmin": rms, "cost": cost, "source": source}
-    return Nested(source, known, None, (tuple(rms), tuple(cost)))
+    return Nested(source, {"rms_arcmin": rms, "cost": cost, "source": source}, None, (tuple(rms), tuple(cost)))

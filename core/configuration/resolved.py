@@ -13,9 +13,39 @@ from ..models.inputs import Uniform
 from ..models.inputs.reading import written as distribution_table
 from ..problems.interfaces import Written
 from ..problems.promise_outputs import means_promise
-from ..problems.settings import Bound, VariableSetting
+from ..problems.settings import Bound, Settings, VariableSetting
 from ..problems.tolerance_problem import ToleranceProblem
+from .effects import resolved_effects
+from .model_columns import resolved_columns
+from .money import resolved_money
 from .nested import nested
+from .senses import resolved_sense, resolved_zero
+
+
+def complete_tables(problem: ToleranceProblem, name: str, model: str) -> dict[str, Any]:
+    """The tables of a problem that configurations know as `name`, and of its model (may be "").
+
+    Reading them again gives the same problem.
+    """
+    settings = problem.settings
+    return {
+        "problem": name,
+        **({"model": model} if model else {}),
+        **settings.labels.stated(),
+        "seed": settings.seed,
+        **resolved_money(settings.money, resolved_problem(problem)),
+        **resolved_measurement(settings),
+    }
+
+
+def resolved_measurement(settings: Settings) -> dict[str, Any]:
+    """The tables of what is measured: columns, zeros and senses of outputs, effects."""
+    return {
+        **resolved_columns(settings.columns),
+        **resolved_zero(settings.zero),
+        **resolved_sense(settings.sense),
+        **resolved_effects(settings.effects),
+    }
 
 
 def resolved_problem(problem: ToleranceProblem) -> dict[str, Any]:
@@ -25,9 +55,9 @@ def resolved_problem(problem: ToleranceProblem) -> dict[str, Any]:
         **(written.tables() or _tables(problem)),
         **written.more_tables(),
         "objectives": {"minimise": list(settings.objectives)},
-        "limits": nested(
+        "limits": resolved_limits(
             {
-                name: _limit(bound)
+                name: bound
                 for name, bound in settings.limits.items()
                 if problem.promise is None or not means_promise(name, problem.promise)
             }
@@ -72,6 +102,7 @@ def _variable(setting: VariableSetting, variable: Variable) -> dict[str, Any]:
     return table | (distribution_table(setting.distribution or Uniform()) if variable.random else {})
 
 
-def _limit(bound: Bound) -> dict[str, float]:
-    ends = {"min": bound.low, "max": bound.high}
-    return {key: end for key, end in ends.items() if math.isfinite(end)}
+def resolved_limits(limits: Mapping[str, Bound]) -> dict[str, Any]:
+    """The `[limits]` table."""
+    ends = {name: {"min": bound.low, "max": bound.high} for name, bound in limits.items()}
+    return nested({name: {key: end for key, end in pair.items() if math.isfinite(end)} for name, pair in ends.items()})

@@ -12,13 +12,14 @@ from typing import Any
 from .. import tables
 from ..csv_text import read_own_csv
 from ..declarations import Kind
-from ..errors import Fault, InputError, nearest, raise_all
+from ..errors import Fault, InputError, UnknownKey, nearest, raise_all
 from ..problems.interfaces import Checks
 from ..problems.promise import ASSURED, PLUG_IN, PROMISED, YIELD
 from ..problems.stack import Stack
 from ..problems.tolerance_problem import ToleranceProblem
 from ..problems.with_promise import WithPromise
 from ..units import split_unit
+from ..workflows.promise.review import review
 from .measured_files import MeasuredFile, opened_parts, together
 from .measured_variables import BOUNDS
 from .reader import read_table
@@ -74,28 +75,29 @@ def reopened(run: Path, parts: Sequence[Path], since: Sequence[Path], options: t
     earlier = _anew(table, owners, _opened(since, options, faults), faults) if since else None
     raise_all(faults)
     shifting = {owner.name for owner in owners if owner.shifts}
-    problems = [
-        _problem(tables_of_problem, faults)
-        for tables_of_problem in (
-            _with_sample_means(now[0], shifting),
-            now[0],
-            *([_with_sample_means(earlier[0], shifting)] if earlier else []),
-        )
-    ]
+    anew = [_with_sample_means(now[0], shifting), now[0]]
+    anew += [_with_sample_means(earlier[0], shifting)] if earlier else []
+    problems = [_problem(tables_of_problem, faults) for tables_of_problem in anew]
     raise_all(faults)
     assert problems[0] is not None
     assert problems[1] is not None
     reset = None if Checks.of(problems[1]).out_of_reach() else problems[1]
-    return Reopened(
-        before,
-        design,
-        problems[0],
-        reset,
-        now[1],
-        problems[2] if earlier else None,
-        attributed,
-        earlier[1] if earlier else (),
+    since_problem, earlier_parts = (problems[2], earlier[1]) if earlier else (None, ())
+    return Reopened(before, design, problems[0], reset, now[1], since_problem, attributed, earlier_parts)
+
+
+def reviewed(run: Path, parts: Sequence[Path], since: Sequence[Path], options: tables.ReadOptions) -> str:
+    """The text of `tolevo review`: sentences and the table of the parts. Raises InputError with
+    every fault.
+    """
+    opened = reopened(run, parts, since, options)
+    names = opened.measured_parts
+    again = [name for name in names if name in opened.earlier]
+    result = review(
+        opened.before, opened.design, opened.now, opened.reset, names, opened.since, opened.attributed, again
     )
+    table = result.parts.dropna(axis="columns", how="all").to_string(index=False, float_format="%.4g", na_rep="-")
+    return "\n".join([*result.lines, "", table])
 
 
 def _run(run: Path, faults: list[Fault]) -> tuple[Table | None, dict[str, float]]:
@@ -105,8 +107,7 @@ def _run(run: Path, faults: list[Fault]) -> tuple[Table | None, dict[str, float]
         allocation = read_own_csv(run / "allocation.csv")
         front = read_own_csv(run / "front.csv")
     except (OSError, ValueError):
-        text = "has no allocation.csv: it is no complete run with a choice"
-        faults.append(Fault(str(run), text))
+        faults.append(Fault(str(run), "has no allocation.csv: it is not a complete run with a choice"))
         return table, {}
     if allocation.empty or not set(ALLOCATION) <= set(allocation):
         faults.append(Fault(str(run), "has an allocation.csv without an allocation"))
@@ -127,14 +128,13 @@ def _with_promise(table: Table, faults: list[Fault]) -> None:
     limit = next((limits.pop(name) for name in YIELDS if name in limits), None)
     yield_percent = limit.get("min") if isinstance(limit, dict) else limit
     if yield_percent is None:
-        text = "promises nothing: it has neither [promise] nor a limit on yield_percent"
-        faults.append(Fault("RUN", text))
+        faults.append(Fault("RUN", "promises no yield: it has neither [promise] nor a limit on yield_percent"))
         return
     table["promise"] = {YIELD: yield_percent, "statement": ASSURED}
 
 
 def _without_promise(limits: Table) -> Table:
-    """Limits without those that a promise sets, of each requirement."""
+    """Limits without those that a promise sets, of every requirement."""
     return {
         name: _without_promise(bound) if isinstance(bound, dict) else bound
         for name, bound in limits.items()
@@ -199,7 +199,7 @@ def _owners(table: Table, problem: ToleranceProblem, design: dict[str, float]) -
 
 
 def _opened(paths: Sequence[Path], options: tables.ReadOptions, faults: list[Fault]) -> list[MeasuredFile]:
-    """The files, each opened once."""
+    """The opened files."""
     opened = []
     for path in paths:
         try:
@@ -216,11 +216,8 @@ def _anew(
     anew = {owner.name: measured for owner in owners if (measured := _measured(owner, files, faults)) is not None}
     if not anew and not faults:
         names = ", ".join(owner.name for owner in owners)
-        faults.append(
-            Fault(
-                "PARTS", f"hold no characteristic of the run: name columns or characteristics like its parts ({names})"
-            )
-        )
+        text = "hold no characteristic of the run: name columns or characteristics like its parts"
+        faults.append(Fault("PARTS", f"{text} ({names})"))
     reopened_table = copy.copy(table)
     if "part" in table:
         reopened_table["part"] = [anew.get(str(part["name"]), part) for part in table["part"]]
@@ -242,14 +239,12 @@ def _measured(owner: Owner, files: Sequence[MeasuredFile], faults: list[Fault]) 
     place = f"PARTS ({owner.name})"
     sample: dict[str, Any] = together(samples, names, place, faults)
     if owner.chosen:
-        text = "has machines or processes to choose from: state what the parts say in them"
-        faults.append(Fault(place, text))
+        faults.append(Fault(place, "has machines or processes to choose from: state the measurements in them"))
         return None
     stated, t, unit = sample.pop("made_to", None), owner.t, owner.unit
     if stated is not None and owner.follows and sample.get("unit") == unit and abs(stated - t) > 1e-6 * t:
-        faults.append(
-            Fault(place, f"were made to {stated:g} {unit}, the run's drawing has {t:g} {unit}: another revision?")
-        )
+        text = f"were made to {stated:g} {unit}, the run's drawing has {t:g} {unit}: another revision?"
+        faults.append(Fault(place, text))
     known = owner.table.get("measured") or {}
     sample |= {key: known[key] for key in ("gauge", "mean") if key in known}
     sample |= {} if owner.shifts else {"mean": "corrected"}
@@ -277,7 +272,7 @@ def _problem(table: Table, faults: list[Fault]) -> ToleranceProblem | None:
     try:
         problem = read_table(copy.deepcopy(table), [], reachable=False).problem
     except InputError as error:
-        unknown = [fault for fault in error.faults if fault.place == "promise" and "not a known key" in fault.message]
+        unknown = [fault for fault in error.faults if fault.place == "promise" and isinstance(fault, UnknownKey)]
         if unknown:
             faults.append(Fault("RUN", "is the run of a problem that makes no promises"))
         faults += [fault for fault in error.faults if fault not in (*faults, *unknown)]
@@ -294,5 +289,5 @@ def _attributed(folder: Path, faults: list[Fault]) -> str:
         return f"{analysis['verdict']}" + (f": {', '.join(names)}" if names else "")
     except (OSError, ValueError, KeyError, TypeError):
         near = nearest(GAP, [path.name for path in folder.glob("*.json")])
-        faults.append(Fault(str(folder), f"is no result of `tolevo gap`: it has no {GAP}{near}"))
+        faults.append(Fault(str(folder), f"is not a result of `tolevo gap`: it has no {GAP}{near}"))
         return ""

@@ -18,7 +18,16 @@ from .plugins import load_named
 MOST_BY_DEFAULT = 2
 """Objectives up to which a problem's own algorithm is the default."""
 DEFAULT_GENERATIONS = 200
-"""Budget of a run whose configuration names none."""
+"""Budget of a run whose configuration states none."""
+
+
+def read_search(section: Section, objectives: int, default: str) -> dict[str, Any]:
+    """`[algorithm]`: what a `Configuration` holds of it."""
+    budget = read_budget(section)
+    name, algorithm = read_algorithm(section, objectives, default)
+    check_size(section, algorithm, budget)
+    engine = read_engine(section, name, algorithm)
+    return {"algorithm_name": name, "algorithm": algorithm, "engine": engine, "budget": budget}
 
 
 def read_algorithm(section: Section, objectives: int, default: str = "") -> tuple[str, AlgorithmSettings | None]:
@@ -51,8 +60,8 @@ def by_default(stated: Iterable[str], objectives: int, problem_default: str) -> 
     if not problem_default or objectives > MOST_BY_DEFAULT:
         return evolution
     keys, evolution_keys = (_keys(name) for name in (problem_default, evolution))
-    asked = set(stated) & (evolution_keys | {"generations", "engine"})
-    return problem_default if asked <= keys else evolution
+    relevant = set(stated) & (evolution_keys | {"generations", "engine"})
+    return problem_default if relevant <= keys else evolution
 
 
 def _keys(name: str) -> set[str]:
@@ -97,9 +106,7 @@ def read_engine(section: Section, name: str, algorithm: AlgorithmSettings | None
     engine = section.text("engine", ("pymoo", "array")) or "pymoo"
     if engine == "array" and algorithm is not None and not algorithm.array_engine:
         known = ", ".join(ENGINES)
-        section.fault(
-            "engine", f'{name} has no array engine; {known} have one: choose one of them, or engine = "pymoo"'
-        )
+        section.fault("engine", f'{name} has no array engine: choose one of {known}, or engine = "pymoo"')
     elif engine == "array":
         for key, supported in (("crossover", CROSSOVERS[0]), ("mutation", MUTATIONS[0])):
             operator = getattr(getattr(algorithm, key, None), "operator", supported)
@@ -127,20 +134,18 @@ def check_size(section: Section, algorithm: AlgorithmSettings | None, budget: Bu
     if not budget.generations or evaluations(algorithm, budget) == budget.evaluations:
         return
     population = getattr(algorithm, "population", 1)
-    complaint = too_many(budget.generations, EVALUATIONS, population, "generations x population")
-    if complaint:
+    if complaint := too_many(budget.generations, EVALUATIONS, population, "generations x population"):
         section.fault("generations", complaint)
 
 
 def evaluations(algorithm: AlgorithmSettings | None, budget: Budget) -> int:
     """Evaluations that a search may take at most, as far as its settings say."""
     by_generations = (budget.generations or 0) * getattr(algorithm, "population", 1)
-    ends = [limit for limit in (by_generations, budget.evaluations) if limit]
-    return min(ends, default=0)
+    return min((limit for limit in (by_generations, budget.evaluations) if limit), default=0)
 
 
-def resolved_algorithm(name: str, algorithm: AlgorithmSettings, budget: Budget, engine: str) -> dict[str, Any]:
-    """The `[algorithm]` table that says all of this."""
+def resolved_algorithm(name: str, algorithm: AlgorithmSettings, engine: str, budget: Budget) -> dict[str, Any]:
+    """The `[algorithm]` table that states all of this."""
     limits = {key: value for key, value in asdict(budget).items() if value is not None}
     table: dict[str, Any] = asdict(algorithm)  # type: ignore[call-overload]
     return {"name": name, "engine": engine} | limits | table

@@ -16,7 +16,7 @@ from ..workflows.study.plan import Point
 from ..workflows.study.records import Factor, Level
 from .configuration import Configuration
 from .reader import read_table
-from .search import check_size, read_algorithm, read_budget, read_engine
+from .search import read_search
 from .source import Table
 from .varied import variable_table, with_values
 
@@ -44,8 +44,7 @@ def built_points(
                 faults.setdefault(str(placed), placed)
     listed = list(faults.values())
     if len(listed) > SHOWN:
-        more = Fault("vary", f"{len(listed) - SHOWN} more faults of this kind")
-        listed = [*listed[:SHOWN], more]
+        listed = [*listed[:SHOWN], Fault("vary", f"{len(listed) - SHOWN} more faults of this kind")]
     raise_all(listed)
     return tuple(points), tuple(builder.problems)
 
@@ -79,14 +78,10 @@ class _Builder:
         number = self._numbers[key]
         faults: list[Fault] = []
         section = Section({"algorithm": algorithm}, "", faults).section("algorithm")
-        budget = read_budget(section)
         problem = self.problems[number]
-        name, settings = read_algorithm(section, problem.n_obj, problem.declaration.algorithm)
-        check_size(section, settings, budget)
-        engine = read_engine(section, name, settings)
+        search = read_search(section, problem.n_obj, problem.declaration.algorithm)
         raise_all(faults)
-        assert settings is not None
-        return Point(number, settings, budget, engine)
+        return Point(number, search["algorithm"], search["budget"], search["engine"])
 
     def _first(self, key: str, table: Table) -> Point:
         """The first point of a problem."""

@@ -1,4 +1,4 @@
-"""From a file or a dictionary, and the `--set` options of the command line, to one raw table."""
+"""From a file or a dictionary, and the `--set` options of the command line, to raw tables."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def _loaded(source: Source, faults: list[Fault]) -> Table | None:
     else:
         if text.strip():
             return _parsed(text, place, faults)
-        message = "is empty: a configuration names at least a problem or a model"
+        message = "is empty: a configuration must state at least a problem or a model"
     faults.append(Fault(place, message))
     return None
 
@@ -102,7 +102,7 @@ def _merged(table: Table, settings: Sequence[str], faults: list[Fault]) -> None:
         if parsed is None:
             faults.append(Fault("--set", f'must be key=value, got "{setting}"'))
         elif not merge(table, parsed):
-            faults.append(Fault(f"--set {key.strip()}", "leads through a value, not a table"))
+            faults.append(Fault(f"--set {key.strip()}", "leads through a value that is not a table"))
 
 
 def _setting(key: str, value: str) -> Table | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, fields
+from dataclasses import asdict, replace
 from os.path import abspath
 from pathlib import Path
 from typing import Any
@@ -18,11 +18,11 @@ from ..problems.settings import Labels
 from ..section import POSITIVE, Range, Section, flat
 from ..workflows.study.designs import DESIGNS
 from ..workflows.study.plan import StudyPlan
-from ..workflows.study.records import RESPONSES, Design, Factor, Hypothesis, StudySettings
+from ..workflows.study.records import RESPONSES, Design, Factor, StudySettings
 from ..workflows.study.responses import unsuitable
 from .configuration import Configuration
-from .files import with_files
 from .labels import read_labels
+from .measured_files import with_files
 from .reader import read_table
 from .readings import read_hypotheses, written
 from .search import by_default, evaluations, settings_of
@@ -32,7 +32,7 @@ from .varied import base_values, read_factors
 
 RUN = "run"
 STUDY = "study"
-"""Title of a study that is no file."""
+"""Title of a study that is not a file."""
 SEEDS = 10
 RACED = ("one_at_a_time", "factorial", "table")
 """Analyses of designs whose settings may be stopped."""
@@ -50,10 +50,8 @@ def read_study(source: Source, overrides: Sequence[str] = (), most: int | None =
     described, but not run. Raises InputError with every fault.
     """
     faults: list[Fault] = []
-    table = load(source, faults)
-    if table is None:
-        raise_all(faults)
-    assert table is not None
+    if (table := load(source, faults)) is None:
+        raise InputError(faults)
     study_overrides = [setting for setting in overrides if not setting.strip().startswith(f"{RUN}.")]
     override(table, study_overrides, faults)
     top = Section(table, "", faults)
@@ -72,7 +70,7 @@ def read_study(source: Source, overrides: Sequence[str] = (), most: int | None =
     hopeless = _hopeless(top.section("stop"), design)
     top.finish()
     seed, seeds = 0 if seed is None else seed, SEEDS if seeds is None else seeds
-    if design is not None and factors and not _faulty(faults, "vary"):
+    if design is not None and factors and not any(fault.place.startswith("vary") for fault in faults):
         faults += [_placed(fault) for fault in design.faults(factors, seeds)]
         faults += _size_faults(design.size(factors), seeds)
     raise_all(faults)
@@ -90,10 +88,10 @@ def read_study(source: Source, overrides: Sequence[str] = (), most: int | None =
         base={factor.key: values[factor.key] for factor in factors},
         objectives=base.settings.objectives,
         hypotheses=hypotheses,
-        configuration=_resolved(base, factors, design, responses, seeds, seed, limit, hypotheses, labels, hopeless),
         labels=known,
         hopeless=hopeless,
     )
+    settings = replace(settings, configuration=_resolved(settings, base, limit, labels))
     return _planned(settings, base, run or {}, limit, most)
 
 
@@ -178,8 +176,7 @@ def _base(run: Table, varied: Any, faults: list[Fault]) -> Configuration | None:
         faults.append(Fault(f"{RUN}.problem", "is missing: a model alone can only be simulated"))
         return None
     if not configuration.problem.free:
-        text = "every variable is fixed: there is nothing to optimise"
-        faults.append(Fault(f"{RUN}.problem", text))
+        faults.append(Fault(f"{RUN}.problem", "every variable is fixed: there is nothing to optimise"))
         return None
     return configuration
 
@@ -188,11 +185,11 @@ def _name_algorithm(run: Table, varied: Any, configuration: Configuration) -> bo
     """Name the algorithm of a run where it names none and its settings are varied; whether done."""
     stated = run.get("algorithm", {})
     keys = [key.split(".") for key in flat(varied)] if isinstance(varied, dict) else []
-    asked = [key[1] for key in keys if key[0] == "algorithm" and len(key) > 1]
-    if "name" in [*stated, *asked] or not asked or configuration.problem is None:
-        return False
+    varied_keys = [key[1] for key in keys if key[0] == "algorithm" and len(key) > 1]
     problem = configuration.problem
-    name = by_default([*stated, *asked], problem.n_obj, problem.declaration.algorithm)
+    if "name" in [*stated, *varied_keys] or not varied_keys or problem is None:
+        return False
+    name = by_default([*stated, *varied_keys], problem.n_obj, problem.declaration.algorithm)
     run["algorithm"] = stated | {"name": name}
     return True
 
@@ -209,7 +206,7 @@ def _responses(top: Section, base: Configuration | None) -> tuple[str, ...]:
             known = ", ".join(RESPONSES)
             top.fault("response", f'must be of {known}, got "{name}"{nearest(name, RESPONSES)}')
     if len(set(names)) < len(names):
-        top.fault("response", "names one twice")
+        top.fault("response", "lists a response twice")
     return tuple(name for name in RESPONSES if name in names)
 
 
@@ -220,11 +217,10 @@ def _design(section: Section, folder: Path) -> Design | None:
         if "kind" not in section:
             section.fault("kind", f"is missing: one of {', '.join(DESIGNS)}")
         return None
-    names = {field.name for field in fields(DESIGNS[kind])}  # type: ignore[arg-type]
     section.accept(["kind"])
     design = settings_of(section, DESIGNS[kind])
-    if "file" in names and design.file:
-        design = type(design)(**(asdict(design) | {"file": abspath(folder / design.file)}))
+    if getattr(design, "file", ""):
+        design = replace(design, file=abspath(folder / design.file))
     assert isinstance(design, Design)
     return design
 
@@ -234,13 +230,9 @@ def _hopeless(section: Section, design: Design | None) -> bool:
     hopeless = section.flag("hopeless") or False
     section.finish()
     if hopeless and design is not None and design.analysis not in RACED:
-        text = f"cannot be had of {design.kind}: its statistics need every run; use one of"
-        section.fault("hopeless", f"{text} {', '.join(RACED)}")
+        text = f"is not available for {design.kind}, whose statistics need every run"
+        section.fault("hopeless", f"{text}; use one of {', '.join(RACED)}")
     return hopeless
-
-
-def _faulty(faults: list[Fault], table: str) -> bool:
-    return any(fault.place.startswith(table) for fault in faults)
 
 
 def _placed(fault: Fault) -> Fault:
@@ -250,26 +242,15 @@ def _placed(fault: Fault) -> Fault:
     return Fault(f"design.{fault.place}", fault.message)
 
 
-def _resolved(
-    base: Configuration,
-    factors: tuple[Factor, ...],
-    design: Design,
-    responses: tuple[str, ...],
-    seeds: int,
-    seed: int,
-    limit: float | None,
-    hypotheses: tuple[Hypothesis, ...],
-    labels: Labels,
-    hopeless: bool,
-) -> str:
+def _resolved(study: StudySettings, base: Configuration, limit: float | None, labels: Labels) -> str:
     """The study as TOML, every default included; reading it again gives the same study."""
-    vary = {factor.key: _vary(factor) for factor in factors}
-    table: dict[str, Any] = {**labels.stated(), "seed": seed, "seeds": seeds, "response": list(responses)}
-    table |= {} if limit is None else {"time_limit_s": limit}
-    table |= {"stop": {"hopeless": True}} if hopeless else {}
-    kind = {"kind": design.kind} | asdict(design)  # type: ignore[call-overload]
-    table |= {"reading": written(hypotheses)} if hypotheses else {}
-    return tomli_w.dumps(table | {"design": kind, "vary": vary, RUN: dict(base.resolved)})
+    table: dict[str, Any] = {**labels.stated(), "seed": study.seed, "seeds": study.seeds}
+    table |= {"response": list(study.responses)} | ({} if limit is None else {"time_limit_s": limit})
+    table |= {"stop": {"hopeless": True}} if study.hopeless else {}
+    table |= {"reading": written(study.hypotheses)} if study.hypotheses else {}
+    table["design"] = {"kind": study.design.kind} | asdict(study.design)  # type: ignore[call-overload]
+    table["vary"] = {factor.key: _vary(factor) for factor in study.factors}
+    return tomli_w.dumps(table | {RUN: dict(base.resolved)})
 
 
 def _vary(factor: Factor) -> Any:

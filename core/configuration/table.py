@@ -15,13 +15,13 @@ from ..problems.settings import Settings
 from ..section import Section
 from ..workflows.gap.plan import ColumnRole, output_of
 from .configuration import Configuration
-from .effects import read_effects, resolved_effects
+from .effects import read_effects
 from .gap_columns import read_columns
 from .gear import GEAR, read_gear, resolved_gear
 from .labels import read_labels
-from .sense import SENSE, read_sense
+from .resolved import resolved_measurement
+from .senses import SENSE, ZERO, read_sense, read_zero
 from .unresolved import UNRESOLVED, read_unresolved
-from .zero import ZERO, read_zero, resolved_zero
 
 TABLE = "table"
 LABELS = ("unit", "lot")
@@ -46,16 +46,15 @@ def read_table_model(top: Section, seed: int, faults: list[Fault]) -> Configurat
     zero = read_zero(top, model.outputs)
     top.finish()
     raise_all(faults)
+    settings = Settings(seed=seed, effects=effects, definition=columns, zero=zero, gear=gear, labels=labels)
     resolved = {
         "model": TABLE,
         **labels.stated(),
         "seed": seed,
         "columns": {name: _written(column) for name, column in columns.items()},
         **resolved_gear(gear),
-        **resolved_zero(zero),
-        **resolved_effects(effects),
+        **resolved_measurement(settings),
     }
-    settings = Settings(seed=seed, effects=effects, definition=columns, zero=zero, gear=gear, labels=labels)
     return Configuration(model_name=TABLE, settings=settings, resolved=resolved)
 
 

@@ -17,8 +17,7 @@ DEFAULT = "rv40e_backlash.toml"
 def written(kind: str, config: Path | None = None) -> str:
     """The text of a template. Raises InputError where the kind is not known."""
     if kind not in KINDS:
-        text = f'must be one of {", ".join(KINDS)}, got "{kind}"{nearest(kind, KINDS)}'
-        raise refuse("KIND", text)
+        raise refuse("KIND", f'must be one of {", ".join(KINDS)}, got "{kind}"{nearest(kind, KINDS)}')
     configuration = read(config or Path(str(files("tolevo.configs"))) / DEFAULT)
     if configuration.problem is None:
         raise refuse("--config", "needs a problem: a model alone has no variables")

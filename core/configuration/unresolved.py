@@ -20,14 +20,14 @@ LISTS = ("knots", "heights", "coefficients", "labels")
 
 def read_unresolved(top: Section, model: ModelClass | MeasurableModel | None, name: str) -> tuple[Active, ...]:
     """The terms in the model `name`, of the class `model` (None where it is not known)."""
-    count = len(top.tables(UNRESOLVED))
-    terms = [_term(top.item(UNRESOLVED, at)) for at in range(count)]
+    sections = top.items(UNRESOLVED)
+    terms = [_term(section) for section in sections]
     if model is None:
         return ()
-    target = target_of(model, name) if count else None
-    for at, term in enumerate(terms):
+    target = target_of(model, name) if sections else None
+    for section, term in zip(sections, terms, strict=True):
         if term is not None and target is not None and not term.effect.own_applies(target):
-            top.item(UNRESOLVED, at).fault("variable", f"the model {name} lacks a column or the output of this term")
+            section.fault("variable", f"the model {name} lacks a column or the output of this term")
     return tuple(term for term in terms if term is not None)
 
 
@@ -47,7 +47,7 @@ def _term(section: Section) -> Active | None:
     if not faulty and len(term_table.get("heights", ())) != len(term_table.get("knots", ())) * (
         term_table["shape"] == "curve"
     ):
-        section.fault("heights", "must be one for each of the knots of a curve, and of no other shape")
+        section.fault("heights", "must have as many numbers as a curve has knots, and none for another shape")
         faulty = True
     section.finish()
     if faulty:

@@ -17,7 +17,7 @@ from .measured_variables import read_measured
 
 
 def read_variable(section: Section, variable: Variable, parameters: Mapping[str, Value]) -> Any:
-    """The `VariableSetting` that one table states, None where it states nothing."""
+    """The `VariableSetting` that a table states, None where it states nothing."""
     value, low, high = (_bound(section, variable, key) for key in ("value", "low", "high"))
     mid = _mid(section, variable)
     zone = _zone(section, variable)
@@ -49,9 +49,7 @@ def mid_parameter(variable: str) -> str:
 
 def _bound(section: Section, variable: Variable, key: str) -> float | None:
     number = section.number(key, variable.unit)
-    if number is None or not _outside(section, variable, key, number):
-        return number
-    return None
+    return None if number is None or _outside(section, variable, key, number) else number
 
 
 def _outside(section: Section, variable: Variable, key: str, number: float) -> bool:
@@ -60,8 +58,7 @@ def _outside(section: Section, variable: Variable, key: str, number: float) -> b
     if variable.integer and not number.is_integer():
         complaint = f"must be a whole number, got {number}"
     if complaint:
-        hint = unit_hint(number, variable.unit, variable.low, variable.high)
-        section.fault(key, complaint + hint)
+        section.fault(key, complaint + unit_hint(number, variable.unit, variable.low, variable.high))
     return bool(complaint)
 
 

@@ -26,17 +26,17 @@ def read_factors(section: Section, table: Table, base: Mapping[str, Any]) -> tup
     for key, value in _entries(table).items():
         section.accept([key.split(".")[0], key])
         if key == SEED or key.startswith("run."):
-            hint = "the seeds are the replicates: set seeds" if key == SEED else "leave out `run.`"
+            hint = "replicates differ by their seeds: set seeds" if key == SEED else "leave out `run.`"
             section.fault(key, f"cannot be varied: {hint}")
         elif key not in base:
             known = ", ".join(_neighbours(key, base))
-            text = f"is no setting of this run that has a value{nearest(key, base)}"
-            section.fault(key, f"{text}; in addition: {known}" if known else text)
+            text = f"is not a setting of this run that has a value{nearest(key, base)}"
+            section.fault(key, f"{text}; settings of the same table: {known}" if known else text)
         else:
             factors.append(_factor(section, key, value, base[key]))
     section.finish()
     if not factors and not table:
-        section.fault("", "names nothing to vary: give at least one key of the run configuration")
+        section.fault("", "is empty: name at least one key of the run configuration")
     return tuple(factor for factor in factors if factor is not None)
 
 
@@ -59,11 +59,10 @@ def _neighbours(key: str, base: Mapping[str, Any]) -> list[str]:
 
 def _factor(section: Section, key: str, value: Any, base_value: Any) -> Factor | None:
     """A factor from its levels or range; `base_value` is the value in the run configuration."""
-    whole = isinstance(base_value, int) and not isinstance(base_value, bool)
     if isinstance(value, list):
         return _levels(section, key, value, base_value)
     if isinstance(value, dict):
-        return _range(section, key, value, whole)
+        return _range(section, key, value, isinstance(base_value, int) and not isinstance(base_value, bool))
     section.fault(key, f"must be a list of values or a table with low and high, got {shown(value)}")
     return None
 

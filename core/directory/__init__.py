@@ -1,4 +1,4 @@
-"""The directory of a result: one owner, one state.
+"""The directory of a result, which has a single owner and a single state.
 
 A command takes it (`owned`), which locks it; retires the old result (`begin`), after which the
 directory is that of an unfinished result; and marks the set of files that it has written

@@ -1,7 +1,7 @@
-"""One owner of a directory: a lock on a file in it, held as long as the process lives.
+"""The only owner of a directory: a lock on a file in it, held as long as the process lives.
 
-The kernel lets go of the lock when the process ends, however it ends, so a killed process leaves
-none; the file itself then says nothing.
+The kernel releases the lock when the process ends, however it ends, so that a killed process leaves
+no lock; the file alone means nothing.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ OTHER = "another process"
 PATIENCE = 0.3
 """Time [s] within which another process has finished testing the lock."""
 STEP = 0.02
-Found = TypeVar("Found")
+Outcome = TypeVar("Outcome")
 
 
 class Held(Exception):
@@ -40,7 +40,7 @@ class Lock:
         self._sign()
 
     def share(self) -> None:
-        """Share the lock with others. Raises Held where one took the directory meanwhile."""
+        """Share the lock with others. Raises Held where another process took it meanwhile."""
         handle = self._handle
         if handle is None or not self.exclusive:
             return
@@ -53,12 +53,12 @@ class Lock:
         """Wait until no process shares any more. Raises Held where that takes longer."""
         if self.exclusive:
             return
-        self._let_go()  # two that both held on would wait for each other
+        self._let_go()  # two processes that both kept it would wait for each other
         taken = acquire(self.path.parent, self.command, patience=patience)
         self._handle, taken._handle, self.exclusive = taken._handle, None, True
 
     def release(self) -> None:
-        """Let go; the last one takes the file away."""
+        """Release the lock; its last holder removes the file."""
         if self._handle is not None and (self.exclusive or _flock(self._handle, fcntl.LOCK_EX)):
             self.path.unlink(missing_ok=True)
         self._let_go()
@@ -69,7 +69,7 @@ class Lock:
         self._handle = None
 
     def _sign(self) -> None:
-        """Write who holds it, for those who are refused."""
+        """Write who holds the lock, for processes that are refused."""
         entry = {
             "command": self.command,
             "pid": os.getpid(),
@@ -81,7 +81,7 @@ class Lock:
         if self.exclusive:
             os.ftruncate(handle, 0)
         os.lseek(handle, 0, os.SEEK_END)
-        with suppress(OSError):  # on a full disk it holds all the same
+        with suppress(OSError):  # on a full disk the lock holds without its entry
             os.write(handle, json.dumps(entry).encode() + b"\n")
 
 
@@ -108,7 +108,7 @@ def acquire(folder: Path, command: str, sharing: Callable[[], bool] | None = Non
 
 
 def hold(path: Path, kind: int) -> int | None:
-    """A handle on `path` with a lock on it, None where another process has one.
+    """A handle on `path` with a lock on it, None where another process holds a lock.
 
     The file is made where there is none. A file that its last holder removed meanwhile does not
     count: the next process would lock another file.
@@ -164,8 +164,8 @@ def _entries(folder: Path) -> list[dict[str, Any]]:
     return []
 
 
-def patient(attempt: Callable[[], Found | None], seconds: float = PATIENCE) -> Found | None:
-    """What `attempt` returns, tried again for so long while it is None."""
+def patient(attempt: Callable[[], Outcome | None], seconds: float = PATIENCE) -> Outcome | None:
+    """What `attempt` returns; while it is None, it is tried again for so many seconds."""
     until = time.monotonic() + seconds
     while (outcome := attempt()) is None and time.monotonic() < until:
         time.sleep(STEP)

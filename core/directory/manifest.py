@@ -14,8 +14,8 @@ from .names import KINDS, present
 
 MANIFEST = "manifest.json"
 FORMAT = 1
-ANEW = "put back what was written, or start again with --overwrite"
-AS_IT_IS = "to have what is there shown as it is, remove manifest.json"
+ANEW = "restore the original file, or start again with --overwrite"
+AS_IT_IS = "to show the files as they are, remove manifest.json"
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,22 +53,20 @@ def read_manifest(folder: Path) -> Manifest | None:
             raise KeyError(command)
         return Manifest(command, str(record["status"]), dict(record["files"]))
     except (KeyError, TypeError) as error:
-        raise ValueError(f"it is none of a result ({error!r})") from error
+        raise ValueError(f"it is not the manifest of a result ({error!r})") from error
 
 
 def strangers(folder: Path, manifest: Manifest, apart: Iterable[str] = ()) -> list[Fault]:
-    """A fault for every file that is not of the one set, except those in `apart`."""
+    """A fault for every file that does not belong to the result, except those in `apart`."""
     faults = []
     for name in present(folder, KINDS[manifest.command].files):
-        if name in apart:
-            continue
+        text = ""
         if name not in manifest.files:
-            text = f"does not belong to this result ({MANIFEST} does not name it): move it away"
-        elif digest(folder / name) != manifest.files[name]:
+            text = f"does not belong to this result ({MANIFEST} does not list it): move it away"
+        elif name not in apart and digest(folder / name) != manifest.files[name]:
             text = f"is not the file that this result was completed with (by {MANIFEST}): {ANEW}"
-        else:
-            continue
-        faults.append(Fault(f"{folder}/{name}", f"{text}; {AS_IT_IS}"))
+        if text and name not in apart:
+            faults.append(Fault(f"{folder}/{name}", f"{text}; {AS_IT_IS}"))
     return faults
 
 

@@ -113,7 +113,7 @@ KINDS: Mapping[str, Kind] = {
         saved="the search as it was saved last",
     ),
 }
-"""By command; the most specific ones first, where a directory holds more than one result."""
+"""By command, the most specific first: a directory may hold more than one result."""
 
 
 def present(folder: Path, patterns: Iterable[str]) -> list[str]:

@@ -1,4 +1,4 @@
-"""A directory in the hands of one command: taken, the old result retired, the new one completed."""
+"""A directory that a command owns: taken, the old result retired, the new result completed."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .manifest import MANIFEST, write_manifest
 from .names import KINDS, folders, is_output_file, kinds_in, present
 from .parts import sweep
 from .standing import Standing, occupied, standing
-from .unfinished import UNFINISHED, read_unfinished, write_unfinished
+from .unfinished import UNFINISHED, Unfinished, read_unfinished, write_unfinished
 
 BUSY = "is in use by {}: wait for it, end it, or name another directory"
 OCCUPIED = "{} is not empty; name another directory, or add --overwrite or --resume"
@@ -23,7 +23,7 @@ UNCHANGED = (
     "cannot be written ({}: {}): nothing was changed; {} and run the same command again, or name another directory"
 )
 READY = 60.0
-"""Time [s] within which one whose result can be shared has begun or completed it."""
+"""Time [s] within which a command whose result can be shared has begun or completed it."""
 LAST = 600.0
 """Time [s] to wait for the last others that share a directory."""
 
@@ -46,8 +46,8 @@ class Ownership:
 
     @property
     def blank(self) -> bool:
-        """Whether there is nothing to go on from: it is empty, or this command was broken off
-        before it had saved anything.
+        """Whether there is nothing to continue: it is empty, or this command was interrupted before
+        it had saved anything.
         """
         if not occupied(self.folder):
             return True
@@ -91,16 +91,11 @@ class Ownership:
 
     def _old(self) -> list[str]:
         """Names of all files that commands have written here."""
-        names = {*kinds_in(self.folder), self.command}
-        retiring: tuple[str, ...] = ()
-        with suppress(ValueError):
-            mark = read_unfinished(self.folder)
-            if mark is not None:
-                names.add(mark.command)
-                retiring = mark.retiring
-        kinds = [KINDS[name] for name in KINDS if name in names]
+        mark = _mark(self.folder)
+        names = {*kinds_in(self.folder), self.command, mark.command if mark else ""}
+        kinds = [kind for name, kind in KINDS.items() if name in names]
         patterns = [name for kind in kinds for name in (*kind.state, *kind.files, *kind.pages)]
-        return list(dict.fromkeys([*present(self.folder, patterns), *retiring]))
+        return list(dict.fromkeys([*present(self.folder, patterns), *(mark.retiring if mark else ())]))
 
     def _retire(self, names: Sequence[str]) -> None:
         """Remove files of an older result, the manifest first, so that no set looks complete."""
@@ -119,7 +114,7 @@ class Ownership:
         self._still_ours()
 
     def exclude(self) -> bool:
-        """Wait until all that helped are through; whether this process completes the result."""
+        """Wait until all other processes have ended; whether this process completes the result."""
         try:
             self._lock.exclude(LAST)
         except Held as holder:
@@ -135,35 +130,27 @@ class Ownership:
         (self.folder / UNFINISHED).unlink(missing_ok=True)
 
     def release(self) -> None:
-        """Release the directory; one that was made and not used is removed."""
+        """Release the directory; a directory that was made and not used is removed."""
         self._lock.release()
         if not self.begun:
-            for path in self._made:
-                with suppress(OSError):
-                    path.rmdir()
+            _unmade(self._made)
 
     def unwritten(self, path: object, reason: str, remedy: str) -> TolevoError:
-        """The error where a file cannot be written: why, what is kept, and how to go on."""
+        """The error where a file cannot be written: why, what is kept, and how to continue."""
         if not self.begun:
             return refuse("--out", UNCHANGED.format(path, reason, remedy))
         kind = KINDS[self.command]
-        kept = f"{kind.saved} is kept in {self.folder}"
-        if not present(self.folder, kind.state):
-            kept = "nothing had been saved before"
-        return RunError(
-            f"{path} cannot be written: {reason}; {kept}; {remedy}, then run the same command with --resume"
-        )
+        saved = present(self.folder, kind.state)
+        kept = f"{kind.saved} is kept in {self.folder}" if saved else "nothing had been saved before"
+        text = f"{path} cannot be written: {reason}; {kept}"
+        return RunError(f"{text}; {remedy}, then run the same command with --resume")
 
     def _still_ours(self) -> None:
         """Raises RunError where another process began anew while the lock was passed on."""
-        with suppress(ValueError):
-            mark = read_unfinished(self.folder)
-            if mark is not None and mark.token == self._token:
-                return
-        raise RunError(
-            f"{self.folder} was taken by another command meanwhile; name another "
-            "directory, or start again with --overwrite"
-        )
+        mark = _mark(self.folder)
+        if mark is None or mark.token != self._token:
+            text = f"{self.folder} was taken by another command meanwhile"
+            raise RunError(f"{text}; name another directory, or start again with --overwrite")
 
 
 @contextmanager
@@ -208,10 +195,8 @@ def owned(
 def _taken(folder: Path, command: str, shared: bool) -> Lock:
     def same() -> bool:
         """Whether its holders run the same command."""
-        with suppress(ValueError):
-            mark = read_unfinished(folder)
-            return mark is not None and mark.command == command
-        return False
+        mark = _mark(folder)
+        return mark is not None and mark.command == command
 
     until = time.monotonic() + READY
     while True:
@@ -224,6 +209,13 @@ def _taken(folder: Path, command: str, shared: bool) -> Lock:
             soon = shared and command in commands(folder) and time.monotonic() < until
             if not soon:
                 raise refuse("--out", f"{folder} {BUSY.format(holder)}") from None
+
+
+def _mark(folder: Path) -> Unfinished | None:
+    """The mark of an unfinished result, None where there is none or it is damaged."""
+    with suppress(ValueError):
+        return read_unfinished(folder)
+    return None
 
 
 def _unmade(made: Sequence[Path]) -> None:

@@ -22,10 +22,11 @@ OWNERS = ".at-work-"
 class Standing:
     """The state of a directory.
 
-    `command` is the one whose result it holds, empty where that is not known. A complete result has
-    a manifest, an unfinished one a mark of its own; one with neither is of an older version, or
-    none. `faults` say what does not belong together or cannot be read; such a directory may not be
-    used. `missing` are files of a complete result that are gone, `holders` who works in it.
+    `command` is the command whose result it holds, empty where that is not known. A complete result
+    has a manifest, an unfinished result has another mark; a directory with neither holds a result
+    of an older version, or none. `faults` state which files do not belong together or cannot be
+    read; such a directory may not be used. `missing` are files of a complete result that do not
+    exist any more, `holders` the processes that work in it.
     """
 
     command: str = ""
@@ -51,14 +52,12 @@ def standing(folder: Path, apart: Iterable[str] = ()) -> Standing:
     try:
         manifest = read_manifest(folder)
     except ValueError as error:
-        text = f"cannot be read: {error}; {ANEW}; {AS_IT_IS}"
-        faults.append(Fault(f"{folder}/{MANIFEST}", text))
+        faults.append(Fault(f"{folder}/{MANIFEST}", f"cannot be read: {error}; {ANEW}; {AS_IT_IS}"))
     if manifest is None and not faults:
         try:
             unfinished = read_unfinished(folder)
         except ValueError as error:
-            text = f"cannot be read: {error}; start again with --overwrite"
-            faults.append(Fault(f"{folder}/{UNFINISHED}", text))
+            faults.append(Fault(f"{folder}/{UNFINISHED}", f"cannot be read: {error}; start again with --overwrite"))
     mark = manifest or unfinished
     missing: tuple[str, ...] = ()
     if manifest is not None:
@@ -74,12 +73,9 @@ def not_whole(folder: Path) -> tuple[Fault, ...]:
     here = standing(folder)
     if here.unfinished is None:
         return here.faults
-    at_work = (
-        f"{here.holders} is at work on it: wait for that"
-        if here.holders
-        else ("end it by the same command with --resume")
-    )
-    text = f"this result of `tolevo {here.command}` is unfinished: {at_work}, or name another"
+    remedy = f"{here.holders} is at work on it: wait for it to end" if here.holders else ""
+    remedy = remedy or "complete it by the same command with --resume"
+    text = f"this result of `tolevo {here.command}` is unfinished: {remedy}, or name another directory"
     return (*here.faults, Fault(str(folder), text))
 
 

@@ -25,8 +25,7 @@ class Unfinished:
 
 def write_unfinished(folder: Path, command: str, token: str, retiring: Sequence[str] = ()) -> Unfinished:
     """Mark a directory as one in which `command` has begun."""
-    record = {"command": command, "token": token, "retiring": list(retiring)}
-    write_record(folder / UNFINISHED, record)
+    write_record(folder / UNFINISHED, {"command": command, "token": token, "retiring": list(retiring)})
     return Unfinished(command, token, tuple(retiring))
 
 
@@ -39,7 +38,7 @@ def read_unfinished(folder: Path) -> Unfinished | None:
         names = tuple(name for name in map(str, record["retiring"]) if _inside(name))
         return Unfinished(str(record["command"]), str(record["token"]), names)
     except (KeyError, TypeError) as error:
-        raise ValueError(f"it is no mark of a result ({error!r})") from error
+        raise ValueError(f"it is not the mark of a result ({error!r})") from error
 
 
 def _inside(name: str) -> bool:

@@ -6,10 +6,10 @@ The index of a table is the line number in its file (the row number in a Parquet
 
 from .aqdef import Characteristic, read_aqdef
 from .assembling import SHOWN
-from .naming import ColumnUse, Fitted, Tell, fitted, opened_whole, silent, without_unused
+from .naming import ColumnUse, Fitted, Tell, fitted, silent, without_unused
 from .options import AS_DETECTED, ReadOptions
-from .parsed import cell_faults, formed, numbers, parsed, read, write
-from .reading import PARQUET, opened, read_table, table_of
+from .parsed import cell_faults, parsed, write
+from .reading import PARQUET, opened, opened_whole, read_table, table_of
 from .record import Dialect, Table
 
 __all__ = [
@@ -25,12 +25,9 @@ __all__ = [
     "Tell",
     "cell_faults",
     "fitted",
-    "formed",
-    "numbers",
     "opened",
     "opened_whole",
     "parsed",
-    "read",
     "read_aqdef",
     "read_table",
     "silent",

@@ -47,8 +47,7 @@ def assembled(
     for name, cells in zip(header, columns, strict=True):
         cells_of.setdefault(name, cells)
     proofs, numbers = _proofs(cells_of)
-    delimiter = dialect.delimiter if dialect.kind == "csv" else ""
-    signs, doubts = decide(proofs, options.decimal, delimiter, place)
+    signs, doubts = decide(proofs, options.decimal, dialect.delimiter if dialect.kind == "csv" else "", place)
     plain = {n: _canonical_cells(cells, proofs[n], signs.get(n)) for n, cells in cells_of.items()}
     return _table(layout, dialect, header, plain, proofs, signs, lines, numbers), faults + doubts
 
@@ -73,14 +72,8 @@ def _proofs(cells_of: dict[str, Any]) -> tuple[dict[str, Evidence], dict[str, ND
 
 def _canonical_cells(cells: Any, proof: Evidence, sign: str | None) -> Any:
     """The cells of a column with numbers in plain notation."""
-    if not isinstance(cells, list):
-        return cells
-    return canonical(cells, sign or ".") if _rewritten(proof, sign) else cells
-
-
-def _rewritten(proof: Evidence, sign: str | None) -> bool:
-    """Whether numbers of a column are not in plain notation."""
-    return sign is not None and bool(sign == "," or proof.group or proof.comma)
+    plain = sign is None or not (sign == "," or proof.group or proof.comma)
+    return cells if plain or not isinstance(cells, list) else canonical(cells, sign or ".")
 
 
 def _table(
@@ -119,8 +112,7 @@ def _table(
     for name in slow:
         notes += _missing_notes(name, cells_of[name], lines, values.get(name))
     headers = {names[n]: n for n in columns}
-    columns_of = Columns(cells_of, lines)
-    return Table(columns_of, complete, units, tuple(notes), numeric, headers, values)
+    return Table(Columns(cells_of, lines), complete, units, tuple(notes), numeric, headers, values)
 
 
 def _squared(layout: Layout) -> tuple[list[str], list[Row]]:
@@ -153,10 +145,9 @@ def _form_faults(header: list[str], body: list[Row], place: str) -> list[Fault]:
 
 def _missing_notes(name: str, cells: Any, lines: list[int], values: NDArray[Any] | None) -> list[str]:
     """A note on the cells of a column of numbers that hold no number."""
-    known = values
-    if known is None:
-        known = np.asarray(pd.to_numeric(pd.Series(cells, dtype=object), errors="coerce"))
-    bad = np.flatnonzero(np.isnan(known)).tolist()
+    if values is None:
+        values = np.asarray(pd.to_numeric(pd.Series(cells, dtype=object), errors="coerce"))
+    bad = np.flatnonzero(np.isnan(values)).tolist()
     if not bad:
         return []
     listed = ", ".join(f'row {lines[at]} "{cells[at]}"' for at in bad[:5])

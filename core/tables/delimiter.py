@@ -148,8 +148,5 @@ def _is_value(cell: str, sign: str) -> bool:
 
 def _unknown(place: str, fitting: list[str]) -> Exception:
     names = " or ".join(dict.fromkeys(NAMES.get(sign, sign) for sign in fitting))
-    return refuse(
-        place,
-        f"its columns can be separated by {names}, and nothing decides: state "
-        "--delimiter (comma, semicolon, tab, pipe, space)",
-    )
+    remedy = "state --delimiter (comma, semicolon, tab, pipe, space)"
+    return refuse(place, f"its columns can be separated by {names}, and the file does not show which: {remedy}")

@@ -9,42 +9,22 @@ from __future__ import annotations
 
 COMMON = 0.9
 """Least fraction of characters of the first level in a text."""
-FAMILIES = {
-    "gb18030": "gb18030",
-    "gbk": "gb18030",
-    "gb2312": "gb18030",
-    "hz": "gb18030",
-    "big5": "big5",
-    "big5hkscs": "big5",
-    "big5-hkscs": "big5",
-    "cp950": "big5",
-    "shift_jis": "cp932",
-    "cp932": "cp932",
-    "windows-31j": "cp932",
-    "shift-jis": "cp932",
-    "shift_jis_2004": "cp932",
-    "shift_jisx0213": "cp932",
-    "euc-jp": "euc_jp",
-    "euc_jp": "euc_jp",
-    "euc-jis-2004": "euc_jp",
-    "euc-kr": "euc_kr",
-    "cp949": "euc_kr",
-    "uhc": "euc_kr",
+_SPELLINGS = {
+    "gb18030": "gb18030 gbk gb2312 hz",
+    "big5": "big5 big5hkscs big5-hkscs cp950",
+    "cp932": "cp932 shift_jis shift-jis windows-31j shift_jis_2004 shift_jisx0213",
+    "euc_jp": "euc_jp euc-jp euc-jis-2004",
+    "euc_kr": "euc-kr cp949 uhc",
 }
-"""The detector's names by ours."""
+FAMILIES = {spelling: name for name, spellings in _SPELLINGS.items() for spelling in spellings.split()}
+"""Names of encodings here by those of the detector."""
 WORDS = {
-    "gb18030": "间隙 温度 时间 角度 直径 孔径 零件 序号 编号 批次 "
-    "长度 误差 扭矩 速度 测量 偏差 公差 厚度 宽度 高度 "
-    "半径 转速 力矩 单位 工件 结果 合格 日期 名称 平均 "
-    "备注 侧隙 转角 产品 型号 检验 尺寸",
-    "big5": "間隙 溫度 時間 角度 直徑 孔徑 零件 序號 編號 批次 "
-    "長度 誤差 扭矩 速度 測量 偏差 公差 厚度 寬度 高度 "
-    "半徑 轉速 力矩 單位 工件 結果 合格 日期 名稱 平均 "
-    "備註 產品 型號 檢驗 尺寸 量測",
-    "cp932": "測定 温度 時間 直径 寸法 部品 番号 公差 角度 隙間 "
-    "長さ 誤差 速度 回転 平均 半径 厚さ 荷重 名称 日付 "
-    "結果 軸受 検査 最大 最小 単位 トルク ロット すきま 内径 "
-    "外径 穴径 判定",
+    "gb18030": "间隙 温度 时间 角度 直径 孔径 零件 序号 编号 批次 长度 误差 扭矩 速度 测量 偏差 公差 厚度 宽度 高度 "
+    "半径 转速 力矩 单位 工件 结果 合格 日期 名称 平均 备注 侧隙 转角 产品 型号 检验 尺寸",
+    "big5": "間隙 溫度 時間 角度 直徑 孔徑 零件 序號 編號 批次 長度 誤差 扭矩 速度 測量 偏差 公差 厚度 寬度 高度 "
+    "半徑 轉速 力矩 單位 工件 結果 合格 日期 名稱 平均 備註 產品 型號 檢驗 尺寸 量測",
+    "cp932": "測定 温度 時間 直径 寸法 部品 番号 公差 角度 隙間 長さ 誤差 速度 回転 平均 半径 厚さ 荷重 名称 日付 "
+    "結果 軸受 検査 最大 最小 単位 トルク ロット すきま 内径 外径 穴径 判定",
     "euc_kr": "온도 시간 직경 치수 부품 번호 공차 각도 길이 오차 속도 평균 반경 두께 결과 측정 단위",
 }
 WORDS["euc_jp"] = WORDS["cp932"]

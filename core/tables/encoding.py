@@ -1,8 +1,8 @@
-"""The encoding of a text file: what decides, and what is asked for.
+"""The encoding of a text file: how it is detected, and when the user must state it.
 
 A byte order mark decides, then UTF-8, whose form does not come about by chance. Anything else fits
 several encodings: a rule on the words of Western measuring rooms and the detector's opinion on East
-Asian text decide only where nothing else fits; otherwise the user is asked.
+Asian text decide only where nothing else fits; otherwise the user must state the encoding.
 """
 
 from __future__ import annotations
@@ -36,21 +36,21 @@ _CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f]")
 def decoded(content: bytes, place: str, stated: str | None = None, allowed: str = "") -> tuple[str, str]:
     """The text of a file and its encoding. Raises InputError where it is ambiguous.
 
-    Control characters are no text, but those `allowed`.
+    Control characters are faults, except those `allowed`.
     """
     encoding = stated or _marked(content) or _utf_without_mark(content) or _legacy(content, place)
     try:
         text = content.decode(_quick(content, encoding))
     except (UnicodeDecodeError, UnicodeError) as error:
         at = f" (byte {error.start})" if isinstance(error, UnicodeDecodeError) else ""
-        where = "--encoding" if stated else place
-        raise refuse(where, f"{place} is not {encoding}{at}; state another one") from error
+        raise refuse(
+            "--encoding" if stated else place, f"{place} is not {encoding}{at}; state another encoding"
+        ) from error
     text = text.removeprefix("\ufeff")
     stray = _stray(content, text, allowed)
     if stray:
         what = "zero bytes" if stray == "\0" else f"the control character {stray!r}"
-        text = f"is not text in {encoding} (it holds {what}); state --encoding if it is text"
-        raise refuse(place, text)
+        raise refuse(place, f"is not text in {encoding} (it holds {what}); state --encoding if it is text")
     return text, "utf-8" if encoding == "utf-8-sig" and not _marked(content) else encoding
 
 
@@ -116,7 +116,7 @@ def _beyond_ascii(content: bytes) -> bytes:
 
 
 def _stray(content: bytes, text: str, allowed: str) -> str | None:
-    """The first control character that is no text."""
+    """The first control character that is not allowed."""
     if len(content.translate(None, _CONTROLS)) == len(content):
         return None
     return next((match[0] for match in _CONTROL.finditer(text) if match[0] not in allowed), None)
@@ -132,4 +132,4 @@ def _decodings(lines: bytes) -> str:
             shown[sample.decode(name)] = shown.get(sample.decode(name), name)
         except UnicodeDecodeError:
             continue
-    return " or ".join(f'"{text}" ({name})' for text, name in shown.items()) or "no reading fits"
+    return " or ".join(f'"{text}" ({name})' for text, name in shown.items()) or "no interpretation fits"

@@ -55,10 +55,7 @@ def _usual(rows: list[Row]) -> int:
 
 
 def _trimmed(row: list[str]) -> list[str]:
-    end = len(row)
-    while end and not row[end - 1]:
-        end -= 1
-    return row[:end]
+    return row[: max((at for at, cell in enumerate(row, 1) if cell), default=0)]
 
 
 def _numeric(rows: list[Row], count: int) -> list[int]:
@@ -97,7 +94,7 @@ def _is_preamble(row: list[str], count: int) -> bool:
 
 
 def is_unit_row(row: list[str], numeric: list[int]) -> bool:
-    """Whether a row holds units: every cell is one, or empty."""
+    """Whether a row holds units: every cell is a unit, or empty."""
     cells = [cell for cell in row if cell]
     stated = [cell for column, cell in enumerate(row) if cell and column in numeric]
     return (
@@ -145,15 +142,14 @@ def _without_names(rows: list[Row], count: int, place: str) -> Layout:
     above = [row for _, row in rows[:at] if len(row) > 1]
     if any(_is_measurement(cell) for cell in names) and above:
         text = (
-            f"line {rows[at][0]} has {len(names)} cells, and no line above it as many names "
-            f"({len(above[-1])} cells expected by the last one); where decimal commas stand "
-            "between commas, export it with another delimiter"
+            f"line {rows[at][0]} has {len(names)} cells, and no line above it as many names ({len(above[-1])} cells "
+            "expected by the last one); where decimal commas stand between commas, export it with another delimiter"
         )
         layout.faults.append(Fault(place, text))
     elif any(_is_measurement(cell) for cell in names):
         layout.faults.append(
             Fault(
-                place, f"has no column names: line {rows[at][0]} begins with readings; put a line of names above them"
+                place, f"has no column names: line {rows[at][0]} begins with measurements; add a line of names above it"
             )
         )
     return layout
@@ -161,20 +157,16 @@ def _without_names(rows: list[Row], count: int, place: str) -> Layout:
 
 def _without_summaries(layout: Layout, numeric: list[int]) -> None:
     """Leave out rows of limits below the names, and of means or an end mark below the data."""
-    dropped = []
-    while layout.body and _names_summary(layout.body[0][1]):
-        dropped.append(layout.body.pop(0))
-    bottom = []
-    while layout.body and _names_summary(layout.body[-1][1]):
-        bottom.append(layout.body.pop())
-    dropped += reversed(bottom)
+    body = layout.body
+    first = next((at for at, row in enumerate(body) if not _names_summary(row[1])), len(body))
+    end = next((at for at in range(len(body), first, -1) if not _names_summary(body[at - 1][1])), first)
+    dropped, layout.body = body[:first] + body[end:], body[first:end]
     if dropped:
-        layout.notes.append(f"{len(dropped)} rows that are no readings are left out: {_listed(dropped)}")
+        layout.notes.append(f"{len(dropped)} rows that hold no measurement are left out: {_listed(dropped)}")
 
 
 def _names_summary(row: list[str]) -> bool:
-    first = next((cell for cell in row if cell), "")
-    return is_summary(first)
+    return is_summary(next((cell for cell in row if cell), ""))
 
 
 def _listed(rows: list[Row]) -> str:

@@ -1,4 +1,4 @@
-"""Cells that are no value: marks for missing or invalid measurements, dates, summary rows."""
+"""Cells that are not values: marks for missing or invalid measurements, dates, summary rows."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ SUMMARY = frozenset(
     "tolerance ende end eof moyenne écart-type 平均 平均值 平均値 合计 合計 最大 最小 "
     "最大值 最小值 标准差 公差 上限 下限".split()
 )
-"""Names of rows at the top or the bottom of a table that are no measurement, in lower case."""
+"""Names of rows at the top or the bottom of a table that are not measurements, in lower case."""
 
 
 def is_missing(cell: str) -> bool:
@@ -36,5 +36,5 @@ def is_date(cell: str) -> bool:
 
 
 def is_summary(cell: str) -> bool:
-    """Whether a cell names a row that is no measurement: a mean, a limit, the end."""
+    """Whether a cell names a row that is not a measurement: a mean, a limit, the end."""
     return cell.lower().rstrip(":") in SUMMARY

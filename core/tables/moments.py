@@ -32,14 +32,14 @@ def moment(text: str, forms: Sequence[str] = (POINTS, SLASHES, ISO)) -> tuple[da
                 return datetime(year, int(match["m"]), int(match["d"]), hour, minute, second, micro), name
             except ValueError:
                 continue
-    raise ValueError(f'"{text}" is no time such as 31.12.2026/08:00:00')
+    raise ValueError(f'"{text}" is not a time such as 31.12.2026/08:00:00')
 
 
 def seconds(texts: Sequence[str]) -> tuple[list[float], datetime]:
     """The times that a column states, in seconds since the earliest of them, which is the second
     result; NaN where a cell is empty.
 
-    Raises ValueError where a cell is no time, where times have several formats, and where dates
+    Raises ValueError where a cell is not a time, where times have several formats, and where dates
     with slashes can be read with the day or the month first.
     """
     filled = [text for text in texts if text]

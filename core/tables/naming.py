@@ -4,18 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from ..errors import Fault, nearest, raise_all
+from ..errors import Fault, nearest
 from ..units import converted, fits, split_unit
 from .marks import is_date
 from .moments import seconds
-from .options import AS_DETECTED, ReadOptions
-from .reading import opened
 from .record import Table
 
 AQDEF = "aqdef"
@@ -49,19 +46,11 @@ class Fitted:
     faults: tuple[Fault, ...] = ()
 
 
-def opened_whole(path: Path, place: str, options: ReadOptions = AS_DETECTED) -> Table:
-    """The table in a file. Raises InputError with every fault."""
-    table, faults = opened(path, place, options)
-    raise_all(faults)
-    assert table is not None
-    return table
-
-
 def fitted(table: Table, place: str, known: Mapping[str, str], uses: Mapping[str, ColumnUse] | None = None) -> Fitted:
     """The table with its columns named and in units as `known` (unit by name) has them.
 
-    `uses` says what columns of the file are; one whose name and unit are those of a known name,
-    "torque [N mm]" of "torque_Nm", is matched by itself.
+    `uses` states what columns of the file are; a column whose name and unit are those of a known
+    name, "torque [N mm]" of "torque_Nm", is matched without it.
     """
     spelt = {spelling: name for name, spelling in table.headers.items()}
     spelt |= {str(name): str(name) for name in table.cells}
@@ -73,8 +62,7 @@ def fitted(table: Table, place: str, known: Mapping[str, str], uses: Mapping[str
         name = spelt.get(key)
         if name is None:
             if use.target and use.target not in spelt:
-                text = f"{place} has no such column{nearest(key, spelt)}"
-                faults.append(Fault(f'columns."{key}"', text))
+                faults.append(Fault(f'columns."{key}"', f"{place} has no such column{nearest(key, spelt)}"))
         else:
             names[name] = use.target
             cells[name], wrong = _used(cells[name], table.units.get(name, ""), use, known)
@@ -105,7 +93,7 @@ def fitted(table: Table, place: str, known: Mapping[str, str], uses: Mapping[str
     taken = [target for target in names.values() if target]
     for target in sorted({name for name in taken if taken.count(name) > 1}):
         both = ", ".join(f'"{name}"' for name, used_as in names.items() if used_as == target)
-        faults.append(Fault("columns", f"{both} are both {target}; only one column can be"))
+        faults.append(Fault("columns", f"{both} are all mapped to {target}; only one column can be"))
     return Fitted(pd.DataFrame(kept, index=table.cells.index), tuple(notes), tuple(faults))
 
 
@@ -184,7 +172,7 @@ def _alike(table: Table, wanted: str, unit: str, names: Mapping[str, str]) -> st
 
 
 def _in_unit(cells: pd.Series[Any], source_unit: str, unit: str, sense: int) -> pd.Series[Any]:
-    """Cells of numbers in another unit and sense; what is no number stays as it is."""
+    """Cells of numbers in another unit and sense; cells that are not numbers stay as they are."""
     if sense == 1 and (source_unit == unit or not source_unit or not unit or _is_same_unit(source_unit, unit)):
         return cells
     numbers = pd.to_numeric(cells.astype(object), errors="coerce").to_numpy(dtype=float)

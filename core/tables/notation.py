@@ -45,8 +45,7 @@ def notation(cell: str) -> Notation | None:
         return _sure(mantissa, points, commas, spaced[0] if spaced else "")
     if points and commas:
         return _notation_of_both_signs(mantissa)
-    sign = "." if points else ","
-    return _single_sign(mantissa, sign, points + commas)
+    return _single_sign(mantissa, "." if points else ",", points + commas)
 
 
 def _sure(mantissa: str, points: int, commas: int, group: str) -> Notation | None:
@@ -85,5 +84,4 @@ def canonical_number(cell: str, decimal: str) -> str | None:
     roles = {".": signs.point, ",": signs.comma}
     if roles[decimal] == THOUSANDS or roles[OTHER[decimal]] == DECIMAL:
         return None
-    digits = _GROUPS.sub("", cell).replace(OTHER[decimal], "").replace(decimal, ".")
-    return digits.replace("−", "-")
+    return _GROUPS.sub("", cell).replace(OTHER[decimal], "").replace(decimal, ".").replace("−", "-")

@@ -27,10 +27,10 @@ class ReadOptions:
         return None if self.delimiter is None else DELIMITERS.get(self.delimiter, self.delimiter)
 
     def faults(self) -> list[Fault]:
-        """Options that cannot be."""
+        """A fault for every option that is not valid."""
         wrong = []
         if self.encoding is not None and not _is_codec(self.encoding):
-            text = f'is not an encoding, got "{self.encoding}"; utf-8, cp1252, gbk, big5, ...'
+            text = f'must be an encoding such as utf-8, cp1252, gbk or big5, got "{self.encoding}"'
             wrong.append(Fault("--encoding", text))
         if self.delimiter is not None and self.separator not in KNOWN:
             text = f'must be one of comma, semicolon, tab, pipe, space, got "{self.delimiter}"'

@@ -12,25 +12,10 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ..csv_text import csv_text
-from ..errors import Fault, nearest, raise_all
+from ..errors import Fault, nearest
 from ..files import clear_parts, write_bytes, write_text
 from .assembling import SHOWN
-from .options import AS_DETECTED, ReadOptions
-from .reading import PARQUET, opened
-
-
-def read(path: Path, place: str, options: ReadOptions = AS_DETECTED) -> pd.DataFrame:
-    """The cells of a table. Raises InputError with faults of its form."""
-    frame, faults = formed(path, place, options)
-    raise_all(faults)
-    assert frame is not None
-    return frame
-
-
-def formed(path: Path, place: str, options: ReadOptions = AS_DETECTED) -> tuple[pd.DataFrame | None, list[Fault]]:
-    """`read` that returns the faults, with what can be read nevertheless."""
-    table, faults = opened(path, place, options)
-    return (None if table is None else table.cells), faults
+from .reading import PARQUET
 
 
 def write(frame: pd.DataFrame, path: Path) -> None:
@@ -42,22 +27,13 @@ def write(frame: pd.DataFrame, path: Path) -> None:
         write_text(path, csv_text(frame))
 
 
-def numbers(
-    frame: pd.DataFrame, place: str, needed: Iterable[str], optional: Iterable[str] = (), text: Iterable[str] = ()
-) -> pd.DataFrame:
-    """The table with its columns as float64, those in `text` as they are.
-
-    Raises InputError with every missing or unknown column and every cell that is no finite number.
-    """
-    typed, faults = parsed(frame, place, needed, optional, text)
-    raise_all(faults)
-    return typed
-
-
 def parsed(
     frame: pd.DataFrame, place: str, needed: Iterable[str], optional: Iterable[str] = (), text: Iterable[str] = ()
 ) -> tuple[pd.DataFrame, list[Fault]]:
-    """`numbers` that returns the faults; bad cells are NaN, unknown columns are left out."""
+    """The table with its columns as float64, those in `text` as they are, and a fault for every
+    missing or unknown column and every cell that is not a finite number; bad cells are NaN, unknown
+    columns are left out.
+    """
     needed, text = list(needed), set(text)
     known = list(dict.fromkeys([*needed, *optional]))
     extra = [name for name in frame.columns if name not in known]
@@ -93,12 +69,8 @@ def _numeric(column: pd.Series[Any]) -> tuple[NDArray[np.float64], dict[Any, str
     """The cells as numbers, NaN where a message says why not, by row."""
     cells = column.to_numpy()
     values = _numeric_column(cells)
-    bad = {}
     doubted = np.arange(len(cells)) if values is None else np.flatnonzero(~np.isfinite(values))
-    for at in doubted.tolist():
-        why = _number(cells[at])[1]
-        if why:
-            bad[column.index[at]] = why
+    bad = {column.index[at]: why for at in doubted.tolist() if (why := _number(cells[at])[1])}
     if values is None:
         values = np.array([_number(cell)[0] for cell in cells], dtype=float)
     return np.where(np.isfinite(values), values, math.nan), bad

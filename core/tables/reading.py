@@ -33,14 +33,19 @@ def read_table(
     file it names the option that decides.
     """
     path = Path(path)
-    table, faults = opened(path, path.name, ReadOptions(encoding, delimiter, decimal))
+    return opened_whole(path, path.name, ReadOptions(encoding, delimiter, decimal))
+
+
+def opened_whole(path: Path, place: str, options: ReadOptions = AS_DETECTED) -> Table:
+    """The table in a file, which faults call `place`. Raises InputError with every fault."""
+    table, faults = opened(path, place, options)
     raise_all(faults)
     assert table is not None
     return table
 
 
 def opened(path: Path, place: str, options: ReadOptions = AS_DETECTED) -> tuple[Table | None, list[Fault]]:
-    """`read_table` that returns the faults, with what can be read nevertheless.
+    """`opened_whole` that returns the faults, with what can be read nevertheless.
 
     Rows of another length are then left out, and all but the first of columns with one name; None
     where not even the column names are known.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -78,9 +78,8 @@ class Table:
 
     def record(self) -> dict[str, Any]:
         """How the table was read, to be stored with a result."""
-        dialect = {name: getattr(self.dialect, name) for name in Dialect.__slots__}
         return {
-            "dialect": dialect,
+            "dialect": asdict(self.dialect),
             "columns": self.columns.names,
             "units": dict(self.units),
             "rows": len(self.columns),

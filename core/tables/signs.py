@@ -1,7 +1,7 @@
-"""The decimal sign of every column of a file: what its numbers prove, and what is asked for.
+"""The decimal sign of every column of a file: what its numbers prove, and what must be stated.
 
-A column is read by its own evidence, one without any by that of the file. Nothing is guessed: where
-numbers fit two interpretations, the fault names `--decimal`.
+A column is read by its own evidence; a column without evidence is read by that of the file. Nothing
+is guessed: where numbers fit two interpretations, the fault names `--decimal`.
 """
 
 from __future__ import annotations
@@ -123,12 +123,12 @@ def decide(
 
 _MIXED = (
     "has decimal points in some cells and decimal commas in others; state --decimal where one of "
-    "them groups thousands, or mend the cells"
+    "them groups thousands, or correct the cells"
 )
 
 
 def _signs_as_stated(numeric: Mapping[str, Evidence], stated: str, place: str) -> tuple[dict[str, str], list[Fault]]:
-    """Every column by the sign that was stated; one whose numbers all contradict it is a fault."""
+    """Every column by the stated sign; a column whose numbers all contradict it is a fault."""
     faults = [
         Fault(
             f"{place}: column {name}",

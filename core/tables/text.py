@@ -23,8 +23,7 @@ def rows_of_text(content: bytes, place: str, options: ReadOptions) -> tuple[list
     For a long file, the rows at both ends and the bulk of it.
     """
     text, encoding = decoded(content, place, options.encoding)
-    head = text[:100_000].splitlines()
-    form = separator(head, place, options.separator)
+    form = separator(text[:100_000].splitlines(), place, options.separator)
     dialect = Dialect("csv", encoding, form.delimiter, quote=form.quote)
     bulk = bulk_of(text, form.delimiter, form.quote, form.skipped)
     if bulk is not None:

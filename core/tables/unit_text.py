@@ -7,49 +7,24 @@ from functools import lru_cache
 
 from ..units import dimension
 
-ALIASES = {
-    "U/min": "rpm",
-    "1/min": "1/min",
-    "℃": "degC",
-    "℉": "degF",
-    "Bogenminuten": "arcmin",
-    "Winkelminuten": "arcmin",
-    "Bogensekunden": "arcsec",
-    "Winkelsekunden": "arcsec",
-    "′": "arcmin",
-    "″": "arcsec",
-    "'": "arcmin",
-    "''": "arcsec",
-    '"': "arcsec",
-    "角分": "arcmin",
-    "角秒": "arcsec",
-    "分": "arcmin",
-    "度": "deg",
-    "毫米": "mm",
-    "微米": "um",
-    "μm": "um",
-    "µm": "um",
-    "牛米": "N m",
-    "秒": "s",
-    "°": "deg",
-    "Bogenmin": "arcmin",
-    "Bogensek": "arcsec",
-    "sec": "s",
-    "sek": "s",
-    "Sek": "s",
-    "㎜": "mm",
-    "㎛": "um",
-    "ミリ": "mm",
-    "Std": "h",
-    "Nm": "N m",
-    "N·m": "N m",
-    "N*m": "N m",
-    "mym": "um",
-    "minute": "min",
+_SPELLINGS = {
+    "rpm": "U/min",
+    "degC": "℃",
+    "degF": "℉",
+    "deg": "度 °",
+    "arcmin": "Bogenminuten Winkelminuten Bogenmin ′ ' 角分 分",
+    "arcsec": "Bogensekunden Winkelsekunden Bogensek ″ '' \" 角秒",
+    "mm": "毫米 ㎜ ミリ",
+    "um": "微米 μm µm ㎛ mym",
+    "N m": "Nm N·m N*m 牛米",
+    "s": "秒 sec sek Sek",
+    "min": "minute",
+    "h": "Std",
 }
-"""What measuring rooms write, as the units module knows it."""
+"""What measuring rooms write, by the name of the unit in the units module."""
+ALIASES = {spelling: unit for unit, spellings in _SPELLINGS.items() for spelling in spellings.split()}
 UNKNOWN = frozenset(["grad", "Grad", "GRAD", "min.", "分", "B", "d", "a", "l", "r", "h."])
-"""Words that mean one unit to some and another to others: no unit is read from them."""
+"""Words that are ambiguous: no unit is read from them."""
 _BRACKETS = re.compile(r"(?P<name>.*?)\s*[\[(（［【〔](?P<unit>[^\[\]()（）［］【】]+)[\])）］】〕]\s*")
 _SLASH = re.compile(r"(?P<name>.*\S)\s+(?:/|in)\s*(?P<unit>\S+)")
 
@@ -88,7 +63,7 @@ def names_of(header: list[str]) -> dict[str, str]:
 
 
 def is_unit_cell(cell: str) -> bool:
-    """Whether a cell of a row of units is one: "mm", "[mm]", "-"."""
+    """Whether a cell of a row of units is a unit: "mm", "[mm]", "-"."""
     text = cell.strip().strip("[]()（）［］【】").strip()
     return text in ("-", "--", "–", "1", "Text", "text") or known_unit(text) is not None
 

@@ -15,7 +15,7 @@ from .signs import Exact
 
 
 def rows_of_workbook(content: bytes, place: str) -> tuple[list[Row], Dialect]:
-    """The rows of the one sheet that holds something. Raises InputError where several do."""
+    """The rows of the only sheet that has rows. Raises InputError where several sheets have."""
     raise_all(needed("report"))
     from openpyxl import load_workbook
     from openpyxl.utils.exceptions import InvalidFileException
@@ -29,8 +29,7 @@ def rows_of_workbook(content: bytes, place: str) -> tuple[list[Row], Dialect]:
     filled = {title: rows for title, rows in sheets.items() if rows}
     tables = {title: rows for title, rows in filled.items() if len(rows) > 1} or filled
     if len(tables) > 1:
-        text = f"has several sheets ({', '.join(tables)}); save the one that is meant alone"
-        raise refuse(place, text)
+        raise refuse(place, f"has several sheets ({', '.join(tables)}); save a workbook with only one of them")
     if not tables:
         return [], Dialect("xlsx")
     title, rows = next(iter(tables.items()))

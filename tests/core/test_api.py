@@ -85,7 +85,7 @@ def test_a_gap_of_a_frame(tmp_path: Path) -> None:
                       'y = { role = "measured", unit = "arcmin" }\n', encoding="utf-8")  # fmt: skip
     with pytest.raises(tolevo.ConfigurationError) as caught:
         tolevo.gap(config, pd.DataFrame({"load_Nm": [1.0, 2.0]}))
-    assert any("y" in str(fault) for fault in caught.value.faults)
+    assert any('no column has the role "predicted"' in str(fault) for fault in caught.value.faults)
 
 
 def test_what_the_user_should_know_is_told_as_the_command_prints_it(tmp_path: Path) -> None:

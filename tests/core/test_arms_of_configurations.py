@@ -165,7 +165,7 @@ class TestBadInput:
         for row in joints[3:]:
             row["reducer"] = "none"
         found = faults(changed(joint=joints), tmp_path)
-        assert "which is no reducer" in found["joint[0].reducer.run"]
+        assert "which is not a reducer" in found["joint[0].reducer.run"]
         assert "joint[1].reducer.run" in found
         assert "does not exist" in found["joint[2].reducer.run"]
 

@@ -297,8 +297,7 @@ FAULTS = {
     'algorithm.engine = "arrray"':
         'algorithm.engine: must be one of pymoo, array, got "arrray" (did you mean `array`?)',
     'algorithm.name = "random"\nalgorithm.engine = "array"':
-        "algorithm.engine: random has no array engine; gde3, nsga2 have one: choose one of them, "
-        'or engine = "pymoo"',
+        'algorithm.engine: random has no array engine: choose one of gde3, nsga2, or engine = "pymoo"',
     "algorithm.mutatoin.probability = 1":
         "algorithm.mutatoin: is not a known key (did you mean `mutation`?)",
     'algorithm.name = "cmopso"':
@@ -358,7 +357,7 @@ def test_overrides_are_checked_like_the_file(read_text: Read) -> None:
     assert faults_of(lambda: read_text(BASE, "seed", "=1", "problem.x=1", "sed=2")) == [
         '--set: must be key=value, got "seed"',
         '--set: must be key=value, got "=1"',
-        "--set problem.x: leads through a value, not a table",
+        "--set problem.x: leads through a value that is not a table",
         "sed: is not a known key (did you mean `seed`?)",
     ]
 

@@ -92,7 +92,7 @@ def test_a_contract_can_fail() -> None:
     broken.curve = Rising()  # type: ignore[misc]
     with pytest.raises(AssertionError):
         broken.test_slope_is_that_of_the_cost()
-    with pytest.raises(LookupError, match=r"no entry point of tolevo\.curves"):
+    with pytest.raises(LookupError, match=r"not an entry point of tolevo\.curves"):
         broken.test_is_registered_and_comes_back_from_its_table()
 
 
@@ -112,7 +112,7 @@ def test_a_plugin_that_is_no_curve_stops_nothing_else(monkeypatch: pytest.Monkey
         return int if name == "table" else real(group, name)
 
     monkeypatch.setattr(registry, "load", load)
-    with pytest.raises(InputError, match="is no CostCurve"):
+    with pytest.raises(InputError, match="is not a CostCurve"):
         CURVES["table"]
     assert set(CURVES.sound()) == set(CURVES) - {"table"}
     assert CURVES.name_of(Reciprocal) == "reciprocal"

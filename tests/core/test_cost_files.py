@@ -202,7 +202,7 @@ def test_a_scale_needs_a_currency_and_a_currency_a_name(tmp_path: Path) -> None:
     path = tmp_path / "c.toml"
     path.write_text('problem = "rv_backlash"\ncosts.scale_assumed = 0\n', encoding="utf-8")
     assert "must be above 0" in faults(path)["costs.scale_assumed"]
-    assert "needs currency" in faults(path, "costs.scale_assumed=2.0")["costs.scale_assumed"]
+    assert "needs a currency" in faults(path, "costs.scale_assumed=2.0")["costs.scale_assumed"]
     assert "name of a currency" in faults(path, "currency=12.5 %")["currency"]
 
 

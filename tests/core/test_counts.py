@@ -296,7 +296,7 @@ def test_check_reads_a_part_of_a_large_design(tmp_path: Path) -> None:
     result = CliRunner().invoke(app, ["check", str(path), "--set", design])
     assert result.exit_code == 0, result.stderr
     assert "# 4000 runs: 2000 settings, 2 replicates each" in result.stdout
-    assert "of the settings were read as the runs that they mean" in result.stdout
+    assert "of the settings were read as run configurations" in result.stdout
     wide = STUDY.replace("[20, 40]", "{ low = 1, high = 80 }")
     status, said = check(path, wide, [design])
     assert status == 2

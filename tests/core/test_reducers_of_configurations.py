@@ -72,7 +72,7 @@ def test_every_fault_at_its_place(tmp_path: Path) -> None:
         {"reducers": {"1": "stack.toml", "2": "bad.toml", "3": "gear.toml"},
          "grouping": {"origin_um": ["origin_1_x_um"]}}, tmp_path,
     )  # fmt: skip
-    assert 'has the problem "stack", which is no reducer' in found["reducers.1"]
+    assert 'has the problem "stack", which is not a reducer' in found["reducers.1"]
     assert any("readign" in place for place in found)
     assert "is not a known key" in found["reducers.3"]
     assert "leaves out" in found["grouping"]

@@ -45,7 +45,7 @@ def test_a_german_export_needs_no_hand_edit(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("config", "said"),
     [
-        ('[columns]\nSpiel = "twist"', '"twist" is no column of the model'),
+        ('[columns]\nSpiel = "twist"', '"twist" is not a column of the model'),
         ('[columns]\nSpiel = { role = "payload" }', 'no column of the model has the role "payload"'),
         ('[columns]\nSpiel = { role = "measured", unit = "kg" }', "cannot be stated in arcmin"),
         ("[columns]\nSpiel = 3", "must be a name of a column of the model"),
@@ -123,7 +123,7 @@ def test_a_column_of_dates_is_a_time(tmp_path: Path) -> None:
     ("old", "new", "said"),
     [
         ("01.03.2026 08:00:00", "2026-03-01 08:00:00", "has times in two formats"),
-        ("01.03.2026 08:00:00", "31.02.2026 08:00:00", "is no time"),
+        ("01.03.2026 08:00:00", "31.02.2026 08:00:00", "is not a time"),
         (".03.2026", "/03/2026", "with the day or the month first"),
     ],
 )

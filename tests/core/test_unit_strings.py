@@ -227,7 +227,7 @@ def test_units_of_the_table_are_known(unit: str, factor: float) -> None:
         ("1'", "um", "arc minutes and seconds: write ft and in"),
         ('1"', "mm", "arc minutes and seconds: write ft and in"),
         ("5 %um", "um", 'a space, "\\*" or "/" is missing before "um"'),
-        ("5 % um", "um", "a percentage of a unit is no unit"),
+        ("5 % um", "um", "a percentage of a unit is not a unit"),
         ("5 um!", "um", '"!" has no place in a unit'),
         ("5 um # so", "um", '"#" has no place in a unit'),
         ("5 um;", "um", '";" has no place in a unit'),

@@ -171,7 +171,7 @@ def test_files_of_two_revisions_are_not_mixed(tmp_path: Path) -> None:
         (tmp_path / f"{name}.dfq").write_text(text, encoding="cp1252")
     found = faults(tmp_path, 'file = ["a.dfq", "b.dfq"]\ncharacteristic = "Bohrung"')
     assert "part[0].measured.file: mixes files of different limits" in found
-    assert "several revisions of the drawing" in found
+    assert "give files of one revision of the drawing" in found
 
 
 @pytest.mark.parametrize(

@@ -196,5 +196,5 @@ def test_designs_in_columns_of_a_works(tmp_path: Path) -> None:
     with pytest.raises(InputError) as caught:
         read(written(wrong, tmp_path))
     said = str(caught.value)
-    assert '"cover" is no column of the problem (did you mean `cover_t`?)' in said
+    assert '"cover" is not a column of the problem (did you mean `cover_t`?)' in said
     assert '"deg" cannot be stated in mm' in said

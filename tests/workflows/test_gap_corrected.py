@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 from tolevo.cli import app
 from tolevo.configuration import read
 from tolevo.configuration.gap import read_gap
-from tolevo.configuration.pairs import belongs, stranger
+from tolevo.configuration.plugins import belongs, stranger
 from tolevo.errors import InputError
 from tolevo.models.rv_reducer.batch import RvBatch
 from tolevo.problems.rv_backlash import RvBacklash

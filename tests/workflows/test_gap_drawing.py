@@ -120,7 +120,7 @@ def test_an_allocation_of_another_problem_is_a_fault(folder: Path) -> None:
     pd.DataFrame([{**DESIGN, "gear_1_x_mrad": 2.0, "pitch_um": -1.0}]).to_csv(folder / "built.csv", index=False)
     (folder / "gap.toml").write_text(GAP.format('built_to = "built.csv"'))
     both = [one.message for one in gap_plan(folder / "gap.toml")[1]]
-    assert any("gear_1_x_mrad is no variable" in one for one in both)
+    assert any("gear_1_x_mrad is not a variable" in one for one in both)
     assert any("pitch_um must lie in [0, 1000], got -1" in one for one in both)
     assert "which run.toml searches" in _without_a_column(folder)
 
@@ -162,7 +162,7 @@ def test_a_chosen_point_of_a_run_directory(folder: Path) -> None:
     said = faults(folder, 'built_to = { file = "run", point = "kneee" }')
     assert "did you mean `knee`" in said["built_to.file"]
     both = faults(folder, 'built_to = { run = "run", file = "run", point = "knee" }')
-    assert "leave one of them out" in both["built_to.file"]
+    assert "leave out one of the two" in both["built_to.file"]
 
 
 def test_terminal_and_file_begin_with_what_was_simulated(folder: Path) -> None:

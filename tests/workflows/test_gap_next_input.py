@@ -33,7 +33,7 @@ repeat = [0, 1]
 """
 SAID = (
     "next_measurement.readings: must lie in [1, 100000], got 0",
-    'next_measurement.effects: "complience" is no effect (did you mean `torsional_compliance`?)',
+    'next_measurement.effects: "complience" is not an effect (did you mean `torsional_compliance`?)',
     "next_measurement.amount.drift: must be above 0, got -1",
     "next_measurement.wrong: is not a known key",
     "next_measurement.range.torque_Nm: is empty",
@@ -41,7 +41,7 @@ SAID = (
     "next_measurement.range.output_speed_rpm: 0 must be above 0",
     "next_measurement.range.temperature_C: -300 is below absolute zero",
     "next_measurement.range.te_arcsec: is measured, not chosen",
-    "next_measurement.range.torqe_Nm: is no column of the model (did you mean `torque_Nm`?)",
+    "next_measurement.range.torqe_Nm: is not a column of the model (did you mean `torque_Nm`?)",
     "next_measurement.range.output_angle_deg: must be finite, got inf",
     "next_measurement.range.time_s: must be [low, high]",
     "next_measurement.range.repeat: holds labels",

@@ -112,5 +112,5 @@ def test_lists_of_a_term_that_do_not_fit(tmp_path: Path) -> None:
         encoding="utf-8",
     )  # fmt: skip
     faults = {one.place: one.message for one in gap_plan(tmp_path / "gap.toml")[1]}
-    assert "one for each of the knots" in faults["unresolved[0].heights"]
+    assert "as many numbers as a curve has knots" in faults["unresolved[0].heights"]
     assert "must be a list of texts" in faults["unresolved[1].labels"]

@@ -170,7 +170,7 @@ def test_what_cannot_be_resumed(config: Path, tmp_path: Path) -> None:
     assert found.stderr.startswith(f"--resume: {out} holds no checkpoint.npz")
     both = run(config, out, "--resume", "--overwrite")
     assert both.exit_code == 2
-    assert both.stderr.startswith("--resume: goes on with what --overwrite would replace")
+    assert both.stderr.startswith("--resume: continues what --overwrite would replace")
     (out / CHECKPOINT).write_bytes(b"broken")
     assert run(config, out, "--resume").exit_code == 2
     assert {path.name for path in out.iterdir()} == {"other.txt", CHECKPOINT}

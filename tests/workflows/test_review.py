@@ -144,7 +144,7 @@ def test_faults(first: Path, tmp_path: Path) -> None:
     run = str(first / "o")
     for arguments, words in (
         ((run, str(tmp_path / "none.csv"), str(tmp_path / "empty")),
-         ("none.csv: does not exist", "is no result of `tolevo gap`")),
+         ("none.csv: does not exist", "is not a result of `tolevo gap`")),
         ((run, other), ("hold no characteristic of the run",)),
         ((str(tmp_path / "empty"), other), ("does not exist", "has no allocation.csv")),
     ):  # fmt: skip
@@ -159,7 +159,7 @@ def test_faults(first: Path, tmp_path: Path) -> None:
     assert done.output.count("9 equal values") == 3
 
 
-@pytest.mark.parametrize("words", ["promises nothing"])
+@pytest.mark.parametrize("words", ["promises no yield"])
 def test_a_run_without_a_promise_has_nothing_to_review(words: str, first: Path, tmp_path: Path) -> None:
     copytree(first / "o", tmp_path / "o")
     path = tmp_path / "o" / "config.toml"

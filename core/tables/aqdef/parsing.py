@@ -68,7 +68,7 @@ class Content:
     def _key(self, at: int, line: str) -> None:
         match = _KEY.fullmatch(line)
         if match is None:
-            self.fault(at, f'"{line[:40]}" is no key of a Q-DAS file')
+            self.fault(at, f'"{line[:40]}" is not a key of a Q-DAS file')
             return
         key, value = match[1], (match[4] or "").strip()
         index = int(match[2]) if match[2] else 1
@@ -96,8 +96,7 @@ class Content:
             return
         raw = self.characteristics.setdefault(index, Raw(self._part))
         if raw.keys.setdefault(key, value) != value:
-            text = f'{key} of characteristic {index} is "{raw.keys[key]}" above, here "{value}"'
-            self.fault(at, text)
+            self.fault(at, f'{key} of characteristic {index} is "{raw.keys[key]}" above, here "{value}"')
 
     def _value_key(self, at: int, key: str, index: int, value: str, number: int | None) -> None:
         if index == 0:
@@ -130,8 +129,7 @@ class Content:
         cells = line.split(BETWEEN)
         indices = sorted(self.characteristics)
         if len(cells) > len(indices):
-            text = f"{len(cells)} characteristics in a line, {len(indices)} are described above"
-            self.fault(at, text)
+            self.fault(at, f"{len(cells)} characteristics in a line, {len(indices)} are described above")
             return
         for index, cell in zip(indices, cells, strict=False):
             raw = self.characteristics[index]

@@ -26,8 +26,7 @@ def read_aqdef(path: str | Path, encoding: str | None = None) -> list[Characteri
 
     Raises InputError with every fault.
     """
-    path = Path(path)
-    measured, faults = characteristics(path, path.name, encoding)
+    measured, faults = characteristics(Path(path), Path(path).name, encoding)
     raise_all(faults)
     return measured
 
@@ -60,9 +59,8 @@ def _files(path: Path, place: str) -> list[Path]:
     siblings = path.parent.iterdir() if path.parent.is_dir() else []
     second = next((p for p in siblings if p.stem == path.stem and p.suffix.lower() == partner), None)
     if second is None and path.exists():
-        raise refuse(place, f"needs {path.stem}{partner} beside it")
-    both = [path] if second is None else [path, second]
-    return sorted(both, key=lambda file: file.suffix.lower())
+        raise refuse(place, f"needs {path.stem}{partner} next to it")
+    return sorted([path] if second is None else [path, second], key=lambda file: file.suffix.lower())
 
 
 def _bytes(path: Path, place: str) -> bytes:
@@ -111,13 +109,9 @@ def _characteristic(content: Content, index: int) -> Characteristic:
         keys=keys,
         part_keys=part,
     )
-    if (
-        characteristic.lower is not None
-        and characteristic.upper is not None
-        and characteristic.lower > characteristic.upper
-    ):
-        text = f"the lower limit {characteristic.lower:g} is above the upper limit {characteristic.upper:g}"
-        content.faults.append(Fault(place, text))
+    low, high = characteristic.lower, characteristic.upper
+    if low is not None and high is not None and low > high:
+        content.faults.append(Fault(place, f"the lower limit {low:g} is above the upper limit {high:g}"))
     _fill(characteristic, raw, content, place)
     return characteristic
 

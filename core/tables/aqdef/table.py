@@ -22,33 +22,25 @@ def table_of_aqdef(path: Path, place: str, options: ReadOptions) -> tuple[Table 
     if not measured:
         return None, faults
     labels = [characteristic.label for characteristic in measured]
-    names = [
-        characteristic.label
-        if labels.count(characteristic.label) == 1
-        else f"{characteristic.part} {characteristic.label}"
-        for characteristic in measured
-    ]
+    names = [c.label if labels.count(c.label) == 1 else f"{c.part} {c.label}" for c in measured]
     rows = max(len(characteristic.values) for characteristic in measured)
     if not rows:
         faults.append(Fault(place, "holds no values"))
-    columns = {name: _padded(characteristic.values, rows) for name, characteristic in zip(names, measured, strict=True)}
+    named = dict(zip(names, measured, strict=True))
+    columns = {name: _padded(characteristic.values, rows) for name, characteristic in named.items()}
     first = measured[0]
     extra = {"time": [t.isoformat(" ") if t else "" for t in first.times], "batch": first.batches}
     for name, texts in extra.items():
         if any(texts) and name not in columns:
             columns[name] = [*texts, *[""] * (rows - len(texts))]
-    cells = Columns(columns, range(1, rows + 1))
-    units = {name: known_unit(characteristic.unit) or "" for name, characteristic in zip(names, measured, strict=True)}
-    notes = [
+    units = {name: unit for name, characteristic in named.items() if (unit := known_unit(characteristic.unit))}
+    notes = tuple(
         f"{name}: {sum(v is None for v in characteristic.values)} values are missing or not valid"
         for name, characteristic in zip(names, measured, strict=True)
         if None in characteristic.values
-    ]
-    stated = {name: unit for name, unit in units.items() if unit}
-    table = Table(
-        cells, Dialect("aqdef", header=0), stated, tuple(notes), tuple(names), {name: name for name in columns}
     )
-    return table, faults
+    cells, headers = Columns(columns, range(1, rows + 1)), {name: name for name in columns}
+    return Table(cells, Dialect("aqdef", header=0), units, notes, tuple(names), headers), faults
 
 
 def _padded(values: list[float | None], rows: int) -> list[object]:

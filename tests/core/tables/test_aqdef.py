@@ -79,7 +79,7 @@ def test_batches_and_a_pair_of_files(tmp_path: Path) -> None:
 
 
 def test_a_part_of_a_pair_is_asked_for(tmp_path: Path) -> None:
-    with pytest.raises(tolevo.ConfigurationError, match=r"p\.dfd: needs p\.dfx beside it"):
+    with pytest.raises(tolevo.ConfigurationError, match=r"p\.dfd: needs p\.dfx next to it"):
         read(tmp_path, HEAD, "p.dfd")
 
 

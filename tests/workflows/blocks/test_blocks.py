@@ -189,7 +189,7 @@ def test_the_configuration_says_where_to_run(table: Path, whole: bytes, tmp_path
         ({"workers": 0}, "execution.workers: must be at least 1, got 0"),
         ({"block_rows": 0}, "execution.block_rows: must be at least 1, got 0"),
         ({"wokers": 2}, "execution.wokers: is not a known key (did you mean `workers`?)"),
-        ({"workers": 2, "dask": "tcp://127.0.0.1:9"}, "execution.dask: has workers of its own"),
+        ({"workers": 2, "dask": "tcp://127.0.0.1:9"}, "execution.dask: is a scheduler with its own workers"),
         ({"dask": "tcp://127.0.0.1:9"}, "execution.dask: no Dask scheduler answers at tcp://127"),
         ({"workers": 10**7}, "execution.workers: 10000000 processes would need"),
         ({"store": "postgresql://me:secret@host/db"}, "execution.store: has a password in it"),

@@ -107,24 +107,24 @@ FAULTS = {
         HEAD + CLAIM.replace('unit = "1"', 'unit = "1"\ntolerence = 9.0'),
         "claim[0] (a).tolerence: is not a known key (did you mean `tolerance`?)",
     ),
-    "same id": (HEAD + 2 * CLAIM, 'claim[1] (a).id: "a" is that of claim[0] already'),
+    "same id": (HEAD + 2 * CLAIM, 'claim[1] (a).id: "a" is also the id of claim[0]'),
     "no reading": (
         HEAD + CLAIM[: CLAIM.index("[[claim.reading]]")], "claim[0] (a).reading: is missing",
     ),
     "lost and computed": (
         HEAD + CLAIM.replace('unit = "1"', 'unit = "1"\nlost = "a table"'),
-        "claim[0] (a).reading: computes what `lost` says cannot be",
+        "claim[0] (a).reading: computes what `lost` states to be impossible",
     ),
     "unstated second reading": (
         HEAD + CLAIM + '[[claim.reading]]\nformula = "1"\n',
-        "claim[0] (a).reading[1].states: is missing: only the first reading may be the literal one",
+        "claim[0] (a).reading[1].states: is missing: only the first interpretation may be the literal one",
     ),
     "range of one": (
         HEAD + CLAIM.replace('unit = "1"', 'unit = "1"\nrelation = "within"'),
         "claim[0] (a).printed: must be [low, high]",
     ),
     "nothing to compute by": (
-        reading('quantity = "x"'), "claim[0] (a).reading[0]: names nothing: recompute by one of",
+        reading('quantity = "x"'), "claim[0] (a).reading[0]: must have exactly one of the keys",
     ),
     "unknown model": (
         reading('model = "rv_bach"\nunits = 10\noutput = "backlash_arcmin"\nstatistic = "mean"'),
@@ -158,7 +158,7 @@ FAULTS = {
     ),
     "units missing": (
         reading('model = "rv_batch"\noutput = "backlash_arcmin"\nstatistic = "mean"', "arcmin"),
-        "reading[0].units: is missing: rv_batch draws units; say how many",
+        "reading[0].units: is missing: rv_batch draws units; state their number",
     ),
     "statistic missing": (
         reading('model = "rv_batch"\noutput = "backlash_arcmin"\nunits = 10', "arcmin"),
@@ -185,7 +185,7 @@ FAULTS = {
     "derivative by nothing": (
         reading('problem = "rv_backlash"\noutput = "phi_2_arcmin"\n'
                 'derivative = { by = "staggr_arcmin", step = 0.1 }'),
-        '"staggr_arcmin" is no input of problem rv_backlash (did you mean `stagger_arcmin`?)',
+        '"staggr_arcmin" is not an input of problem rv_backlash (did you mean `stagger_arcmin`?)',
     ),
     "derivative without a step": (
         reading('problem = "rv_backlash"\noutput = "phi_2_arcmin"\n'
@@ -193,13 +193,14 @@ FAULTS = {
         "reading[0].derivative.step: is missing",
     ),
     "bad formula": (reading('formula = "1 +"'), 'reading[0].formula: "1 +": '),
-    "unknown term": (reading('formula = "2 * x"'), 'reading[0].formula: "x" is no term'),
+    "unknown term": (reading('formula = "2 * x"'), 'reading[0].formula: "x" is not a term'),
     "term without unit": (
         reading('formula = "x"\n[claim.reading.terms]\nx = { value = 1.0 }'),
         "reading[0].terms.x.unit: is missing",
     ),
     "too many quantities": (
-        reading('formula = ["1", "2"]'), "reading[0].formula: must be 1 as `printed` has, got 2",
+        reading('formula = ["1", "2"]'),
+        "reading[0].formula: must hold 1 formulas, as many as `printed` has numbers, got 2",
     ),
     "no title": ('document = "X"\n' + CLAIM, "title: is missing"),
     "no claims": (HEAD, "claim: is missing"),

@@ -79,8 +79,8 @@ LEVELS = '"algorithm.population" = [10, 20]'
          "did you mean `uniform`"),
         ('"algorithm.engine" = ["pymoo", "array"]', "vary.algorithm.engine",
          "ga has no array engine"),
-        ("seed = [1, 2]", "vary.seed", "the seeds are the replicates"),
-        ("", "vary", "names nothing to vary"),
+        ("seed = [1, 2]", "vary.seed", "replicates differ by their seeds"),
+        ("", "vary", "is empty: name at least one key"),
     ],
 )  # fmt: skip
 def test_settings_that_make_no_sense(tmp_path: Path, vary: str, place: str, message: str) -> None:

@@ -208,5 +208,5 @@ def test_a_design_that_needs_every_run_is_not_raced(tmp_path: Path) -> None:
     (tmp_path / "study.toml").write_text(text, encoding="utf-8")
     with pytest.raises(InputError) as caught:
         read_study(tmp_path / "study.toml")
-    assert "stop.hopeless: cannot be had of morris: its statistics need every run" in str(caught.value)
+    assert "stop.hopeless: is not available for morris, whose statistics need every run" in str(caught.value)
     assert "stop.hopeful: is not a known key" in str(caught.value)

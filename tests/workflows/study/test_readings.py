@@ -42,7 +42,7 @@ def test_readings_survive_the_resolved_configuration(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("a = 80\n", "a = 70\n", r"reading\[0\].a: is no level of algorithm.population: 20, 40"),
+        ("a = 80\n", "a = 70\n", r"reading\[0\].a: is not a level of algorithm.population: 20, 40"),
         ("b = 20\n", "b = 80\n", r"reading\[0\].b: is the same level as a"),
         ('says = "it', 'sais = "it', r"reading\[1\].sais: is not a known key .did you mean `says`"),
         ('expect = "worse"', 'expect = "wors"', r"reading\[1\].expect: must be one of better, wor"),
