@@ -12,14 +12,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
 from ..models.capability import Knowledge, Norm, norm_of
+from .arrays import Array
 from .draws import Draws, Sums
 from .promise import ASSURED, Promise, assured_percent
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

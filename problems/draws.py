@@ -11,13 +11,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtr
 
 from ..models.capability import Knowledge
+from .arrays import Array
 from .promise import AT_ONCE, DRAWS
 
-Array = NDArray[np.float64]
 LEAST = 1e-300
 """Least variance, in place of zero."""
 

@@ -22,14 +22,12 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..models.capability.norm import Surplus
 from ..models.costs import CostCurve
 from ..models.propagation.even import Even
 from ..models.propagation.symmetric_sum import SymmetricSum, Tangent
-
-Array = NDArray[np.float64]
+from .arrays import Array
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,12 +7,11 @@ from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .arrays import Array, Flags, Integers
 from .forms import Feature, Form
 from .spread import spread_of
 
-Array = NDArray[np.float64]
 MOST = 4096
 """Most combinations of ways that are evaluated."""
 SLACK = 1e-12
@@ -37,7 +36,7 @@ class _Corner:
     feature does: `slopes` (c, r) over a `width` (c,).
     """
 
-    ways: NDArray[np.int64]
+    ways: Integers
     t: Array
     values: Array
     slopes: Array
@@ -81,7 +80,7 @@ def _least(corner: _Corner, row: int, limits: Array, trading: list[int]) -> Leas
     return Least(float(values[best, row]), tuple(corner.ways[best].tolist()), t)
 
 
-def _course(corner: _Corner, limits: Array, others: NDArray[np.bool_]) -> tuple[Array, Array]:
+def _course(corner: _Corner, limits: Array, others: Flags) -> tuple[Array, Array]:
     """How far (c,) the trading feature must and may go for the limits of the `others`."""
     slopes, room = corner.slopes, limits - corner.values
     at = np.divide(room, slopes, out=np.zeros_like(room), where=slopes != 0.0)

@@ -7,16 +7,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..declarations import Output, Variable
 from ..errors import Fault
+from .arrays import Array
 from .settings import Bound
 
 if TYPE_CHECKING:
     from .tolerance_problem import ToleranceProblem
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

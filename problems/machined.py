@@ -7,7 +7,6 @@ from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..declarations import Assumption, Kind, Variable
 from ..models.capability import PartSample
@@ -18,13 +17,12 @@ from ..models.machines.offers import PLUG_IN, Offer, departures, samples_of
 from ..models.machines.reading import Owner, read_offers
 from ..section import Section
 from ..units import split_unit
+from .arrays import Array, Integers
 from .declaration import ConfiguredProblem, Declaration, Interval
 from .interfaces import Checks, Differentiable, Drawing
 from .machined_tolerance import MachinedTolerance
 from .settings import Settings, VariableSetting
 from .tolerance_problem import ToleranceProblem
-
-Array = NDArray[np.float64]
 
 
 def with_choices(variables: tuple[Variable, ...], machines: Mapping[str, tuple[Offer, ...]]) -> tuple[Variable, ...]:
@@ -171,7 +169,7 @@ class Machined(ToleranceProblem, Checks, Drawing, Differentiable):
 
     # ---------------------------------------------------------------- designs
 
-    def chosen(self, designs: Array, tolerance: MachinedTolerance) -> NDArray[np.int64]:
+    def chosen(self, designs: Array, tolerance: MachinedTolerance) -> Integers:
         """Number of the way (n,) that a tolerance is made in."""
         return np.rint(self.column(designs, tolerance.choice)).astype(np.int64)
 

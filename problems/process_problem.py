@@ -15,16 +15,15 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 
+from .arrays import Array, Flags
 from .draws import Draws
 from .promise import ASSURED, assured_percent
 from .response import Response, evaluations
 from .with_promise import WithPromise
 from .worst_process import Worst
 
-Array = NDArray[np.float64]
 SOFTEST, HARDEST = -2.0, 6.0
 """Range along the worst direction in which the processes of the confidence are sought."""
 KEPT = 64
@@ -77,7 +76,7 @@ class ProcessProblem(WithPromise):
         """The yield [percent] (n,) that is expected over the posterior."""
 
     @cached_property
-    def shifting(self) -> NDArray[np.bool_]:
+    def shifting(self) -> Flags:
         """Which means (k,) may be off; by default none."""
         return np.zeros(len(self.known), dtype=bool)
 

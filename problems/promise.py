@@ -6,11 +6,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..section import Range, Section
+from .arrays import Array
 
-Array = NDArray[np.float64]
 PLUG_IN, PREDICTIVE, ASSURED = "plug_in", "predictive", "assured"
 STATEMENTS = (PLUG_IN, PREDICTIVE, ASSURED)
 YIELDS = Range(50.0, 100.0, open_high=True)

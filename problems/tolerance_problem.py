@@ -10,12 +10,12 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 from pymoo.core.problem import Problem
 
 from ..declarations import Assumption, Output, Variable, completed
 from ..errors import Fault, ModelError
 from ..section import Section
+from .arrays import Array, Integers
 from .assumptions import assumptions_of
 from .declaration import ConfiguredProblem, Declaration, Interval
 from .designs import designs_frame
@@ -25,7 +25,6 @@ from .money import with_currency
 from .promise import Promise
 from .settings import Bound, Settings, VariableSetting
 
-Array = NDArray[np.float64]
 MOVED = {
     **{name: name for name in ("variables", "outputs", "parameters", "reference_ga", "sampled")},
     **{f"default_{name}": name for name in ("costs", "limits", "objectives", "model", "algorithm")},
@@ -203,7 +202,7 @@ class ToleranceProblem(Problem):
         return designs
 
     @cached_property
-    def _columns(self) -> tuple[Array, NDArray[np.int64], NDArray[np.int64]]:
+    def _columns(self) -> tuple[Array, Integers, Integers]:
         """The fixed values of a full design (all,), 0 for its free variables, the columns of the
         free variables, and the columns of whole numbers.
         """

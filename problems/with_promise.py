@@ -8,19 +8,17 @@ from dataclasses import replace
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import Fault
 from ..models.capability import Knowledge
 from ..section import Section
+from .arrays import Array
 from .declaration import ConfiguredProblem, Declaration, Interval
 from .interfaces import Written
 from .promise import ASSURANCE, PLUG_IN, PROMISED, YIELD, Promise, read_promise
 from .promise_outputs import contradictions, means_promise, outputs_of_promise
 from .settings import Bound, Settings
 from .tolerance_problem import ToleranceProblem
-
-Array = NDArray[np.float64]
 
 
 class WithPromise(ToleranceProblem, Written):

@@ -18,12 +18,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtri
 
 from ..models.capability import Knowledge
-
-Array = NDArray[np.float64]
+from .arrays import Array
 
 
 @dataclass(frozen=True, eq=False)

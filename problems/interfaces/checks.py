@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-from numpy.typing import NDArray
-
 from ...errors import Fault
+from ..arrays import Array
 from ..limits import impossible
 from ..money import price_notes
 from ..slips import unit_slips
@@ -16,8 +14,6 @@ from .page import Page
 
 if TYPE_CHECKING:
     from ...models.capability import PartSample
-
-Array = NDArray[np.float64]
 
 
 class Checks(Interface):

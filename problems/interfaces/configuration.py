@@ -5,12 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from ..arrays import Array
 from .base import Interface
-
-Array = NDArray[np.float64]
 
 
 class Written(Interface):

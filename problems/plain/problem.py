@@ -6,16 +6,15 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from pymoo.core.problem import Problem
 
 from ...declarations import number
+from ..arrays import Array
 from ..interfaces import WithEffects
 from ..settings import Bound, Settings
 from ..tolerance_problem import ToleranceProblem
 from .declared import MISSED, declaration_of, equalities_of, inequalities_of, limits_of, objectives_of
 
-Array = NDArray[np.float64]
 SPREAD = 6
 """Binary logarithm of the designs whose objectives span the box of the hypervolume."""
 

@@ -7,15 +7,14 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...models.manipulator.fields import Field, worst_deviation, worst_exceedance, worst_quantile
 from ...models.manipulator.indices import GRID
 from ...models.manipulator.ring import Machines, Sample, main_plane
+from ..arrays import Array, Integers
 from .outputs import BOTH, LIMITED, OVER_MACHINES, UNITS
 
-Array = NDArray[np.float64]
-Rows = NDArray[np.int64]
+Rows = Integers
 Estimates = tuple[Array, Array]
 """Values (n,) and their standard errors (n,)."""
 EVERY = 5

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from ...declarations import Assumption, number
 from ...errors import Fault
@@ -22,6 +21,7 @@ from ...models.manipulator.sources import matrix, orientation_combinations, posi
 from ...records import Bars
 from ...section import Section
 from ...units import MM, MRAD, UM
+from ..arrays import Array
 from ..declaration import ConfiguredProblem, Declaration, Interval
 from ..forms import Feature, Form, Way
 from ..interfaces import Documented, Page, Provable
@@ -47,7 +47,6 @@ from .pose import pose_faults, pose_of, words_of
 from .promised import PromisingPoses
 from .remarks import remarks_of
 
-Array = NDArray[np.float64]
 SCALES: Array = np.array([{"um": UM, "mrad": MRAD}[unit_of(source)] for source in SOURCES])
 """Metres or radians in one unit of each source."""
 

@@ -14,17 +14,16 @@ from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
 from ...declarations import number
+from ..arrays import Array
 from ..interfaces import Differentiable
 from ..process_problem import ProcessProblem, Shortfall
 from ..promise import PLUG_IN, PROMISED
 from ..settings import Settings
 from .outputs import BOTH, BOUNDS, LIMITED, UNITS
 
-Array = NDArray[np.float64]
 SURE = 1e-12
 """Least fraction of machines beyond a limit that is distinguished from none."""
 STEPS = 14

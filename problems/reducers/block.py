@@ -5,17 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtri
 
 from ...models.costs import CostCurve
 from ...models.rv_reducer.mean_square import MeanSquare, mean_square
 from ...units import ARCMIN
+from ..arrays import Array, Integers
 from ..rv_backlash import RvBacklash
 from ..rv_backlash.shift import Shift, columns_of, shift_of
 from ..rv_backlash.terms import ends, unit_terms
 
-Array = NDArray[np.float64]
 BEARING, GRADE, ECCENTRICITY = "crank_bearing_um", "involute_grade", "eccentricity_um"
 INTERFERENCE = "interference_probability"
 
@@ -64,20 +63,20 @@ class Block:
             return np.full_like(mean, self.shift.low)
         return np.clip(self.edge * np.sqrt(variance) - mean, self.shift.low, self.shift.high)
 
-    def backlash(self, t: Array, bearing: Array, grade: NDArray[np.int64], s: Array) -> MeanSquare:
+    def backlash(self, t: Array, bearing: Array, grade: Integers, s: Array) -> MeanSquare:
         """E b^2 [arcmin^2] of designs: `grade` is a place among `grades`."""
         mean, variance = self.of_phi_2(t)
         free = self.grade_mean[grade] + self.bearing_mean * bearing
         free_variance = self.grade_variance[grade] + self.bearing_variance * bearing**2
         return mean_square(free, free_variance, mean + s, variance)
 
-    def cost(self, t: Array, bearing: Array, grade: NDArray[np.int64]) -> Array:
+    def cost(self, t: Array, bearing: Array, grade: Integers) -> Array:
         """Cost (n,) of designs."""
         every = np.concatenate([t, bearing[..., None]], axis=-1)
         costs = [curve.cost(every[..., at]) for at, curve in enumerate(self.curves)]
         return np.asarray(np.sum(costs, axis=0) + self.grade_cost[grade])
 
-    def designs(self, t: Array, bearing: Array, grade: NDArray[np.int64], s: Array) -> Array:
+    def designs(self, t: Array, bearing: Array, grade: Integers, s: Array) -> Array:
         """Full designs (n, all variables) of the reducer's problem."""
         columns = dict(zip(self.names, (*t.T, bearing), strict=True))
         columns |= {GRADE: self.grades[grade], **columns_of(self.problem, self.shift, s)}

@@ -7,11 +7,10 @@ from functools import cached_property
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from ...models.costs import CostCurve
+from ..arrays import Array
 
-Array = NDArray[np.float64]
 NODES = 6000
 """Prices at which a curve in closed form is tabulated."""
 LITTLE = 1e-6

@@ -11,16 +11,15 @@ from typing import Any
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 from scipy.special import gammaincinv
 
 from ...models.propagation.monte_carlo import units_of
+from ..arrays import Array, Integers
 from ..rv_backlash import RvBacklash
 from .block import Block, block_of
 from .curve import PricedCurve
 from .front import ReducerFront, ends_of
 
-Array = NDArray[np.float64]
 SCATTER = 0.4
 """Standard deviation over mean of the backlash of units of which only the rms is known [assumed];
 that of the RV-40E at its least costs is 0.3 to 0.5."""
@@ -157,7 +156,7 @@ class Nested:
         slopes = np.stack([curve.slope(rms) for curve in self.curves])
         return np.asarray(np.take_along_axis(slopes, self.grade_at(rms)[None, :], axis=0)[0])
 
-    def grade_at(self, rms: Array) -> NDArray[np.int64]:
+    def grade_at(self, rms: Array) -> Integers:
         """The cheapest grade (n,), as a place among `grades`."""
         return np.asarray(np.argmin(self._costs(rms), axis=0))
 

@@ -12,9 +12,9 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...models.costs import CostCurve
+from ..arrays import Array
 from ..forms import Feature, Form, Way
 from .gears import RMS, TE
 from .outputs import AXES, STANDS
@@ -23,7 +23,6 @@ from .waves import SECONDS
 if TYPE_CHECKING:
     from .problem import RobotProblem
 
-Array = NDArray[np.float64]
 TE_OUTPUT = "te_amplitude_arcsec"
 
 

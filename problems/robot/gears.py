@@ -8,17 +8,16 @@ from functools import cached_property
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from ...declarations import Kind, Value, Variable, number
 from ...models.robot.sample import smooth_root
+from ..arrays import Array
 from ..reducers.block import GRADE
 from ..reducers.nested import Nested
 from ..rv_transmission_error.declared import DOCUMENT_MRAD
 from ..rv_transmission_error.declared import VARIABLES as WAVES
 from .waves import ANGLES, COST, SECONDS, Wave
 
-Array = NDArray[np.float64]
 RMS, TE = "backlash_rms_arcmin", "te_rms_arcsec"
 STEP = 1e-4
 """Relative half-step of the derivatives by a reducer's tolerances."""

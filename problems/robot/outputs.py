@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-import numpy as np
-from numpy.typing import NDArray
-
 from ...declarations import Output, Parameter
 from ...models.robot.manipulator import CALIBRATED
+from ..arrays import Array
 from ..settings import Bound
 
 AXES = ("", "tilt_", "yaw_")
@@ -128,7 +126,7 @@ STANDS = {"pose_rms_mm": "pose_accuracy_mm", "backlash_rms_arcmin": "backlash_ar
 """Requirements of the convex form, and the outputs that grow with them."""
 
 
-def millimetres(points: Iterable[Sequence[float] | NDArray[np.float64]]) -> list[list[float]]:
+def millimetres(points: Iterable[Sequence[float] | Array]) -> list[list[float]]:
     """Points [m] of a drawing, in tenths of a millimetre."""
     return [[round(1e3 * float(x), 1) + 0.0 for x in point] for point in points]
 

@@ -9,11 +9,11 @@ from functools import cached_property
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from ...declarations import Assumption, Value
 from ...errors import Fault
 from ...models.robot.sample import ratio
+from ..arrays import Array
 from ..declaration import Interval
 from ..forms import Form
 from ..interfaces import Comparison, Documented, Page, Provable, Stored
@@ -26,7 +26,6 @@ from .machine import Machine, Sampled
 from .outputs import AXES, share_name
 from .remarks import remarks_of
 
-Array = NDArray[np.float64]
 SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)
 """Fractions of backlash in R^2 at which the ratio A/R of a search is tabulated."""
 SAFE = 1.01

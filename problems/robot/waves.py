@@ -6,18 +6,17 @@ from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...models.assembly.coverage import radius_quantile
 from ...models.costs import Reciprocal
 from ...units import ARCMIN, ARCSEC
+from ..arrays import Array
 from ..reducers.curve import Clipped, PricedCurve
 from ..rv_transmission_error import RvTransmissionError
 from ..rv_transmission_error.declared import COSTS, DOCUMENT_MRAD, PRECISION, VARIABLES
 from ..rv_transmission_error.form import least_ratio
 from ..settings import Settings, VariableSetting
 
-Array = NDArray[np.float64]
 ANGLES = tuple(DOCUMENT_MRAD)
 COST = float(next(curve.b for curve in COSTS.values() if isinstance(curve, Reciprocal)))
 

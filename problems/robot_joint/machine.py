@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...declarations import number
 from ...models.manipulator import declared
@@ -14,10 +13,10 @@ from ...models.manipulator.indices import quadrature
 from ...models.manipulator.sources import NAMES, SCALES
 from ...models.robot.manipulator import ORDER, drives, gravity_torque, links
 from ...models.robot.sample import sobol_poses
+from ..arrays import Array
 from ..pose_accuracy.grouping import Grouping
 from ..robot.machine import Machine, Places
 
-Array = NDArray[np.float64]
 JOINTS = 2
 """Drives with a reducer; drive 3 is direct."""
 

@@ -12,11 +12,10 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...models.inputs import Distribution
+from ..arrays import Array
 
-Array = NDArray[np.float64]
 LEVELS = 4001
 """Quantiles by which a law is compared with a uniform one."""
 SAFE = 2e-3

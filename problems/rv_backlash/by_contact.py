@@ -5,15 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..settings import Settings
 
 if TYPE_CHECKING:
     from ..rv_reducer import RvReducer
     from .problem import RvBacklash
-
-Array = NDArray[np.float64]
 
 
 def contact_problem(problem: RvBacklash) -> RvReducer:

@@ -12,10 +12,10 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...models.capability import Surplus
 from ...units import ARCMIN
+from ..arrays import Array
 from ..deviations import Deviations
 from ..forms import Feature, Form
 from ..promise import ASSURED, PROMISED
@@ -25,7 +25,6 @@ from .machined_tolerances import TERMS
 if TYPE_CHECKING:
     from .problem import RvBacklash
 
-Array = NDArray[np.float64]
 MEAN = OUTPUTS.index("backlash_geometric_mean_arcmin")
 STD = OUTPUTS.index("backlash_geometric_std_arcmin")
 OTHERS = ("involute_grade", "crank_bearing_um")

@@ -5,17 +5,15 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...models.propagation.sums import Term, total_cumulants
 from ...models.rv_reducer.cycloid import LINEAR_ERRORS
 from ...units import ARCMIN, MM
+from ..arrays import Array
 from .form import deviations
 
 if TYPE_CHECKING:
     from .problem import RvBacklash
-
-Array = NDArray[np.float64]
 
 
 def gradients(problem: RvBacklash, designs: Array) -> dict[str, Array]:

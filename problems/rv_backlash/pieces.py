@@ -7,12 +7,12 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...models.costs import CostCurve, Reciprocal
 from ...models.propagation.even import UNIFORM, Even, even_law
 from ...models.propagation.sums import Term
 from ...units import ARCMIN
+from ..arrays import Array
 from .bent import LEVELS, SAFE, Cell, quantiles_of, uniform_below
 from .machined_tolerances import CELLS as CELLS_OF_MEANS
 from .machined_tolerances import pieces_of
@@ -22,7 +22,6 @@ from .terms import ends, unit_terms
 if TYPE_CHECKING:
     from .problem import RvBacklash
 
-Array = NDArray[np.float64]
 CELLS, COARSE = 48, 4
 """Pieces of the range of the eccentricity, in geometric steps; and pieces for designs at which
 y - Y >= 0 fails, which are too expensive to be of interest."""

@@ -7,7 +7,6 @@ from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...declarations import number
 from ...errors import Fault
@@ -16,6 +15,7 @@ from ...models.propagation.sums import ClippedSum
 from ...models.rv_reducer import declared, modification
 from ...models.rv_reducer.backlash import Allocation, stage_means
 from ...units import ARCMIN, MM
+from ..arrays import Array
 from ..declaration import Declaration, Interval
 from ..deviations import Deviations
 from ..forms import Form
@@ -37,7 +37,6 @@ from .quantile_form import quantile_form, shortfalls
 from .refused import refused
 from .shift import SHIFT, Shift, columns_of, shift_of
 
-Array = NDArray[np.float64]
 SEARCH_POINTS = 512
 """Lattice of the search; its quantiles are within about 0.001 arcmin of the reported ones."""
 TIGHTER = 1.0, 0.7, 0.5

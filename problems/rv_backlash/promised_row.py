@@ -10,11 +10,9 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
-import numpy as np
-from numpy.typing import NDArray
-
 from ...models.capability import Surplus
 from ...models.propagation.sums import Term
+from ..arrays import Array
 from ..forms import Way
 from ..promise import ASSURED
 from .deviating import MEAN, STD, doubt_of
@@ -24,8 +22,6 @@ from .terms import unit_terms
 
 if TYPE_CHECKING:
     from .problem import RvBacklash
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

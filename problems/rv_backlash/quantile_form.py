@@ -18,11 +18,11 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...models.costs import Reciprocal
 from ...models.propagation.sums import total_cumulants
 from ...units import ARCMIN
+from ..arrays import Array
 from ..forms import Feature, Form, Piece, Quantile, Way
 from ..limits import Limit
 from ..promise import PROMISED
@@ -35,7 +35,6 @@ from .shift import SHIFT, Shift, columns_of
 if TYPE_CHECKING:
     from .problem import RvBacklash
 
-Array = NDArray[np.float64]
 BELOW, ABOVE = (1.0, 0.5, 0.25), (1.0, 0.5, 0.1, 0.02)
 """Fractions of units at whose quantile parts that are bent are bounded: in phi_2 from above,
 in the backlash from below."""

@@ -7,15 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from ...units import ARCMIN, MM
+from ..arrays import Array
 from .terms import ends
 
 if TYPE_CHECKING:
     from .problem import RvBacklash
 
-Array = NDArray[np.float64]
 SHIFT = "phi_2_shift"
 """The shift as a feature of a form: s - low + 1."""
 TRIED = 101

@@ -8,13 +8,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...models.rv_reducer.population.measures import Measure, Measures
 from ...models.rv_reducer.population.statistics import Statistic, share_within
+from ..arrays import Array
 from .counterparts import Change
-
-Array = NDArray[np.float64]
 
 
 class ChangedMeasures(Measures):

@@ -8,9 +8,6 @@ from functools import cached_property
 from math import log
 from types import MappingProxyType
 
-import numpy as np
-from numpy.typing import NDArray
-
 from ...models.rv_reducer.population.elastic import Elastic, elastic
 from ...models.rv_reducer.population.gradient import NAMES
 from ...models.rv_reducer.population.measures import Measures
@@ -26,10 +23,10 @@ from ...models.rv_reducer.population.statistics import (
 )
 from ...models.rv_reducer.population.table import Table
 from ...models.rv_reducer.population.turn import Population, Turn
+from ..arrays import Array
 from .outputs import MEASURED
 from .units import UnitModel
 
-Array = NDArray[np.float64]
 PART = {"backlash_max_arcmin": "max", "backlash_mean_arcmin": "mean"}
 MEASURES = {
     **{name: f"quantile {PART[name]}" for name in MEASURED},

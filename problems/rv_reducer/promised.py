@@ -12,11 +12,11 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...models.rv_reducer.population.gradient import Slopes
 from ...models.rv_reducer.population.turn import Population
 from ...models.rv_reducer.population.unit_basis import stem
+from ..arrays import Array, Flags
 from ..process_problem import Shortfall
 from ..promise import PLUG_IN, PROMISED, YIELD
 from .evaluation import Evaluation, Populations
@@ -24,13 +24,12 @@ from .evaluation import Evaluation, Populations
 if TYPE_CHECKING:
     from .promising import PromisingUnits
 
-Array = NDArray[np.float64]
 WORST = "backlash_max_arcmin"
 POSITION = "pin_position"
 """The error whose mean turns the unit, and moves nothing."""
 
 
-def shifting(problem: PromisingUnits) -> NDArray[np.bool_]:
+def shifting(problem: PromisingUnits) -> Flags:
     """Which means (k,) of measured errors move the outputs of the units."""
     return np.array(
         [problem.settings.variables[name].mid is not None and stem(name) != POSITION for name in problem.known],

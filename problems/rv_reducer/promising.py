@@ -8,8 +8,8 @@ from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array, Flags
 from ..machined_tolerance import MachinedTolerance
 from ..process_problem import ProcessProblem, Shortfall
 from ..promise import ASSURED, PLUG_IN, PROMISED, YIELD
@@ -17,7 +17,6 @@ from . import promised
 from .evaluation import Evaluation, Populations
 from .units import UnitModel
 
-Array = NDArray[np.float64]
 KEPT = 4
 """Promised units kept, so that a derivative costs no second evaluation."""
 
@@ -57,7 +56,7 @@ class PromisingUnits(ProcessProblem):
         return replace(self.model, conditions=replace(self.model.conditions, coverage=coverage))
 
     @cached_property
-    def shifting(self) -> NDArray[np.bool_]:
+    def shifting(self) -> Flags:
         return promised.shifting(self)
 
     @cached_property

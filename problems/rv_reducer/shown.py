@@ -6,16 +6,15 @@ from collections.abc import Mapping
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from ...declarations import Value, number
 from ...models.rv_reducer.population.gradient import Slopes
 from ...models.rv_reducer.population.lattice import Lattice, turn_lattice
 from ...models.rv_reducer.population.turn import Population
 from ...records import UnitsShown
+from ..arrays import Array
 from .evaluation import Evaluation
 
-Array = NDArray[np.float64]
 FINE = 1021
 """Positions of a turn at which the one unit is drawn: a prime, 26 to a turn of the crank."""
 BINS = 80

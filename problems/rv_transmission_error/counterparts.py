@@ -20,7 +20,6 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...models.assembly import Departures
 from ...models.effects.compose import Active
@@ -29,8 +28,8 @@ from ...models.effects.readings import readings_of, target_from
 from ...models.measurable import Column, Role
 from ...models.rv_reducer.transmission import RvTransmission
 from ...units import ARCSEC
+from ..arrays import Array
 
-Array = NDArray[np.float64]
 ORDER = 40
 """Waves per turn of the output that the angles of cranks cause."""
 SAMPLES = 2**14

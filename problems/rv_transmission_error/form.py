@@ -13,7 +13,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...models.assembly.coverage import radius_quantile
 from ...units import ARCSEC, MRAD
@@ -23,7 +22,6 @@ from .declared import AXES, DOCUMENT_MRAD, PRECISION, SIZE
 if TYPE_CHECKING:
     from .problem import RvTransmissionError
 
-Array = NDArray[np.float64]
 SHAPES = 257
 """Ellipses, from flat to round, among which the least ratio is sought."""
 SAFETY = 1e-6

@@ -11,12 +11,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...models.assembly import DatumFlowChain
+from ..arrays import Array
 from .declared import AXES, DOCUMENT_MRAD, PARTS
 
-Array = NDArray[np.float64]
 COMPOSITES = ("sum", "rss")
 
 

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...declarations import Kind, Variable, number
 from ...errors import Fault, InputError
@@ -19,6 +18,7 @@ from ...models.assembly.process import Process
 from ...models.assembly.transmission import Transmission
 from ...models.inputs import Normal
 from ...units import ARCSEC, MRAD
+from ..arrays import Array
 from ..declaration import Declaration, Interval
 from ..forms import Form
 from ..interfaces import Documented, Page, Provable, WithEffects
@@ -29,7 +29,6 @@ from .counterparts import departures_with, sentence, waves_of
 from .form import form_of
 from .verify import errors_percent
 
-Array = NDArray[np.float64]
 SEARCH_SAMPLE = 2048
 """Units of the search; its force quantile is within about 1 % of the reported one."""
 TE, FORCE, EFFORT = "te_amplitude_arcsec", "peak_mesh_force_N", "adjustment_effort"

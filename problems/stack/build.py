@@ -6,15 +6,13 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...errors import Fault
 from ...models.stack import Mechanism
+from ..arrays import Array
 from .definition import Correlation, Part, Requirement
 from .formulas import with_formula
 from .sensitivities import needless
-
-Array = NDArray[np.float64]
 
 
 def mechanisms_of(

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtri
 
 from ...models.capability import Aim, Level, Processes, Ways, calibrated
@@ -14,7 +13,6 @@ from .definition import Part
 from .measured import Measured
 from .parts_as_made import spread_and_mean
 
-Array = NDArray[np.float64]
 POINTS = 6
 """Tolerances that represent a range in the choices that are tested."""
 NEVER = 1.0 - 1e-12

@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...models.costs import Reciprocal
+from ..arrays import Array, Flags
 from ..forms import Feature, Form, Way
 from ..limits import Limit
 from .definition import Part
@@ -19,7 +19,6 @@ from .rows import YIELD, Row, quantile_of, rows_of, surplus_of
 if TYPE_CHECKING:
     from .problem import Stack
 
-Array = NDArray[np.float64]
 FREE = Reciprocal(a=0.0, b=0.0)
 """Cost of a part that has none."""
 
@@ -120,7 +119,7 @@ def _correlation(stack: Stack) -> Array:
     return np.asarray(correlation)
 
 
-def _settled(stack: Stack) -> NDArray[np.bool_]:
+def _settled(stack: Stack) -> Flags:
     """Fixed parts that vary independently of all others, or not at all."""
     alone = np.count_nonzero(_correlation(stack), axis=1) <= 1
     fixed = np.array([part.fixed for part in stack.definition.parts])
@@ -128,7 +127,7 @@ def _settled(stack: Stack) -> NDArray[np.bool_]:
     return np.asarray(fixed & (alone | none))
 
 
-def _square(spread: Array, t: Array, correlation: Array, settled: NDArray[np.bool_]) -> float:
+def _square(spread: Array, t: Array, correlation: Array, settled: Flags) -> float:
     along = (spread * t)[settled]
     return float(along @ correlation[np.ix_(settled, settled)] @ along)
 

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...models.capability import Knowledge, PartSample
 from ...models.costs import CostCurve
@@ -15,6 +14,7 @@ from ...models.inputs import Distribution
 from ...models.machines import Machine
 from ...models.machines.offers import Offer
 from ...models.stack import Mechanism
+from ..arrays import Array
 from ..promise import Promise
 
 METHODS = ("worst_case", "rss", "shifted_rss", "monte_carlo")
@@ -132,7 +132,7 @@ class Part:
         return max(process.high for process in self.processes)
 
     @property
-    def ends(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def ends(self) -> tuple[Array, Array]:
         """Tightest and loosest half-width of each process."""
         return (np.array([p.low for p in self.processes]), np.array([p.high for p in self.processes]))
 

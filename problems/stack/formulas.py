@@ -7,15 +7,14 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...errors import Fault, nearest
 from ...models.expressions import FUNCTIONS, Formula, FormulaError
 from ...models.stack import Mechanism, box, least_margin
 from ...units import family, to_unit
+from ..arrays import Array
 from .definition import Part, Requirement
 
-Array = NDArray[np.float64]
 NEGLIGIBLE = 1e-12
 """A part that adds less than this fraction of the worst case does not matter."""
 

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtr
 
 from ...models.stack import Linear, Mechanism, Sample, Tolerances, yield_percent
 from ...models.stack.linear import SIGMAS
 
-Array = NDArray[np.float64]
 LEAST = 0.01
 """Percentage points below which a difference does not matter."""
 RELATIVE = 0.2

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...models.stack import (
     Law,
@@ -22,9 +21,9 @@ from ...models.stack import (
     spread_of,
 )
 from ...models.stack.linear import SIGMAS
+from ..arrays import Array
 from .definition import Definition, Part, Requirement
 
-Array = NDArray[np.float64]
 Interval = tuple[float, float]
 STEP = 1e-6
 """Relative step of a tolerance for the slope of a domain margin, which is nearly linear."""

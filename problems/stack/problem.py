@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from ...declarations import Assumption, Output, Variable
 from ...errors import Fault, ModelError
@@ -17,6 +16,7 @@ from ...models.capability import PartSample
 from ...models.costs import CostCurve
 from ...models.stack import Linear, Tolerances
 from ...section import Section
+from ..arrays import Array, Integers
 from ..declaration import ConfiguredProblem, Declaration, Interval
 from ..forms import Form
 from ..interfaces import Accuracy, Checks, Differentiable, Documented, Drawing, Page, Provable, Written
@@ -44,8 +44,6 @@ from .rows import shortfall
 from .stand_in import stand_in
 from .writing import tables_of
 from .yields import Yields
-
-Array = NDArray[np.float64]
 
 
 class Stack(ToleranceProblem, Provable, Differentiable, Accuracy, Documented, Drawing, Checks, Written, Page):
@@ -102,7 +100,7 @@ class Stack(ToleranceProblem, Provable, Differentiable, Accuracy, Documented, Dr
         names = self.names
         return designs[:, [names.index(f"{part.name}_t") for part in self._parts]]
 
-    def _chosen(self, designs: Array, part: Part) -> NDArray[np.int64]:
+    def _chosen(self, designs: Array, part: Part) -> Integers:
         """Number of the process (n,) that a part is made by."""
         if not part.alternatives:
             return np.zeros(len(designs), dtype=np.int64)
@@ -112,7 +110,7 @@ class Stack(ToleranceProblem, Provable, Differentiable, Accuracy, Documented, Dr
         """Parts of full designs as they come out: with the scatter of their machines."""
         return as_made(self._parts, self.tolerances(designs), self._chosen_of_all(designs))
 
-    def _chosen_of_all(self, designs: Array) -> NDArray[np.int64]:
+    def _chosen_of_all(self, designs: Array) -> Integers:
         """Number of the process (n, parts) that each part is made by."""
         return np.stack([self._chosen(designs, part) for part in self._parts], axis=1)
 

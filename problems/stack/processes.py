@@ -5,16 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...models.capability import PartSample
 from ...models.machines import offers
+from ..arrays import Array, Integers
 from .definition import Part
 
-Array = NDArray[np.float64]
 
-
-def out_of_process(part: Part, t: Array, chosen: NDArray[np.int64]) -> dict[int, str]:
+def out_of_process(part: Part, t: Array, chosen: Integers) -> dict[int, str]:
     """Messages by row where tolerances (n,) of a part do not suit the processes (n,) chosen."""
     messages = {}
     for row, (half_width, at) in enumerate(zip(t, chosen, strict=True)) if part.alternatives else ():

@@ -6,16 +6,15 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
 from ...models.capability import Norm, norm_of
 from ...models.stack import AsMade, Tolerances, mean_of, spread_of
+from ..arrays import Array
 from ..promise import ASSURED, Promise
 from .measured import Measured
 from .posterior import Posterior
 
-Array = NDArray[np.float64]
 LEAST = 1e-300
 
 

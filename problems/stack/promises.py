@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...declarations import Output
 from ...errors import Fault
 from ...models.capability import Level
 from ...models.stack import Tolerances
+from ..arrays import Array
 from ..promise import ASSURANCE, ASSURED, PLUG_IN, PROMISED, Promise
 from ..promise_outputs import assurances, contradictions, means_promise, outputs_of_promise
 from ..settings import Bound
@@ -21,8 +21,6 @@ from .definition import Definition, Requirement
 from .measured import Interval, Measured
 from .posterior import Posterior
 from .promised import Promised
-
-Array = NDArray[np.float64]
 
 
 def promise_outputs(promise: Promise | None, requirements: Sequence[Requirement]) -> list[Output]:

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from ...likely_units import unit_hint
 from ...models.machines.offers import departures
@@ -22,7 +21,6 @@ from .standards import price_remark
 if TYPE_CHECKING:
     from .problem import Stack
 
-Array = NDArray[np.float64]
 FINEST, COARSEST = 1e-6, 0.25
 """Half-widths between which tolerances of lengths lie, as fractions of the nominal size: from
 half of IT01 at 500 mm to a quarter of the size.

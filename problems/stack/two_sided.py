@@ -15,12 +15,11 @@ of a symmetric unimodal function, Proc. American Mathematical Society 6(2), 170-
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
 from ...models.roots import bracketed_roots
+from ..arrays import Array
 
-Array = NDArray[np.float64]
 AT = np.array([0.1, 0.21, 0.35, 0.55])
 """Means, in standard deviations, at which tangents are drawn: at P = 0.9973 s is then at most
 0.14 % too large, at 0.99 0.18 %."""

@@ -6,7 +6,6 @@ from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...declarations import number
 from ...errors import Fault, InputError
@@ -16,13 +15,13 @@ from ...models.rv_reducer.contact.errors import PartErrors
 from ...models.rv_reducer.contact.performance import backlash, loading
 from ...models.rv_reducer.geometry import RvGeometry
 from ...units import ARCMIN, MM
+from ..arrays import Array
 from ..declaration import Declaration, Interval
 from ..interfaces import Documented
 from ..settings import Settings
 from ..tolerance_problem import ToleranceProblem
 from . import declared
 
-Array = NDArray[np.float64]
 SEARCH_ANGLES, ANGLES = 32, 64
 """Crank angles over a pin pitch: forces of 32 are within 0.1 % of those of 256."""
 PRINTED = {"dr_rp_mm": -0.040, "dr_p_mm": -0.070}
