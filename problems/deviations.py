@@ -69,7 +69,7 @@ class PromisedOutput:
 
     def quantile(self, given: Deviations) -> float:
         """Standard deviations that must fit between the mean and each limit."""
-        share = self.promise.share
+        share = self.promise.fraction
         return float(ndtri(0.5 * (1.0 + share) if len(given.sides) == 2 else share))
 
     def spread(self, given: Deviations) -> Array:
@@ -95,7 +95,7 @@ class PromisedOutput:
 
     def assurance(self, given: Deviations) -> tuple[Array, Array]:
         """Probability [percent] (n,) that the promised fraction of units conforms, its error."""
-        every = [np.mean(yields >= self.promise.share, axis=1) for yields in self._yields(given)]
+        every = [np.mean(yields >= self.promise.fraction, axis=1) for yields in self._yields(given)]
         kept = np.concatenate([np.empty(0), *every])
         return assured_percent(kept)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -67,6 +67,12 @@ def limits_of(
     scales = {o.name: (o.scale, o.unit) for o in outputs}
     scales |= {v.name: (v.high - v.low, v.unit) for v in variables}
     return tuple(Limit(name, bound.low, bound.high, *scales[name]) for name, bound in bounds.items())
+
+
+def narrowed(limits: Iterable[Limit], name: str, low: float = -np.inf, high: float = np.inf) -> tuple[float, float]:
+    """The range from `low` to `high` of an output or variable within the limits on it."""
+    ends = [(limit.low, limit.high) for limit in limits if limit.name == name]
+    return max([low, *(end[0] for end in ends)]), min([high, *(end[1] for end in ends)])
 
 
 def impossible(problem: ToleranceProblem) -> list[Fault]:

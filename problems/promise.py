@@ -48,7 +48,7 @@ class Promise:
     of: str = YIELD
 
     @property
-    def share(self) -> float:
+    def fraction(self) -> float:
         """The promised fraction of conforming units."""
         return 0.01 * self.yield_percent
 

@@ -232,6 +232,11 @@ class ToleranceProblem(Problem):
                 raise ModelError(f"{output.name}: expected shape ({len(designs)},), got {shape}")
         return outputs
 
+    @cached_property
+    def required_outputs(self) -> frozenset[str]:
+        """Names of outputs and variables that are minimised or limited."""
+        return frozenset((*self.objectives, *(limit.name for limit in self.limits)))
+
     def values(self, designs: Array, outputs: Mapping[str, Array], name: str) -> Array:
         """An output or variable by name."""
         return outputs[name] if name in outputs else self.column(designs, name)

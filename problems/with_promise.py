@@ -99,11 +99,10 @@ class WithPromise(ToleranceProblem, Written):
         if promise is None:
             return outputs
         nothing = np.full(len(designs), np.nan)
-        wanted = {*self.objectives, *(limit.name for limit in self.limits)}
         if promise.statement != PLUG_IN:
-            asked = not searching or PROMISED in wanted
+            asked = not searching or PROMISED in self.required_outputs
             outputs[PROMISED] = self.promised_yields(designs, searching) if asked else nothing
-        asked = not searching or ASSURANCE in wanted
+        asked = not searching or ASSURANCE in self.required_outputs
         assurances = self.assurances(designs) if asked else (nothing, nothing)
         return outputs | {ASSURANCE: assurances[0], f"{ASSURANCE}_error": assurances[1]}
 

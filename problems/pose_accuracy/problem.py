@@ -25,6 +25,7 @@ from ..arrays import Array
 from ..declaration import ConfiguredProblem, Declaration, Interval
 from ..forms import Feature, Form, Way
 from ..interfaces import Documented, Page, Provable
+from ..limits import narrowed
 from ..promise import ASSURANCE, PROMISED
 from ..settings import Settings
 from .grouping import NINE, SOURCES, Grouping, costs_of, read_grouping, reference_of, unit_of, variables_of
@@ -193,10 +194,9 @@ class PoseAccuracy(PromisingPoses, Provable, Documented, Page):
             worst = np.max(designs**2 @ squares.T, axis=1)
             other_sources = self._other_std**2 if name == "position_mm" else 0.0
             outputs[name] = np.sqrt(worst + other_sources)
-        asked = (*self.objectives, *(limit.name for limit in self.limits))
         nothing = np.full(len(designs), np.nan)
         unsampled = {output.name: nothing for output in MACHINES}
-        return outputs | unsampled | self.over_machines(designs, asked)
+        return outputs | unsampled | self.over_machines(designs, self.required_outputs)
 
     def _verified(self, designs: Array, outputs: Mapping[str, Array]) -> dict[str, Array]:
         """Outputs over machines, for the designs that are reported."""
@@ -246,14 +246,13 @@ class PoseAccuracy(PromisingPoses, Provable, Documented, Page):
 
     def form(self) -> Form:
         """Root sums of squares, one per output and pose; exact."""
-        asked = {*self.objectives, *(limit.name for limit in self.limits)}
-        named = [name for name in ERRORS if name in asked] or ["squareness_mrad"]
+        named = [name for name in ERRORS if name in self.required_outputs] or ["squareness_mrad"]
         rows = np.sqrt(np.vstack([self.squares[name] for name in named]))
         outputs = tuple(name for name in named for _ in range(len(self.squares[name])))
-        moving = {v.name: self._range(v.name) for v in self.variables}
+        ranges = {name: narrowed(self.limits, name, *super(PoseAccuracy, self).interval(name)) for name in self.names}
         features = tuple(
             Feature(
-                name, (Way(self.settings.costs[name], *moving[name], (0.0,) * len(rows), tuple(rows[:, at].tolist())),)
+                name, (Way(self.settings.costs[name], *ranges[name], (0.0,) * len(rows), tuple(rows[:, at].tolist())),)
             )
             for at, name in enumerate(self.names)
         )
@@ -273,14 +272,6 @@ class PoseAccuracy(PromisingPoses, Provable, Documented, Page):
             f"first-order errors, index {self.settings.parameters['index']}{left_out}",
             relaxed=relaxed,
         )
-
-    def _range(self, name: str) -> tuple[float, float]:
-        """Range of a variable, limits on it included."""
-        low, high = super().interval(name)
-        for limit in self.limits:
-            if limit.name == name:
-                low, high = max(low, limit.low), min(high, limit.high)
-        return low, high
 
     def bars(self) -> tuple[Bars, ...]:
         """Effect of one reference standard deviation of each source, as document M draws it."""

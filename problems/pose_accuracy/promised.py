@@ -65,7 +65,7 @@ class PromisingPoses(ProcessProblem, Differentiable):
     def _promised_quantile(self) -> float:
         """Standard normal quantile of the promised fraction."""
         assert self.settings.promise is not None
-        return float(ndtri(self.settings.promise.share))
+        return float(ndtri(self.settings.promise.fraction))
 
     def _at(self, design: Array, scales: Array, shifts: Array) -> Array:
         """Full designs (q, all) at states (q, k) of the processes."""

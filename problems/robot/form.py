@@ -16,6 +16,7 @@ import numpy as np
 from ...models.costs import CostCurve
 from ..arrays import Array
 from ..forms import Feature, Form, Way
+from ..limits import narrowed
 from .gears import RMS, TE
 from .outputs import AXES, STANDS
 from .waves import SECONDS
@@ -133,9 +134,5 @@ def _of_links(problem: RobotProblem, rows: int) -> list[Feature]:
 
 
 def _range(problem: RobotProblem, name: str, usual: tuple[float, float]) -> tuple[float, float]:
-    """Range of a variable, limits on it included."""
-    low, high = problem.interval(name) if name in problem.names else usual
-    for limit in problem.limits:
-        if limit.name == name:
-            low, high = max(low, limit.low), min(high, limit.high)
-    return low, high
+    """Range of a variable within the limits on it."""
+    return narrowed(problem.limits, name, *(problem.interval(name) if name in problem.names else usual))

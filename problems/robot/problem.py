@@ -149,7 +149,7 @@ class RobotProblem(ToleranceProblem, Provable, Documented, Comparison, Stored, P
 
     def _slow_outputs(self, designs: Array) -> dict[str, Array]:
         """The outputs that take longer, where they are minimised or limited."""
-        asked = {*self.objectives, *(limit.name for limit in self.limits)}
+        asked = self.required_outputs
         outputs: dict[str, Array] = {}
         columns = self._of_gears(designs)
         if "te_amplitude_arcsec" in asked:

@@ -36,16 +36,15 @@ class PromisedRow:
         geometric backlash are asked for: these have a form of their own.
         """
         promise = problem.promise
-        asked = {*problem.objectives, *(limit.name for limit in problem.limits)}
         if promise is None or promise.statement != ASSURED or problem.machined_tolerances:
             return None
-        return None if asked.intersection(OUTPUTS) else cls(problem)
+        return None if problem.required_outputs.intersection(OUTPUTS) else cls(problem)
 
     @property
     def share(self) -> float:
         """The promised fraction of the units."""
         assert self.problem.promise is not None
-        return self.problem.promise.share
+        return self.problem.promise.fraction
 
     def doubt(self, parts: tuple[Part, ...]) -> tuple[Array, Surplus | None]:
         """Factors of the standard deviations, and what doubt adds, of parts and one feature more

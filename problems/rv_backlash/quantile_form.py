@@ -96,7 +96,7 @@ def _rows(problem: RvBacklash) -> list[Row]:
     coverage = problem.settings.propagation.coverage
     limits = {limit.name: limit for limit in problem.limits}
     rows: list[Row] = []
-    if "backlash_arcmin" in {*problem.objectives, *limits} and coverage >= 0.5:
+    if "backlash_arcmin" in problem.required_outputs and coverage >= 0.5:
         rows.append(Row("backlash_arcmin", coverage, clipped=False))
     if "yield_percent" in limits and 50.0 <= limits["yield_percent"].low < 100.0:
         share = 0.01 * limits["yield_percent"].low

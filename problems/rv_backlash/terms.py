@@ -8,6 +8,7 @@ import numpy as np
 
 from ...models.propagation.sums import Term
 from ...models.rv_reducer.cycloid import LINEAR_ERRORS
+from ..limits import narrowed
 
 if TYPE_CHECKING:
     from .problem import RvBacklash
@@ -25,9 +26,5 @@ def unit_terms(problem: RvBacklash) -> dict[str, Term]:
 
 
 def ends(problem: RvBacklash, name: str) -> tuple[float, float]:
-    """Range of a variable, limits on it included."""
-    low, high = problem.interval(name)
-    for limit in problem.limits:
-        if limit.name == name:
-            low, high = max(low, limit.low), min(high, limit.high)
-    return low, high
+    """Range of a variable within the limits on it."""
+    return narrowed(problem.limits, name, *problem.interval(name))

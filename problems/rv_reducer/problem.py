@@ -202,8 +202,7 @@ class RvReducer(PromisingUnits, Machined, Accuracy, Documented, Comparison, With
     @cached_property
     def _sampled_outputs(self) -> frozenset[str]:
         """Sampled outputs that a search needs."""
-        names = {*self.objectives, *(limit.name for limit in self.limits)}
-        return frozenset(name for name in names if is_unit_statistic(name))
+        return frozenset(filter(is_unit_statistic, self.required_outputs))
 
     def profile(self, designs: Array) -> dict[str, Array]:
         """Outputs of the tooth modification (n,) of full designs."""

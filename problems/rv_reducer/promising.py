@@ -52,7 +52,7 @@ class PromisingUnits(ProcessProblem):
     def promised_model(self) -> UnitModel:
         """The model whose coverage is the promised fraction."""
         assert self.settings.promise is not None
-        coverage = self.settings.promise.share
+        coverage = self.settings.promise.fraction
         return replace(self.model, conditions=replace(self.model.conditions, coverage=coverage))
 
     @cached_property

@@ -17,6 +17,7 @@ import numpy as np
 from ...models.assembly.coverage import radius_quantile
 from ...units import ARCSEC, MRAD
 from ..forms import Feature, Form, Way
+from ..limits import narrowed
 from .declared import AXES, DOCUMENT_MRAD, PRECISION, SIZE
 
 if TYPE_CHECKING:
@@ -50,7 +51,7 @@ def form_of(problem: RvTransmissionError) -> Form | None:
     factor = least_ratio(problem.settings.propagation.coverage)
     squares = np.vstack([factor * np.sum(plane**2, axis=0), (spread / MRAD) ** 2])
     base = problem.influence.base_amplitude / ARCSEC
-    ranges = {name: _range(problem, name) for name in DOCUMENT_MRAD}
+    ranges = {name: narrowed(problem.limits, name, *problem.interval(name)) for name in DOCUMENT_MRAD}
     features = tuple(
         Feature(
             name,
@@ -77,15 +78,6 @@ def form_of(problem: RvTransmissionError) -> Form | None:
         settled={PRECISION: problem.fixed[PRECISION]},
         relaxed=relaxed,
     )
-
-
-def _range(problem: RvTransmissionError, name: str) -> tuple[float, float]:
-    """Range of a tolerance, limits on it included."""
-    low, high = problem.interval(name)
-    for limit in problem.limits:
-        if limit.name == name:
-            low, high = max(low, limit.low), min(high, limit.high)
-    return low, high
 
 
 def _relaxed(problem: RvTransmissionError) -> tuple[str, ...]:

@@ -168,10 +168,9 @@ class RvTransmissionError(ToleranceProblem, Provable, Documented, WithEffects, P
     def _force(self, covariance: Array, searching: bool) -> Array:
         """Quantile (n,) [N] of the peak mesh force."""
         loads = self.influence.force
-        wanted = FORCE in (*self.objectives, *(limit.name for limit in self.limits))
         count = self.settings.propagation.samples
         if searching:
-            count = min(count, SEARCH_SAMPLE if wanted else SEARCH_SAMPLE // 8)
+            count = min(count, SEARCH_SAMPLE if FORCE in self.required_outputs else SEARCH_SAMPLE // 8)
         sample = self._sample(count)
         coverage = self.settings.propagation.coverage
         return sample_quantile(loads @ covariance @ loads.T, sample, self.influence.peak_of, coverage)
@@ -246,14 +245,12 @@ class RvTransmissionError(ToleranceProblem, Provable, Documented, WithEffects, P
 
     def warnings(self) -> tuple[str, ...]:
         messages = []
-        if EFFORT not in (*self.objectives, *self.settings.limits) and any(
-            v.name == declared.PRECISION for v in self.free
-        ):
+        if EFFORT not in self.required_outputs and any(v.name == declared.PRECISION for v in self.free):
             messages.append(
                 "adjustment_effort is neither minimised nor limited: accuracy can always be bought "
                 "with adjustment; add it, or fix precision_weight"
             )
-        if FORCE not in (*self.objectives, *self.settings.limits):
+        if FORCE not in self.required_outputs:
             messages.append(
                 "peak_mesh_force_N is neither minimised nor limited: the gears' angles about z "
                 "load one disc more than the other, but cause no transmission error, and open as "

@@ -61,8 +61,8 @@ def _aim(bounded: Sequence[Measured], promise: Promise) -> Aim:
     ends = np.array([[measured.mechanism.lower, measured.mechanism.upper] for measured in bounded])
     ends -= np.array([[measured.mechanism.centre] for measured in bounded])
     both = np.all(np.isfinite(ends), axis=1)
-    quantile = ndtri(np.where(both, 0.5 * (1.0 + promise.share), promise.share))
-    return Aim(promise.share, promise.confidence, ends, quantile)
+    quantile = ndtri(np.where(both, 0.5 * (1.0 + promise.fraction), promise.fraction))
+    return Aim(promise.fraction, promise.confidence, ends, quantile)
 
 
 def _ways(part: Part, at: int, bounded: Sequence[Measured], owners: Sequence[tuple[int, str]]) -> Ways:

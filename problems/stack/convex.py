@@ -10,7 +10,7 @@ import numpy as np
 from ...models.costs import Reciprocal
 from ..arrays import Array, Flags
 from ..forms import Feature, Form, Way
-from ..limits import Limit
+from ..limits import Limit, narrowed
 from .definition import Part
 from .machine_ways import limits_alone, machine_ways
 from .parts_as_made import limits_of
@@ -134,9 +134,7 @@ def _square(spread: Array, t: Array, correlation: Array, settled: Flags) -> floa
 
 def range_of(stack: Stack, part: Part) -> tuple[float, float]:
     """The range of a part's tolerance within the limits on it."""
-    limits = [limit for limit in stack.limits if limit.name == f"{part.name}_t"]
-    low = max((limit.low for limit in limits), default=-np.inf)
-    return low, min((limit.high for limit in limits), default=np.inf)
+    return narrowed(stack.limits, f"{part.name}_t")
 
 
 def _feature(part: Part, rows: list[Row], at: int, ends: tuple[float, float]) -> tuple[Feature, bool]:

@@ -167,11 +167,6 @@ class Stack(ToleranceProblem, Provable, Differentiable, Accuracy, Documented, Dr
         return requirement.shares(t)
 
     @cached_property
-    def required_outputs(self) -> frozenset[str]:
-        """Outputs that are objectives or limited."""
-        return frozenset((*self.objectives, *(limit.name for limit in self.limits)))
-
-    @cached_property
     def yields(self) -> Yields:
         """Yields and half-widths by sample."""
         return Yields(self.measured, self.settings, self.limits, self.required_outputs)

@@ -71,7 +71,7 @@ class Promised:
     @property
     def quantile(self) -> float:
         """Standard deviations that must fit between mean and each limit."""
-        share = self.promise.share
+        share = self.promise.fraction
         return float(ndtri(0.5 * (1.0 + share) if len(self.sides) == 2 else share))
 
     def promised(self, t: Tolerances) -> Array:

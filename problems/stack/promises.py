@@ -107,7 +107,7 @@ class Promises:
             if searching and name not in wanted:
                 by_output |= {output: np.full(len(t), np.nan) for output in names}
                 continue
-            assurance = self.posterior.assurance(group, t, self.promise.share)
+            assurance = self.posterior.assurance(group, t, self.promise.fraction)
             by_output |= dict(zip(names, assurance, strict=True))
         return by_output
 
