@@ -1,4 +1,4 @@
-"""What a problem declares of itself: the record that configurations, pages and proofs read."""
+"""The declaration of a problem: the record that configurations, pages and proofs read."""
 
 from __future__ import annotations
 

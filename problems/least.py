@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
+from operator import attrgetter
+from typing import Any
 
 import numpy as np
 
 from .arrays import Array, Flags, Integers
-from .forms import Feature, Form
+from .forms import Feature, Form, Way
 from .spread import spread_of
 
 MOST = 4096
@@ -114,26 +116,14 @@ def _undominated(feature: Feature, ways: list[int]) -> list[int]:
 
 def _corner(form: Form, trading: list[int], kept: list[list[int]]) -> _Corner:
     ways = np.array(list(product(*kept)))
-    rows = len(form.outputs)
 
-    def every(name: str) -> Array:
-        """A coefficient of all combinations (c, r, features)."""
-        by_feature = [
-            np.array([getattr(way, name) or (0.0,) * rows for way in feature.ways])[ways[:, at]]
-            for at, feature in enumerate(form.features)
-        ]
-        return np.stack(by_feature, axis=2)
+    def every(values: Callable[[Way], Any]) -> Array:
+        """Values of the ways of all combinations (c, features), or (c, r, features)."""
+        by_feature = [np.array([values(way) for way in feature.ways]) for feature in form.features]
+        return np.stack([of_ways[ways[:, at]] for at, of_ways in enumerate(by_feature)], axis=-1)
 
-    def ends(name: str) -> Array:
-        return np.stack(
-            [
-                np.array([getattr(way, name) for way in feature.ways])[ways[:, at]]
-                for at, feature in enumerate(form.features)
-            ],
-            axis=1,
-        )
-
-    low, high, linear, spread = ends("low"), ends("high"), every("linear"), every("spread")
+    low, high, linear, spread = (every(attrgetter(name)) for name in ("low", "high", "linear", "spread"))
+    offset = every(lambda way: way.offset or (0.0,) * len(form.outputs))
     tangent = spread_of(form, spread * low[:, None, :])
     fixed = np.ones(len(form.features), dtype=bool)
     fixed[trading] = False
@@ -142,7 +132,7 @@ def _corner(form: Form, trading: list[int], kept: list[list[int]]) -> _Corner:
     along = np.sum(tangent.direction * spread * low[:, None, :], axis=2) + tangent.intercept
     rooted = np.array([quantile is None for quantile in form.rows])
     least = np.where(rooted, tangent.value, along)
-    values = form.offset + every("offset").sum(axis=2) + means.sum(axis=2) + least
+    values = form.offset + offset.sum(axis=2) + means.sum(axis=2) + least
     slopes = linear[:, :, trading].sum(axis=2)
     return _Corner(ways, low, values, slopes, (high - low)[:, trading].sum(axis=1))
 

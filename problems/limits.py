@@ -86,20 +86,16 @@ def impossible(problem: ToleranceProblem) -> list[Fault]:
             faults.append(
                 Fault(
                     place,
-                    f"at most {limit.high:g}{unit} cannot be met: the best that "
-                    f"the {corner} corner allows is {low:.4g}{unit}, "
-                    f"{low - limit.high:.3g}{unit} too much; raise the limit or "
-                    "widen the ranges",
+                    f"at most {limit.high:g}{unit} cannot be met: the best that the {corner} corner allows is "
+                    f"{low:.4g}{unit}, {low - limit.high:.3g}{unit} too much; raise the limit or widen the ranges",
                 )
             )
         if limit.low > high:
             faults.append(
                 Fault(
                     place,
-                    f"at least {limit.low:g}{unit} cannot be met: the best that "
-                    f"the {corner} corner allows is {high:.4g}{unit}, "
-                    f"{limit.low - high:.3g}{unit} too little; lower the limit or "
-                    "widen the ranges",
+                    f"at least {limit.low:g}{unit} cannot be met: the best that the {corner} corner allows is "
+                    f"{high:.4g}{unit}, {limit.low - high:.3g}{unit} too little; lower the limit or widen the ranges",
                 )
             )
     return faults

@@ -82,13 +82,9 @@ class MachinedTolerance:
 
     def limits(self, spread: Array, chosen: Integers) -> Array:
         """Limits (n,) at spreads (n,) of good parts."""
-        t = np.zeros_like(spread)
-        for number, way in enumerate(self.ways):
-            rows = chosen == number
-            if np.any(rows):
-                fixed = way.low == way.high
-                t[rows] = way.low if fixed else self.by_spread(way).limit(spread[rows])
-        return t
+        return self.by_way(
+            spread, chosen, lambda way, x: (way.low if way.low == way.high else self.by_spread(way).limit(x), 0.0)
+        )[0]
 
 
 def curve_of(tolerance: MachinedTolerance, way: Way, low: float, high: float) -> CostCurve:

@@ -31,6 +31,17 @@ class WithPromise(ToleranceProblem, Written):
             self.declaration = _promising(type(self).declaration, settings.promise)
         super().__init__(settings)
 
+    @property
+    def stated_promise(self) -> Promise:
+        """The promise, where there must be one."""
+        assert self.settings.promise is not None
+        return self.settings.promise
+
+    @property
+    def promises_by_samples(self) -> bool:
+        """Whether there is a promise that needs more than the estimates."""
+        return self.settings.promise is not None and self.settings.promise.statement != PLUG_IN
+
     @abstractmethod
     def promised_yields(self, designs: Array, searching: bool) -> Array:
         """The promised yield [percent] (n,) of full designs (n, all), by the statement."""
@@ -77,7 +88,7 @@ class WithPromise(ToleranceProblem, Written):
             promise_faults += [
                 Fault(
                     f"variables.{name}.machine",
-                    f"cannot be {promise.statement} where machines are known by samples: state sigma, or plug_in",
+                    f"cannot be {promise.statement} where machines are known by samples: state sigma, or use plug_in",
                 )
                 for name in sampled
             ]

@@ -72,9 +72,7 @@ def doubt_of(problem: RvBacklash, variables: Sequence[str]) -> tuple[Array, Surp
 
 def statement_of(problem: RvBacklash) -> str:
     """The proven statement of an assured promise, in words."""
-    promise = problem.settings.promise
-    assert promise is not None
-    return f"promised: {promise.words()}, by the geometric backlash and normal processes as measured"
+    return f"promised: {problem.stated_promise.words()}, by the geometric backlash and normal processes as measured"
 
 
 def _with_row(feature: Feature, factor: float) -> Feature:

@@ -22,7 +22,7 @@ from ..forms import Form
 from ..interfaces import Accuracy, Comparison, Documented, Page, Provable, WithEffects
 from ..least import ends_of_front
 from ..machined import Machined
-from ..promise import ASSURED, PLUG_IN, PROMISED
+from ..promise import ASSURED, PROMISED
 from ..promising import Promising
 from ..settings import Bound, Settings
 from .by_contact import verdicts
@@ -222,8 +222,7 @@ class RvBacklash(Promising, Machined, Accuracy, Provable, Documented, Comparison
 
     def starts(self) -> Array:
         """Document B's bands and tighter ones, where a promise leaves the search no closed form."""
-        promise = self.settings.promise
-        if promise is None or promise.statement == PLUG_IN:
+        if not self.promises_by_samples:
             return super().starts()
         bands = np.array([float(v.document or 0.0) for v in self.variables])
         rows = np.repeat(bands[None, :], len(TIGHTER), axis=0)

@@ -40,12 +40,6 @@ class PromisedRow:
             return None
         return None if problem.required_outputs.intersection(OUTPUTS) else cls(problem)
 
-    @property
-    def share(self) -> float:
-        """The promised fraction of the units."""
-        assert self.problem.promise is not None
-        return self.problem.promise.fraction
-
     def doubt(self, parts: tuple[Part, ...]) -> tuple[Array, Surplus | None]:
         """Factors of the standard deviations, and what doubt adds, of parts and one feature more
         that does not scatter.

@@ -54,7 +54,7 @@ def quantile_form(problem: RvBacklash) -> Form | str:
     """The form of `backlash_arcmin`, or why there is none."""
     main, promised = _rows(problem), PromisedRow.of(problem)
     if promised is not None and main:
-        main.append(Row(PROMISED, promised.share, False, problem.limit, kind="promise"))
+        main.append(Row(PROMISED, problem.stated_promise.fraction, False, problem.limit, kind="promise"))
     if all(row.clipped for row in main):
         return "neither backlash_arcmin nor a yield of one half at least is asked for"
     lacking = max(1.0 - row.probability for row in main if not row.clipped)

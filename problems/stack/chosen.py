@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.special import ndtri
 
 from ...models.capability import Aim, Level, Processes, Ways, calibrated
 from ..promise import ASSURED, Promise
@@ -61,7 +60,7 @@ def _aim(bounded: Sequence[Measured], promise: Promise) -> Aim:
     ends = np.array([[measured.mechanism.lower, measured.mechanism.upper] for measured in bounded])
     ends -= np.array([[measured.mechanism.centre] for measured in bounded])
     both = np.all(np.isfinite(ends), axis=1)
-    quantile = ndtri(np.where(both, 0.5 * (1.0 + promise.fraction), promise.fraction))
+    quantile = np.array([promise.quantile(two_sided) for two_sided in both.tolist()])
     return Aim(promise.fraction, promise.confidence, ends, quantile)
 
 
