@@ -13,9 +13,9 @@ from ...units import ARCMIN
 from ..arrays import Array, Integers
 from ..rv_backlash import RvBacklash
 from ..rv_backlash.shift import Shift, columns_of, shift_of
-from ..rv_backlash.terms import ends, unit_terms
+from ..rv_backlash.terms import BEARING, GRADE, bearing_term, ends, grades_of, unit_terms
 
-BEARING, GRADE, ECCENTRICITY = "crank_bearing_um", "involute_grade", "eccentricity_um"
+ECCENTRICITY = "eccentricity_um"
 INTERFERENCE = "interference_probability"
 
 
@@ -111,12 +111,8 @@ def block_of(problem: RvBacklash) -> Block | str:
     q = 0.0 if last.quadratic is None else float(last.quadratic[0]) / ARCMIN
     if q > 0.0:
         return "the eccentricity's mean must bend down"
-    first, final = ends(problem, GRADE)
-    grades = np.arange(np.ceil(first), np.floor(final) + 1.0)
-    designs = np.ones((len(grades), len(problem.names)))
-    designs[:, problem.names.index(GRADE)] = grades
-    phi_1, phi_3 = problem.total(designs).free
-    by_grade, by_bearing = phi_1.cumulants(), phi_3.cumulants()
+    grades, phi_1 = grades_of(problem)
+    by_grade, by_bearing = phi_1.cumulants(), bearing_term(problem).cumulants()
     ranges = np.array([ends(problem, name) for name in (*names, BEARING)])
     limit = next((bound.high for bound in problem.limits if bound.name == INTERFERENCE), 1.0)
     constant = sum(float(term.constant[0]) for term in terms.values())

@@ -12,8 +12,8 @@ import scipy
 from ...declarations import Kind, Value, Variable, number
 from ...models.robot.sample import smooth_root
 from ..arrays import Array
-from ..reducers.block import GRADE
 from ..reducers.nested import Nested
+from ..rv_backlash.terms import GRADE
 from ..rv_transmission_error.declared import DOCUMENT_MRAD
 from ..rv_transmission_error.declared import VARIABLES as WAVES
 from .waves import ANGLES, COST, SECONDS, Wave

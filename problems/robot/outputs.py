@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from typing import Any
 
 from ...declarations import Output, Parameter
 from ...models.robot.manipulator import CALIBRATED
 from ..arrays import Array
 from ..settings import Bound
 
+Points = Iterable[Sequence[float] | Array]
 AXES = ("", "tilt_", "yaw_")
 """Position, squareness and yaw, as mean squares of a machine are named."""
 FLANKS = ("gravity", "free", "held")
@@ -126,9 +128,14 @@ STANDS = {"pose_rms_mm": "pose_accuracy_mm", "backlash_rms_arcmin": "backlash_ar
 """Requirements of the convex form, and the outputs that grow with them."""
 
 
-def millimetres(points: Iterable[Sequence[float] | Array]) -> list[list[float]]:
+def millimetres(points: Points) -> list[list[float]]:
     """Points [m] of a drawing, in tenths of a millimetre."""
     return [[round(1e3 * float(x), 1) + 0.0 for x in point] for point in points]
+
+
+def sketched(name: str, kind: str, points: Points, shares: Sequence[str] = ()) -> dict[str, Any]:
+    """A part of the drawing of a machine: its line [m], and the columns of its fractions of R^2."""
+    return {"name": name, "kind": kind, "points": millimetres(points), "shares": list(shares)}
 
 
 def share_name(variable: str) -> str:

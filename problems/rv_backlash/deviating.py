@@ -21,20 +21,19 @@ from ..forms import Feature, Form
 from ..promise import ASSURED, PROMISED
 from .form import OUTPUTS, form_of
 from .machined_tolerances import TERMS
+from .terms import BEARING, GRADE
 
 if TYPE_CHECKING:
     from .problem import RvBacklash
 
 MEAN = OUTPUTS.index("backlash_geometric_mean_arcmin")
 STD = OUTPUTS.index("backlash_geometric_std_arcmin")
-OTHERS = ("involute_grade", "crank_bearing_um")
-"""Variables of the first and last stage, in the order of their terms."""
 
 
 def deviations_of(problem: RvBacklash, designs: Array) -> Deviations:
     """Mean and standard deviations [arcmin] of the geometric backlash, below its limit."""
     total, growth = problem.total(designs), 1.0 + problem.change.growth
-    terms = dict(zip((*OTHERS, *TERMS), (*total.free, *total.clipped), strict=True))
+    terms = dict(zip((GRADE, BEARING, *TERMS), (*total.free, *total.clipped), strict=True))
     cumulants = {name: term.cumulants()[:2] for name, term in terms.items()}
     mean = np.sum([moments[0] for moments in cumulants.values()], axis=0) + problem.change.effective
     std_by_name = {name: growth * np.sqrt(np.maximum(moments[1], 0.0)) / ARCMIN for name, moments in cumulants.items()}

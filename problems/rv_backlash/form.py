@@ -23,8 +23,8 @@ from ..promise import ASSURED, PROMISED
 from .machined_tolerances import CELLS as CELLS_OF_MEANS
 from .machined_tolerances import Piece, pieces_of
 from .refused import allows_any
-from .shift import extreme_pair, play_slopes
-from .terms import ends, unit_terms
+from .shift import extreme_pair, play_slopes, profile_at
+from .terms import BEARING, GRADE, bearing_term, ends, grades_of, unit_terms
 
 if TYPE_CHECKING:
     from .problem import RvBacklash
@@ -138,22 +138,16 @@ def cell_way(term: Term, curve: CostCurve, ends: tuple[float, float], k: float) 
 
 def bearing_feature(problem: RvBacklash, k: float) -> Feature:
     """The crank-arm bearing: mid and half-width of its zone both grow with the clearance."""
-    name = "crank_bearing_um"
-    term = problem.total(np.ones((1, len(problem.names)))).free[1]
-    mean, variance = (float(value[0]) for value in term.cumulants()[:2])
+    mean, variance = (float(value[0]) for value in bearing_term(problem).cumulants()[:2])
     rows = _rows(mean / ARCMIN, float(np.sqrt(variance)) / ARCMIN, k)
-    return Feature(name, (Way(problem.settings.costs[name], *ends(problem, name), *rows),))
+    return Feature(BEARING, (Way(problem.settings.costs[BEARING], *ends(problem, BEARING), *rows),))
 
 
 def grade_feature(problem: RvBacklash, k: float) -> Feature:
     """The involute grade: every grade of the range is a way of its own."""
-    name = "involute_grade"
-    low, high = ends(problem, name)
-    grades = np.arange(np.ceil(low), np.floor(high) + 1.0)
-    designs = np.ones((len(grades), len(problem.names)))
-    designs[:, problem.names.index(name)] = grades
-    means, variances = problem.total(designs).free[0].cumulants()[:2]
-    costs = problem.settings.costs[name].cost(grades)
+    grades, term = grades_of(problem)
+    means, variances = term.cumulants()[:2]
+    costs = problem.settings.costs[GRADE].cost(grades)
     ways = [
         Way(
             Reciprocal(float(c), 0.0),
@@ -164,7 +158,7 @@ def grade_feature(problem: RvBacklash, k: float) -> Feature:
         )
         for g, c, m, v in zip(grades, costs, means, variances, strict=True)
     ]
-    return Feature("", tuple(ways), name)
+    return Feature("", tuple(ways), GRADE)
 
 
 def _from_below(limit: Limit) -> bool:
@@ -174,10 +168,7 @@ def _from_below(limit: Limit) -> bool:
 
 def _relaxed(problem: RvBacklash, settled: dict[str, float]) -> tuple[str, ...]:
     """Limits that the form leaves out; those that its modification keeps are not among them."""
-    design = problem.complete(np.atleast_2d(problem.xl))
-    for name, value in settled.items():
-        design[:, problem.names.index(name)] = value
-    profile = problem.profile(design)
+    profile = profile_at(problem, {name: np.array([value]) for name, value in settled.items()})
     kept = {PROMISED} if problem.promise and problem.promise.statement == ASSURED else set()
     known = {*OUTPUTS, *KEPT, *kept, "cost", *(v.name for v in problem.variables if v.tolerance)}
     return tuple(

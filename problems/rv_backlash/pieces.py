@@ -17,7 +17,7 @@ from .bent import LEVELS, SAFE, Cell, quantiles_of, uniform_below
 from .machined_tolerances import CELLS as CELLS_OF_MEANS
 from .machined_tolerances import pieces_of
 from .shift import Shift
-from .terms import ends, unit_terms
+from .terms import BEARING, GRADE, bearing_term, ends, grades_of, unit_terms
 
 if TYPE_CHECKING:
     from .problem import RvBacklash
@@ -104,12 +104,10 @@ def sum_of(problem: RvBacklash, cut: float) -> Sum | str:
         if isinstance(part, str):
             return part
         parts.append(part)
-    bearing = problem.total(np.ones((1, len(problem.names)))).free[1]
-    more = [_straight(problem, "crank_bearing_um", bearing, clipped=False), _grades(problem, cut)]
-    for free_part in more:
-        if isinstance(free_part, str):
-            return free_part
-        parts.append(free_part)
+    bearing = _straight(problem, BEARING, bearing_term(problem), clipped=False)
+    if isinstance(bearing, str):
+        return bearing
+    parts += [bearing, _grades(problem, cut)]
     return Sum(tuple(parts), shift, cycloid, problem.change.effective / ARCMIN)
 
 
@@ -195,12 +193,7 @@ def _grades(problem: RvBacklash, cut: float) -> Part:
     A skewed clearance G enters as min(G, g), where a fraction `cut` of the units exceeds g: it is
     less than G, and y - g cannot be below the rest of W for designs that keep a limit (`OUTSIDE`).
     """
-    name = "involute_grade"
-    low, high = ends(problem, name)
-    grades = np.arange(np.ceil(low), np.floor(high) + 1.0)
-    designs = np.ones((len(grades), len(problem.names)))
-    designs[:, problem.names.index(name)] = grades
-    term = problem.total(designs).free[0]
+    grades, term = grades_of(problem)
     known = even_law(term.distribution)
     mean, law, width = (known[0], known[1], 1.0) if known else _below(term, cut)
     ends_of_z = term.distribution.support
@@ -210,7 +203,7 @@ def _grades(problem: RvBacklash, cut: float) -> Part:
         grades.tolist(),
         term.constant / ARCMIN,
         term.linear / ARCMIN,
-        problem.settings.costs[name].cost(grades),
+        problem.settings.costs[GRADE].cost(grades),
         strict=True,
     ):
         z = sorted((float(a) * ends_of_z[0], float(a) * ends_of_z[1]))
@@ -227,7 +220,7 @@ def _grades(problem: RvBacklash, cut: float) -> Part:
                 choice=g,
             )
         )
-    return Part("", tuple(members), clipped=False, bent=known is None, choice=name)
+    return Part("", tuple(members), clipped=False, bent=known is None, choice=GRADE)
 
 
 def _below(term: Term, cut: float) -> tuple[float, Even, float]:

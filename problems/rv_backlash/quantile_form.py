@@ -30,7 +30,7 @@ from .deviating import statement_of
 from .pieces import Member, Part, Sum, coarse, sum_of
 from .promised_row import PromisedRow
 from .refused import allows_any
-from .shift import SHIFT, Shift, columns_of
+from .shift import SHIFT, Shift, columns_of, profile_at
 
 if TYPE_CHECKING:
     from .problem import RvBacklash
@@ -277,10 +277,7 @@ def _step(excess: Array, at: Array, variance: Array) -> Array:
 def _relaxed(problem: RvBacklash, shift: Shift, rows: list[Row]) -> tuple[str, ...]:
     """Limits that the form leaves out; those that a modification of every shift keeps are not."""
     s = np.linspace(shift.low, shift.high, SHIFTS)
-    designs = np.repeat(problem.complete(np.atleast_2d(problem.xl)), SHIFTS, axis=0)
-    for name, column in columns_of(problem, shift, s).items():
-        designs[:, problem.names.index(name)] = column
-    profile = problem.profile(designs)
+    profile = profile_at(problem, columns_of(problem, shift, s))
     known = {row.output for row in rows} | {"cost", *KEPT}
     known |= {v.name for v in problem.variables if v.tolerance or v.name == "involute_grade"}
     return tuple(

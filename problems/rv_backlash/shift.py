@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -45,6 +46,14 @@ class Shift:
     def high(self) -> float:
         """Largest s."""
         return float(self.plays[1] - self.gain * self.stagger[0])
+
+
+def profile_at(problem: RvBacklash, columns: Mapping[str, Array]) -> dict[str, Array]:
+    """Outputs of the tooth modification (n,) at some columns (n,) of otherwise tight designs."""
+    designs = np.repeat(problem.complete(np.atleast_2d(problem.xl)), len(next(iter(columns.values()))), axis=0)
+    for name, column in columns.items():
+        designs[:, problem.names.index(name)] = column
+    return problem.profile(designs)
 
 
 def play_slopes(problem: RvBacklash) -> Array:
@@ -104,10 +113,7 @@ def _roomiest(problem: RvBacklash, play: float) -> tuple[float, float]:
     low, high = max(first[0], along.min()), min(first[1], along.max())
     dr_rp = np.linspace(low, high, TRIED)
     dr_p = np.clip((play - slopes[0] * dr_rp) / slopes[1], *second)
-    designs = np.repeat(problem.complete(np.atleast_2d(problem.xl)), TRIED, axis=0)
-    for name, column in (("dr_rp_mm", dr_rp), ("dr_p_mm", dr_p), ("stagger_arcmin", 0.0)):
-        designs[:, problem.names.index(name)] = column
-    profile = problem.profile(designs)
+    profile = profile_at(problem, {"dr_rp_mm": dr_rp, "dr_p_mm": dr_p})
     violations = [v for limit in problem.limits if limit.name in profile for v in limit.violations(profile[limit.name])]
     worst = np.max(violations, axis=0) if violations else np.zeros(TRIED)
     at = int(np.argmin(np.maximum(worst, -INSIDE)))

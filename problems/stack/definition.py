@@ -44,6 +44,11 @@ class Requirement:
     description: str = ""
     drawing: str = ""
 
+    @property
+    def bounded(self) -> bool:
+        """Whether it has limits."""
+        return self.lower is not None or self.upper is not None
+
     def output(self, name: str) -> str:
         """The name of one of its outputs: `rss`, or `gap.rss` where there are several."""
         return f"{self.key}.{name}" if self.key else name
@@ -134,7 +139,7 @@ class Part:
     @property
     def ends(self) -> tuple[Array, Array]:
         """Tightest and loosest half-width of each process."""
-        return (np.array([p.low for p in self.processes]), np.array([p.high for p in self.processes]))
+        return np.array([p.low for p in self.processes]), np.array([p.high for p in self.processes])
 
     @property
     def free_of_charge(self) -> bool:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 from ...counts import is_forced
 from ...errors import Fault
@@ -15,7 +16,7 @@ from ...models.inputs.reading import read_distribution
 from ...models.iso286 import SYMBOLS
 from ...section import Range, Section
 from ...units import family
-from .definition import Part, Requirement
+from .definition import Part, Process, Requirement
 from .fits import read_fits
 from .sensitivities import read_sensitivities
 from .zones import KEYS, Tolerance, read_tolerance
@@ -46,6 +47,14 @@ def read_parts(top: Section, requirements: Sequence[Requirement], faults: list[F
     known = [part for part in parts if part is not None]
     faults += [*_duplicates(known), *_too_many(known)]
     return parts
+
+
+def stand_in(table: Mapping[str, Any], at: int) -> Part:
+    """A part with the names of a faulty one, so that the other tables can be checked."""
+    name, processes = table.get("name"), (Process(0.0, 1.0),) * 2
+    return Part(
+        name if isinstance(name, str) else f"part_{at}", "", processes, Normal(), alternatives="process" in table
+    )
 
 
 def _too_many(parts: Sequence[Part]) -> list[Fault]:

@@ -35,13 +35,13 @@ from .intervals import intervals_of
 from .joint import joint_slopes, joint_variations
 from .measured import Measured, measured
 from .outputs import OBJECTIVES, outputs_of, variables_of
+from .parts import stand_in
 from .parts_as_made import as_made, ends_as_made
 from .processes import corner_of, out_of_process, samples_of
 from .promises import Promises
 from .reading import read_definition
 from .remarks import domain_remarks, warnings_of
 from .rows import shortfall
-from .stand_in import stand_in
 from .writing import tables_of
 from .yields import Yields
 

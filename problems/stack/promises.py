@@ -27,9 +27,7 @@ def promise_outputs(promise: Promise | None, requirements: Sequence[Requirement]
     """The outputs of a promise: of each requirement with limits, and of all together."""
     if promise is None:
         return []
-    bounded = [
-        requirement for requirement in requirements if requirement.lower is not None or requirement.upper is not None
-    ]
+    bounded = [requirement for requirement in requirements if requirement.bounded]
     outputs = [output for requirement in bounded for output in outputs_of_promise(promise, requirement.output(""))]
     joint = bool(requirements[0].key) and bool(bounded)
     return outputs + (list(assurances(ASSURANCE)) if joint else [])
@@ -42,7 +40,7 @@ def promise_limits(definition: Definition, given: Mapping[str, Bound]) -> dict[s
         return dict(given)
     limits = {name: bound for name, bound in given.items() if not means_promise(name, promise)}
     for requirement in definition.requirements:
-        if requirement.lower is not None or requirement.upper is not None:
+        if requirement.bounded:
             limits[requirement.output(promise.output)] = Bound(low=promise.yield_percent)
     return limits
 
@@ -53,15 +51,12 @@ def promise_faults(definition: Definition, given: Mapping[str, Bound]) -> list[F
     if promise is None:
         return []
     faults = contradictions(promise, given)
-    if not any(
-        requirement.lower is not None or requirement.upper is not None for requirement in definition.requirements
-    ):
-        text = "is of no requirement: none has lower or upper, without which there is no yield"
-        faults.append(Fault("promise", text))
+    if not any(requirement.bounded for requirement in definition.requirements):
+        faults.append(Fault("promise", "has no yield: no requirement has a limit; state lower or upper of one"))
     if definition.correlations and promise.statement != PLUG_IN:
         text = (
-            f"cannot be {promise.statement} with [[correlation]]: what samples say of "
-            "correlated parts is not known; state plug_in"
+            f"cannot be {promise.statement} with [[correlation]]: the uncertainty of correlated parts from samples is "
+            "not modelled; state plug_in"
         )
         faults.append(Fault("promise.statement", text))
     return faults

@@ -176,7 +176,7 @@ class TestBadInput:
         assert "pose 2 (2500, 0, 700 mm) is out of reach by" in message
         assert "joint 3 is stretched" in message
         far = faults(changed(cell={**table()["cell"], "side_mm": 1600}))
-        assert "more poses of 125 are like these" in "".join(far.values())
+        assert "more poses of 125 have such faults" in "".join(far.values())
 
     def test_end_of_the_range_of_a_joint(self) -> None:
         found = faults(changed(joint=rows(joint_3={"range_deg": [-15, 158]})))

@@ -198,7 +198,7 @@ def test_a_promise_out_of_reach_is_said_before(tmp_path: Path) -> None:
         (("yield_percent = 99.73", "yield_percent = 100"), "must lie in [50, 100), got 100"),
         (("[requirement]", "confidence_percent = 20\n[requirement]"), "must lie in [80, 100)"),
         (("[requirement]", "confidence = 95\n[requirement]"), "confidence: is not a known key"),
-        (("lower = -40.0\nupper = 40.0\n", ""), "promise: is of no requirement"),
+        (("lower = -40.0\nupper = 40.0\n", ""), "promise: has no yield"),
         (("[promise]", "[limits]\nyield_percent = 99.0\n[promise]"),
          "limits.yield_percent: asks for 99 % at least, but the promise is of 99.73 %"),
         (("[algorithm]", '[[correlation]]\nparts = ["p0", "p1"]\ncoefficient = 0.5\n[algorithm]'),
