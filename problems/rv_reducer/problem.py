@@ -30,7 +30,6 @@ from .declared import DISC_TO_DISC, PARAMETERS, VARIABLES
 from .evaluation import Evaluation, Populations, is_unit_statistic
 from .inherited import changed, still_default
 from .outputs import DEFAULT_LIMITS, DEFAULT_OBJECTIVES, OUTPUTS, SAMPLED, SAMPLED_UNDER_LOAD
-from .promised import add_gradient
 from .promising import PromisingUnits
 from .references import REFERENCES
 from .refused import HOLD_INTERFERENCE, priceless, unlimited
@@ -226,7 +225,7 @@ class RvReducer(PromisingUnits, Machined, Accuracy, Documented, Comparison, With
                 gradients[name][at] = [slopes.get(v.name, 0.0) for v in self.variables]
                 for tolerance, slope in evaluation.by_mean(name).items():
                     by_mean[name][tolerance][at] = slope
-        add_gradient(self, designs, gradients, by_mean)
+        self.add_promised_slopes(designs, gradients, by_mean)
         return self.by_limits(designs, gradients, by_mean) | self._plain_slopes(designs)
 
     def _plain_slopes(self, designs: Array) -> dict[str, Array]:
