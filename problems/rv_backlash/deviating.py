@@ -47,8 +47,16 @@ def promised_form(problem: RvBacklash) -> Form | None:
         return form
     factors, surplus = doubt_of(problem, [feature.variable for feature in form.features])
     features = tuple(map(_with_row, form.features, factors.tolist()))
-    none = (None,) * len(form.outputs)
-    return _form(problem, form, features, () if surplus is None else (*none, surplus))
+    return replace(
+        form,
+        outputs=(*form.outputs, PROMISED),
+        features=features,
+        offset=np.append(form.offset, form.offset[MEAN]),
+        constant=np.append(form.constant, 0.0),
+        most=(np.inf,) * len(form.outputs) + (problem.limit,),
+        surpluses=() if surplus is None else (*(None,) * len(form.outputs), surplus),
+        statement=f"{form.statement}; {statement_of(problem)}",
+    )
 
 
 def doubt_of(problem: RvBacklash, variables: Sequence[str]) -> tuple[Array, Surplus | None]:
@@ -86,18 +94,3 @@ def _with_row(feature: Feature, factor: float) -> Feature:
         for way in feature.ways
     )
     return replace(feature, ways=ways)
-
-
-def _form(
-    problem: RvBacklash, form: Form, features: tuple[Feature, ...], surpluses: tuple[Surplus | None, ...]
-) -> Form:
-    return replace(
-        form,
-        outputs=(*form.outputs, PROMISED),
-        features=features,
-        offset=np.append(form.offset, form.offset[MEAN]),
-        constant=np.append(form.constant, 0.0),
-        most=(np.inf,) * len(form.outputs) + (problem.limit,),
-        surpluses=surpluses,
-        statement=f"{form.statement}; {statement_of(problem)}",
-    )

@@ -51,16 +51,15 @@ def form_of(problem: RvBacklash) -> Form | None:
     terms = unit_terms(problem)
     offset = _nominal(problem, pair, stagger)
     offset += sum(float(term.constant[0]) for term in terms.values()) / ARCMIN
-    features = tuple(tolerance_feature(problem, name, term, k) for name, term in terms.items())
     offset += problem.change.effective / ARCMIN
-    offset_of = np.array([offset, offset, 0.0])
-    features = (*features, bearing_feature(problem, k), grade_feature(problem, k))
+    features = [tolerance_feature(problem, name, term, k) for name, term in terms.items()]
+    features += [bearing_feature(problem, k), grade_feature(problem, k)]
     relaxed = _relaxed(problem, settled)
     left_out = f"; limits left out: {', '.join(relaxed)}" if relaxed else ""
     return Form(
         OUTPUTS,
-        features,
-        offset_of,
+        tuple(features),
+        np.array([offset, offset, 0.0]),
         np.zeros(3),
         f"geometric backlash, mean + {k:.4g} standard deviations{left_out}",
         exact=False,
@@ -99,7 +98,7 @@ def tolerance_feature(problem: RvBacklash, name: str, term: Term, k: float) -> F
 
 def _machines(problem: RvBacklash, name: str, term: Term, k: float) -> Feature:
     """A tolerance that machines make, by the spread of its good parts."""
-    tolerance, moves = (problem.machined_tolerances[name], problem.model.moves(name.removesuffix("_um")))
+    tolerance, moves = problem.machined_tolerances[name], problem.model.moves(name.removesuffix("_um"))
     cells = (CELLS_OF_MEANS if moves else 1, 1) if term.quadratic is None else (CELLS, CELLS)
     pieces = pieces_of(tolerance, ends(problem, name), *cells)
     return Feature(name, tuple(_way_of_piece(term, piece, moves, k) for piece in pieces), tolerance.choice)
@@ -144,7 +143,7 @@ def bearing_feature(problem: RvBacklash, k: float) -> Feature:
 
 
 def grade_feature(problem: RvBacklash, k: float) -> Feature:
-    """The involute grade: every grade of the range is a way of its own."""
+    """The involute grade: every grade of the range is a separate way."""
     grades, term = grades_of(problem)
     means, variances = term.cumulants()[:2]
     costs = problem.settings.costs[GRADE].cost(grades)

@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 
 TERMS = tuple(f"{name}_um" for name in (*LINEAR_ERRORS, "eccentricity"))
 """Variables of the terms of phi_2, in their order."""
-MACHINABLE = TERMS
 CELLS = 6
 """Pieces of the range of a machine that is not centred."""
 TRIED = 33

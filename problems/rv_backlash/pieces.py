@@ -128,7 +128,7 @@ def _straight(problem: RvBacklash, name: str, term: Term, clipped: bool) -> Part
 
 def _machines(problem: RvBacklash, name: str, linear: float, law: Even) -> Part:
     """A tolerance that machines make, by the spread of its good parts."""
-    tolerance, moves = (problem.machined_tolerances[name], problem.model.moves(name.removesuffix("_um")))
+    tolerance, moves = problem.machined_tolerances[name], problem.model.moves(name.removesuffix("_um"))
     members = []
     for piece in pieces_of(tolerance, ends(problem, name), CELLS_OF_MEANS if moves else 1):
         values = linear * moves * piece.means
@@ -188,7 +188,7 @@ def _best_of(members: tuple[Member, ...]) -> Member:
 
 
 def _grades(problem: RvBacklash, cut: float) -> Part:
-    """The involute grade: every grade of the range is a way of its own.
+    """The involute grade: every grade of the range is a separate way.
 
     A skewed clearance G enters as min(G, g), where a fraction `cut` of the units exceeds g: it is
     less than G, and y - g cannot be below the rest of W for designs that keep a limit (`OUTSIDE`).

@@ -31,7 +31,7 @@ from .counterparts import changes_of, sentence
 from .deviating import deviations_of, promised_form
 from .form import deviations
 from .gradient import gradients
-from .machined_tolerances import MACHINABLE, moved
+from .machined_tolerances import TERMS, moved
 from .outputs import DEFAULT_LIMITS, DEFAULT_OBJECTIVES, OUTPUTS
 from .quantile_form import quantile_form, shortfalls
 from .refused import refused
@@ -69,7 +69,7 @@ class RvBacklash(Promising, Machined, Accuracy, Provable, Documented, Comparison
             "backlash_std_arcmin": "backlash_geometric_std_arcmin",
         },
     )
-    machinable = frozenset(MACHINABLE)
+    machinable = frozenset(TERMS)
 
     def __init__(self, settings: Settings | None = None) -> None:
         super().__init__(settings)
@@ -233,8 +233,8 @@ class RvBacklash(Promising, Machined, Accuracy, Provable, Documented, Comparison
 
     def least_cost(self) -> tuple[str, RvBacklash]:
         """Least cost at the backlash limit, the documents' single objective."""
-        already = self.settings.limits.get("backlash_arcmin", Bound())
-        limit = Bound(already.low, min(already.high, self.limit))
+        stated = self.settings.limits.get("backlash_arcmin", Bound())
+        limit = Bound(stated.low, min(stated.high, self.limit))
         given = replace(self.given, objectives=("cost",), limits=dict(self.given.limits) | {"backlash_arcmin": limit})
         return f"GA, least cost at {limit.high:g} arcmin", RvBacklash(given)
 
@@ -262,10 +262,8 @@ class RvBacklash(Promising, Machined, Accuracy, Provable, Documented, Comparison
         """Effective backlash at the tightest corner with the cycloid stage taken out."""
         tight = self.total(self._corner(tight=True)[None, :])
         nothing = [replace(t, constant=0.0 * t.constant, linear=0.0 * t.linear, quadratic=None) for t in tight.clipped]
-        coverage = self.settings.propagation.coverage
         only_free = ClippedSum(tight.free, tuple(nothing))
-        limit = self.limit * ARCMIN
-        return self.change.propagate(Convolution(), only_free, coverage, limit)
+        return self.change.propagate(Convolution(), only_free, self.settings.propagation.coverage, self.limit * ARCMIN)
 
     @cached_property
     def _least(self) -> dict[str, float]:
@@ -310,11 +308,10 @@ class RvBacklash(Promising, Machined, Accuracy, Provable, Documented, Comparison
     # ---------------------------------------------------------------- faults and warnings
 
     def faults(self) -> list[Fault]:
-        if not 0.0 < self.model.geometry.k1 < 1.0:
-            k1 = self.model.geometry.k1
-            text = f"eccentricity * pins / pin circle radius must lie in (0, 1), got {k1:.4g}"
-            return [Fault("parameters.eccentricity_mm", text)]
-        return super().faults()
+        if 0.0 < (k1 := self.model.geometry.k1) < 1.0:
+            return super().faults()
+        text = f"eccentricity * pins / pin circle radius must lie in (0, 1), got {k1:.4g}"
+        return [Fault("parameters.eccentricity_mm", text)]
 
     def search_faults(self) -> list[Fault]:
         return refused(self)
@@ -323,8 +320,8 @@ class RvBacklash(Promising, Machined, Accuracy, Provable, Documented, Comparison
         if "interference_probability" in self.settings.limits:
             return ()
         return (
-            "no limit on interference_probability: backlash can always be bought with "
-            "interference; set [limits] interference_probability",
+            "no limit on interference_probability: interference can always lower the backlash; set [limits] "
+            "interference_probability",
         )
 
 

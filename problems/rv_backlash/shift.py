@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 SHIFT = "phi_2_shift"
 """The shift as a feature of a form: s - low + 1."""
 TRIED = 101
-"""Modifications of one shift that are tried for the limits that no linear programme knows."""
+"""Modifications of a shift that are tried for the limits that are not linear."""
 INSIDE = 1e-9
 """Distance [mm] that a modification keeps from its limits, against rounding."""
 
@@ -66,10 +66,10 @@ def play_slopes(problem: RvBacklash) -> Array:
 def shift_of(problem: RvBacklash) -> Shift | None:
     """The range of s in ranges and limits, None where these leave no room."""
     slopes = play_slopes(problem)
-    pairs = [extreme_pair(problem, side * slopes) for side in (1.0, -1.0)]
-    if pairs[0] is None or pairs[1] is None:
+    least, most = (extreme_pair(problem, side * slopes) for side in (1.0, -1.0))
+    if least is None or most is None:
         return None
-    extremes = np.array(pairs)
+    extremes = np.array([least, most])
     gain = problem.model.output_factor * problem.model.stagger_gain
     return Shift(extremes, extremes @ slopes, np.array(ends(problem, "stagger_arcmin")), gain)
 

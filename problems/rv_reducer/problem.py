@@ -22,7 +22,7 @@ from ..declaration import Declaration, Interval
 from ..interfaces import Accuracy, Comparison, Documented, Page, Variant, WithEffects
 from ..machined import Machined
 from ..rv_backlash.costs import DEFAULT_COSTS
-from ..rv_backlash.machined_tolerances import MACHINABLE
+from ..rv_backlash.machined_tolerances import TERMS
 from ..settings import Bound, Settings, VariableSetting
 from . import geometry
 from .counterparts import changes_of, sentence
@@ -87,7 +87,7 @@ class RvReducer(PromisingUnits, Machined, Accuracy, Documented, Comparison, With
             "mutation_eta": 10.0,
         },
     )
-    machinable = frozenset(MACHINABLE)
+    machinable = frozenset(TERMS)
     _drawn_again = frozenset(("_searched", "_reported", "_recent", "_verdicts", "_mixed", "_promised_units"))
 
     def __init__(self, settings: Settings | None = None) -> None:

@@ -89,13 +89,13 @@ class SerialArmAllocation(RobotProblem, Written):
         return self._at_poses(messages, "move or shrink the cell, or widen range_deg")
 
     def _singular(self) -> list[Fault]:
-        alike = singular(self.machine.chain, self.machine.frames)
-        messages = [(at, f"is singular: joints {text} move the tool alike") for at, text in enumerate(alike) if text]
+        joints = enumerate(singular(self.machine.chain, self.machine.frames))
+        reason = "is singular: joints {} move the tool in the same direction"
+        messages = [(at, reason.format(names)) for at, names in joints if names]
         return self._at_poses(messages, "move the cell, or give another posture (near_deg)")
 
     def _at_poses(self, messages: list[tuple[int, str]], remedy: str) -> list[Fault]:
-        cell = self.definition.cell
-        tool = self.machine.frames.tool
+        cell, tool = self.definition.cell, self.machine.frames.tool
         faults = []
         for at, text in messages[:NAMED]:
             key = "joints_deg" if cell.in_joints else "poses"
@@ -103,8 +103,7 @@ class SerialArmAllocation(RobotProblem, Written):
             at_mm = np.round(1e3 * self._commanded(at, tool), 6) + 0.0  # no -0
             where = ", ".join(f"{coordinate:.4g}" for coordinate in at_mm)
             faults.append(Fault(place, f"pose {at + 1} ({where} mm) {text}; {remedy}"))
-        if len(messages) > NAMED:
-            more = len(messages) - NAMED
+        if (more := len(messages) - NAMED) > 0:
             faults.append(Fault("cell", f"{more} more poses of {len(tool)} have such faults"))
         return faults
 

@@ -187,7 +187,7 @@ class TestBadInput:
         """The wrist stretched out: axes 4 and 6 are one line."""
         found = faults(changed(cell={"joints_deg": [[0, -84, 21, 0, 0, 0], [0, -84, 21, 0, 60, 0]]}))
         assert list(found) == ["cell.joints_deg[0]"]
-        assert "joints 4 and 6 move the tool alike" in found["cell.joints_deg[0]"]
+        assert "joints 4 and 6 move the tool in the same direction" in found["cell.joints_deg[0]"]
 
     def test_no_masses(self) -> None:
         bare = rows(joint_4={"mass_kg": None, "centre_of_mass_mm": None})
