@@ -124,11 +124,10 @@ class ToleranceProblem(Problem):
 
     def box(self) -> tuple[Array, Array]:
         """Ideal and nadir of the normalised hypervolume, fixed by the problem."""
-        corners = self.outputs_of(self._corners(), errors=False)
-        values = np.array([corners[name] for name in self.objectives])
+        values = self.objective_values(self.outputs_of(self._corners(), errors=False))
         proven = np.array([self.interval(name)[0] for name in self.objectives])
-        ideal = np.where(np.isfinite(proven), proven, values.min(axis=1))
-        return ideal, np.maximum(values.max(axis=1), ideal + 1e-12)
+        ideal = np.where(np.isfinite(proven), proven, values.min(axis=0))
+        return ideal, np.maximum(values.max(axis=0), ideal + 1e-12)
 
     def relaxed(self, limits: Mapping[str, Bound]) -> ToleranceProblem:
         """The same problem with some limits replaced."""

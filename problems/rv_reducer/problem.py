@@ -47,9 +47,8 @@ MANY, ALONE = 512, 2048
 LOADED_POSITIONS = 31
 """Positions of a turn at which units are solved under load at most: means over the turn need no
 more."""
-KEPT = 4
-"""Evaluations kept, so that a derivative costs no second evaluation."""
-
+MOST_EVALUATIONS = 4
+"""Most evaluations that are stored, so that a derivative costs no second evaluation."""
 SAMPLED_OUTPUTS = frozenset((*SAMPLED, *SAMPLED_UNDER_LOAD))
 
 
@@ -149,11 +148,10 @@ class RvReducer(PromisingUnits, Machined, Accuracy, Documented, Comparison, With
         if not searching:
             return self._fresh(design, self._reported)
         key = design.tobytes()
-        if key in self._recent:
-            self._recent.move_to_end(key)
-            return self._recent[key]
-        self._recent[key] = self._fresh(design, self._searched)
-        while len(self._recent) > KEPT:
+        if key not in self._recent:
+            self._recent[key] = self._fresh(design, self._searched)
+        self._recent.move_to_end(key)
+        while len(self._recent) > MOST_EVALUATIONS:
             self._recent.popitem(last=False)
         return self._recent[key]
 
@@ -269,8 +267,8 @@ class RvReducer(PromisingUnits, Machined, Accuracy, Documented, Comparison, With
     def least_cost(self) -> tuple[str, RvReducer]:
         """Least cost at the backlash limit, the documents' single objective."""
         most = number(self.settings.parameters["backlash_limit_arcmin"])
-        already = self.settings.limits.get("backlash_max_arcmin", Bound())
-        limit = Bound(already.low, min(already.high, most))
+        stated = self.settings.limits.get("backlash_max_arcmin", Bound())
+        limit = Bound(stated.low, min(stated.high, most))
         limits = dict(self.given.limits) | {"backlash_max_arcmin": limit}
         given = replace(self.given, objectives=("cost",), limits=limits)
         return f"GA, least cost at {limit.high:g} arcmin", RvReducer(given).coarser()
@@ -303,19 +301,16 @@ class RvReducer(PromisingUnits, Machined, Accuracy, Documented, Comparison, With
     @cached_property
     def _least_backlash(self) -> float:
         """Quantile of phi_1 alone at the finest grade [arcmin]."""
-        grade = super().interval("involute_grade")[0]
-        alone = self.model.involute(grade)
-        coverage = self.settings.propagation.coverage
-        at = float(self.model.planet.quantile(np.array([coverage]))[0])
-        return alone.middle + alone.half * at
+        alone = self.model.involute(super().interval("involute_grade")[0])
+        at = self.model.planet.quantile(np.array([self.settings.propagation.coverage]))
+        return alone.middle + alone.half * float(at[0])
 
     def faults(self) -> list[Fault]:
         ends = {name: super(RvReducer, self).interval(name) for name in ("dr_rp_mm", "dr_p_mm")}
-        geometry_faults = geometry.faults(self.model.geometry, self.given, ends)
         return [
-            *geometry_faults,
+            *geometry.faults(self.model.geometry, self.given, ends),
             *priceless({variable.name for variable in self.free}, self.settings.costs),
-            *(size_faults(self.count, KEPT) or super().faults()),
+            *(size_faults(self.count, MOST_EVALUATIONS) or super().faults()),
         ]
 
     def search_faults(self) -> list[Fault]:

@@ -19,7 +19,7 @@ FACTORS = (0.0, 0.7, 1.0, 1.4)
 HALVINGS = 12
 """Steps of the bisection for the equidistance modification."""
 USUAL = 0.02
-"""Probability of interference that is aimed at where no limit is set."""
+"""Probability of interference that is the target where no limit is set."""
 
 
 def nominal_of(problem: RvReducer) -> dict[str, float]:

@@ -1,4 +1,4 @@
-"""What effects change in the transmission error of adjusted units.
+"""Changes that effects make in the transmission error of adjusted units.
 
 Effects of the assembly act in it, but for the dead band of `adjustment_backlash`, which is not
 linear. Others are evaluated over one turn of the output at the problem's torque and speed, as they
@@ -39,7 +39,7 @@ SMALLEST = 1e-9
 TE = RvTransmission.outputs[0].name
 ACTING = {
     "adjustment_gain_error": "adjustments achieve {:.4g} of what is commanded",
-    "chain_coupling": "chain 1 moves by {:.4g} of what putting in chain 2 moves that",
+    "chain_coupling": "chain 1 moves by {:.4g} times the movement of chain 2 at its installation",
     "springback": "{:.4g} of the total adjustment returns at the end",
 }
 """Linear departures of the assembly, and their descriptions."""

@@ -51,26 +51,16 @@ def form_of(problem: RvTransmissionError) -> Form | None:
     factor = least_ratio(problem.settings.propagation.coverage)
     squares = np.vstack([factor * np.sum(plane**2, axis=0), (spread / MRAD) ** 2])
     base = problem.influence.base_amplitude / ARCSEC
-    ranges = {name: narrowed(problem.limits, name, *problem.interval(name)) for name in DOCUMENT_MRAD}
-    features = tuple(
-        Feature(
-            name,
-            (
-                Way(
-                    problem.settings.costs[name],
-                    *ranges[name],
-                    (0.0,) * len(squares),
-                    tuple(np.sqrt(squares[:, at]).tolist()),
-                ),
-            ),
-        )
-        for at, name in enumerate(DOCUMENT_MRAD)
-    )
+    features = []
+    for at, name in enumerate(DOCUMENT_MRAD):
+        ends = narrowed(problem.limits, name, *problem.interval(name))
+        spreads = tuple(np.sqrt(squares[:, at]).tolist())
+        features.append(Feature(name, (Way(problem.settings.costs[name], *ends, (0.0,) * len(squares), spreads),)))
     relaxed = _relaxed(problem)
     left_out = f"; limits left out: {', '.join(relaxed)}" if relaxed else ""
     return Form(
         (TE, *STD),
-        features,
+        tuple(features),
         np.array([base, *(0.0 for _ in STD)]),
         squares[:, SIZE:].sum(axis=1),
         f"influence coefficients, precision weight {problem.fixed[PRECISION]:g}{left_out}",

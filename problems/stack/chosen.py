@@ -22,7 +22,7 @@ def level_of(requirements: Sequence[Measured], promise: Promise, seed: int) -> L
     """The level of the norm; None where no sampled process is chosen among others, or no assurance
     is asked for. A stated level is taken as it is.
     """
-    parts, bounded = (requirements[0].parts, [measured for measured in requirements if measured.mechanism.bounded])
+    parts, bounded = requirements[0].parts, [measured for measured in requirements if measured.mechanism.bounded]
     if promise.statement != ASSURED or not bounded or not chosen_by_sample(parts):
         return None
     if promise.level_percent is not None:

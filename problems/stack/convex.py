@@ -120,7 +120,7 @@ def _correlation(stack: Stack) -> Array:
 
 
 def _settled(stack: Stack) -> Flags:
-    """Fixed parts that vary independently of all others, or not at all."""
+    """Whether a part is fixed and varies independently of all others, or not at all (parts,)."""
     alone = np.count_nonzero(_correlation(stack), axis=1) <= 1
     fixed = np.array([part.fixed for part in stack.definition.parts])
     none = np.array([part.high <= 0.0 for part in stack.definition.parts])
@@ -172,14 +172,14 @@ def _statement(stack: Stack, rows: list[Row], left_out: tuple[str, ...]) -> str:
     more = f"; limits left out: {', '.join(left_out)}" if left_out else ""
     outputs = [row.output for row in rows if row.most < np.inf and not row.promised]
     for name in dict.fromkeys(name for name in outputs if outputs.count(name) > 1):
-        more += f"; each limit of {name} kept at the whole yield, a bound of both"
+        more += f"; each limit of {name} kept at the whole yield, which bounds both together"
     for measured in stack.measured:
         if measured.name(YIELD) in left_out and isinstance(measured.law, str):
             more += f" ({measured.law})"
     if stack.promises is not None and any(row.promised for row in rows):
         more += f"; promised: {stack.promises.promise.words()}, by normal processes as measured"
     if any(part.by_machine for part in stack.definition.parts):
-        more += "; good parts of an inspected machine are normal with their own mean and scatter"
+        more += "; good parts of an inspected machine are normal with the mean and scatter of that machine"
     if not stack.definition.requirement.key:
         return f"least cost of the linearised stack, variation = {words[rows[0].method]}{more}"
     methods = ", ".join(f"{row.output} by {row.method}" for row in rows)

@@ -123,7 +123,7 @@ class Part:
 
     @property
     def by_machine(self) -> bool:
-        """Whether some processes have a scatter of their own."""
+        """Whether some processes are by machines of known scatter."""
         return bool(self.machines)
 
     @property

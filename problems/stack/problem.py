@@ -284,7 +284,7 @@ class Stack(ToleranceProblem, Provable, Differentiable, Accuracy, Documented, Dr
     @cached_property
     def ends_of_t(self) -> tuple[Array, Array]:
         """Tightest and loosest half-width (parts,)."""
-        return (np.array([part.low for part in self._parts]), np.array([part.high for part in self._parts]))
+        return np.array([part.low for part in self._parts]), np.array([part.high for part in self._parts])
 
     @cached_property
     def ends_as_made(self) -> tuple[Tolerances, Tolerances]:

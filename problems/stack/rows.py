@@ -301,7 +301,7 @@ def surplus_of(row: Row, kept: list[int], settled: Flags, t: Array) -> Surplus |
 
 
 def shortfall(stack: Stack, row: str, designs: Array, outputs: Mapping[str, Array]) -> Array:
-    """By how much (n,) the limits of requirements would have to give way for the yield asked.
+    """By how much (n,) the limits of requirements would have to be widened for a required yield.
 
     One step of Newton's method for the yield `row`, alike for all requirements that it is over.
     """

@@ -114,10 +114,9 @@ class ToothModification(ToleranceProblem, Documented):
 
     def box(self) -> tuple[Array, Array]:
         """From the values of the ends of the limited range, not from the bounds of the forces."""
-        corners = self.outputs_of(self._corners(), errors=False)
-        values = np.array([corners[name] for name in self.objectives])
-        ideal = values.min(axis=1)
-        return ideal, np.maximum(values.max(axis=1), ideal + 1e-12)
+        values = self.objective_values(self.outputs_of(self._corners(), errors=False))
+        ideal = values.min(axis=0)
+        return ideal, np.maximum(values.max(axis=0), ideal + 1e-12)
 
     def _corners(self) -> Array:
         """Ends of the line of least radial gap: no backlash by the formula, and no equidistance.

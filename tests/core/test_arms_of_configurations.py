@@ -199,7 +199,7 @@ class TestBadInput:
         """Flanks held: what is left of reversal is nothing."""
         found = faults(changed(parameters={"flanks": "held", "calibrated": "position"},
                                objectives={"minimise": ["cost", "reversal_mm"]}))  # fmt: skip
-        assert "what is left" in found["objectives.minimise[1]"]
+        assert "residual" in found["objectives.minimise[1]"]
 
     def test_files_of_poses(self, tmp_path: Path) -> None:
         (tmp_path / "cell.csv").write_text("x_mm,y_mm\n1,2\n")

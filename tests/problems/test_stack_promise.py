@@ -278,7 +278,7 @@ def test_nominal_values_outside_of_the_limits_are_a_fault(statement: str, tmp_pa
         built(tmp_path, wrong)
     assert [str(fault) for fault in caught.value.faults] == [
         "requirement: is 45 um at the nominal values, above upper = 40: whatever the tolerances, "
-        "fewer than half of the units conform, and 99.73 % are asked for; move the nominal values "
+        "fewer than half of the units conform, but 99.73 % are required; move the nominal values "
         "or the limits"
     ]  # fmt: skip
 
