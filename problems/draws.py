@@ -30,7 +30,7 @@ class Draws:
 
     @classmethod
     def of(cls, known: Sequence[Knowledge | None], seeds: Sequence[Sequence[int]], count: int = DRAWS) -> Draws:
-        """Draws of processes, each by a seed of its own; None stands for one without doubt."""
+        """Draws of processes, each by a separate seed; None stands for a process that is known."""
         pairs = [
             (np.ones(count), np.zeros(count))
             if knowledge is None

@@ -20,7 +20,7 @@ STEP = 1e-5
 class Promising(WithPromise, Differentiable):
     """A problem that gives the mean and the variances of the output that its yield is of.
 
-    With `deviations` a problem of one's own can promise a yield by samples of its variables,
+    With `deviations` the problem of a plugin can promise a yield by samples of its variables,
     `[variables.NAME.measured]`; `tolevo.testing.PromisingContract` tests them.
     """
 

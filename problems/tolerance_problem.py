@@ -109,7 +109,7 @@ class ToleranceProblem(Problem):
         return {}
 
     def _verified(self, designs: Array, outputs: Mapping[str, Array]) -> dict[str, Array]:
-        """Errors (n,) of the outputs that need a model of their own, where there are any.
+        """Errors (n,) of the outputs that need a further model, where there are any.
 
         They are asked for only where designs are reported, not during a search.
         """

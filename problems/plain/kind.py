@@ -27,7 +27,7 @@ class PlainKind:
         return declaration_of(self.pymoo_problem)
 
     def configured(self, top: Section) -> ConfiguredProblem:
-        """The problem: it reads no table of its own."""
+        """The problem: it reads no further table."""
         return ConfiguredProblem(self.declaration, partial(PlainProblem, self.pymoo_problem))
 
 

@@ -40,8 +40,8 @@ class PricedCurve(CostCurve):
     ) -> PricedCurve:
         """The curve of allocations, t rising, with proven lower bounds (n,) of cost + kappa t^2."""
         plain = cls(t, cost_at, kappa, 0.0, 1.0)
-        share = np.linspace(0.0, 1.0, 9)[:-1]
-        tried = np.append((t[:-1, None] + np.diff(t)[:, None] * share).ravel(), t[-1])
+        fraction = np.linspace(0.0, 1.0, 9)[:-1]
+        tried = np.append((t[:-1, None] + np.diff(t)[:, None] * fraction).ravel(), t[-1])
         at = np.clip(np.searchsorted(t, tried), 1, len(t) - 1)
         tangents = [proven[at - side] - kappa[at - side] * tried**2 for side in (0, 1)]
         above = plain.cost(tried) - np.maximum(*tangents)

@@ -1,6 +1,6 @@
 """Least cost plus price times mean square backlash: the allocations and proven lower bounds.
 
-At a price kappa of E b^2 the stationary tolerances satisfy, each on its own, C_j'(t_j) + 2 p a_j
+At a price kappa of E b^2 the stationary tolerances satisfy separately C_j'(t_j) + 2 p a_j
 t_j = 0 with one price p = kappa dE/dv of the variance of phi_2 for all of them. p is the fixed
 point of a map that contracts by a third; all prices are solved at once.
 

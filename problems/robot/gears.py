@@ -25,7 +25,7 @@ STEP = 1e-4
 
 @dataclass(frozen=True, slots=True)
 class Fitted:
-    """A reducer on a drive: the place of its `gear` among those that have tolerances of their own;
+    """A reducer on a drive: the place of its `gear` among those that have separate tolerances;
     its cost, backlash and transmission error as factors of the gear's.
     """
 
@@ -123,7 +123,7 @@ class Built:
 
 @dataclass(frozen=True, eq=False)
 class Gears:
-    """The reducers that have columns of their own."""
+    """The reducers that have separate columns."""
 
     keys: tuple[str, ...]
     nested: tuple[Nested, ...]

@@ -46,8 +46,8 @@ class RingMachine(Machine):
         low, high = (ring.r[0], ring.z[0]), (ring.r[1], ring.z[1])
         r, z = sobol_poses(low, high, rng).T
         if self.parameters["index"] == "rms_volume":
-            share = (r - ring.r[0]) / (ring.r[1] - ring.r[0])
-            r = np.sqrt(ring.r[0] ** 2 + share * (ring.r[1] ** 2 - ring.r[0] ** 2))
+            fraction = (r - ring.r[0]) / (ring.r[1] - ring.r[0])
+            r = np.sqrt(ring.r[0] ** 2 + fraction * (ring.r[1] ** 2 - ring.r[0] ** 2))
         return self._at(r, z, np.full(len(r), 1.0 / len(r)))
 
     def _at(self, r: Array, z: Array, weight: Array) -> Places:

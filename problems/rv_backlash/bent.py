@@ -31,9 +31,9 @@ def uniform_below(values: Array) -> float:
     """
     ordered = np.sort(values)
     n = len(ordered)
-    share = np.arange(1, n) / n  # fraction above the first i of n quantiles
+    fraction = np.arange(1, n) / n  # fraction above the first i of n quantiles
     upper = np.cumsum((ordered - ordered.mean())[::-1])[::-1][1:] / n
-    return max(0.0, float(np.min(upper / (share * (1.0 - share)))) * (1.0 - SAFE))
+    return max(0.0, float(np.min(upper / (fraction * (1.0 - fraction)))) * (1.0 - SAFE))
 
 
 def quantiles_of(law: Distribution) -> Array:
@@ -111,9 +111,9 @@ class Cell:
         deviations = [float(self.b * u + self.q * u * u) for u in (*ends, vertex, 0.0)]
         return min(deviations), max(deviations)
 
-    def quantile_above(self, share: float) -> float:
-        """A value above the quantile of Y at `share`, for all t of the cell."""
-        if share >= 1.0:
+    def quantile_above(self, fraction: float) -> float:
+        """A value above the quantile of Y at `fraction`, for all t of the cell."""
+        if fraction >= 1.0:
             return self._ends[1]
-        quantile = max(float(np.quantile(y, share)) for y in self._inside.values())
+        quantile = max(float(np.quantile(y, fraction)) for y in self._inside.values())
         return min(self._ends[1], quantile + SAFE * self.range)

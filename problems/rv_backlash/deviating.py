@@ -41,7 +41,7 @@ def deviations_of(problem: RvBacklash, designs: Array) -> Deviations:
 
 
 def promised_form(problem: RvBacklash) -> Form | None:
-    """The form of the geometric backlash, with a row of its own for an assured promise."""
+    """The form of the geometric backlash, with a further row for an assured promise."""
     form, promised = form_of(problem), problem.promised
     if form is None or promised is None or promised.promise.statement != ASSURED:
         return form

@@ -53,11 +53,11 @@ class Member:
     units: Array | None = None
     choice: float = 0.0
 
-    def above(self, share: float) -> float:
-        """A value that at least a fraction `share` of the units exceeds."""
+    def above(self, fraction: float) -> float:
+        """A value that at least a fraction `fraction` of the units exceeds."""
         if self.units is None:
             return self.least
-        quantile = float(np.quantile(self.units, 1.0 - share)) - SAFE * float(np.ptp(self.units))
+        quantile = float(np.quantile(self.units, 1.0 - fraction)) - SAFE * float(np.ptp(self.units))
         return max(self.least, quantile)
 
 

@@ -76,7 +76,7 @@ class Row:
     """A quantile of the backlash (`clipped` false) or of -phi_2 at a probability.
 
     `kind` says what stands for the parts that are bent: their uniform law ("convex"), their
-    quantile at `share` ("share"), or nothing but their range ("range": the
+    quantile at `fraction` ("fraction"), or nothing but their range ("range": the
     quantile of all others is at most that). "edge" is no quantile: s lets phi_2 be below zero; nor
     is "promise", by the moments of all parts (`PromisedRow`).
     """
@@ -86,7 +86,7 @@ class Row:
     clipped: bool
     most: float = np.inf
     kind: str = "convex"
-    share: float = 1.0
+    fraction: float = 1.0
 
 
 def _rows(problem: RvBacklash) -> list[Row]:
@@ -126,13 +126,13 @@ def _safe(row: Row) -> list[Row]:
     return [
         replace(
             row,
-            probability=1.0 - lacking / share,
-            kind="share",
-            share=share,
-            output=row.output if share == 1.0 and not row.clipped else f"{row.output} ({share:g})",
+            probability=1.0 - lacking / fraction,
+            kind="fraction",
+            fraction=fraction,
+            output=row.output if fraction == 1.0 and not row.clipped else f"{row.output} ({fraction:g})",
         )
-        for share in (BELOW if row.clipped else ABOVE)
-        if lacking / share <= 0.5
+        for fraction in (BELOW if row.clipped else ABOVE)
+        if lacking / fraction <= 0.5
     ]
 
 
@@ -213,11 +213,11 @@ def _means(part: Part, member: Member, row: Row) -> tuple[float, float]:
             return 0.0, member.least
         case "edge":
             return member.slope, member.mean
-        case "share" if part.bent and not row.clipped:
-            return 0.0, member.above(row.share)
-        case "share" if part.bent:
+        case "fraction" if part.bent and not row.clipped:
+            return 0.0, member.above(row.fraction)
+        case "fraction" if part.bent:
             assert member.cell is not None
-            return 0.0, -member.cell.quantile_above(row.share)
+            return 0.0, -member.cell.quantile_above(row.fraction)
     if row.clipped:
         return -member.top_slope, -member.top
     return member.slope, member.mean

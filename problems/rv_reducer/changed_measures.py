@@ -43,11 +43,11 @@ class ChangedMeasures(Measures):
         factor, mean = 1.0 + self.change.growth, middle.statistic.value
         limit = self.conditions.limit
         kept = mean + (limit - self.change.effective - mean) / factor
-        share = share_within(self.largest, involute, kept)
-        density = -float(share.weight.sum())
+        within = share_within(self.largest, involute, kept)
+        density = -float(within.weight.sum())
         by_mean = density * self.change.growth / factor
         moved = replace(middle.statistic, value=0.0, error=0.0)
-        return replace(middle, statistic=_combined((share, 1.0), (moved, by_mean)))
+        return replace(middle, statistic=_combined((within, 1.0), (moved, by_mean)))
 
     def _rms(self) -> Measure:
         """sqrt((1 + g)^2 (r^2 - m^2) + (m + s)^2) of the root mean square r and the mean m."""

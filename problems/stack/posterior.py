@@ -62,14 +62,14 @@ class Posterior:
         ways, owner = np.unique(made, axis=0, return_inverse=True)
         return [(tuple(choice), np.flatnonzero(owner.ravel() == at)) for at, choice in enumerate(ways.tolist())]
 
-    def assurance(self, of: Sequence[Measured], t: Tolerances, share: float) -> tuple[Array, Array]:
+    def assurance(self, of: Sequence[Measured], t: Tolerances, fraction: float) -> tuple[Array, Array]:
         """Probability [percent] (n,) that a fraction of units keeps every requirement, its error.
 
         The fraction is required of every requirement separately.
         """
         kept = np.empty(len(t))
         for chosen, rows in self._portions(t):
-            every = np.all([self._yields(measured, t[rows], chosen) >= share for measured in of], axis=0)
+            every = np.all([self._yields(measured, t[rows], chosen) >= fraction for measured in of], axis=0)
             kept[rows] = every.mean(axis=1)
         return assured_percent(kept, self.draws)
 

@@ -47,7 +47,7 @@ def standard(section: Section, key: str, text: str, unit: str, nominal: float | 
 
 
 def searched_grades(section: Section, unit: str, nominal: float | None) -> tuple[Process, ...] | None:
-    """`grade = ["IT5", "IT8"]`: each grade from the first to the second as a process of its own.
+    """`grade = ["IT5", "IT8"]`: each grade from the first to the second as a separate process.
 
     Each costs its `price`, or the `cost` at its half-width, plus its part of a set-up and its
     inspection. None and faults where the table does not say it all.

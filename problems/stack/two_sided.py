@@ -30,7 +30,7 @@ FAR, TRIED = 6.0, 65
 def tangents(p: float) -> tuple[tuple[float, float], ...]:
     """Factors z and rooms, in units of T, of tangents of the curve at the probability p > 1/2.
 
-    None where the curve is not found to be concave.
+    None where the curve is not concave at the points that are tried.
     """
     slopes = _curve(p, np.linspace(0.0, FAR, TRIED))[2]
     if not np.all(np.diff(slopes) <= 1e-9):

@@ -15,7 +15,7 @@ from ..settings import Settings
 from .measured import Measured
 
 SEARCH_SAMPLES = 8192
-"""Units of the search's own yields and half-widths; reported ones take `[propagation] samples`."""
+"""Units of the yields and half-widths of a search; reported ones take `[propagation] samples`."""
 UNDECIDED = 6.0
 """Standard errors about a limit within which a search takes the whole sample."""
 
