@@ -1,4 +1,4 @@
-"""Which values in use no document prints."""
+"""Assumptions: values in use that no document prints."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ PRINTED = "printed"
 """The interpretation in which a parameter has the value that a document prints."""
 NOT_PRINTED = object()
 SAMPLED = (
-    "later parts are normal, of the process that made the sample; what it leaves open of "
-    "mean and scatter is in the promise"
+    "later parts are normal and come from the process that made the sample; the promise includes the "
+    "uncertainty of its mean and scatter"
 )
 
 
@@ -70,7 +70,7 @@ def _variables(problem: ToleranceProblem) -> list[Assumption]:
 
 
 def _measured(variable: Variable, sample: PartSample, promise: Promise | None) -> list[Assumption]:
-    """What measured parts say about a variable, and what they leave open."""
+    """The statement of measured parts about a variable, and the assumptions that it needs."""
     place = f"variables.{variable.name}"
     known = sample.statement(variable.unit)
     return [
@@ -82,13 +82,13 @@ def _measured(variable: Variable, sample: PartSample, promise: Promise | None) -
 def _costs(problem: ToleranceProblem) -> list[Assumption]:
     reason, money = "relative cost; the documents print no cost data", problem.settings.money
     if money.currency:
-        worth = f"; one assumed unit is worth {money.scale:g} {money.currency}" if money.scale else ""
+        price = f"; one assumed unit costs {money.scale:g} {money.currency}" if money.scale else ""
         return [
             Assumption(
                 f"costs.{name}",
                 repr(problem.settings.costs[name]),
                 money.currency,
-                f"assumed curve; the documents print no cost data{worth}",
+                f"assumed curve; the documents print no cost data{price}",
             )
             for name in money.assumed
         ]

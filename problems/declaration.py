@@ -1,4 +1,4 @@
-"""What a problem declares of itself: the record that configurations, pages and proofs read."""
+"""The declaration of a problem: the record that configurations, pages and proofs read."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ class ConfiguredProblem:
     declaration: Declaration
     make: Callable[[Settings], ToleranceProblem]
     read: Mapping[str, Any] = field(default_factory=dict)
-    """Fields of `Settings` that the problem read from tables of its own."""
+    """Fields of `Settings` that the problem read from further tables."""
 
     def __call__(self, settings: Settings) -> ToleranceProblem:
         return self.make(replace(settings, **self.read))

@@ -6,12 +6,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
+
+from .arrays import Array
 
 if TYPE_CHECKING:
     from .tolerance_problem import ToleranceProblem
-
-Array = NDArray[np.float64]
 
 
 def designs_frame(problem: ToleranceProblem, designs: Array) -> pd.DataFrame:

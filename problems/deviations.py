@@ -12,20 +12,17 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.special import ndtr, ndtri
 
 from ..models.capability import Knowledge, Norm, norm_of
+from .arrays import Array
 from .draws import Draws, Sums
-from .promise import ASSURED, Promise, assured_percent
-
-Array = NDArray[np.float64]
+from .promise import ASSURED, Promise, assured_percent, normal_yield
 
 
 @dataclass(frozen=True, eq=False)
 class Deviations:
     """The output of n designs: its `mean` (n,), the standard deviation (n,) that each variable
-    adds, the variance `rest` (n,) of known contributions, and the limits that units are to keep.
+    adds, the variance `rest` (n,) of known contributions, and the limits of conforming units.
     """
 
     mean: Array
@@ -71,8 +68,7 @@ class PromisedOutput:
 
     def quantile(self, given: Deviations) -> float:
         """Standard deviations that must fit between the mean and each limit."""
-        share = self.promise.share
-        return float(ndtri(0.5 * (1.0 + share) if len(given.sides) == 2 else share))
+        return self.promise.quantile(two_sided=len(given.sides) == 2)
 
     def spread(self, given: Deviations) -> Array:
         """The standard deviation (n,) that an assured promise uses."""
@@ -86,20 +82,17 @@ class PromisedOutput:
         if self.promise.statement != ASSURED:
             return 100.0 * np.concatenate([np.empty(0), *(yields.mean(axis=1) for yields in self._yields(given))])
         room = np.min([side * (end - given.mean) for side, end in given.sides], axis=0)
-        z = room / self.spread(given)
-        return np.asarray(100.0 * (2.0 * ndtr(z) - 1.0 if len(given.sides) == 2 else ndtr(z)))
+        return normal_yield(room / self.spread(given), two_sided=len(given.sides) == 2)
 
     def lacking(self, given: Deviations) -> Array:
-        """By how much (n,) the nearest limit would have to give way for an assured promise."""
+        """By how much (n,) the nearest limit would have to be widened for an assured promise."""
         reach = self.quantile(given) * self.spread(given)
-        lacking = [reach - side * (end - given.mean) for side, end in given.sides]
-        return np.asarray(np.max(lacking, axis=0))
+        return np.asarray(np.max([reach - side * (end - given.mean) for side, end in given.sides], axis=0))
 
     def assurance(self, given: Deviations) -> tuple[Array, Array]:
         """Probability [percent] (n,) that the promised fraction of units conforms, its error."""
-        every = [np.mean(yields >= self.promise.share, axis=1) for yields in self._yields(given)]
-        kept = np.concatenate([np.empty(0), *every])
-        return assured_percent(kept)
+        conforming = [np.mean(yields >= self.promise.fraction, axis=1) for yields in self._yields(given)]
+        return assured_percent(np.concatenate([np.empty(0), *conforming]))
 
     @cached_property
     def _drawn(self) -> Draws:
@@ -109,11 +102,9 @@ class PromisedOutput:
     def _yields(self, given: Deviations) -> list[Array]:
         """Yields (k, draws) of the designs, in parts of limited size."""
         spreads = given.stacked(self.names) if self.names else np.zeros((len(given.mean), 0))
-        known, step = given.known(self.names), self._drawn.rows
-        parts = [slice(first, first + step) for first in range(0, len(spreads), step)]
+        drawn, known = self._drawn, given.known(self.names)
+        parts = [slice(first, first + drawn.rows) for first in range(0, len(spreads), drawn.rows)]
         return [
-            Sums(given.mean[rows], spreads[rows], spreads[rows], known[rows], given.lower, given.upper).yields(
-                self._drawn
-            )
+            Sums(given.mean[rows], spreads[rows], spreads[rows], known[rows], given.lower, given.upper).yields(drawn)
             for rows in parts
         ]

@@ -11,13 +11,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtr
 
 from ..models.capability import Knowledge
+from .arrays import Array
 from .promise import AT_ONCE, DRAWS
 
-Array = NDArray[np.float64]
 LEAST = 1e-300
 """Least variance, in place of zero."""
 
@@ -31,7 +30,7 @@ class Draws:
 
     @classmethod
     def of(cls, known: Sequence[Knowledge | None], seeds: Sequence[Sequence[int]], count: int = DRAWS) -> Draws:
-        """Draws of processes, each by a seed of its own; None stands for one without doubt."""
+        """Draws of processes, each by a separate seed; None stands for a process that is known."""
         pairs = [
             (np.ones(count), np.zeros(count))
             if knowledge is None

@@ -12,7 +12,7 @@ Worst case has a = 0, root sum square has m = 0, an estimated mean shift (Cpk) a
 standard deviations" have both. The deviations D of a `Quantile` are independent, even and
 log-concave; then it is convex in the tolerances (docs/proofs.md). A yield is such a requirement: a
 fraction p of the units lies below a limit u where mean + q_p <= u. A feature may be made in several
-ways (alternative processes, grades, or pieces of a range), each with coefficients of its own.
+ways (alternative processes, grades, or pieces of a range), with different coefficients.
 """
 
 from __future__ import annotations
@@ -22,14 +22,12 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..models.capability.norm import Surplus
 from ..models.costs import CostCurve
 from ..models.propagation.even import Even
 from ..models.propagation.symmetric_sum import SymmetricSum, Tangent
-
-Array = NDArray[np.float64]
+from .arrays import Array
 
 
 @dataclass(frozen=True, slots=True)

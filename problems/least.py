@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
+from operator import attrgetter
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from .forms import Feature, Form
+from .arrays import Array, Flags, Integers
+from .forms import Feature, Form, Way
 from .spread import spread_of
 
-Array = NDArray[np.float64]
 MOST = 4096
 """Most combinations of ways that are evaluated."""
 SLACK = 1e-12
@@ -37,7 +38,7 @@ class _Corner:
     feature does: `slopes` (c, r) over a `width` (c,).
     """
 
-    ways: NDArray[np.int64]
+    ways: Integers
     t: Array
     values: Array
     slopes: Array
@@ -81,7 +82,7 @@ def _least(corner: _Corner, row: int, limits: Array, trading: list[int]) -> Leas
     return Least(float(values[best, row]), tuple(corner.ways[best].tolist()), t)
 
 
-def _course(corner: _Corner, limits: Array, others: NDArray[np.bool_]) -> tuple[Array, Array]:
+def _course(corner: _Corner, limits: Array, others: Flags) -> tuple[Array, Array]:
     """How far (c,) the trading feature must and may go for the limits of the `others`."""
     slopes, room = corner.slopes, limits - corner.values
     at = np.divide(room, slopes, out=np.zeros_like(room), where=slopes != 0.0)
@@ -115,26 +116,14 @@ def _undominated(feature: Feature, ways: list[int]) -> list[int]:
 
 def _corner(form: Form, trading: list[int], kept: list[list[int]]) -> _Corner:
     ways = np.array(list(product(*kept)))
-    rows = len(form.outputs)
 
-    def every(name: str) -> Array:
-        """A coefficient of all combinations (c, r, features)."""
-        by_feature = [
-            np.array([getattr(way, name) or (0.0,) * rows for way in feature.ways])[ways[:, at]]
-            for at, feature in enumerate(form.features)
-        ]
-        return np.stack(by_feature, axis=2)
+    def every(values: Callable[[Way], Any]) -> Array:
+        """Values of the ways of all combinations (c, features), or (c, r, features)."""
+        by_feature = [np.array([values(way) for way in feature.ways]) for feature in form.features]
+        return np.stack([of_ways[ways[:, at]] for at, of_ways in enumerate(by_feature)], axis=-1)
 
-    def ends(name: str) -> Array:
-        return np.stack(
-            [
-                np.array([getattr(way, name) for way in feature.ways])[ways[:, at]]
-                for at, feature in enumerate(form.features)
-            ],
-            axis=1,
-        )
-
-    low, high, linear, spread = ends("low"), ends("high"), every("linear"), every("spread")
+    low, high, linear, spread = (every(attrgetter(name)) for name in ("low", "high", "linear", "spread"))
+    offset = every(lambda way: way.offset or (0.0,) * len(form.outputs))
     tangent = spread_of(form, spread * low[:, None, :])
     fixed = np.ones(len(form.features), dtype=bool)
     fixed[trading] = False
@@ -143,7 +132,7 @@ def _corner(form: Form, trading: list[int], kept: list[list[int]]) -> _Corner:
     along = np.sum(tangent.direction * spread * low[:, None, :], axis=2) + tangent.intercept
     rooted = np.array([quantile is None for quantile in form.rows])
     least = np.where(rooted, tangent.value, along)
-    values = form.offset + every("offset").sum(axis=2) + means.sum(axis=2) + least
+    values = form.offset + offset.sum(axis=2) + means.sum(axis=2) + least
     slopes = linear[:, :, trading].sum(axis=2)
     return _Corner(ways, low, values, slopes, (high - low)[:, trading].sum(axis=1))
 

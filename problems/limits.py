@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..declarations import Output, Variable
 from ..errors import Fault
+from .arrays import Array
 from .settings import Bound
 
 if TYPE_CHECKING:
     from .tolerance_problem import ToleranceProblem
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,6 +69,12 @@ def limits_of(
     return tuple(Limit(name, bound.low, bound.high, *scales[name]) for name, bound in bounds.items())
 
 
+def narrowed(limits: Iterable[Limit], name: str, low: float = -np.inf, high: float = np.inf) -> tuple[float, float]:
+    """The range from `low` to `high` of an output or variable within the limits on it."""
+    ends = [(limit.low, limit.high) for limit in limits if limit.name == name]
+    return max([low, *(end[0] for end in ends)]), min([high, *(end[1] for end in ends)])
+
+
 def impossible(problem: ToleranceProblem) -> list[Fault]:
     """A fault for each limit that no design of the search space can meet, with the nearest miss."""
     faults = []
@@ -82,20 +86,16 @@ def impossible(problem: ToleranceProblem) -> list[Fault]:
             faults.append(
                 Fault(
                     place,
-                    f"at most {limit.high:g}{unit} cannot be met: the best that "
-                    f"the {corner} corner allows is {low:.4g}{unit}, "
-                    f"{low - limit.high:.3g}{unit} too much; raise the limit or "
-                    "widen the ranges",
+                    f"at most {limit.high:g}{unit} cannot be met: the best that the {corner} corner allows is "
+                    f"{low:.4g}{unit}, {low - limit.high:.3g}{unit} too much; raise the limit or widen the ranges",
                 )
             )
         if limit.low > high:
             faults.append(
                 Fault(
                     place,
-                    f"at least {limit.low:g}{unit} cannot be met: the best that "
-                    f"the {corner} corner allows is {high:.4g}{unit}, "
-                    f"{limit.low - high:.3g}{unit} too little; lower the limit or "
-                    "widen the ranges",
+                    f"at least {limit.low:g}{unit} cannot be met: the best that the {corner} corner allows is "
+                    f"{high:.4g}{unit}, {limit.low - high:.3g}{unit} too little; lower the limit or widen the ranges",
                 )
             )
     return faults

@@ -1,4 +1,4 @@
-"""Problems whose tolerances may be made by machines with a scatter of their own."""
+"""Problems whose tolerances may be made by machines with a known scatter."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..declarations import Assumption, Kind, Variable
 from ..models.capability import PartSample
@@ -18,38 +17,35 @@ from ..models.machines.offers import PLUG_IN, Offer, departures, samples_of
 from ..models.machines.reading import Owner, read_offers
 from ..section import Section
 from ..units import split_unit
+from .arrays import Array, Integers
 from .declaration import ConfiguredProblem, Declaration, Interval
 from .interfaces import Checks, Differentiable, Drawing
 from .machined_tolerance import MachinedTolerance
 from .settings import Settings, VariableSetting
 from .tolerance_problem import ToleranceProblem
 
-Array = NDArray[np.float64]
-
 
 def with_choices(variables: tuple[Variable, ...], machines: Mapping[str, tuple[Offer, ...]]) -> tuple[Variable, ...]:
     """The variables, and at the end a choice of machine for each that is made by some."""
-    more = []
-    for name, offers in machines.items():
-        tolerance = MachinedTolerance(name, offers)
-        labels = tuple(way.label for way in tolerance.ways)
-        last = float(len(labels) - 1)
-        more.append(
-            Variable(
-                tolerance.choice,
-                "",
-                Kind.CHOICE,
-                0.0,
-                last,
-                f"machine for {name}",
-                document=0.0,
-                integer=True,
-                valid_low=0.0,
-                valid_high=last,
-                labels=labels,
-            )
-        )
-    return (*variables, *more)
+    return (*variables, *(_choice(MachinedTolerance(name, offers)) for name, offers in machines.items()))
+
+
+def _choice(tolerance: MachinedTolerance) -> Variable:
+    """The variable that chooses the machine of a tolerance."""
+    last = float(len(tolerance.ways) - 1)
+    return Variable(
+        tolerance.choice,
+        "",
+        Kind.CHOICE,
+        0.0,
+        last,
+        f"machine for {tolerance.name}",
+        document=0.0,
+        integer=True,
+        valid_low=0.0,
+        valid_high=last,
+        labels=tuple(way.label for way in tolerance.ways),
+    )
 
 
 def _machined(
@@ -68,8 +64,8 @@ def _machined(
 class Machined(ToleranceProblem, Checks, Drawing, Differentiable):
     """A problem with tolerances that machines may make: `[[variables.NAME.machine]]`.
 
-    Good parts count as normal with their own mean and standard deviation. `machinable` names the
-    variables that may have machines.
+    Good parts count as normal with the mean and standard deviation of their machine. `machinable`
+    names the variables that may have machines.
     """
 
     machinable: frozenset[str] = frozenset()
@@ -85,12 +81,8 @@ class Machined(ToleranceProblem, Checks, Drawing, Differentiable):
     @classmethod
     def configured(cls, top: Section) -> ConfiguredProblem | None:
         section = top.section("variables")
-        stated = [
-            name
-            for name in (v.name for v in cls.declaration.variables)
-            if name in section and "machine" in section.section(name)
-        ]
         declared = {v.name: v for v in cls.declaration.variables}
+        stated = [name for name in declared if name in section and "machine" in section.section(name)]
         machines = {}
         for name in stated:
             table = section.section(name)
@@ -120,13 +112,13 @@ class Machined(ToleranceProblem, Checks, Drawing, Differentiable):
         if "value" in table:
             table.fault("value", "is fixed although machines are stated: limits of inspection are low and high")
         if table.take("measured") is not None:
-            table.fault("measured", "is stated next to machines: state it in each [[...machine]]")
+            table.fault("measured", "is stated in addition to machines: state it in each [[...machine]]")
         given = read_distribution(table) if "distribution" in table else Normal()
         if given != Normal():
             table.fault(
                 "distribution",
-                "must be left out where machines are stated, whose good parts count as "
-                "normal with a mean and scatter of their own",
+                "must be left out where machines are stated: their good parts count as normal, with the mean and "
+                "scatter of the machine",
             )
 
     def _completed(self, given: Settings) -> Settings:
@@ -156,8 +148,8 @@ class Machined(ToleranceProblem, Checks, Drawing, Differentiable):
         )
 
     def cautions(self) -> tuple[str, ...]:
-        by_tolerance = (departures(tolerance.offers, name) for name, tolerance in self.machined_tolerances.items())
-        return (*super().cautions(), *(text for messages in by_tolerance for text in messages))
+        tolerances = self.machined_tolerances.items()
+        return (*super().cautions(), *(text for name, made in tolerances for text in departures(made.offers, name)))
 
     def samples(self) -> tuple[tuple[str, str, PartSample], ...]:
         return (
@@ -171,7 +163,7 @@ class Machined(ToleranceProblem, Checks, Drawing, Differentiable):
 
     # ---------------------------------------------------------------- designs
 
-    def chosen(self, designs: Array, tolerance: MachinedTolerance) -> NDArray[np.int64]:
+    def chosen(self, designs: Array, tolerance: MachinedTolerance) -> Integers:
         """Number of the way (n,) that a tolerance is made in."""
         return np.rint(self.column(designs, tolerance.choice)).astype(np.int64)
 
@@ -233,8 +225,8 @@ class Machined(ToleranceProblem, Checks, Drawing, Differentiable):
 
     def room(self, name: str, design: Array) -> Interval:
         low, high = super().room(name, design)
-        if name in self.machined_tolerances:
-            way = self.machined_tolerances[name].ways[int(self.chosen(design[None], self.machined_tolerances[name])[0])]
+        if tolerance := self.machined_tolerances.get(name):
+            way = tolerance.ways[int(self.chosen(design[None], tolerance)[0])]
             low, high = max(low, way.low), min(high, way.high)
         return low, high
 
@@ -289,7 +281,6 @@ def _owner(table: Section, variable: Variable, parameters: Section) -> Owner:
 
 
 def _assumptions(tolerance: MachinedTolerance) -> list[Assumption]:
-    """Assumptions about the machines of a tolerance."""
     place = f"variables.{tolerance.name}.machine"
     unit = split_unit(tolerance.name)[1]
     assumptions = [

@@ -7,13 +7,12 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..models.costs import CostCurve
 from ..models.machines import GoodPartsBySpread
 from ..models.machines.offers import Offer, Way
+from .arrays import Array, Integers
 
-Array = NDArray[np.float64]
 SCALE = 3.0
 """Half-widths of a normal input with Cp = 1 per standard deviation."""
 
@@ -49,18 +48,18 @@ class MachinedTolerance:
         """An inspected way by the spread of its good parts, in half-widths."""
         return GoodPartsBySpread(way.machine, way.low, way.high, SCALE)
 
-    def clipped(self, t: Array, chosen: NDArray[np.int64]) -> Array:
+    def clipped(self, t: Array, chosen: Integers) -> Array:
         """Limits (n,) moved to the nearest that the chosen way holds."""
         low, high = (np.array([getattr(way, end) for way in self.ways]) for end in ("low", "high"))
         return np.clip(t, low[chosen], high[chosen])
 
-    def spread_and_mean(self, t: Array, chosen: NDArray[np.int64]) -> tuple[Array, Array]:
+    def spread_and_mean(self, t: Array, chosen: Integers) -> tuple[Array, Array]:
         """Half-width of a normal input with the scatter of good parts, and their mean (n,)."""
         return self.by_way(
             t, chosen, lambda way, t: (SCALE * way.machine.good_parts(t).std, way.machine.good_parts(t).mean)
         )
 
-    def slopes(self, t: Array, chosen: NDArray[np.int64]) -> tuple[Array, Array]:
+    def slopes(self, t: Array, chosen: Integers) -> tuple[Array, Array]:
         """Derivatives of the two by the limit (n,)."""
         return self.by_way(
             t,
@@ -68,11 +67,11 @@ class MachinedTolerance:
             lambda way, t: (SCALE * way.machine.good_parts(t).std_slope, way.machine.good_parts(t).mean_slope),
         )
 
-    def cost(self, t: Array, chosen: NDArray[np.int64]) -> tuple[Array, Array]:
+    def cost(self, t: Array, chosen: Integers) -> tuple[Array, Array]:
         """Cost of a good part, and its derivative by the limit (n,)."""
         return self.by_way(t, chosen, lambda way, t: (way.curve.cost(t), way.curve.slope(t)))
 
-    def by_way(self, t: Array, chosen: NDArray[np.int64], values: Any) -> tuple[Array, Array]:
+    def by_way(self, t: Array, chosen: Integers, values: Any) -> tuple[Array, Array]:
         """Two values (n,) of each design by its way."""
         first, second = np.zeros_like(t), np.zeros_like(t)
         for number, way in enumerate(self.ways):
@@ -81,15 +80,11 @@ class MachinedTolerance:
                 first[rows], second[rows] = values(way, t[rows])
         return first, second
 
-    def limits(self, spread: Array, chosen: NDArray[np.int64]) -> Array:
+    def limits(self, spread: Array, chosen: Integers) -> Array:
         """Limits (n,) at spreads (n,) of good parts."""
-        t = np.zeros_like(spread)
-        for number, way in enumerate(self.ways):
-            rows = chosen == number
-            if np.any(rows):
-                fixed = way.low == way.high
-                t[rows] = way.low if fixed else self.by_spread(way).limit(spread[rows])
-        return t
+        return self.by_way(
+            spread, chosen, lambda way, x: (way.low if way.low == way.high else self.by_spread(way).limit(x), 0.0)
+        )[0]
 
 
 def curve_of(tolerance: MachinedTolerance, way: Way, low: float, high: float) -> CostCurve:

@@ -1,8 +1,8 @@
-"""Costs with their currency, and what of them is assumed."""
+"""Costs with their currency, and the assumed curves among them."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import replace
 
 from ..declarations import Output
@@ -11,7 +11,7 @@ from .settings import Money
 
 
 def unit_of_cost(money: Money) -> str:
-    """What stands behind a cost: "EUR", or "EUR, partly assumed"."""
+    """The unit of a cost: "EUR", or "EUR, partly assumed"."""
     return f"{money.currency}, partly assumed" if money.assumed else money.currency
 
 
@@ -27,17 +27,12 @@ def with_currency(outputs: Iterable[Output], money: Money) -> tuple[Output, ...]
     )
 
 
-def price_notes(costs: Mapping[str, CostCurve]) -> tuple[str, ...]:
-    """Which prices rise with the tolerance."""
-    return tuple(text for name, curve in costs.items() if (text := rising(name, curve)))
-
-
 def rising(name: str, curve: CostCurve | None) -> str:
-    """That prices of a table rise with the tolerance, empty where none does."""
+    """A note that prices of a table rise with the tolerance, empty where none does."""
     if not isinstance(curve, Table) or not curve.rising:
         return ""
     where = ", ".join(f"{t:g}" for t in curve.rising)
     return (
-        f"the prices of {name} do not fall with the tolerance (at t = {where}): the lower "
-        "price of a tighter one counts there"
+        f"the prices of {name} do not fall with the tolerance (at t = {where}): the lower price of a tighter "
+        "tolerance counts there"
     )

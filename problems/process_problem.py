@@ -3,7 +3,7 @@
 In a search a promised yield is that of the most unfavourable processes that the samples allow
 (`worst_process`). At a reported point the units themselves are evaluated at a few draws of the
 posterior, a quadratic function is fitted to them, and all draws decide: the promised yield is that
-of the processes along the worst direction that are as unfavourable as the confidence asks.
+of the processes along the worst direction that are as unfavourable as the confidence requires.
 """
 
 from __future__ import annotations
@@ -15,20 +15,19 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 
+from .arrays import Array, Flags
 from .draws import Draws
 from .promise import ASSURED, assured_percent
 from .response import Response, evaluations
 from .with_promise import WithPromise
 from .worst_process import Worst
 
-Array = NDArray[np.float64]
 SOFTEST, HARDEST = -2.0, 6.0
 """Range along the worst direction in which the processes of the confidence are sought."""
-KEPT = 64
-"""Verdicts kept."""
+MOST_VERDICTS = 64
+"""Most verdicts that are stored."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +76,7 @@ class ProcessProblem(WithPromise):
         """The yield [percent] (n,) that is expected over the posterior."""
 
     @cached_property
-    def shifting(self) -> NDArray[np.bool_]:
+    def shifting(self) -> Flags:
         """Which means (k,) may be off; by default none."""
         return np.zeros(len(self.known), dtype=bool)
 
@@ -87,15 +86,11 @@ class ProcessProblem(WithPromise):
 
     def worst(self, design: Array, searching: bool) -> Worst:
         """The worst direction of the processes of a full design (all,)."""
-        promise = self.settings.promise
-        assert promise is not None
         steep = self.steepness(design, searching)
-        return Worst.of(list(self.known.values()), *steep, promise.confidence)
+        return Worst.of(list(self.known.values()), *steep, self.stated_promise.confidence)
 
     def promised_yields(self, designs: Array, searching: bool) -> Array:
-        promise = self.settings.promise
-        assert promise is not None
-        if promise.statement != ASSURED:
+        if self.stated_promise.statement != ASSURED:
             return self.expected_yields(designs, searching)
         if not searching:
             return np.array([self.verdict(design).promised for design in designs])
@@ -107,10 +102,8 @@ class ProcessProblem(WithPromise):
 
     def assurances(self, designs: Array) -> tuple[Array, Array]:
         verdicts = [self.verdict(design) for design in designs]
-        return (
-            np.array([verdict.assurance for verdict in verdicts]),
-            np.array([verdict.error for verdict in verdicts]),
-        )
+        assurance, error = np.array([(verdict.assurance, verdict.error) for verdict in verdicts]).reshape(-1, 2).T
+        return assurance, error
 
     @cached_property
     def _posterior(self) -> Draws:
@@ -126,36 +119,34 @@ class ProcessProblem(WithPromise):
         key = design.tobytes()
         if key not in self._verdicts:
             self._verdicts[key] = self._by_draws(design)
-            while len(self._verdicts) > KEPT:
+            while len(self._verdicts) > MOST_VERDICTS:
                 self._verdicts.popitem(last=False)
         return self._verdicts[key]
 
     def _by_draws(self, design: Array) -> Verdict:
-        promise = self.settings.promise
-        assert promise is not None
         if not self.known:
             return self._without_doubt(design)
         drawn = self._posterior
         x = self.coordinates(np.sqrt(drawn.variance), drawn.error)
         fitted = slice(0, evaluations(x.shape[1], self._has_slopes))
         tried = self.shortfall(design, np.sqrt(drawn.variance[fitted]), drawn.error[fitted])
-        response, worst = (Response.of(x[fitted], tried.values, tried.slopes), self.worst(design, False))
+        response, worst = Response.of(x[fitted], tried.values, tried.slopes), self.worst(design, False)
 
         def along(radius: float) -> float:
             scale, shift = worst.at(radius)
             return float(response(self.coordinates(scale[None, :], shift[None, :]))[0])
 
         values = response(x)
-        wanted = float(np.quantile(values, promise.confidence, method="higher"))
+        wanted = float(np.quantile(values, self.stated_promise.confidence, method="higher"))
         scale, shift = worst.at(_reached(along, wanted))
         there = self.shortfall(design, scale[None, :], shift[None, :])
         # the evaluated units correct the fitted response where it decides
         values += float(there.values[0]) - wanted
-        kept, error = assured_percent(np.array([float(np.mean(values <= 0.0))]), drawn.count)
+        assurance, error = assured_percent(np.array([float(np.mean(values <= 0.0))]), drawn.count)
         doubt = np.hypot(response.rms, there.error)
         reach = 50.0 * float(np.mean(values <= doubt) - np.mean(values <= -doubt))
         return Verdict(
-            self.yield_at(design, scale, shift, False), float(kept[0]), float(np.hypot(error[0], reach)), values
+            self.yield_at(design, scale, shift, False), float(assurance[0]), float(np.hypot(error[0], reach)), values
         )
 
     _has_slopes = False
@@ -165,8 +156,8 @@ class ProcessProblem(WithPromise):
         """The verdict on a design whose processes are all known."""
         nothing = np.ones(0)
         shortfall = self.shortfall(design, nothing[None, :], nothing[None, :])
-        kept = 100.0 * float(shortfall.values[0] <= 0.0)
-        return Verdict(self.yield_at(design, nothing, nothing, False), kept, 0.0, shortfall.values)
+        assurance = 100.0 * float(shortfall.values[0] <= 0.0)
+        return Verdict(self.yield_at(design, nothing, nothing, False), assurance, 0.0, shortfall.values)
 
 
 def _reached(along: Callable[[float], float], wanted: float) -> float:

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from scipy.special import ndtr, ndtri
 
 from ..section import Range, Section
+from .arrays import Array
 
-Array = NDArray[np.float64]
 PLUG_IN, PREDICTIVE, ASSURED = "plug_in", "predictive", "assured"
 STATEMENTS = (PLUG_IN, PREDICTIVE, ASSURED)
 YIELDS = Range(50.0, 100.0, open_high=True)
@@ -18,12 +18,15 @@ CONFIDENCES = Range(80.0, 100.0, open_high=True)
 """Below 80 % upper limits of variances are no limits above their posterior means."""
 YIELD, PROMISED, ASSURANCE = "yield_percent", "promised_yield_percent", "assurance_percent"
 """Outputs: what estimates say, what the statement promises, how surely the promise is kept."""
-
-
 DRAWS = 20_000
 """Draws of the posterior that a stated assurance is of."""
 AT_ONCE = 2_000_000
 """Yields that are computed at once."""
+
+
+def normal_yield(z: Array, two_sided: bool) -> Array:
+    """Yield [percent] (n,) of a normal output whose limits are z (n,) deviations from the mean."""
+    return np.asarray(100.0 * (2.0 * ndtr(z) - 1.0 if two_sided else ndtr(z)))
 
 
 def assured_percent(kept: Array, draws: int = DRAWS) -> tuple[Array, Array]:
@@ -38,7 +41,7 @@ class Promise:
 
     `plug_in`: the yield by the estimates. `predictive`: the expected yield, over the uncertainty
     of the processes. `assured`: a yield that is kept with the confidence. `level_percent` is
-    the level of its norm where processes are chosen by samples; None: found by self-calibration.
+    the level of its norm where processes are chosen by samples; None: it is self-calibrated.
     `of` is the output that holds the yield by the estimates.
     """
 
@@ -49,7 +52,7 @@ class Promise:
     of: str = YIELD
 
     @property
-    def share(self) -> float:
+    def fraction(self) -> float:
         """The promised fraction of conforming units."""
         return 0.01 * self.yield_percent
 
@@ -57,6 +60,10 @@ class Promise:
     def confidence(self) -> float:
         """The confidence as a probability."""
         return 0.01 * self.confidence_percent
+
+    def quantile(self, two_sided: bool) -> float:
+        """Standard deviations that must fit between the mean and each limit, of two or of one."""
+        return float(ndtri(0.5 * (1.0 + self.fraction) if two_sided else self.fraction))
 
     @property
     def output(self) -> str:
@@ -66,11 +73,8 @@ class Promise:
     def table(self) -> dict[str, Any]:
         """The table that states it."""
         level = {} if self.level_percent is None else {"level_percent": self.level_percent}
-        return {
-            "yield_percent": self.yield_percent,
-            "statement": self.statement,
-            "confidence_percent": self.confidence_percent,
-        } | level
+        table = {"yield_percent": self.yield_percent, "statement": self.statement}
+        return {**table, "confidence_percent": self.confidence_percent, **level}
 
     def words(self) -> str:
         """The promise in one phrase."""
@@ -87,17 +91,17 @@ def read_promise(top: Section, of: str = YIELD) -> Promise | None:
     if "promise" not in top:
         return None
     section = top.section("promise")
-    share = section.number("yield_percent", within=YIELDS)
+    percent = section.number("yield_percent", within=YIELDS)
     statement = section.text("statement", STATEMENTS)
     confidence = section.number("confidence_percent", within=CONFIDENCES)
     level = section.number("level_percent", within=CONFIDENCES)
     if "yield_percent" not in section:
-        section.fault("yield_percent", "is missing: the share of units that is to conform")
+        section.fault("yield_percent", "is missing: state the percentage of units that must conform")
     if "statement" not in section:
-        section.fault("statement", f"is missing: one of {', '.join(STATEMENTS)}")
+        section.fault("statement", f"is missing: state one of {', '.join(STATEMENTS)}")
     section.finish()
     given = {"confidence_percent": confidence, "level_percent": level}
     wrong = any(key in section and value is None for key, value in given.items())
-    if share is None or statement is None or wrong:
+    if percent is None or statement is None or wrong:
         return None
-    return Promise(share, statement, 95.0 if confidence is None else confidence, level, of)
+    return Promise(percent, statement, 95.0 if confidence is None else confidence, level, of)

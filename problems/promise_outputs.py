@@ -36,7 +36,7 @@ def assurances(name: str) -> tuple[Output, Output]:
         Output(
             name,
             "percent",
-            "probability, over what is not known of the processes, that the promised share of units conforms",
+            "probability, over the uncertainty of the processes, that the promised fraction of units conforms",
             larger_is_better=True,
             low=0.0,
             high=100.0,
@@ -55,8 +55,8 @@ def contradictions(promise: Promise, given: Mapping[str, Bound]) -> list[Fault]:
     return [
         Fault(
             f"limits.{name}",
-            f"asks for {_percent(bound)}, the promise is of "
-            f"{promise.yield_percent:g} %: leave the limit out, or make them the same",
+            f"asks for {_percent(bound)}, but the promise is of {promise.yield_percent:g} %: leave the limit out, or "
+            "state the same percentage",
         )
         for name, bound in given.items()
         if means_promise(name, promise) and bound != Bound(low=promise.yield_percent)

@@ -6,14 +6,13 @@ from abc import abstractmethod
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .arrays import Array
 from .deviations import Deviations, PromisedOutput
 from .interfaces import Differentiable
 from .promise import ASSURED, PROMISED
 from .with_promise import WithPromise
 
-Array = NDArray[np.float64]
 STEP = 1e-5
 """Relative step of a variable for the slope of a promised yield."""
 
@@ -21,7 +20,7 @@ STEP = 1e-5
 class Promising(WithPromise, Differentiable):
     """A problem that gives the mean and the variances of the output that its yield is of.
 
-    With `deviations` a problem of one's own can promise a yield by samples of its variables,
+    With `deviations` the problem of a plugin can promise a yield by samples of its variables,
     `[variables.NAME.measured]`; `tolevo.testing.PromisingContract` tests them.
     """
 

@@ -8,9 +8,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from .arrays import Array
+
 SPARE = 2.5
 """Equations for each coefficient."""
 FEWEST = 12
@@ -40,9 +40,8 @@ class Response:
         rows = _terms(x / unit)
         equations, right = [rows], [values]
         if slopes is not None:
-            for at in range(x.shape[1]):
-                equations.append(_slopes(x / unit, at))
-                right.append(slopes[:, at] * unit[at])
+            equations += [_slopes(x / unit, at) for at in range(x.shape[1])]
+            right += list((slopes * unit).T)
         coefficients = np.linalg.lstsq(np.concatenate(equations), np.concatenate(right), rcond=None)[0]
         return cls(
             np.asarray(coefficients, dtype=np.float64),

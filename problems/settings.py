@@ -1,4 +1,4 @@
-"""What a problem is set up from: plain frozen records, made by the configuration or by hand."""
+"""The settings of a problem: plain frozen records, made by the configuration or by hand."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ class Settings:
     Names that a mapping leaves out keep the problem's default; `objectives` empty means the
     problem's own. `definition` is what a problem that is written in the configuration (`stack`)
     was read from; `effects` are active in the model; `zero` is what an instrument adds to outputs
-    of the model, `sense` is -1 of those that read the other way round; `gear` is that of a table,
+    of the model, `sense` is -1 of those with the opposite sign; `gear` is that of a table,
     `columns` says what the columns of a file are, `labels` what readers know the mechanism by;
     `money` is what the costs are in, `notes` say how the configuration was understood, `machines`
     make tolerances of a problem that is not a stack, `promise` is what such a problem promises.

@@ -37,20 +37,19 @@ def slip(value: float, unit: str, low: float, high: float) -> str:
 def _parameters(problem: ToleranceProblem) -> Iterator[tuple[str, str]]:
     for parameter in problem.declaration.parameters:
         value, default = problem.settings.parameters.get(parameter.name), parameter.default
-        if isinstance(value, int | float) and isinstance(default, int | float) and parameter.unit:
-            text = slip(abs(value), parameter.unit, abs(default), abs(default))
-            if text:
-                yield f"parameters.{parameter.name}", text
+        if not (isinstance(value, int | float) and isinstance(default, int | float) and parameter.unit):
+            continue
+        if text := slip(abs(value), parameter.unit, abs(default), abs(default)):
+            yield f"parameters.{parameter.name}", text
 
 
 def _variables(problem: ToleranceProblem) -> Iterator[tuple[str, str]]:
     usual = {variable.name: variable for variable in type(problem).declaration.variables}
     for name, setting in problem.settings.variables.items():
         variable = usual.get(name)
-        for key in ("value", "low", "high") if variable is not None and variable.tolerance else ():
+        if variable is None or not variable.tolerance:
+            continue
+        for key in ("value", "low", "high"):
             value = getattr(setting, key)
-            if variable is None or value is None:
-                continue
-            text = slip(value, variable.unit, variable.low, variable.high)
-            if text:
+            if value is not None and (text := slip(value, variable.unit, variable.low, variable.high)):
                 yield f"variables.{name}.{key}", text

@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .arrays import Array
 from .forms import Form
 
-Array = NDArray[np.float64]
 LEAST = 1e-100
 """A smaller value counts as no spread: a price per square of it would overflow."""
 ROUNDING = 1e-14

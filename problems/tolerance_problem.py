@@ -10,12 +10,12 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 from pymoo.core.problem import Problem
 
 from ..declarations import Assumption, Output, Variable, completed
 from ..errors import Fault, ModelError
 from ..section import Section
+from .arrays import Array, Integers
 from .assumptions import assumptions_of
 from .declaration import ConfiguredProblem, Declaration, Interval
 from .designs import designs_frame
@@ -25,7 +25,6 @@ from .money import with_currency
 from .promise import Promise
 from .settings import Bound, Settings, VariableSetting
 
-Array = NDArray[np.float64]
 MOVED = {
     **{name: name for name in ("variables", "outputs", "parameters", "reference_ga", "sampled")},
     **{f"default_{name}": name for name in ("costs", "limits", "objectives", "model", "algorithm")},
@@ -110,7 +109,7 @@ class ToleranceProblem(Problem):
         return {}
 
     def _verified(self, designs: Array, outputs: Mapping[str, Array]) -> dict[str, Array]:
-        """Errors (n,) of the outputs that need a model of their own, where there are any.
+        """Errors (n,) of the outputs that need a further model, where there are any.
 
         They are asked for only where designs are reported, not during a search.
         """
@@ -125,11 +124,10 @@ class ToleranceProblem(Problem):
 
     def box(self) -> tuple[Array, Array]:
         """Ideal and nadir of the normalised hypervolume, fixed by the problem."""
-        corners = self.outputs_of(self._corners(), errors=False)
-        values = np.array([corners[name] for name in self.objectives])
+        values = self.objective_values(self.outputs_of(self._corners(), errors=False))
         proven = np.array([self.interval(name)[0] for name in self.objectives])
-        ideal = np.where(np.isfinite(proven), proven, values.min(axis=1))
-        return ideal, np.maximum(values.max(axis=1), ideal + 1e-12)
+        ideal = np.where(np.isfinite(proven), proven, values.min(axis=0))
+        return ideal, np.maximum(values.max(axis=0), ideal + 1e-12)
 
     def relaxed(self, limits: Mapping[str, Bound]) -> ToleranceProblem:
         """The same problem with some limits replaced."""
@@ -203,7 +201,7 @@ class ToleranceProblem(Problem):
         return designs
 
     @cached_property
-    def _columns(self) -> tuple[Array, NDArray[np.int64], NDArray[np.int64]]:
+    def _columns(self) -> tuple[Array, Integers, Integers]:
         """The fixed values of a full design (all,), 0 for its free variables, the columns of the
         free variables, and the columns of whole numbers.
         """
@@ -232,6 +230,11 @@ class ToleranceProblem(Problem):
             if shape != (len(designs),):
                 raise ModelError(f"{output.name}: expected shape ({len(designs)},), got {shape}")
         return outputs
+
+    @cached_property
+    def required_outputs(self) -> frozenset[str]:
+        """Names of outputs and variables that are minimised or limited."""
+        return frozenset((*self.objectives, *(limit.name for limit in self.limits)))
 
     def values(self, designs: Array, outputs: Mapping[str, Array], name: str) -> Array:
         """An output or variable by name."""

@@ -8,19 +8,17 @@ from dataclasses import replace
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import Fault
 from ..models.capability import Knowledge
 from ..section import Section
+from .arrays import Array
 from .declaration import ConfiguredProblem, Declaration, Interval
 from .interfaces import Written
 from .promise import ASSURANCE, PLUG_IN, PROMISED, YIELD, Promise, read_promise
 from .promise_outputs import contradictions, means_promise, outputs_of_promise
 from .settings import Bound, Settings
 from .tolerance_problem import ToleranceProblem
-
-Array = NDArray[np.float64]
 
 
 class WithPromise(ToleranceProblem, Written):
@@ -32,6 +30,17 @@ class WithPromise(ToleranceProblem, Written):
         if settings is not None and settings.promise is not None:
             self.declaration = _promising(type(self).declaration, settings.promise)
         super().__init__(settings)
+
+    @property
+    def stated_promise(self) -> Promise:
+        """The promise, where there must be one."""
+        assert self.settings.promise is not None
+        return self.settings.promise
+
+    @property
+    def promises_by_samples(self) -> bool:
+        """Whether there is a promise that needs more than the estimates."""
+        return self.settings.promise is not None and self.settings.promise.statement != PLUG_IN
 
     @abstractmethod
     def promised_yields(self, designs: Array, searching: bool) -> Array:
@@ -79,7 +88,7 @@ class WithPromise(ToleranceProblem, Written):
             promise_faults += [
                 Fault(
                     f"variables.{name}.machine",
-                    f"cannot be {promise.statement} where machines are known by samples: state sigma, or plug_in",
+                    f"cannot be {promise.statement} where machines are known by samples: state sigma, or use plug_in",
                 )
                 for name in sampled
             ]
@@ -101,11 +110,10 @@ class WithPromise(ToleranceProblem, Written):
         if promise is None:
             return outputs
         nothing = np.full(len(designs), np.nan)
-        wanted = {*self.objectives, *(limit.name for limit in self.limits)}
         if promise.statement != PLUG_IN:
-            asked = not searching or PROMISED in wanted
+            asked = not searching or PROMISED in self.required_outputs
             outputs[PROMISED] = self.promised_yields(designs, searching) if asked else nothing
-        asked = not searching or ASSURANCE in wanted
+        asked = not searching or ASSURANCE in self.required_outputs
         assurances = self.assurances(designs) if asked else (nothing, nothing)
         return outputs | {ASSURANCE: assurances[0], f"{ASSURANCE}_error": assurances[1]}
 

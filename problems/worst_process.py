@@ -6,7 +6,7 @@ upper confidence limit, and the limit z sqrt(E/n) standard deviations of the mea
     sum_j ((r_j - E_j)/G_j)^2 + sum_j (m_j/(z sqrt(E_j/n_j)))^2 <= b^2
 
 is the region in which a promise must hold: for a sum of deviations and b = 1 that is the norm of
-an assured promise. Its worst point for a value is found by slopes (first-order reliability).
+an assured promise. Its worst point for a value follows from slopes (first-order reliability).
 
 Reference: Hasofer & Lind (1974), Exact and invariant second-moment code format, J. Engineering
 Mechanics Division ASCE 100(1), 111-121.
@@ -18,12 +18,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtri
 
 from ..models.capability import Knowledge
-
-Array = NDArray[np.float64]
+from .arrays import Array
 
 
 @dataclass(frozen=True, eq=False)

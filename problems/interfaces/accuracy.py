@@ -4,15 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-from numpy.typing import NDArray
-
+from ..arrays import Array
 from .base import Interface
 
 if TYPE_CHECKING:
     from ..tolerance_problem import ToleranceProblem
-
-Array = NDArray[np.float64]
 
 
 class Accuracy(Interface):

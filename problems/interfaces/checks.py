@@ -1,23 +1,19 @@
-"""What `tolevo check` says of a problem beyond its assumptions and its faults."""
+"""What `tolevo check` reports on a problem in addition to its assumptions and its faults."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-from numpy.typing import NDArray
-
 from ...errors import Fault
+from ..arrays import Array
 from ..limits import impossible
-from ..money import price_notes
+from ..money import rising
 from ..slips import unit_slips
 from .base import Interface
 from .page import Page
 
 if TYPE_CHECKING:
     from ...models.capability import PartSample
-
-Array = NDArray[np.float64]
 
 
 class Checks(Interface):
@@ -34,8 +30,8 @@ class Checks(Interface):
             if (sample := settings.variables[variable.name].sample)
             for text in sample.departures(variable.name)
         )
-        prices, warnings = price_notes(settings.costs), Page.of(problem).warnings()
-        return (*settings.notes, *slips, *prices, *departures, *warnings)
+        prices = filter(None, (rising(name, curve) for name, curve in settings.costs.items()))
+        return (*settings.notes, *slips, *prices, *departures, *Page.of(problem).warnings())
 
     def samples(self) -> tuple[tuple[str, str, PartSample], ...]:
         """Name and unit of each measured quantity, and its sample."""

@@ -5,16 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import numpy as np
-from numpy.typing import NDArray
-
 from ...records import UnitsShown
+from ..arrays import Array
 from .base import Interface
 
 if TYPE_CHECKING:
     from ..tolerance_problem import ToleranceProblem
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

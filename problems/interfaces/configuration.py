@@ -1,16 +1,12 @@
-"""How a problem is written back as a configuration, and what it stores beside a run."""
+"""How a problem is written back as a configuration, and what a run stores of it."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from ..arrays import Array
 from .base import Interface
-
-Array = NDArray[np.float64]
 
 
 class Written(Interface):
@@ -29,7 +25,7 @@ class Written(Interface):
 
 
 class Stored(Interface):
-    """Arrays that took long to compute, which a run stores beside its results."""
+    """Arrays that took long to compute, which a run stores with its results."""
 
     def kept(self) -> dict[str, Array]:
         """Arrays by name that took long to compute and depend on the configuration alone."""

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from .base import Interface
-
-Array = NDArray[np.float64]
 
 
 class Differentiable(Interface):

@@ -5,16 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-import numpy as np
-from numpy.typing import NDArray
-
+from ..arrays import Array
 from ..declaration import Interval
 from .base import Interface
 
 if TYPE_CHECKING:
     from ...models.costs import CostCurve
-
-Array = NDArray[np.float64]
 
 
 class Drawing(Interface):

@@ -6,14 +6,12 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from .base import Interface
 
 if TYPE_CHECKING:
     from ..forms import Form
-
-Array = NDArray[np.float64]
 
 
 class Provable(Interface):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import islice
 
 import numpy as np
 from pymoo.core.problem import Problem
@@ -20,12 +21,8 @@ MISSED = Parameter(
 
 def declaration_of(problem: Problem) -> Declaration:
     """Variables, outputs and objectives; a tolerance where there are equality constraints."""
-    return Declaration(
-        variables_of(problem),
-        outputs_of(problem),
-        (MISSED,) if problem.n_eq_constr else (),
-        objectives=objectives_of(problem),
-    )
+    parameters = (MISSED,) if problem.n_eq_constr else ()
+    return Declaration(variables_of(problem), outputs_of(problem), parameters, objectives=names_of(problem)["F"])
 
 
 def variables_of(problem: Problem) -> tuple[Variable, ...]:
@@ -43,32 +40,26 @@ def variables_of(problem: Problem) -> tuple[Variable, ...]:
 def outputs_of(problem: Problem) -> tuple[Output, ...]:
     """Objectives, inequality and equality constraints: as declared, else f1, ..., g1, ..., h1."""
     declared: tuple[Output, ...] = getattr(problem, "outputs", ())
-    meanings = {name: f"objective {name[1:]}" for name in objectives_of(problem)}
-    meanings |= {name: f"constraint {name[1:]}: at most 0" for name in inequalities_of(problem)}
-    meanings |= {name: f"constraint {name[1:]}: equal to 0" for name in equalities_of(problem)}
+    names = names_of(problem)
+    meanings = {name: f"objective {name[1:]}" for name in names["F"]}
+    meanings |= {name: f"constraint {name[1:]}: at most 0" for name in names["G"]}
+    meanings |= {name: f"constraint {name[1:]}: equal to 0" for name in names["H"]}
     return tuple(declared) or tuple(Output(n, "", text) for n, text in meanings.items())
 
 
-def objectives_of(problem: Problem) -> tuple[str, ...]:
-    """Names of the objectives, in the order of F."""
-    return _names(problem, "f", 0, int(problem.n_obj))
-
-
-def inequalities_of(problem: Problem) -> tuple[str, ...]:
-    """Names of the inequality constraints, in the order of G."""
-    return _names(problem, "g", int(problem.n_obj), int(problem.n_ieq_constr))
-
-
-def equalities_of(problem: Problem) -> tuple[str, ...]:
-    """Names of the equality constraints, in the order of H."""
-    return _names(problem, "h", int(problem.n_obj) + int(problem.n_ieq_constr), int(problem.n_eq_constr))
+def names_of(problem: Problem) -> dict[str, tuple[str, ...]]:
+    """Names of the objectives F, and of the constraints G (inequalities) and H (equalities)."""
+    counts = {"F": int(problem.n_obj), "G": int(problem.n_ieq_constr), "H": int(problem.n_eq_constr)}
+    usual = [f"{kind.lower()}{at}" for kind, count in counts.items() for at in range(1, count + 1)]
+    declared: tuple[Output, ...] = getattr(problem, "outputs", ())
+    names = iter([output.name for output in declared] or usual)
+    return {kind: tuple(islice(names, count)) for kind, count in counts.items()}
 
 
 def limits_of(problem: Problem, missed: float) -> Mapping[str, Bound]:
-    """What the constraints say: g <= 0, and h = 0 but for `missed`."""
-    return {name: Bound(high=0.0) for name in inequalities_of(problem)} | {
-        name: Bound(-missed, missed) for name in equalities_of(problem)
-    }
+    """The constraints as limits: g <= 0, and h = 0 but for `missed`."""
+    names = names_of(problem)
+    return dict.fromkeys(names["G"], Bound(high=0.0)) | dict.fromkeys(names["H"], Bound(-missed, missed))
 
 
 def faults_of(problem: Problem) -> list[Fault]:
@@ -86,13 +77,6 @@ def faults_of(problem: Problem) -> list[Fault]:
     if problem.n_obj < 1:
         messages.append("has no objective")
     return [Fault("problem", f"{type(problem).__name__} {text}") for text in messages]
-
-
-def _names(problem: Problem, letter: str, start: int, count: int) -> tuple[str, ...]:
-    declared: tuple[Output, ...] = getattr(problem, "outputs", ())
-    if declared:
-        return tuple(output.name for output in declared[start : start + count])
-    return tuple(f"{letter}{at}" for at in range(1, count + 1))
 
 
 def _bounds(problem: Problem) -> tuple[list[float], list[float]]:

@@ -27,7 +27,7 @@ class PlainKind:
         return declaration_of(self.pymoo_problem)
 
     def configured(self, top: Section) -> ConfiguredProblem:
-        """The problem: it reads no table of its own."""
+        """The problem: it reads no further table."""
         return ConfiguredProblem(self.declaration, partial(PlainProblem, self.pymoo_problem))
 
 
@@ -41,10 +41,8 @@ def plain_kind(given: Any) -> PlainKind:
         try:
             given = given()
         except TypeError as error:
-            text = f"{name} cannot be made without arguments ({error}): give an object instead"
-            raise refuse("problem", text) from error
+            raise refuse("problem", f"{name} cannot be made without arguments ({error}): give an object") from error
     if not isinstance(given, Problem):
-        text = f"{name} is no problem: it must be a ToleranceProblem or a pymoo Problem"
-        raise refuse("problem", text)
+        raise refuse("problem", f"{name} is no problem: it must be a ToleranceProblem or a pymoo Problem")
     raise_all(faults_of(given))
     return PlainKind(given)

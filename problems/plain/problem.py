@@ -6,16 +6,15 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from pymoo.core.problem import Problem
 
 from ...declarations import number
+from ..arrays import Array
 from ..interfaces import WithEffects
 from ..settings import Bound, Settings
 from ..tolerance_problem import ToleranceProblem
-from .declared import MISSED, declaration_of, equalities_of, inequalities_of, limits_of, objectives_of
+from .declared import MISSED, declaration_of, limits_of, names_of
 
-Array = NDArray[np.float64]
 SPREAD = 6
 """Binary logarithm of the designs whose objectives span the box of the hypervolume."""
 
@@ -28,9 +27,9 @@ class PlainProblem(ToleranceProblem, WithEffects):
     proven of it.
     """
 
-    def __init__(self, own: Problem, settings: Settings | None = None) -> None:
-        self.pymoo_problem = own
-        self.declaration = declaration_of(own)
+    def __init__(self, pymoo_problem: Problem, settings: Settings | None = None) -> None:
+        self.pymoo_problem = pymoo_problem
+        self.declaration = declaration_of(pymoo_problem)
         super().__init__(settings)
 
     def _completed(self, given: Settings) -> Settings:
@@ -40,16 +39,11 @@ class PlainProblem(ToleranceProblem, WithEffects):
 
     def _outputs(self, designs: Array, searching: bool) -> dict[str, Array]:
         evaluated = self.pymoo_problem.evaluate(designs, return_as_dictionary=True)
-        names = {
-            "F": objectives_of(self.pymoo_problem),
-            "G": inequalities_of(self.pymoo_problem),
-            "H": equalities_of(self.pymoo_problem),
-        }
         return {
             name: column
-            for key, of_key in names.items()
-            if of_key
-            for name, column in zip(of_key, np.asarray(evaluated[key], dtype=float).T, strict=True)
+            for key, names in names_of(self.pymoo_problem).items()
+            if names
+            for name, column in zip(names, np.asarray(evaluated[key], dtype=float).T, strict=True)
         }
 
     def _corners(self) -> Array:

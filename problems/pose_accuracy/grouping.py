@@ -1,4 +1,4 @@
-"""Which orientation sources share a tolerance: the document's nine kinds, or the user's own."""
+"""Groups of orientation sources that share a tolerance: the document's nine, or the user's."""
 
 from __future__ import annotations
 
@@ -98,21 +98,25 @@ def _wrong(
 
 def variables_of(grouping: Grouping) -> tuple[Variable, ...]:
     """The design variables: a standard deviation per group."""
-    return tuple(_variable(name, sources) for name, sources in grouping.items())
-
-
-def _variable(name: str, sources: Sequence[str]) -> Variable:
-    reference = reference_of(sources[0])
-    meaning = (
-        "standard deviation of each of " + ", ".join(sources)
-        if len(sources) > 1
-        else "standard deviation of the relative "
-        + ("rod length dl2_a - dl2_b" if "rod" in sources[0] else "joint distance ddB - ddA")
+    return tuple(
+        standard_deviation(name, unit_of(sources[0]), reference_of(sources[0]), _meaning(sources))
+        for name, sources in grouping.items()
     )
+
+
+def _meaning(sources: Sequence[str]) -> str:
+    if len(sources) > 1:
+        return f"each of {', '.join(sources)}"
+    return "the relative " + ("rod length dl2_a - dl2_b" if "rod" in sources[0] else "joint distance ddB - ddA")
+
+
+def standard_deviation(name: str, unit: str, reference: float, of: str) -> Variable:
+    """The standard deviation of errors as a design variable; `reference` has the relative cost 1."""
     low, high = (reference * factor for factor in RANGE)
-    return Variable(name, unit_of(sources[0]), Kind.STANDARD_DEVIATION, low, high, meaning, valid_low=1e-9)
+    meaning = f"standard deviation of {of}"
+    return Variable(name, unit, Kind.STANDARD_DEVIATION, low, high, meaning, valid_low=1e-9)
 
 
-def costs_of(grouping: Grouping) -> dict[str, CostCurve]:
-    """Relative costs reference/sigma; all of them assumptions."""
-    return {name: Reciprocal(0.0, reference_of(sources[0])) for name, sources in grouping.items()}
+def costs_of(grouping: Grouping, reference: Callable[[str], float] = reference_of) -> dict[str, CostCurve]:
+    """Relative costs reference/sigma by the `reference` of a source; all of them assumptions."""
+    return {name: Reciprocal(0.0, reference(sources[0])) for name, sources in grouping.items()}

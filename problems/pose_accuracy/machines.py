@@ -7,21 +7,20 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...models.manipulator.fields import Field, worst_deviation, worst_exceedance, worst_quantile
 from ...models.manipulator.indices import GRID
 from ...models.manipulator.ring import Machines, Sample, main_plane
+from ..arrays import Array, Integers
 from .outputs import BOTH, LIMITED, OVER_MACHINES, UNITS
 
-Array = NDArray[np.float64]
-Rows = NDArray[np.int64]
+Rows = Integers
 Estimates = tuple[Array, Array]
 """Values (n,) and their standard errors (n,)."""
 EVERY = 5
 """Step along each axis between the grid's poses at which machines are sampled: 9 x 9 of 41 x 41.
 In between the largest quantiles of the yaw are larger by 0.1 %, of the squareness by 0.01 %."""
-WORTH = 64
+PLAIN_SAMPLES = 64
 """Plain samples per sampled machine, which stands for all sizes of its main errors."""
 BLOCK = 8
 """Designs that are evaluated at once."""
@@ -80,7 +79,7 @@ class Population:
     def sample(self) -> Sample:
         """The same machines for every design."""
         rng = np.random.default_rng(self.seed)
-        return Sample.draw(self.samples // WORTH, len(self.typical), rng)
+        return Sample.draw(self.samples // PLAIN_SAMPLES, len(self.typical), rng)
 
     @cached_property
     def poses(self) -> Rows:
@@ -220,5 +219,5 @@ def _columns(estimates: Iterable[tuple[float, float]]) -> Estimates:
 
 def _percent(beyond: Iterable[tuple[float, float]]) -> Estimates:
     """Machines that keep a limit, in percent, from the fractions that exceed it."""
-    shares, errors = _columns(beyond)
-    return 100.0 * (1.0 - shares), 100.0 * errors
+    fractions, errors = _columns(beyond)
+    return 100.0 * (1.0 - fractions), 100.0 * errors

@@ -42,9 +42,7 @@ def _over_ring(name: str) -> tuple[Output, ...]:
         Output(
             quantile,
             unit,
-            "quantile over machines, at the coverage, of the "
-            f"{MEANT[name]} at the pose of the ring where it is largest in the "
-            "machine",
+            f"quantile over machines, at the coverage, of the {MEANT[name]} at the worst pose of the ring",
             low=0.0,
         )
     )
@@ -84,13 +82,17 @@ OTHER = Parameter(
     "other_sources_mm",
     0.0,
     "mm",
-    "standard deviation of the position from other sources, alike along all axes and at every pose",
+    "standard deviation of the position from other sources, the same along all axes and at every pose",
     "assumed: none",
     assumed=True,
     low=0.0,
 )
 POSE = Parameter(
-    "pose", {}, "", "pose of the outputs `..._pose_...`; empty: of each the worst of the ring", choices=("r_mm", "z_mm")
+    "pose",
+    {},
+    "",
+    "pose of the outputs `..._pose_...`; empty: the worst of the ring for each",
+    choices=("r_mm", "z_mm"),
 )
 _SAME = "assumed: the number by which the document's task limits the standard deviation here"
 BOUNDS = tuple(

@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...declarations import Value
 from ...errors import Fault
 from ...units import MM
+from ..arrays import Array
 
-Array = NDArray[np.float64]
 PLACE = "parameters.pose"
 ENDS = ("r_mm", "z_mm")
 

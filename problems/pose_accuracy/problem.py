@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from ...declarations import Assumption, number
 from ...errors import Fault
@@ -22,9 +21,11 @@ from ...models.manipulator.sources import matrix, orientation_combinations, posi
 from ...records import Bars
 from ...section import Section
 from ...units import MM, MRAD, UM
+from ..arrays import Array
 from ..declaration import ConfiguredProblem, Declaration, Interval
 from ..forms import Feature, Form, Way
 from ..interfaces import Documented, Page, Provable
+from ..limits import narrowed
 from ..promise import ASSURANCE, PROMISED
 from ..settings import Settings
 from .grouping import NINE, SOURCES, Grouping, costs_of, read_grouping, reference_of, unit_of, variables_of
@@ -47,7 +48,6 @@ from .pose import pose_faults, pose_of, words_of
 from .promised import PromisingPoses
 from .remarks import remarks_of
 
-Array = NDArray[np.float64]
 SCALES: Array = np.array([{"um": UM, "mrad": MRAD}[unit_of(source)] for source in SOURCES])
 """Metres or radians in one unit of each source."""
 
@@ -194,10 +194,9 @@ class PoseAccuracy(PromisingPoses, Provable, Documented, Page):
             worst = np.max(designs**2 @ squares.T, axis=1)
             other_sources = self._other_std**2 if name == "position_mm" else 0.0
             outputs[name] = np.sqrt(worst + other_sources)
-        asked = (*self.objectives, *(limit.name for limit in self.limits))
         nothing = np.full(len(designs), np.nan)
         unsampled = {output.name: nothing for output in MACHINES}
-        return outputs | unsampled | self.over_machines(designs, asked)
+        return outputs | unsampled | self.over_machines(designs, self.required_outputs)
 
     def _verified(self, designs: Array, outputs: Mapping[str, Array]) -> dict[str, Array]:
         """Outputs over machines, for the designs that are reported."""
@@ -205,11 +204,7 @@ class PoseAccuracy(PromisingPoses, Provable, Documented, Page):
 
     def gradient(self, designs: Array) -> dict[str, Array]:
         """Derivatives of all outputs; at the worst pose where the index is every pose."""
-        gradients = {
-            "cost": np.stack(
-                [self.settings.costs[name].slope(self.column(designs, name)) for name in self.names], axis=1
-            )
-        }
+        gradients = {"cost": self.cost_slopes(designs)}
         values = self._outputs(designs, searching=True)
         for name, squares in self.squares.items():
             worst = squares[np.argmax(designs**2 @ squares.T, axis=1)]
@@ -247,15 +242,13 @@ class PoseAccuracy(PromisingPoses, Provable, Documented, Page):
 
     def form(self) -> Form:
         """Root sums of squares, one per output and pose; exact."""
-        asked = {*self.objectives, *(limit.name for limit in self.limits)}
-        named = [name for name in ERRORS if name in asked] or ["squareness_mrad"]
+        named = [name for name in ERRORS if name in self.required_outputs] or ["squareness_mrad"]
         rows = np.sqrt(np.vstack([self.squares[name] for name in named]))
         outputs = tuple(name for name in named for _ in range(len(self.squares[name])))
-        moving = {v.name: self._range(v.name) for v in self.variables}
+        ranges = {name: narrowed(self.limits, name, *super(PoseAccuracy, self).interval(name)) for name in self.names}
+        nothing = (0.0,) * len(rows)
         features = tuple(
-            Feature(
-                name, (Way(self.settings.costs[name], *moving[name], (0.0,) * len(rows), tuple(rows[:, at].tolist())),)
-            )
+            Feature(name, (Way(self.settings.costs[name], *ranges[name], nothing, tuple(rows[:, at].tolist())),))
             for at, name in enumerate(self.names)
         )
         constants = np.array([self._other_std**2 if name == "position_mm" else 0.0 for name in outputs])
@@ -275,14 +268,6 @@ class PoseAccuracy(PromisingPoses, Provable, Documented, Page):
             relaxed=relaxed,
         )
 
-    def _range(self, name: str) -> tuple[float, float]:
-        """Range of a variable, limits on it included."""
-        low, high = super().interval(name)
-        for limit in self.limits:
-            if limit.name == name:
-                low, high = max(low, limit.low), min(high, limit.high)
-        return low, high
-
     def bars(self) -> tuple[Bars, ...]:
         """Effect of one reference standard deviation of each source, as document M draws it."""
         index = str(self.settings.parameters["index"])
@@ -293,11 +278,14 @@ class PoseAccuracy(PromisingPoses, Provable, Documented, Page):
         move = sensitivity(self.machine, self.ring, mean, moving)  # type: ignore[arg-type]
         reference = np.array([reference_of(name) for name in turning]) * SCALES
         step = np.array([1e-5 if name.endswith("_um") else 1e-4 for name in moving])
-        of = f"index {mean}"
-        return (
-            _bars(f"squareness by source, {of}", "mrad", turning, 1e3 * turn.squareness * reference),
-            _bars(f"yaw by source, {of}", "mrad", turning, 1e3 * turn.yaw * reference),
-            _bars(f"position by source (10 um, 0.1 mrad), {of}", "um", moving, 1e6 * move.position * step),
+        charts: tuple[tuple[str, str, Iterable[str], Array], ...] = (
+            ("squareness by source", "mrad", turning, 1e3 * turn.squareness * reference),
+            ("yaw by source", "mrad", turning, 1e3 * turn.yaw * reference),
+            ("position by source (10 um, 0.1 mrad)", "um", moving, 1e6 * move.position * step),
+        )
+        return tuple(
+            Bars(f"{title}, index {mean}", unit, tuple(names), tuple(values.tolist()))
+            for title, unit, names, values in charts
         )
 
     def remarks(self, front: pd.DataFrame) -> tuple[str, ...]:
@@ -307,9 +295,7 @@ class PoseAccuracy(PromisingPoses, Provable, Documented, Page):
         cheapest = int(np.argmin(front["cost"].to_numpy()))
         row = {output.name: float(front[output.name].iloc[cheapest]) for output in OUTPUTS}
         given, coverage = self.settings.parameters, self.settings.propagation.coverage
-        where = words_of(given[POSE.name])
-        index, limits = str(given["index"]), self.population.limits
-        return remarks_of(row, index, limits, coverage, where)
+        return remarks_of(row, str(given["index"]), self.population.limits, coverage, words_of(given[POSE.name]))
 
     # ---------------------------------------------------------------- faults and assumptions
 
@@ -320,21 +306,16 @@ class PoseAccuracy(PromisingPoses, Provable, Documented, Page):
         return messages or super().faults()
 
     def assumptions(self) -> tuple[Assumption, ...]:
-        limited = [name for name in LIMITS if name in self.settings.limits]
-        return (
-            *super().assumptions(),
-            *(
-                Assumption(
-                    f"limits.{name}",
-                    self.settings.limits[name].high,
-                    "mrad",
-                    "the limits of the standard that the document cites are not at hand",
-                    "configuration" if name in self.given.limits else "default",
-                )
-                for name in limited
-            ),
-        )
-
-
-def _bars(title: str, unit: str, names: Iterable[str], values: Array) -> Bars:
-    return Bars(title, unit, tuple(names), tuple(values.tolist()))
+        reason, limits = "the limits of the standard that the document cites are not at hand", self.settings.limits
+        assumed = [
+            Assumption(
+                f"limits.{name}",
+                limits[name].high,
+                "mrad",
+                reason,
+                "configuration" if name in self.given.limits else "default",
+            )
+            for name in LIMITS
+            if name in limits
+        ]
+        return (*super().assumptions(), *assumed)

@@ -14,17 +14,16 @@ from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
 from ...declarations import number
+from ..arrays import Array
 from ..interfaces import Differentiable
 from ..process_problem import ProcessProblem, Shortfall
-from ..promise import PLUG_IN, PROMISED
+from ..promise import PROMISED
 from ..settings import Settings
 from .outputs import BOTH, BOUNDS, LIMITED, UNITS
 
-Array = NDArray[np.float64]
 SURE = 1e-12
 """Least fraction of machines beyond a limit that is distinguished from none."""
 STEPS = 14
@@ -40,9 +39,7 @@ class PromisingPoses(ProcessProblem, Differentiable):
 
     def __init__(self, settings: Settings | None = None) -> None:
         super().__init__(settings)
-        promise = self.settings.promise
-        sampled = promise is not None and promise.statement != PLUG_IN
-        self.declaration = replace(self.declaration, sampled=sampled)
+        self.declaration = replace(self.declaration, sampled=self.promises_by_samples)
 
     @cached_property
     @abstractmethod
@@ -56,8 +53,7 @@ class PromisingPoses(ProcessProblem, Differentiable):
     def shortfall(self, design: Array, scales: Array, shifts: Array, searching: bool = False) -> Shortfall:
         """Shortfall of the fraction of machines within both limits, as normal quantiles."""
         outputs = self.over_machines(self._at(design, scales, shifts), [BOTH])
-        share = np.clip(0.01 * outputs[BOTH], SURE, 1.0 - SURE)
-        z = ndtri(share)
+        z = ndtri(np.clip(0.01 * outputs[BOTH], SURE, 1.0 - SURE))
         bell = np.exp(-0.5 * z**2) / np.sqrt(2.0 * np.pi)
         error = float(np.median(0.01 * outputs[f"{BOTH}_error"] / np.maximum(bell, 1e-6)))
         return Shortfall(self._promised_quantile - z, error)
@@ -65,8 +61,7 @@ class PromisingPoses(ProcessProblem, Differentiable):
     @property
     def _promised_quantile(self) -> float:
         """Standard normal quantile of the promised fraction."""
-        assert self.settings.promise is not None
-        return float(ndtri(self.settings.promise.share))
+        return float(ndtri(self.stated_promise.fraction))
 
     def _at(self, design: Array, scales: Array, shifts: Array) -> Array:
         """Full designs (q, all) at states (q, k) of the processes."""
@@ -94,24 +89,22 @@ class PromisingPoses(ProcessProblem, Differentiable):
 
     def starts(self) -> Array:
         """Equal fractions of all search ranges that just keep the promise, and half of them."""
-        promise = self.settings.promise
-        if promise is None or promise.statement == PLUG_IN:
+        if not self.promises_by_samples:
             return super().starts()
-        share = self._share(lambda design: float(self.promised_yields(design[None, :], True)[0]))
-        return np.stack([self._along(share), self._along(0.5 * share)])
+        fraction = self._fraction(lambda design: float(self.promised_yields(design[None, :], True)[0]))
+        return np.stack([self._along(fraction), self._along(0.5 * fraction)])
 
-    def _along(self, share: float) -> Array:
+    def _along(self, fraction: float) -> Array:
         """The full design (all,) at equal fractions of all search ranges, by their logarithms."""
-        return np.asarray(self.complete((self.xl * (self.xu / self.xl) ** share)[None, :])[0])
+        return np.asarray(self.complete((self.xl * (self.xu / self.xl) ** fraction)[None, :])[0])
 
-    def _share(self, yields: Callable[[Array], float]) -> float:
+    def _fraction(self, yields: Callable[[Array], float]) -> float:
         """The fraction of the ranges at which a yield just keeps the promise."""
-        assert self.settings.promise is not None
         near, far = 0.0, 1.0
         for _ in range(STEPS):
-            share = 0.5 * (near + far)
-            kept = yields(self._along(share)) >= self.settings.promise.yield_percent
-            near, far = (share, far) if kept else (near, share)
+            fraction = 0.5 * (near + far)
+            kept = yields(self._along(fraction)) >= self.stated_promise.yield_percent
+            near, far = (fraction, far) if kept else (near, fraction)
         return near
 
     @cached_property
@@ -120,16 +113,15 @@ class PromisingPoses(ProcessProblem, Differentiable):
         keep what is promised.
         """
         none = np.ones(len(self.known)), np.zeros(len(self.known))
-        design = self._along(self._share(lambda design: self.yield_at(design, *none, True)))
-        wanted, worst = (float(self.expected_yields(design[None, :], False)[0]), self.worst(design, True))
+        design = self._along(self._fraction(lambda design: self.yield_at(design, *none, True)))
+        wanted, worst = float(self.expected_yields(design[None, :], False)[0]), self.worst(design, True)
         radii = np.linspace(-1.0, 1.0, 21)
         yields = [self.yield_at(design, *worst.at(float(radius)), True) for radius in radii]
         return float(np.interp(-wanted, -np.array(yields), radii))
 
     def promised_slopes(self, designs: Array) -> dict[str, Array]:
         """Derivatives (n, all variables) of the promised yield, by differences on one sample."""
-        promise = self.settings.promise
-        if promise is None or promise.statement == PLUG_IN:
+        if not self.promises_by_samples:
             return {}
         slopes = np.zeros_like(designs)
         for at, v in enumerate(self.variables):
@@ -143,9 +135,7 @@ class PromisingPoses(ProcessProblem, Differentiable):
 
     def expected_yields(self, designs: Array, searching: bool) -> Array:
         if not searching:
-            short = [self.verdict(design).shortfalls for design in designs]
-            return np.array(
-                [100.0 * float(np.mean(ndtr(self._promised_quantile - shortfalls))) for shortfalls in short]
-            )
+            z = [self._promised_quantile - self.verdict(design).shortfalls for design in designs]
+            return np.array([100.0 * float(np.mean(ndtr(design_z))) for design_z in z])
         radius = self._expecting if self.known else 0.0
         return np.array([self.yield_at(design, *self.worst(design, True).at(radius), True) for design in designs])

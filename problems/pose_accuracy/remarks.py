@@ -29,10 +29,9 @@ def _remark(name: str, row: Mapping[str, float], index: str, limit: float, cover
     unit, percent = UNITS[name], f"{100.0 * coverage:.6g} %"
     beyond = 100.0 - row[f"{name}_pose_yield_percent"]
     return (
-        f"cheapest point: {name}_{unit} {row[f'{name}_{unit}']:.3g} is a standard deviation over "
-        f"machines ({PLACES[index]}); {pose} it is {row[f'{name}_pose_{unit}']:.3g} {unit}, where "
-        f"{beyond:.3g} % of machines exceed {limit:g} {unit} and {percent} keep "
-        f"{row[f'{name}_pose_quantile_{unit}']:.3g} {unit}; over the whole ring {percent} keep "
-        f"{row[f'{name}_ring_quantile_{unit}']:.3g} {unit}, and "
+        f"cheapest point: {name}_{unit} {row[f'{name}_{unit}']:.3g} is a standard deviation over machines "
+        f"({PLACES[index]}); {pose} it is {row[f'{name}_pose_{unit}']:.3g} {unit}, where {beyond:.3g} % of machines "
+        f"exceed {limit:g} {unit} and {percent} keep {row[f'{name}_pose_quantile_{unit}']:.3g} {unit}; over the whole "
+        f"ring {percent} keep {row[f'{name}_ring_quantile_{unit}']:.3g} {unit}, and "
         f"{row[f'{name}_ring_yield_percent']:.3g} % keep {limit:g} {unit}"
     )

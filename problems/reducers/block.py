@@ -5,18 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtri
 
 from ...models.costs import CostCurve
 from ...models.rv_reducer.mean_square import MeanSquare, mean_square
 from ...units import ARCMIN
+from ..arrays import Array, Integers
 from ..rv_backlash import RvBacklash
 from ..rv_backlash.shift import Shift, columns_of, shift_of
-from ..rv_backlash.terms import ends, unit_terms
+from ..rv_backlash.terms import BEARING, GRADE, bearing_term, ends, grades_of, unit_terms
 
-Array = NDArray[np.float64]
-BEARING, GRADE, ECCENTRICITY = "crank_bearing_um", "involute_grade", "eccentricity_um"
+ECCENTRICITY = "eccentricity_um"
 INTERFERENCE = "interference_probability"
 
 
@@ -64,20 +63,20 @@ class Block:
             return np.full_like(mean, self.shift.low)
         return np.clip(self.edge * np.sqrt(variance) - mean, self.shift.low, self.shift.high)
 
-    def backlash(self, t: Array, bearing: Array, grade: NDArray[np.int64], s: Array) -> MeanSquare:
+    def backlash(self, t: Array, bearing: Array, grade: Integers, s: Array) -> MeanSquare:
         """E b^2 [arcmin^2] of designs: `grade` is a place among `grades`."""
         mean, variance = self.of_phi_2(t)
         free = self.grade_mean[grade] + self.bearing_mean * bearing
         free_variance = self.grade_variance[grade] + self.bearing_variance * bearing**2
         return mean_square(free, free_variance, mean + s, variance)
 
-    def cost(self, t: Array, bearing: Array, grade: NDArray[np.int64]) -> Array:
+    def cost(self, t: Array, bearing: Array, grade: Integers) -> Array:
         """Cost (n,) of designs."""
         every = np.concatenate([t, bearing[..., None]], axis=-1)
         costs = [curve.cost(every[..., at]) for at, curve in enumerate(self.curves)]
         return np.asarray(np.sum(costs, axis=0) + self.grade_cost[grade])
 
-    def designs(self, t: Array, bearing: Array, grade: NDArray[np.int64], s: Array) -> Array:
+    def designs(self, t: Array, bearing: Array, grade: Integers, s: Array) -> Array:
         """Full designs (n, all variables) of the reducer's problem."""
         columns = dict(zip(self.names, (*t.T, bearing), strict=True))
         columns |= {GRADE: self.grades[grade], **columns_of(self.problem, self.shift, s)}
@@ -112,12 +111,8 @@ def block_of(problem: RvBacklash) -> Block | str:
     q = 0.0 if last.quadratic is None else float(last.quadratic[0]) / ARCMIN
     if q > 0.0:
         return "the eccentricity's mean must bend down"
-    first, final = ends(problem, GRADE)
-    grades = np.arange(np.ceil(first), np.floor(final) + 1.0)
-    designs = np.ones((len(grades), len(problem.names)))
-    designs[:, problem.names.index(GRADE)] = grades
-    phi_1, phi_3 = problem.total(designs).free
-    by_grade, by_bearing = phi_1.cumulants(), phi_3.cumulants()
+    grades, phi_1 = grades_of(problem)
+    by_grade, by_bearing = phi_1.cumulants(), bearing_term(problem).cumulants()
     ranges = np.array([ends(problem, name) for name in (*names, BEARING)])
     limit = next((bound.high for bound in problem.limits if bound.name == INTERFERENCE), 1.0)
     constant = sum(float(term.constant[0]) for term in terms.values())

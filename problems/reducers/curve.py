@@ -7,11 +7,10 @@ from functools import cached_property
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from ...models.costs import CostCurve
+from ..arrays import Array
 
-Array = NDArray[np.float64]
 NODES = 6000
 """Prices at which a curve in closed form is tabulated."""
 LITTLE = 1e-6
@@ -41,24 +40,18 @@ class PricedCurve(CostCurve):
     ) -> PricedCurve:
         """The curve of allocations, t rising, with proven lower bounds (n,) of cost + kappa t^2."""
         plain = cls(t, cost_at, kappa, 0.0, 1.0)
-        share = np.linspace(0.0, 1.0, 9)[:-1]
-        tried = np.append((t[:-1, None] + np.diff(t)[:, None] * share).ravel(), t[-1])
+        fraction = np.linspace(0.0, 1.0, 9)[:-1]
+        tried = np.append((t[:-1, None] + np.diff(t)[:, None] * fraction).ravel(), t[-1])
         at = np.clip(np.searchsorted(t, tried), 1, len(t) - 1)
         tangents = [proven[at - side] - kappa[at - side] * tried**2 for side in (0, 1)]
         above = plain.cost(tried) - np.maximum(*tangents)
         return cls(t, cost_at, kappa, max(0.0, float(above.max())), price, label)
 
     @cached_property
-    def _spline(self) -> scipy.interpolate.CubicHermiteSpline:
-        return scipy.interpolate.CubicHermiteSpline(np.log(self.t), self.cost_at, -2.0 * self.kappa * self.t**2)
-
-    @cached_property
-    def _slope(self) -> scipy.interpolate.CubicHermiteSpline:
-        return self._spline.derivative()
-
-    @cached_property
-    def _bend(self) -> scipy.interpolate.CubicHermiteSpline:
-        return self._slope.derivative()
+    def _splines(self) -> list[scipy.interpolate.PPoly]:
+        """Cost over ln t, and its first and second derivative."""
+        spline = scipy.interpolate.CubicHermiteSpline(np.log(self.t), self.cost_at, -2.0 * self.kappa * self.t**2)
+        return [spline, spline.derivative(), spline.derivative().derivative()]
 
     @cached_property
     def _inverse(self) -> tuple[Array, Array]:
@@ -75,12 +68,12 @@ class PricedCurve(CostCurve):
     def cost(self, t: Array) -> Array:
         """Beyond the last t the cost stays; below the first it is infinite."""
         t = np.asarray(t, dtype=float)
-        priced = self.price * (self._spline(np.log(self._inside(t))) - self.margin)
+        priced = self.price * (self._splines[0](np.log(self._inside(t))) - self.margin)
         return np.where(t < self.t[0] * (1.0 - 1e-12), np.inf, priced)
 
     def slope(self, t: Array) -> Array:
         inside = self._inside(t)
-        return np.asarray(self.price * np.minimum(self._slope(np.log(inside)), 0.0) / inside)
+        return np.asarray(self.price * np.minimum(self._splines[1](np.log(inside)), 0.0) / inside)
 
     def best(self, linear: Array, square: Array, low: float, high: float) -> Array:
         if np.any(linear):
@@ -90,14 +83,14 @@ class PricedCurve(CostCurve):
             x = np.interp(np.log(np.maximum(unpriced, 0.0)), *self._inverse)
         # a secant step on the spline: the residual is rounding
         rise = 2.0 * unpriced * np.exp(2.0 * x)
-        bend = self._bend(x) + 2.0 * rise
-        step = np.where(bend > 0.0, (self._slope(x) + rise) / np.where(bend > 0.0, bend, 1.0), 0.0)
+        bend = self._splines[2](x) + 2.0 * rise
+        step = np.where(bend > 0.0, (self._splines[1](x) + rise) / np.where(bend > 0.0, bend, 1.0), 0.0)
         return np.asarray(np.clip(np.exp(x - np.clip(step, -0.02, 0.02)), low, high))
 
     def price_at(self, t: Array) -> Array:
         """kappa (n,), without the factor, at an rms t (n,)."""
         inside = self._inside(t)
-        return np.asarray(-self._slope(np.log(inside)) / (2.0 * inside**2))
+        return np.asarray(-self._splines[1](np.log(inside)) / (2.0 * inside**2))
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,4 +1,4 @@
-"""The reducer of document B with the documents' modification: what nests where none is named."""
+"""The reducer of document B with its modification: the reducer where none is named."""
 
 from __future__ import annotations
 

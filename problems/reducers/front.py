@@ -5,13 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array, Integers
 from .block import Block
 from .curve import PricedCurve
 from .least import Least, least, lower_bound
 
-Array = NDArray[np.float64]
 PRICES = np.geomspace(1e-2, 3e3, 2000)
 """Prices of an arcmin^2, in units of the cost of one."""
 STEPS = 5
@@ -39,7 +38,7 @@ class ReducerFront:
         """Prices that were solved."""
         return len(PRICES) * len(self.curves)
 
-    def allocation(self, rms: Array, grade: NDArray[np.int64]) -> Least:
+    def allocation(self, rms: Array, grade: Integers) -> Least:
         """The allocations (n,) of least cost at root mean squares [arcmin] in a grade each.
 
         By secants on the price.

@@ -1,6 +1,6 @@
 """Least cost plus price times mean square backlash: the allocations and proven lower bounds.
 
-At a price kappa of E b^2 the stationary tolerances satisfy, each on its own, C_j'(t_j) + 2 p a_j
+At a price kappa of E b^2 the stationary tolerances satisfy separately C_j'(t_j) + 2 p a_j
 t_j = 0 with one price p = kappa dE/dv of the variance of phi_2 for all of them. p is the fixed
 point of a map that contracts by a third; all prices are solved at once.
 
@@ -17,12 +17,11 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...models.rv_reducer.mean_square import mean_square
+from ..arrays import Array, Integers
 from .block import Block
 
-Array = NDArray[np.float64]
 PASSES = 32
 """Times the price of the variance is corrected: its error falls to a third each time."""
 HALVINGS, ROUGH = 52, 24
@@ -43,9 +42,7 @@ class Least:
     """E b^2 [arcmin^2]."""
 
 
-def least(
-    block: Block, kappa: Array, grade: NDArray[np.int64], near: Least | None = None, passes: int = PASSES
-) -> Least:
+def least(block: Block, kappa: Array, grade: Integers, near: Least | None = None, passes: int = PASSES) -> Least:
     """The allocations at prices (n,) [per arcmin^2], each in a grade (n,) of `block.grades`.
 
     From those at prices `near` by fewer `passes` do.
@@ -73,9 +70,7 @@ def least(
     return Least(t, bearing, s, block.cost(t, bearing, grade), backlash.value)
 
 
-def _prices(
-    block: Block, kappa: Array, grade: NDArray[np.int64], t: Array, bearing: Array
-) -> tuple[Array, Array, Array, Array]:
+def _prices(block: Block, kappa: Array, grade: Integers, t: Array, bearing: Array) -> tuple[Array, Array, Array, Array]:
     """s, and the prices of variance and mean of phi_2 and of the mean of the rest, each (n,)."""
     mean, variance = block.of_phi_2(t)
     s = block.least_shift(mean, variance)
@@ -104,7 +99,7 @@ def _eccentricity(block: Block, price: Array, by_mean: Array, halvings: int) -> 
     return 0.5 * (low + high)
 
 
-def lower_bound(block: Block, kappa: Array, grade: NDArray[np.int64], near: Least) -> Array:
+def lower_bound(block: Block, kappa: Array, grade: Integers, near: Least) -> Array:
     """Proven lower bounds (n,) of cost + kappa E b^2 over all allocations of each grade.
 
     The ranges of the eccentricity are thin about that of `near`, and wider farther off.
@@ -123,7 +118,7 @@ def lower_bound(block: Block, kappa: Array, grade: NDArray[np.int64], near: Leas
 
 
 def _in_cell(
-    block: Block, prices: Array, grades: NDArray[np.int64], whole: Least, first: Array, last: Array, rows: Any
+    block: Block, prices: Array, grades: Integers, whole: Least, first: Array, last: Array, rows: Any
 ) -> Array:
     """The same of some rows with the eccentricity between `first` and `last`."""
     near = Least(*(getattr(whole, name)[rows] for name in Least.__dataclass_fields__))

@@ -11,21 +11,22 @@ from typing import Any
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 from scipy.special import gammaincinv
 
 from ...models.propagation.monte_carlo import units_of
+from ..arrays import Array, Integers
 from ..rv_backlash import RvBacklash
 from .block import Block, block_of
 from .curve import PricedCurve
 from .front import ReducerFront, ends_of
 
-Array = NDArray[np.float64]
 SCATTER = 0.4
 """Standard deviation over mean of the backlash of units of which only the rms is known [assumed];
 that of the RV-40E at its least costs is 0.3 to 0.5."""
 RATIO = float(gammaincinv(SCATTER**-2, 0.9973) * SCATTER**2 / np.sqrt(1.0 + SCATTER**2))
 """Their 99.73 % quantile over their rms."""
+STORED = ("t", "cost_at", "kappa", "margin")
+"""Fields of a curve of a proven front that a run stores."""
 KNOTS = 33
 """Root mean squares at which quantiles along a front are tabulated."""
 
@@ -128,21 +129,19 @@ class Nested:
         return {
             f"{self.key}.{at}.{name}": np.asarray(getattr(curve, name))
             for at, curve in enumerate(self.front.curves)
-            for name in ("t", "cost_at", "kappa", "margin")
+            for name in STORED
         }
 
     def adopt(self, arrays: Mapping[str, Array]) -> bool:
         """Take a front from arrays; whether they are of this reducer."""
         if self.block is None or self.front_known is not None:
             return True
-        names = ("t", "cost_at", "kappa", "margin")
-        count = len(self.block.grades)
-        if any(f"{self.key}.{at}.{name}" not in arrays for at in range(count) for name in names):
+        try:
+            parts = [[arrays[f"{self.key}.{at}.{name}"] for name in STORED] for at in range(len(self.block.grades))]
+        except KeyError:
             return False
-        parts = [[arrays[f"{self.key}.{at}.{name}"] for name in names] for at in range(count)]
-        curves = tuple(PricedCurve(t, c, k, float(m)) for t, c, k, m in parts)
-        whole = self if self.of is None else self.of
-        object.__setattr__(whole, "given_front", ReducerFront(self.block, curves))
+        curves = tuple(PricedCurve(t, cost_at, kappa, float(margin)) for t, cost_at, kappa, margin in parts)
+        object.__setattr__(self.of or self, "given_front", ReducerFront(self.block, curves))
         return True
 
     def _costs(self, rms: Array) -> Array:
@@ -157,7 +156,7 @@ class Nested:
         slopes = np.stack([curve.slope(rms) for curve in self.curves])
         return np.asarray(np.take_along_axis(slopes, self.grade_at(rms)[None, :], axis=0)[0])
 
-    def grade_at(self, rms: Array) -> NDArray[np.int64]:
+    def grade_at(self, rms: Array) -> Integers:
         """The cheapest grade (n,), as a place among `grades`."""
         return np.asarray(np.argmin(self._costs(rms), axis=0))
 

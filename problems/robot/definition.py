@@ -66,7 +66,7 @@ class Definition(ABC):
 
     @cached_property
     def gears(self) -> Mapping[str, Nested]:
-        """The reducers that have variables of their own, by the key of their first drive."""
+        """The reducers that have separate variables, by the key of their first drive."""
         first: dict[str, Drive] = {}
         for fitted in self.drives:
             first.setdefault(self._group(fitted), fitted)

@@ -12,10 +12,11 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...models.costs import CostCurve
+from ..arrays import Array
 from ..forms import Feature, Form, Way
+from ..limits import narrowed
 from .gears import RMS, TE
 from .outputs import AXES, STANDS
 from .waves import SECONDS
@@ -23,7 +24,6 @@ from .waves import SECONDS
 if TYPE_CHECKING:
     from .problem import RobotProblem
 
-Array = NDArray[np.float64]
 TE_OUTPUT = "te_amplitude_arcsec"
 
 
@@ -67,12 +67,9 @@ def _constant(problem: RobotProblem, outputs: list[str]) -> Array:
 
 
 def _of_gears(problem: RobotProblem, rows: int) -> list[Feature]:
-    play, waves = [], []
-    for gear in range(len(problem.gears.nested)):
-        spread = _spreads(problem, gear, rows)
-        play.append(_of_backlash(problem, gear, spread[0]))
-        waves.append(_of_wave(problem, gear, spread[1]))
-    return [*play, *waves]
+    spreads = [_spreads(problem, gear, rows) for gear in range(len(problem.gears.nested))]
+    play = [_of_backlash(problem, gear, spread[0]) for gear, spread in enumerate(spreads)]
+    return play + [_of_wave(problem, gear, spread[1]) for gear, spread in enumerate(spreads)]
 
 
 def _spreads(problem: RobotProblem, gear: int, rows: int) -> Array:
@@ -80,14 +77,11 @@ def _spreads(problem: RobotProblem, gear: int, rows: int) -> Array:
     mean, gears = problem.machine.squares, problem.gears
     drives = [at for at, gear_of_drive in enumerate(gears.gear_of) if gear_of_drive == gear]
     squares = gears.factors[drives] ** 2, gears.te_factors[drives] ** 2
-    play = {name: float(mean[f"{name}backlash"][drives] @ squares[0]) for name in AXES}
-    wave = {name: float(mean[f"{name}wave"][drives] @ squares[1]) for name in AXES}
+    play = np.array([float(mean[f"{name}backlash"][drives] @ squares[0]) for name in AXES])
+    wave = np.array([float(mean[f"{name}wave"][drives] @ squares[1]) for name in AXES])
     spread = np.zeros((2, rows))
-    for row, name in enumerate(AXES):
-        spread[0, row] = np.sqrt(play[name] / 4.0)
-        spread[1, row] = SECONDS * np.sqrt(wave[name])
-    spread[0, 3] = np.sqrt(play[""])
-    spread[1, 4] = SECONDS * np.sqrt(2.0 * wave[""])
+    spread[0, :3], spread[1, :3] = np.sqrt(play / 4.0), SECONDS * np.sqrt(wave)
+    spread[0, 3], spread[1, 4] = np.sqrt(play[0]), SECONDS * np.sqrt(2.0 * wave[0])
     spread[0, 5 + gear] = gears.largest[0, gear]
     spread[1, 5 + len(gears.nested) + gear] = gears.largest[1, gear] * gears.wave.least
     return spread
@@ -122,21 +116,13 @@ def _way(curve: CostCurve, ends: tuple[float, float], spread: Array, choice: flo
 
 
 def _of_links(problem: RobotProblem, rows: int) -> list[Feature]:
-    squares = problem.machine.links
-    features = []
-    for at, name in enumerate(problem.link_names):
-        spread = np.zeros(rows)
-        spread[:3] = np.sqrt(squares[:, at])
-        low, high = _range(problem, name, problem.interval(name))
-        way = _way(problem.settings.costs[name], (low, high), spread)
-        features.append(Feature(name, (way,)))
-    return features
+    spreads = np.pad(np.sqrt(problem.machine.links), ((0, rows - 3), (0, 0))).T
+    return [
+        Feature(name, (_way(problem.settings.costs[name], _range(problem, name, problem.interval(name)), spread),))
+        for name, spread in zip(problem.link_names, spreads, strict=True)
+    ]
 
 
 def _range(problem: RobotProblem, name: str, usual: tuple[float, float]) -> tuple[float, float]:
-    """Range of a variable, limits on it included."""
-    low, high = problem.interval(name) if name in problem.names else usual
-    for limit in problem.limits:
-        if limit.name == name:
-            low, high = max(low, limit.low), min(high, limit.high)
-    return low, high
+    """Range of a variable within the limits on it."""
+    return narrowed(problem.limits, name, *(problem.interval(name) if name in problem.names else usual))

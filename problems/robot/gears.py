@@ -8,17 +8,16 @@ from functools import cached_property
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from ...declarations import Kind, Value, Variable, number
 from ...models.robot.sample import smooth_root
-from ..reducers.block import GRADE
+from ..arrays import Array
 from ..reducers.nested import Nested
+from ..rv_backlash.terms import GRADE
 from ..rv_transmission_error.declared import DOCUMENT_MRAD
 from ..rv_transmission_error.declared import VARIABLES as WAVES
 from .waves import ANGLES, COST, SECONDS, Wave
 
-Array = NDArray[np.float64]
 RMS, TE = "backlash_rms_arcmin", "te_rms_arcsec"
 STEP = 1e-4
 """Relative half-step of the derivatives by a reducer's tolerances."""
@@ -26,7 +25,7 @@ STEP = 1e-4
 
 @dataclass(frozen=True, slots=True)
 class Fitted:
-    """A reducer on a drive: the place of its `gear` among those that have tolerances of their own;
+    """A reducer on a drive: the place of its `gear` among those that have separate tolerances;
     its cost, backlash and transmission error as factors of the gear's.
     """
 
@@ -38,10 +37,8 @@ class Fitted:
 
 def gear_variables(gears: Mapping[str, Nested], nested: bool) -> tuple[Variable, ...]:
     """Variables of reducers by key: two each where they are nested, else all their tolerances."""
-    variables: list[Variable] = []
-    for key, reducer in gears.items():
-        variables += _nested(key, reducer) if nested else _reducer_variables(key, reducer)
-    return tuple(variables)
+    variables = _nested if nested else _reducer_variables
+    return tuple(variable for key, reducer in gears.items() for variable in variables(key, reducer))
 
 
 def _nested(at: str, reducer: Nested) -> list[Variable]:
@@ -92,13 +89,14 @@ def _reducer_variables(at: str, reducer: Nested) -> list[Variable]:
                 valid_high=v.valid_high,
             )
         )
-    for v in WAVES[: len(ANGLES)]:
-        variables.append(replace(v, name=f"reducer_{at}_{v.name}", meaning=f"reducer {at}: {v.meaning}", random=False))
-    return variables
+    return variables + [
+        replace(v, name=f"reducer_{at}_{v.name}", meaning=f"reducer {at}: {v.meaning}", random=False)
+        for v in WAVES[: len(ANGLES)]
+    ]
 
 
 def _excess(rms: float, reducer: Nested, most: float) -> float:
-    """Quantile of the backlash [arcmin] at an rms, less the most that it may be."""
+    """Quantile of the backlash [arcmin] at an rms, above the largest that is allowed."""
     return float(reducer.quantile(np.array([rms]))[0]) - most
 
 
@@ -125,7 +123,7 @@ class Built:
 
 @dataclass(frozen=True, eq=False)
 class Gears:
-    """The reducers that have columns of their own."""
+    """The reducers that have separate columns."""
 
     keys: tuple[str, ...]
     nested: tuple[Nested, ...]
@@ -289,12 +287,10 @@ class Gears:
     def built(self, columns: Array) -> list[Built]:
         """The reducers that units are built to, by columns (n, all of the reducers')."""
         every = self._every(columns)
-        parts = [
-            (whole, smooth_root(self.wave.covariance(self._half_widths(columns, gear))))
-            for gear, whole in enumerate(every)
-        ]
+        half_widths = [self._half_widths(columns, gear) for gear in range(len(every))]
+        roots = [smooth_root(self.wave.covariance(of_gear)) for of_gear in half_widths]
         return [
-            Built(tuple(whole[at] for whole, _ in parts), np.stack([r[at] for _, r in parts]))
+            Built(tuple(whole[at] for whole in every), np.stack([root[at] for root in roots]))
             for at in range(len(columns))
         ]
 
@@ -356,12 +352,11 @@ class Gears:
         if self.small:
             return all_columns
         for gear, reducer in zip(self.keys, self.nested, strict=True):
-            rms, te = (all_columns.pop(f"reducer_{gear}_{RMS}"), all_columns.pop(f"reducer_{gear}_{TE}"))
+            rms, te = (all_columns.pop(f"reducer_{gear}_{name}") for name in (RMS, TE))
             assert reducer.problem is not None
             designs = reducer.designs(np.asarray(rms)) if len(rms) else np.empty((0, len(reducer.problem.names)))
-            for name, column in zip(reducer.problem.names, designs.T, strict=True):
-                all_columns[f"reducer_{gear}_{name}"] = column
-            for name, column in zip(ANGLES, self.wave.angles.allocation(te).T, strict=True):
+            names = (*reducer.problem.names, *ANGLES)
+            for name, column in zip(names, (*designs.T, *self.wave.angles.allocation(te).T), strict=True):
                 all_columns[f"reducer_{gear}_{name}"] = column
         return all_columns
 

@@ -8,14 +8,13 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...declarations import Value, number
 from ...models.robot.drives import Drives
 from ...models.robot.sample import AccuracySample
 from ...units import ARCMIN, MM, MRAD
+from ..arrays import Array
 
-Array = NDArray[np.float64]
 NONE = 1e-18
 """Square of a rotation per rotation of a drive that is rounding."""
 ROUNDING = 1e-20

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import Any
 
 from ...declarations import Output, Parameter
 from ...models.robot.manipulator import CALIBRATED
+from ..arrays import Array
 from ..settings import Bound
 
+Points = Iterable[Sequence[float] | Array]
 AXES = ("", "tilt_", "yaw_")
 """Position, squareness and yaw, as mean squares of a machine are named."""
 FLANKS = ("gravity", "free", "held")
@@ -26,8 +26,8 @@ PARAMETERS: tuple[Parameter, ...] = (
         "calibrated",
         "none",
         "",
-        "position: commands are corrected for the machine's own links, "
-        "so that their position errors are gone; the reducers' errors stay",
+        "position: commands are corrected for the links of the machine, so that their position errors vanish; the "
+        "reducers' errors remain",
         "assumed",
         assumed=True,
         choices=CALIBRATED,
@@ -36,8 +36,8 @@ PARAMETERS: tuple[Parameter, ...] = (
         "flanks",
         "gravity",
         "",
-        "which flank of a reducer carries: that on which gravity holds "
-        "it at rest, pose by pose; free: that of the approach; held: always one",
+        "the flank of a reducer that carries: gravity: that on which gravity holds it at rest, pose by pose; free: "
+        "that of the approach; held: always the same",
         "assumed",
         assumed=True,
         choices=FLANKS,
@@ -76,8 +76,8 @@ FIXED_OUTPUTS: tuple[Output, ...] = (
     Output(
         "pose_accuracy_mm",
         "mm",
-        "bidirectional pose accuracy A: quantile of the position "
-        "error over units, sides of approach, phases and poses, at the coverage",
+        "bidirectional pose accuracy A: quantile of the position error over units, sides of approach, phases and "
+        "poses, at the coverage",
         low=0.0,
     ),
     Output("pose_rms_mm", "mm", "R, the rms of the same", low=0.0),
@@ -85,7 +85,7 @@ FIXED_OUTPUTS: tuple[Output, ...] = (
     Output("squareness_mrad", "mrad", "rms tilt of the tool", low=0.0),
     Output("yaw_mrad", "mrad", "rms rotation of the tool about its axis", low=0.0),
     Output(
-        "backlash_arcmin", "arcmin", "quantile of a reducer's backlash at its coverage; of the worse drive", low=0.0
+        "backlash_arcmin", "arcmin", "quantile of a reducer's backlash at its coverage; of the worst drive", low=0.0
     ),
     Output(
         "backlash_rms_arcmin",
@@ -108,8 +108,8 @@ FIXED_OUTPUTS: tuple[Output, ...] = (
     Output(
         "iso_vap_mm",
         "mm",
-        "multi-directional variation vAP of ISO 9283: largest distance of "
-        "the means of approaches along three axes; rms over units and poses",
+        "multi-directional variation vAP of ISO 9283: largest distance of the means of approaches along three axes; "
+        "rms over units and poses",
         low=0.0,
     ),
     Output("path_te_mm", "mm", "rms amplitude of the transmission errors along a path", low=0.0),
@@ -119,7 +119,7 @@ FIXED_OUTPUTS: tuple[Output, ...] = (
         "rms displacement by gravity's torque on the stiffness of the reducers; no tolerance changes it",
         low=0.0,
     ),
-    Output("wind_up_varying_mm", "mm", "rms of what is left of it when its mean over the poses is taken away", low=0.0),
+    Output("wind_up_varying_mm", "mm", "rms of the displacement less its mean over the poses", low=0.0),
     Output("held_percent", "%", "poses and drives at which gravity holds a flank", low=0.0, high=100.0),
 )
 LIMITS: dict[str, Bound] = {}
@@ -128,9 +128,14 @@ STANDS = {"pose_rms_mm": "pose_accuracy_mm", "backlash_rms_arcmin": "backlash_ar
 """Requirements of the convex form, and the outputs that grow with them."""
 
 
-def millimetres(points: Iterable[Sequence[float] | NDArray[np.float64]]) -> list[list[float]]:
+def millimetres(points: Points) -> list[list[float]]:
     """Points [m] of a drawing, in tenths of a millimetre."""
     return [[round(1e3 * float(x), 1) + 0.0 for x in point] for point in points]
+
+
+def sketched(name: str, kind: str, points: Points, shares: Sequence[str] = ()) -> dict[str, Any]:
+    """A part of the drawing of a machine: its line [m], and the columns of its fractions of R^2."""
+    return {"name": name, "kind": kind, "points": millimetres(points), "shares": list(shares)}
 
 
 def share_name(variable: str) -> str:
@@ -139,13 +144,11 @@ def share_name(variable: str) -> str:
 
 
 def outputs_of(drives: Iterable[str], links: Iterable[str], priced: Iterable[str]) -> tuple[Output, ...]:
-    """All outputs: shares of links and joints, prices of the variables."""
-    shares = [
-        Output(
-            f"share_joint_{drive}_percent", "%", f"share of the reducer of drive {drive} in R^2", low=0.0, high=100.0
-        )
+    """All outputs: fractions of R^2 of links and joints, prices of the variables."""
+    fractions = [
+        Output(f"share_joint_{drive}_percent", "%", f"fraction of R^2 of drive {drive}'s reducer", low=0.0, high=100.0)
         for drive in drives
     ]
-    shares += [Output(share_name(name), "%", f"share of {name} in R^2", low=0.0, high=100.0) for name in links]
-    prices = [Output(f"price_{name}", "um", f"fall of R per unit of cost spent on {name}", low=0.0) for name in priced]
-    return (*FIXED_OUTPUTS, *shares, *prices)
+    fractions += [Output(share_name(name), "%", f"fraction of R^2 of {name}", low=0.0, high=100.0) for name in links]
+    prices = [Output(f"price_{name}", "um", f"reduction of R per unit of cost of {name}", low=0.0) for name in priced]
+    return (*FIXED_OUTPUTS, *fractions, *prices)

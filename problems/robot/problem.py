@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from ...declarations import Assumption, Value
 from ...errors import Fault
 from ...models.robot.sample import ratio
+from ..arrays import Array
 from ..declaration import Interval
 from ..forms import Form
 from ..interfaces import Comparison, Documented, Page, Provable, Stored
@@ -26,8 +26,7 @@ from .machine import Machine, Sampled
 from .outputs import AXES, share_name
 from .remarks import remarks_of
 
-Array = NDArray[np.float64]
-SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)
+FRACTIONS = (0.0, 0.25, 0.5, 0.75, 1.0)
 """Fractions of backlash in R^2 at which the ratio A/R of a search is tabulated."""
 SAFE = 1.01
 """Factor of that ratio, so that a design of a search keeps its limits when it is sampled."""
@@ -81,8 +80,8 @@ class RobotProblem(ToleranceProblem, Provable, Documented, Comparison, Stored, P
         if searching or len(designs) > SAMPLED:
             waves = outputs["path_te_mm"] ** 2 / 2.0
             links = sum(outputs[share_name(name)] for name in self.link_names) / 100.0
-            share = 1.0 - links - waves / np.where(rms > 0.0, rms**2, 1.0)
-            outputs |= self._accuracy(rms, np.where(rms > 0.0, share, 0.0))
+            fraction = 1.0 - links - waves / np.where(rms > 0.0, rms**2, 1.0)
+            outputs |= self._accuracy(rms, np.where(rms > 0.0, fraction, 0.0))
         else:
             outputs |= self._by_monte_carlo(designs, rms)
         return outputs | self._slow_outputs(designs)
@@ -143,23 +142,23 @@ class RobotProblem(ToleranceProblem, Provable, Documented, Comparison, Stored, P
         by_tolerances = sigma**2 @ self.machine.links[row] + square @ backlash / 4.0 + wave @ whole
         return np.asarray(np.sqrt(by_tolerances + (whole - backlash) @ lost))
 
-    def _accuracy(self, rms: Array, share: Array) -> dict[str, Array]:
+    def _accuracy(self, rms: Array, fraction: Array) -> dict[str, Array]:
         """A by the ratio that a search uses: interpolated over the fraction of backlash in R^2."""
-        c = SAFE * np.interp(share, SHARES, self._ratios)
+        c = SAFE * np.interp(fraction, FRACTIONS, self._ratios)
         return {"pose_accuracy_mm": c * rms, "accuracy_ratio": c}
 
     def _slow_outputs(self, designs: Array) -> dict[str, Array]:
         """The outputs that take longer, where they are minimised or limited."""
-        asked = {*self.objectives, *(limit.name for limit in self.limits)}
-        outputs: dict[str, Array] = {}
         columns = self._of_gears(designs)
-        if "te_amplitude_arcsec" in asked:
-            outputs["te_amplitude_arcsec"] = self.gears.amplitudes(columns)
-        if "backlash_arcmin" in asked:
-            outputs["backlash_arcmin"] = self.gears.quantiles(columns)
-        if "iso_vap_mm" in asked:
-            outputs["iso_vap_mm"] = self.machine.variation(self._play(columns))
-        return outputs
+        return {name: output(columns) for name, output in self._slow.items() if name in self.required_outputs}
+
+    @property
+    def _slow(self) -> dict[str, Callable[[Array], Array]]:
+        return {
+            "te_amplitude_arcsec": self.gears.amplitudes,
+            "backlash_arcmin": self.gears.quantiles,
+            "iso_vap_mm": lambda columns: self.machine.variation(self._play(columns)),
+        }
 
     def _play(self, columns: Array) -> Array:
         """Rms backlash (n, drives) [arcmin]."""
@@ -169,23 +168,15 @@ class RobotProblem(ToleranceProblem, Provable, Documented, Comparison, Stored, P
     def _verified(self, designs: Array, outputs: Mapping[str, Array]) -> dict[str, Array]:
         """The remaining outputs, for the designs that are reported."""
         columns, rms = self._of_gears(designs), outputs["pose_rms_mm"]
-        more = {
-            "te_amplitude_arcsec": self.gears.amplitudes(columns),
-            "backlash_arcmin": self.gears.quantiles(columns),
-            "iso_vap_mm": self.machine.variation(self._play(columns)),
-        }
+        more = {name: output(columns) for name, output in self._slow.items()}
         accuracy = self._by_monte_carlo(designs, rms) if len(designs) > SAMPLED else {}
         return more | self._prices(designs, rms) | accuracy
 
     def _by_monte_carlo(self, designs: Array, rms: Array) -> dict[str, Array]:
         built = self.gears.built(self._of_gears(designs))
         coverage = self.settings.propagation.coverage
-        c = np.array(
-            [
-                ratio(self._errors(sigma, reducers), coverage)
-                for sigma, reducers in zip(self.sigma(designs), built, strict=True)
-            ]
-        )
+        errors = map(self._errors, self.sigma(designs), built)
+        c = np.array([ratio(of_design, coverage) for of_design in errors])
         return {"pose_accuracy_mm": c * rms, "accuracy_ratio": c}
 
     def _of_gears(self, designs: Array) -> Array:
@@ -206,27 +197,23 @@ class RobotProblem(ToleranceProblem, Provable, Documented, Comparison, Stored, P
 
     @cached_property
     def _ratios(self) -> Array:
-        """c at `SHARES`, of machines whose errors are scaled to that fraction of backlash."""
+        """c at `FRACTIONS`, of machines whose errors are scaled to that fraction of backlash."""
         rng = np.random.default_rng(self.settings.seed)
         sampled = self.machine.sampled(UNITS, self.gears.dimensions, rng)
         middle = np.sqrt(self._corner(tight=True) * np.maximum(self._corner(tight=False), 1e-12))
         built = self.gears.built(self._of_gears(middle[None, :]))[0]
         units = self.gears.units(built, sampled.sample.unit)
-        nothing = np.zeros_like(units[2])
-        play = sampled.errors(0.0 * self.sigma(middle[None, :])[0], sampled.joint_errors(units[0], units[1], nothing))
-        rest = sampled.errors(
-            self.sigma(middle[None, :])[0], sampled.joint_errors(0.0 * units[0], 0.0 * units[1], units[2])
-        )
+        sigma, nothing = self.sigma(middle[None, :])[0], np.zeros_like(units[2])
+        play = sampled.errors(0.0 * sigma, sampled.joint_errors(units[0], units[1], nothing))
+        rest = sampled.errors(sigma, sampled.joint_errors(0.0 * units[0], 0.0 * units[1], units[2]))
         sizes = [float(np.sqrt(np.mean(np.sum(errors**2, axis=1)))) for errors in (play, rest)]
+        coverage = self.settings.propagation.coverage
         if not sizes[0]:
-            return np.full(len(SHARES), ratio(rest, self.settings.propagation.coverage))
+            return np.full(len(FRACTIONS), ratio(rest, coverage))
         return np.array(
             [
-                ratio(
-                    np.sqrt(s) * play / sizes[0] + np.sqrt(1.0 - s) * rest / (sizes[1] or 1.0),
-                    self.settings.propagation.coverage,
-                )
-                for s in SHARES
+                ratio(np.sqrt(s) * play / sizes[0] + np.sqrt(1.0 - s) * rest / (sizes[1] or 1.0), coverage)
+                for s in FRACTIONS
             ]
         )
 
@@ -348,18 +335,17 @@ class RobotProblem(ToleranceProblem, Provable, Documented, Comparison, Stored, P
             if np.isfinite(low) and np.isfinite(high) and high <= low + 1e-15:
                 cause = "transmission errors and links" if name == "reversal_mm" else "nothing"
                 text = (
-                    f"{name} is {low:.4g} for every design: calibration and held flanks "
-                    f"(calibrated, flanks) remove what tolerances change of it; what is left "
-                    f'is due to {cause}: minimise another output, or set flanks = "free"'
+                    f"{name} is {low:.4g} for every design: calibration and held flanks (calibrated, flanks) remove "
+                    f"what tolerances change of it; the residual is due to {cause}: minimise another output, or set "
+                    'flanks = "free"'
                 )
                 faults.append(Fault(f"objectives.minimise[{at}]", text))
         return faults
 
     def assumptions(self) -> tuple[Assumption, ...]:
-        sources = [
-            Assumption(f"reducers.{drive.key}", drive.reducer.source, "", "whose costs they are")
-            for drive in self.definition.drives
-        ]
+        reason = "the reducer whose costs are used"
+        drives = self.definition.drives
+        sources = [Assumption(f"reducers.{drive.key}", drive.reducer.source, "", reason) for drive in drives]
         return (*super().assumptions(), *sources)
 
     def remarks(self, front: pd.DataFrame) -> tuple[str, ...]:
@@ -370,6 +356,6 @@ class RobotProblem(ToleranceProblem, Provable, Documented, Comparison, Stored, P
         if not unproven:
             return ()
         return (
-            f"reducers {', '.join(unproven)}: their fronts are points of a search, of which "
-            "nothing is proven: neither is anything of this problem",
+            f"the fronts of reducers {', '.join(unproven)} are points of a search: nothing is proven of them, nor of "
+            "this problem",
         )

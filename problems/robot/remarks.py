@@ -1,4 +1,4 @@
-"""Where the next unit of money buys most, in words."""
+"""Where the next unit of cost reduces the error most, in words."""
 
 from __future__ import annotations
 
@@ -15,14 +15,12 @@ def remarks_of(front: pd.DataFrame) -> tuple[str, ...]:
     order = front["cost"].astype(float).argsort(kind="stable")
     row = front.iloc[int(order.iloc[len(front) // 2])]
     values = {str(name): float(value) for name, value in row.items() if str(name).startswith(("price_", "share_"))}
-    price = _largest(values, "price_", "")
-    share = _largest(values, "share_", "_percent")
     where = f"at cost {float(row['cost']):.4g} (A {float(row['pose_accuracy_mm']):.3g} mm)"
-    bought = ", ".join(f"{name} {value:.3g} um" for name, value in price)
-    held = ", ".join(f"{name} {value:.3g} %" for name, value in share)
+    bought = ", ".join(f"{name} {value:.3g} um" for name, value in _largest(values, "price_", ""))
+    largest = ", ".join(f"{name} {value:.3g} %" for name, value in _largest(values, "share_", "_percent"))
     return (
-        f"{where} one more unit of cost lowers R most where it is spent on {bought}; the "
-        f"largest shares of R^2 are {held}",
+        f"{where} a further unit of cost lowers R most where it is spent on {bought}; the largest fractions of R^2 "
+        f"are {largest}",
     )
 
 

@@ -6,18 +6,17 @@ from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...models.assembly.coverage import radius_quantile
 from ...models.costs import Reciprocal
 from ...units import ARCMIN, ARCSEC
+from ..arrays import Array
 from ..reducers.curve import Clipped, PricedCurve
 from ..rv_transmission_error import RvTransmissionError
 from ..rv_transmission_error.declared import COSTS, DOCUMENT_MRAD, PRECISION, VARIABLES
 from ..rv_transmission_error.form import least_ratio
 from ..settings import Settings, VariableSetting
 
-Array = NDArray[np.float64]
 ANGLES = tuple(DOCUMENT_MRAD)
 COST = float(next(curve.b for curve in COSTS.values() if isinstance(curve, Reciprocal)))
 
@@ -53,10 +52,6 @@ class Wave:
     price: float = 1.0
 
     @property
-    def _plane(self) -> tuple[Array, float]:
-        return plane_of(self.precision)
-
-    @property
     def angles(self) -> Clipped:
         """Cost over the rms of the wave [arcsec] over units and phases: W = sum s_i^2 t_i^2 / 2."""
         return angles_of(self.precision)
@@ -76,18 +71,18 @@ class Wave:
 
     def covariance(self, half_widths: Array) -> Array:
         """Covariance (n, 2, 2) [arcmin^2] of the wave's components."""
-        plane = self._plane[0]
+        plane = plane_of(self.precision)[0]
         return np.asarray(np.einsum("ai,ni,bi->nab", plane, half_widths**2, plane))
 
     def amplitude(self, half_widths: Array) -> Array:
         """Quantile (n,) [arcsec] of the amplitude at the coverage."""
         radius = radius_quantile(self.covariance(half_widths), self.coverage)
-        return np.asarray(60.0 * (radius + self._plane[1]))
+        return np.asarray(60.0 * (radius + plane_of(self.precision)[1]))
 
     @property
     def base(self) -> float:
         """Amplitude [arcsec] without any error."""
-        return 60.0 * self._plane[1]
+        return 60.0 * plane_of(self.precision)[1]
 
     @cached_property
     def least(self) -> float:

@@ -1,4 +1,4 @@
-"""What a configuration of `robot_joint` declares, and the problem that it makes."""
+"""The definition of a machine that a configuration of `robot_joint` states."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 from ...declarations import Value, Variable, completed, number
 from ...models.costs import CostCurve
-from ..pose_accuracy.grouping import Grouping
+from ..pose_accuracy.grouping import Grouping, costs_of
 from ..reducers.documents import documents_reducer
 from ..reducers.nested import Nested
 from ..robot import definition
 from ..robot.definition import Drive
-from .links import TWENTY_ONE, costs_of, reference_of, variables_of
+from .links import TWENTY_ONE, reference_of, variables_of
 from .outputs import PARAMETERS
 
 
@@ -35,7 +35,7 @@ class Definition(definition.Definition):
 
     @property
     def link_costs(self) -> Mapping[str, CostCurve]:
-        return costs_of(self.grouping)
+        return costs_of(self.grouping, reference_of)
 
     @property
     def link_references(self) -> Mapping[str, float]:

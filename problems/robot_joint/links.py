@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import product
 
-from ...declarations import Kind, Variable
-from ...models.costs import CostCurve, Reciprocal
+from ...declarations import Variable
 from ...models.manipulator.sources import SOURCES
-from ..pose_accuracy.grouping import RANGE, Grouping
+from ..pose_accuracy.grouping import Grouping, standard_deviation
 
 KINDS: Mapping[str, tuple[tuple[str, ...], float]] = {
     "origin": (("origin_",), 10.0),
@@ -29,7 +29,7 @@ def unit_of(source: str) -> str:
 
 
 def kind_of(source: str) -> str:
-    """Which of the seven kinds an elementary error belongs to; empty for the drives' zeros."""
+    """The kind of an elementary error, of seven; empty for the drives' zeros."""
     return next((kind for kind, (stems, _) in KINDS.items() if source.startswith(stems)), "")
 
 
@@ -39,13 +39,12 @@ def reference_of(source: str) -> float:
 
 
 def _grouped() -> dict[str, tuple[str, ...]]:
-    groups: dict[str, list[str]] = {}
-    for kind in KINDS:
-        for source in SOURCES:
-            if kind_of(source.name) == kind:
-                name = f"{kind}_{source.chain}_{source.unit}"
-                groups.setdefault(name, []).append(source.name)
-    return {name: tuple(sources) for name, sources in groups.items()}
+    groups: dict[str, tuple[str, ...]] = {}
+    for kind, source in product(KINDS, SOURCES):
+        if kind_of(source.name) == kind:
+            name = f"{kind}_{source.chain}_{source.unit}"
+            groups[name] = (*groups.get(name, ()), source.name)
+    return groups
 
 
 TWENTY_ONE: Grouping = _grouped()
@@ -54,23 +53,7 @@ TWENTY_ONE: Grouping = _grouped()
 
 def variables_of(grouping: Grouping) -> tuple[Variable, ...]:
     """The design variables of the links."""
-    return tuple(_variable(name, sources) for name, sources in grouping.items())
-
-
-def _variable(name: str, sources: tuple[str, ...]) -> Variable:
-    reference = reference_of(sources[0])
-    low, high = (reference * factor for factor in RANGE)
-    return Variable(
-        name,
-        unit_of(sources[0]),
-        Kind.STANDARD_DEVIATION,
-        low,
-        high,
-        "standard deviation of each of " + ", ".join(sources),
-        valid_low=1e-9,
+    return tuple(
+        standard_deviation(name, unit_of(sources[0]), reference_of(sources[0]), f"each of {', '.join(sources)}")
+        for name, sources in grouping.items()
     )
-
-
-def costs_of(grouping: Grouping) -> dict[str, CostCurve]:
-    """Relative costs reference/sigma; all of them assumptions."""
-    return {name: Reciprocal(0.0, reference_of(sources[0])) for name, sources in grouping.items()}

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...declarations import number
 from ...models.manipulator import declared
@@ -14,10 +13,10 @@ from ...models.manipulator.indices import quadrature
 from ...models.manipulator.sources import NAMES, SCALES
 from ...models.robot.manipulator import ORDER, drives, gravity_torque, links
 from ...models.robot.sample import sobol_poses
+from ..arrays import Array
 from ..pose_accuracy.grouping import Grouping
 from ..robot.machine import Machine, Places
 
-Array = NDArray[np.float64]
 JOINTS = 2
 """Drives with a reducer; drive 3 is direct."""
 
@@ -47,8 +46,8 @@ class RingMachine(Machine):
         low, high = (ring.r[0], ring.z[0]), (ring.r[1], ring.z[1])
         r, z = sobol_poses(low, high, rng).T
         if self.parameters["index"] == "rms_volume":
-            share = (r - ring.r[0]) / (ring.r[1] - ring.r[0])
-            r = np.sqrt(ring.r[0] ** 2 + share * (ring.r[1] ** 2 - ring.r[0] ** 2))
+            fraction = (r - ring.r[0]) / (ring.r[1] - ring.r[0])
+            r = np.sqrt(ring.r[0] ** 2 + fraction * (ring.r[1] ** 2 - ring.r[0] ** 2))
         return self._at(r, z, np.full(len(r), 1.0 / len(r)))
 
     def _at(self, r: Array, z: Array, weight: Array) -> Places:

@@ -16,7 +16,7 @@ from ..interfaces import Written
 from ..pose_accuracy.grouping import read_grouping
 from ..reducers.documents import documents_reducer
 from ..robot.definition import declaration_of
-from ..robot.outputs import millimetres, share_name
+from ..robot.outputs import millimetres, share_name, sketched
 from ..robot.problem import RobotProblem
 from ..settings import Settings
 from .definition import Definition, default_definition
@@ -27,11 +27,9 @@ from .outputs import PARAMETERS
 OF_ARMS = ("origin_", "arm_length_", "arm_orientation_", "joint_distance_", "joint_line_")
 OF_RODS = ("rod_length_", "platform_attachment_")
 """Elementary errors that are drawn with the arm of their chain, and with its rods."""
-
-
 REDUCERS = ("1", "2")
 """Keys of `[reducers]`: the drives that have one."""
-OWN: dict[str, Any] = {"parameters": PARAMETERS, "model": "manipulator_pose", "reducers": REDUCERS}
+DECLARED: dict[str, Any] = {"parameters": PARAMETERS, "model": "manipulator_pose", "reducers": REDUCERS}
 
 
 class RobotJoint(RobotProblem, Written):
@@ -41,13 +39,13 @@ class RobotJoint(RobotProblem, Written):
     their transmission error costs (`[reducers]`): docs/robot_joint.md.
     """
 
-    declaration = Declaration(**OWN)
+    declaration = Declaration(**DECLARED)
     definition: Definition
 
     def __init__(self, settings: Settings | None = None) -> None:
         given = settings or Settings()
         definition: Definition = given.definition or default_definition(given.parameters)
-        self.declaration = declaration_of(definition, **OWN)
+        self.declaration = declaration_of(definition, **DECLARED)
         super().__init__(given, definition)
         self._machine = RingMachine(self.settings.parameters, definition.grouping)
 
@@ -68,10 +66,10 @@ class RobotJoint(RobotProblem, Written):
         if not definition.nested and not all(reducer.proven for reducer in pair):
             top.fault(
                 "reducers",
-                "nested = false needs reducers with tolerances of their own: name configurations of rv_backlash",
+                "nested = false needs reducers whose tolerances are known: name configurations of rv_backlash",
             )
             return None
-        declaration = declaration_of(definition, **OWN)
+        declaration = declaration_of(definition, **DECLARED)
         return ConfiguredProblem(declaration, cls, {"definition": definition})
 
     def more_tables(self) -> dict[str, Any]:
@@ -100,24 +98,14 @@ class RobotJoint(RobotProblem, Written):
             hip = machine.origins[at]
             elbow = hip + machine.arms[at] * now.u[at]
             end = elbow + machine.rods[at] * now.w[at]
-            kinds = {f"arm {at + 1}": (OF_ARMS, [hip, elbow]), f"rod {at + 1}": (OF_RODS, [elbow, end])}
-            for name, (stems, points) in kinds.items():
-                parts.append(
-                    {"name": name, "kind": "link", "points": millimetres(points), "shares": self._shares(stems, at + 1)}
-                )
+            parts.append(sketched(f"arm {at + 1}", "link", [hip, elbow], self._shares(OF_ARMS, at + 1)))
+            parts.append(sketched(f"rod {at + 1}", "link", [elbow, end], self._shares(OF_RODS, at + 1)))
         for at in range(JOINTS):  # on one column
-            parts.append(
-                {
-                    "name": f"joint {at + 1}",
-                    "kind": "joint",
-                    "shares": [f"share_joint_{at + 1}_percent"],
-                    "points": millimetres([machine.origins[at] + [0.0, 0.0, -0.04 * at]]),
-                }
-            )
+            point = machine.origins[at] + [0.0, 0.0, -0.04 * at]
+            parts.append(sketched(f"joint {at + 1}", "joint", [point], [f"share_joint_{at + 1}_percent"]))
         corners = [(a, 0.0, b) for a in ring.r for b in ring.z]
         ends = [p + np.array([r, 0.0, z]) for p in now.p]
-        platform = {"name": "platform", "kind": "tool", "shares": [], "points": millimetres([*ends, ends[0]])}
-        return {"parts": [*parts, platform], "poses": millimetres(corners)}
+        return {"parts": [*parts, sketched("platform", "tool", [*ends, ends[0]])], "poses": millimetres(corners)}
 
     def _shares(self, stems: tuple[str, ...], chain: int) -> list[str]:
         """Columns of the fractions of a chain's link variables whose elementary errors begin so."""

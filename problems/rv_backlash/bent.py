@@ -12,11 +12,10 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...models.inputs import Distribution
+from ..arrays import Array
 
-Array = NDArray[np.float64]
 LEVELS = 4001
 """Quantiles by which a law is compared with a uniform one."""
 SAFE = 2e-3
@@ -32,9 +31,9 @@ def uniform_below(values: Array) -> float:
     """
     ordered = np.sort(values)
     n = len(ordered)
-    share = np.arange(1, n) / n  # fraction above the first i of n quantiles
+    fraction = np.arange(1, n) / n  # fraction above the first i of n quantiles
     upper = np.cumsum((ordered - ordered.mean())[::-1])[::-1][1:] / n
-    return max(0.0, float(np.min(upper / (share * (1.0 - share)))) * (1.0 - SAFE))
+    return max(0.0, float(np.min(upper / (fraction * (1.0 - fraction)))) * (1.0 - SAFE))
 
 
 def quantiles_of(law: Distribution) -> Array:
@@ -64,18 +63,15 @@ class Cell:
         return np.asarray(self.b * t * self.z + self.q * (t * self.z) ** 2)
 
     @cached_property
-    def _at(self) -> Array:
-        return np.linspace(self.low, self.high, WITHIN if self.low < self.high else 1)
-
-    @cached_property
-    def _inside(self) -> list[Array]:
-        return [self.values(float(t)) for t in self._at]
+    def _inside(self) -> dict[float, Array]:
+        """Y by half-width, at points of the cell."""
+        points = np.linspace(self.low, self.high, WITHIN if self.low < self.high else 1)
+        return {t: self.values(t) for t in points.tolist()}
 
     @cached_property
     def spread(self) -> float:
         """Half-width per um of a uniform law below Y in convex order."""
-        by_end = [uniform_below(y) / t for y, t in zip(self._inside, self._at, strict=True)]
-        return float(min(by_end))
+        return float(min(uniform_below(y) / t for t, y in self._inside.items()))
 
     @property
     def mean_below(self) -> tuple[float, float]:
@@ -107,7 +103,7 @@ class Cell:
 
     @cached_property
     def _ends(self) -> tuple[float, float]:
-        """Values that no unit of the cell is beyond: those of the loosest t reach farthest."""
+        """Bounds of the values of all units of the cell: those of the loosest t reach farthest."""
         ends = np.array(self.law.support) * self.high
         if ends[0] > 0.0 or ends[1] < 0.0:
             ends = np.array([min(ends[0], 0.0), max(ends[1], 0.0)])
@@ -115,9 +111,9 @@ class Cell:
         deviations = [float(self.b * u + self.q * u * u) for u in (*ends, vertex, 0.0)]
         return min(deviations), max(deviations)
 
-    def quantile_above(self, share: float) -> float:
-        """A value above the quantile of Y at `share`, for all t of the cell."""
-        if share >= 1.0:
+    def quantile_above(self, fraction: float) -> float:
+        """A value above the quantile of Y at `fraction`, for all t of the cell."""
+        if fraction >= 1.0:
             return self._ends[1]
-        quantile = max(float(np.quantile(y, share)) for y in self._inside)
+        quantile = max(float(np.quantile(y, fraction)) for y in self._inside.values())
         return min(self._ends[1], quantile + SAFE * self.range)

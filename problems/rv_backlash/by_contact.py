@@ -5,15 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..settings import Settings
 
 if TYPE_CHECKING:
     from ..rv_reducer import RvReducer
     from .problem import RvBacklash
-
-Array = NDArray[np.float64]
 
 
 def contact_problem(problem: RvBacklash) -> RvReducer:
@@ -36,22 +34,13 @@ def contact_problem(problem: RvBacklash) -> RvReducer:
 def verdicts(problem: RvBacklash, designs: Array) -> tuple[str, ...]:
     """The verdict on each full design (n, all variables) of the closed form."""
     contact = contact_problem(problem)
-    rows = np.array(
-        [
-            [
-                dict(zip(problem.names, design.tolist(), strict=True)).get(name, contact.fixed.get(name))
-                for name in contact.names
-            ]
-            for design in designs
-        ],
-        dtype=float,
-    ).reshape(len(designs), len(contact.names))
+    values = [contact.fixed | dict(zip(problem.names, design.tolist(), strict=True)) for design in designs]
+    rows = [np.array([design.get(name) for name in contact.names], dtype=float) for design in values]
     coverage = 100.0 * problem.settings.propagation.coverage
     evaluations = [contact.evaluation(row, searching=False) for row in rows]
     return tuple(
-        f"by contact this allocation keeps {problem.limit:g} arcmin in "
-        f"{evaluation.value('yield_percent'):.1f} % of the units at all "
-        f"{contact.count('positions')} positions of a turn; {coverage:.4g} % of them stay below "
+        f"by contact this allocation keeps {problem.limit:g} arcmin in {evaluation.value('yield_percent'):.1f} % of "
+        f"the units at all {contact.count('positions')} positions of a turn; {coverage:.4g} % of them stay below "
         f"{evaluation.value('backlash_max_arcmin'):.2f} arcmin, and "
         f"{100.0 * evaluation.value('interference_probability'):.2g} % interfere"
         for evaluation in evaluations

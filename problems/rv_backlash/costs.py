@@ -6,7 +6,7 @@ at the document's half-width t_0 to the weight below, so C(t_0) = a + weight.
 
 | feature | weight at t_0 | reasoning |
 |---|---|---|
-| pin holes, radius | 2.0 | 40 half-open bores, honed or ground one by one: the dearest feature |
+| pin holes, radius | 2.0 | 40 half-open bores, honed or ground one by one: the most expensive feature |
 | pin position | 1.6 | indexing of the same 40 bores on a jig grinder |
 | pin circle radius | 0.8 | one setting of the same machine, drifts with temperature |
 | pins, radius | 0.6 | 40 pins, centreless ground in quantity and sorted in classes |

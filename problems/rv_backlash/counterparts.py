@@ -1,4 +1,4 @@
-"""What effects change in the backlash of an allocation's units."""
+"""Changes that effects make in the backlash of an allocation's units."""
 
 from __future__ import annotations
 
@@ -33,9 +33,7 @@ class Change:
 
     def opened(self, total: ClippedSum) -> ClippedSum:
         """The sum with the change of phi_2 in its first term."""
-        if self.cycloid == 0.0:
-            return total
-        return total.shifted(self.cycloid)
+        return total if self.cycloid == 0.0 else total.shifted(self.cycloid)
 
     def propagate(self, method: Propagation, total: ClippedSum, coverage: float, limit: float) -> Propagated:
         """Statistics of the changed backlash; y becomes mean + shift + (1 + growth)(y - mean)."""
@@ -51,7 +49,6 @@ class Change:
 
 def _moved(plain: Propagated, shift: float, factor: float, conforming: Estimate | None = None) -> Propagated:
     mean = plain.mean.value
-    quantile = mean + shift + factor * (plain.quantile.value - mean)
     quantile_error = factor * plain.quantile.error
     if factor != 1.0:
         quantile_error = quantile_error + (factor - 1.0) * plain.mean.error
@@ -60,7 +57,7 @@ def _moved(plain: Propagated, shift: float, factor: float, conforming: Estimate 
         factor * plain.geometric_std,
         Estimate(mean + shift, plain.mean.error),
         Estimate(factor * plain.std.value, factor * plain.std.error),
-        Estimate(quantile, quantile_error),
+        Estimate(mean + shift + factor * (plain.quantile.value - mean), quantile_error),
         conforming or plain.conforming,
         plain.negative,
     )

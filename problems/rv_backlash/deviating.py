@@ -12,30 +12,28 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...models.capability import Surplus
 from ...units import ARCMIN
+from ..arrays import Array
 from ..deviations import Deviations
 from ..forms import Feature, Form
 from ..promise import ASSURED, PROMISED
 from .form import OUTPUTS, form_of
 from .machined_tolerances import TERMS
+from .terms import BEARING, GRADE
 
 if TYPE_CHECKING:
     from .problem import RvBacklash
 
-Array = NDArray[np.float64]
 MEAN = OUTPUTS.index("backlash_geometric_mean_arcmin")
 STD = OUTPUTS.index("backlash_geometric_std_arcmin")
-OTHERS = ("involute_grade", "crank_bearing_um")
-"""Variables of the first and last stage, in the order of their terms."""
 
 
 def deviations_of(problem: RvBacklash, designs: Array) -> Deviations:
     """Mean and standard deviations [arcmin] of the geometric backlash, below its limit."""
     total, growth = problem.total(designs), 1.0 + problem.change.growth
-    terms = dict(zip((*OTHERS, *TERMS), (*total.free, *total.clipped), strict=True))
+    terms = dict(zip((GRADE, BEARING, *TERMS), (*total.free, *total.clipped), strict=True))
     cumulants = {name: term.cumulants()[:2] for name, term in terms.items()}
     mean = np.sum([moments[0] for moments in cumulants.values()], axis=0) + problem.change.effective
     std_by_name = {name: growth * np.sqrt(np.maximum(moments[1], 0.0)) / ARCMIN for name, moments in cumulants.items()}
@@ -43,14 +41,22 @@ def deviations_of(problem: RvBacklash, designs: Array) -> Deviations:
 
 
 def promised_form(problem: RvBacklash) -> Form | None:
-    """The form of the geometric backlash, with a row of its own for an assured promise."""
+    """The form of the geometric backlash, with a further row for an assured promise."""
     form, promised = form_of(problem), problem.promised
     if form is None or promised is None or promised.promise.statement != ASSURED:
         return form
     factors, surplus = doubt_of(problem, [feature.variable for feature in form.features])
     features = tuple(map(_with_row, form.features, factors.tolist()))
-    none = (None,) * len(form.outputs)
-    return _form(problem, form, features, () if surplus is None else (*none, surplus))
+    return replace(
+        form,
+        outputs=(*form.outputs, PROMISED),
+        features=features,
+        offset=np.append(form.offset, form.offset[MEAN]),
+        constant=np.append(form.constant, 0.0),
+        most=(np.inf,) * len(form.outputs) + (problem.limit,),
+        surpluses=() if surplus is None else (*(None,) * len(form.outputs), surplus),
+        statement=f"{form.statement}; {statement_of(problem)}",
+    )
 
 
 def doubt_of(problem: RvBacklash, variables: Sequence[str]) -> tuple[Array, Surplus | None]:
@@ -73,9 +79,7 @@ def doubt_of(problem: RvBacklash, variables: Sequence[str]) -> tuple[Array, Surp
 
 def statement_of(problem: RvBacklash) -> str:
     """The proven statement of an assured promise, in words."""
-    promise = problem.settings.promise
-    assert promise is not None
-    return f"promised: {promise.words()}, by the geometric backlash and normal processes as measured"
+    return f"promised: {problem.stated_promise.words()}, by the geometric backlash and normal processes as measured"
 
 
 def _with_row(feature: Feature, factor: float) -> Feature:
@@ -90,18 +94,3 @@ def _with_row(feature: Feature, factor: float) -> Feature:
         for way in feature.ways
     )
     return replace(feature, ways=ways)
-
-
-def _form(
-    problem: RvBacklash, form: Form, features: tuple[Feature, ...], surpluses: tuple[Surplus | None, ...]
-) -> Form:
-    return replace(
-        form,
-        outputs=(*form.outputs, PROMISED),
-        features=features,
-        offset=np.append(form.offset, form.offset[MEAN]),
-        constant=np.append(form.constant, 0.0),
-        most=(np.inf,) * len(form.outputs) + (problem.limit,),
-        surpluses=surpluses,
-        statement=f"{form.statement}; {statement_of(problem)}",
-    )

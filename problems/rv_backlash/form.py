@@ -12,7 +12,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtri
 
 from ...models.costs import CostCurve, Reciprocal
@@ -24,13 +23,12 @@ from ..promise import ASSURED, PROMISED
 from .machined_tolerances import CELLS as CELLS_OF_MEANS
 from .machined_tolerances import Piece, pieces_of
 from .refused import allows_any
-from .shift import extreme_pair, play_slopes
-from .terms import ends, unit_terms
+from .shift import extreme_pair, play_slopes, profile_at
+from .terms import BEARING, GRADE, bearing_term, ends, grades_of, unit_terms
 
 if TYPE_CHECKING:
     from .problem import RvBacklash
 
-Array = NDArray[np.float64]
 CELLS = 16
 """Pieces of the range of the eccentricity."""
 OUTPUTS = ("backlash_geometric_arcmin", "backlash_geometric_mean_arcmin", "backlash_geometric_std_arcmin")
@@ -53,16 +51,15 @@ def form_of(problem: RvBacklash) -> Form | None:
     terms = unit_terms(problem)
     offset = _nominal(problem, pair, stagger)
     offset += sum(float(term.constant[0]) for term in terms.values()) / ARCMIN
-    features = tuple(tolerance_feature(problem, name, term, k) for name, term in terms.items())
     offset += problem.change.effective / ARCMIN
-    offset_of = np.array([offset, offset, 0.0])
-    features = (*features, bearing_feature(problem, k), grade_feature(problem, k))
+    features = [tolerance_feature(problem, name, term, k) for name, term in terms.items()]
+    features += [bearing_feature(problem, k), grade_feature(problem, k)]
     relaxed = _relaxed(problem, settled)
     left_out = f"; limits left out: {', '.join(relaxed)}" if relaxed else ""
     return Form(
         OUTPUTS,
-        features,
-        offset_of,
+        tuple(features),
+        np.array([offset, offset, 0.0]),
         np.zeros(3),
         f"geometric backlash, mean + {k:.4g} standard deviations{left_out}",
         exact=False,
@@ -101,7 +98,7 @@ def tolerance_feature(problem: RvBacklash, name: str, term: Term, k: float) -> F
 
 def _machines(problem: RvBacklash, name: str, term: Term, k: float) -> Feature:
     """A tolerance that machines make, by the spread of its good parts."""
-    tolerance, moves = (problem.machined_tolerances[name], problem.model.moves(name.removesuffix("_um")))
+    tolerance, moves = problem.machined_tolerances[name], problem.model.moves(name.removesuffix("_um"))
     cells = (CELLS_OF_MEANS if moves else 1, 1) if term.quadratic is None else (CELLS, CELLS)
     pieces = pieces_of(tolerance, ends(problem, name), *cells)
     return Feature(name, tuple(_way_of_piece(term, piece, moves, k) for piece in pieces), tolerance.choice)
@@ -140,22 +137,16 @@ def cell_way(term: Term, curve: CostCurve, ends: tuple[float, float], k: float) 
 
 def bearing_feature(problem: RvBacklash, k: float) -> Feature:
     """The crank-arm bearing: mid and half-width of its zone both grow with the clearance."""
-    name = "crank_bearing_um"
-    term = problem.total(np.ones((1, len(problem.names)))).free[1]
-    mean, variance = (float(value[0]) for value in term.cumulants()[:2])
+    mean, variance = (float(value[0]) for value in bearing_term(problem).cumulants()[:2])
     rows = _rows(mean / ARCMIN, float(np.sqrt(variance)) / ARCMIN, k)
-    return Feature(name, (Way(problem.settings.costs[name], *ends(problem, name), *rows),))
+    return Feature(BEARING, (Way(problem.settings.costs[BEARING], *ends(problem, BEARING), *rows),))
 
 
 def grade_feature(problem: RvBacklash, k: float) -> Feature:
-    """The involute grade: every grade of the range is a way of its own."""
-    name = "involute_grade"
-    low, high = ends(problem, name)
-    grades = np.arange(np.ceil(low), np.floor(high) + 1.0)
-    designs = np.ones((len(grades), len(problem.names)))
-    designs[:, problem.names.index(name)] = grades
-    means, variances = problem.total(designs).free[0].cumulants()[:2]
-    costs = problem.settings.costs[name].cost(grades)
+    """The involute grade: every grade of the range is a separate way."""
+    grades, term = grades_of(problem)
+    means, variances = term.cumulants()[:2]
+    costs = problem.settings.costs[GRADE].cost(grades)
     ways = [
         Way(
             Reciprocal(float(c), 0.0),
@@ -166,7 +157,7 @@ def grade_feature(problem: RvBacklash, k: float) -> Feature:
         )
         for g, c, m, v in zip(grades, costs, means, variances, strict=True)
     ]
-    return Feature("", tuple(ways), name)
+    return Feature("", tuple(ways), GRADE)
 
 
 def _from_below(limit: Limit) -> bool:
@@ -176,10 +167,7 @@ def _from_below(limit: Limit) -> bool:
 
 def _relaxed(problem: RvBacklash, settled: dict[str, float]) -> tuple[str, ...]:
     """Limits that the form leaves out; those that its modification keeps are not among them."""
-    design = problem.complete(np.atleast_2d(problem.xl))
-    for name, value in settled.items():
-        design[:, problem.names.index(name)] = value
-    profile = problem.profile(design)
+    profile = profile_at(problem, {name: np.array([value]) for name, value in settled.items()})
     kept = {PROMISED} if problem.promise and problem.promise.statement == ASSURED else set()
     known = {*OUTPUTS, *KEPT, *kept, "cost", *(v.name for v in problem.variables if v.tolerance)}
     return tuple(

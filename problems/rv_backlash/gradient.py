@@ -5,17 +5,16 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...models.propagation.sums import Term, total_cumulants
-from ...models.rv_reducer.cycloid import LINEAR_ERRORS
 from ...units import ARCMIN, MM
+from ..arrays import Array
 from .form import deviations
+from .machined_tolerances import TERMS
+from .terms import BEARING, GRADE
 
 if TYPE_CHECKING:
     from .problem import RvBacklash
-
-Array = NDArray[np.float64]
 
 
 def gradients(problem: RvBacklash, designs: Array) -> dict[str, Array]:
@@ -25,8 +24,7 @@ def gradients(problem: RvBacklash, designs: Array) -> dict[str, Array]:
     t, so both derivatives are exact. The grade counts as continuous (sqrt(2) per grade).
     """
     total = problem.total(designs)
-    names = (*LINEAR_ERRORS, "eccentricity")
-    terms = dict(zip((f"{name}_um" for name in names), total.clipped, strict=True))
+    terms = dict(zip(TERMS, total.clipped, strict=True))
     mean, variance = np.zeros_like(designs), np.zeros_like(designs)
     phi_1, phi_3 = total.free
     spread = problem.effective(designs)
@@ -38,8 +36,8 @@ def gradients(problem: RvBacklash, designs: Array) -> dict[str, Array]:
         shift = shift * problem.model.moves(tolerance.name.removesuffix("_um"))
         of_mean, of_variance = _by_middle(terms[tolerance.name], x)
         slopes[tolerance.name] = (by_mean * rise + of_mean * shift, by_variance * rise + of_variance * shift)
-    slopes["crank_bearing_um"] = _scaled(phi_3, 1.0 / problem.column(designs, "crank_bearing_um"))
-    slopes["involute_grade"] = _scaled(phi_1, 0.5 * np.log(2.0))
+    slopes[BEARING] = _scaled(phi_3, 1.0 / problem.column(designs, BEARING))
+    slopes[GRADE] = _scaled(phi_1, 0.5 * np.log(2.0))
     for name, pair in slopes.items():
         at = problem.names.index(name)
         mean[:, at], variance[:, at] = pair

@@ -8,21 +8,19 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...models.costs import CostCurve
 from ...models.machines import convex_cost
 from ...models.propagation.sums import ClippedSum
 from ...models.rv_reducer.cycloid import LINEAR_ERRORS
+from ..arrays import Array
 from ..machined_tolerance import MachinedTolerance, curve_of
 
 if TYPE_CHECKING:
     from .problem import RvBacklash
 
-Array = NDArray[np.float64]
 TERMS = tuple(f"{name}_um" for name in (*LINEAR_ERRORS, "eccentricity"))
 """Variables of the terms of phi_2, in their order."""
-MACHINABLE = TERMS
 CELLS = 6
 """Pieces of the range of a machine that is not centred."""
 TRIED = 33

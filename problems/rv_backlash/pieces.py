@@ -7,22 +7,21 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...models.costs import CostCurve, Reciprocal
 from ...models.propagation.even import UNIFORM, Even, even_law
 from ...models.propagation.sums import Term
 from ...units import ARCMIN
+from ..arrays import Array
 from .bent import LEVELS, SAFE, Cell, quantiles_of, uniform_below
 from .machined_tolerances import CELLS as CELLS_OF_MEANS
 from .machined_tolerances import pieces_of
 from .shift import Shift
-from .terms import ends, unit_terms
+from .terms import BEARING, GRADE, bearing_term, ends, grades_of, unit_terms
 
 if TYPE_CHECKING:
     from .problem import RvBacklash
 
-Array = NDArray[np.float64]
 CELLS, COARSE = 48, 4
 """Pieces of the range of the eccentricity, in geometric steps; and pieces for designs at which
 y - Y >= 0 fails, which are too expensive to be of interest."""
@@ -54,11 +53,11 @@ class Member:
     units: Array | None = None
     choice: float = 0.0
 
-    def above(self, share: float) -> float:
-        """A value that at least a fraction `share` of the units exceeds."""
+    def above(self, fraction: float) -> float:
+        """A value that at least a fraction `fraction` of the units exceeds."""
         if self.units is None:
             return self.least
-        quantile = float(np.quantile(self.units, 1.0 - share)) - SAFE * float(np.ptp(self.units))
+        quantile = float(np.quantile(self.units, 1.0 - fraction)) - SAFE * float(np.ptp(self.units))
         return max(self.least, quantile)
 
 
@@ -105,12 +104,10 @@ def sum_of(problem: RvBacklash, cut: float) -> Sum | str:
         if isinstance(part, str):
             return part
         parts.append(part)
-    bearing = problem.total(np.ones((1, len(problem.names)))).free[1]
-    more = [_straight(problem, "crank_bearing_um", bearing, clipped=False), _grades(problem, cut)]
-    for free_part in more:
-        if isinstance(free_part, str):
-            return free_part
-        parts.append(free_part)
+    bearing = _straight(problem, BEARING, bearing_term(problem), clipped=False)
+    if isinstance(bearing, str):
+        return bearing
+    parts += [bearing, _grades(problem, cut)]
     return Sum(tuple(parts), shift, cycloid, problem.change.effective / ARCMIN)
 
 
@@ -131,7 +128,7 @@ def _straight(problem: RvBacklash, name: str, term: Term, clipped: bool) -> Part
 
 def _machines(problem: RvBacklash, name: str, linear: float, law: Even) -> Part:
     """A tolerance that machines make, by the spread of its good parts."""
-    tolerance, moves = (problem.machined_tolerances[name], problem.model.moves(name.removesuffix("_um")))
+    tolerance, moves = problem.machined_tolerances[name], problem.model.moves(name.removesuffix("_um"))
     members = []
     for piece in pieces_of(tolerance, ends(problem, name), CELLS_OF_MEANS if moves else 1):
         values = linear * moves * piece.means
@@ -191,17 +188,12 @@ def _best_of(members: tuple[Member, ...]) -> Member:
 
 
 def _grades(problem: RvBacklash, cut: float) -> Part:
-    """The involute grade: every grade of the range is a way of its own.
+    """The involute grade: every grade of the range is a separate way.
 
     A skewed clearance G enters as min(G, g), where a fraction `cut` of the units exceeds g: it is
     less than G, and y - g cannot be below the rest of W for designs that keep a limit (`OUTSIDE`).
     """
-    name = "involute_grade"
-    low, high = ends(problem, name)
-    grades = np.arange(np.ceil(low), np.floor(high) + 1.0)
-    designs = np.ones((len(grades), len(problem.names)))
-    designs[:, problem.names.index(name)] = grades
-    term = problem.total(designs).free[0]
+    grades, term = grades_of(problem)
     known = even_law(term.distribution)
     mean, law, width = (known[0], known[1], 1.0) if known else _below(term, cut)
     ends_of_z = term.distribution.support
@@ -211,7 +203,7 @@ def _grades(problem: RvBacklash, cut: float) -> Part:
         grades.tolist(),
         term.constant / ARCMIN,
         term.linear / ARCMIN,
-        problem.settings.costs[name].cost(grades),
+        problem.settings.costs[GRADE].cost(grades),
         strict=True,
     ):
         z = sorted((float(a) * ends_of_z[0], float(a) * ends_of_z[1]))
@@ -228,7 +220,7 @@ def _grades(problem: RvBacklash, cut: float) -> Part:
                 choice=g,
             )
         )
-    return Part("", tuple(members), clipped=False, bent=known is None, choice=name)
+    return Part("", tuple(members), clipped=False, bent=known is None, choice=GRADE)
 
 
 def _below(term: Term, cut: float) -> tuple[float, Even, float]:

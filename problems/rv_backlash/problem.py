@@ -7,7 +7,6 @@ from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...declarations import number
 from ...errors import Fault
@@ -16,13 +15,14 @@ from ...models.propagation.sums import ClippedSum
 from ...models.rv_reducer import declared, modification
 from ...models.rv_reducer.backlash import Allocation, stage_means
 from ...units import ARCMIN, MM
+from ..arrays import Array
 from ..declaration import Declaration, Interval
 from ..deviations import Deviations
 from ..forms import Form
 from ..interfaces import Accuracy, Comparison, Documented, Page, Provable, WithEffects
 from ..least import ends_of_front
 from ..machined import Machined
-from ..promise import ASSURED, PLUG_IN, PROMISED
+from ..promise import ASSURED, PROMISED
 from ..promising import Promising
 from ..settings import Bound, Settings
 from .by_contact import verdicts
@@ -31,13 +31,12 @@ from .counterparts import changes_of, sentence
 from .deviating import deviations_of, promised_form
 from .form import deviations
 from .gradient import gradients
-from .machined_tolerances import MACHINABLE, moved
+from .machined_tolerances import TERMS, moved
 from .outputs import DEFAULT_LIMITS, DEFAULT_OBJECTIVES, OUTPUTS
 from .quantile_form import quantile_form, shortfalls
 from .refused import refused
 from .shift import SHIFT, Shift, columns_of, shift_of
 
-Array = NDArray[np.float64]
 SEARCH_POINTS = 512
 """Lattice of the search; its quantiles are within about 0.001 arcmin of the reported ones."""
 TIGHTER = 1.0, 0.7, 0.5
@@ -70,7 +69,7 @@ class RvBacklash(Promising, Machined, Accuracy, Provable, Documented, Comparison
             "backlash_std_arcmin": "backlash_geometric_std_arcmin",
         },
     )
-    machinable = frozenset(MACHINABLE)
+    machinable = frozenset(TERMS)
 
     def __init__(self, settings: Settings | None = None) -> None:
         super().__init__(settings)
@@ -223,8 +222,7 @@ class RvBacklash(Promising, Machined, Accuracy, Provable, Documented, Comparison
 
     def starts(self) -> Array:
         """Document B's bands and tighter ones, where a promise leaves the search no closed form."""
-        promise = self.settings.promise
-        if promise is None or promise.statement == PLUG_IN:
+        if not self.promises_by_samples:
             return super().starts()
         bands = np.array([float(v.document or 0.0) for v in self.variables])
         rows = np.repeat(bands[None, :], len(TIGHTER), axis=0)
@@ -235,8 +233,8 @@ class RvBacklash(Promising, Machined, Accuracy, Provable, Documented, Comparison
 
     def least_cost(self) -> tuple[str, RvBacklash]:
         """Least cost at the backlash limit, the documents' single objective."""
-        already = self.settings.limits.get("backlash_arcmin", Bound())
-        limit = Bound(already.low, min(already.high, self.limit))
+        stated = self.settings.limits.get("backlash_arcmin", Bound())
+        limit = Bound(stated.low, min(stated.high, self.limit))
         given = replace(self.given, objectives=("cost",), limits=dict(self.given.limits) | {"backlash_arcmin": limit})
         return f"GA, least cost at {limit.high:g} arcmin", RvBacklash(given)
 
@@ -264,10 +262,8 @@ class RvBacklash(Promising, Machined, Accuracy, Provable, Documented, Comparison
         """Effective backlash at the tightest corner with the cycloid stage taken out."""
         tight = self.total(self._corner(tight=True)[None, :])
         nothing = [replace(t, constant=0.0 * t.constant, linear=0.0 * t.linear, quadratic=None) for t in tight.clipped]
-        coverage = self.settings.propagation.coverage
         only_free = ClippedSum(tight.free, tuple(nothing))
-        limit = self.limit * ARCMIN
-        return self.change.propagate(Convolution(), only_free, coverage, limit)
+        return self.change.propagate(Convolution(), only_free, self.settings.propagation.coverage, self.limit * ARCMIN)
 
     @cached_property
     def _least(self) -> dict[str, float]:
@@ -312,11 +308,10 @@ class RvBacklash(Promising, Machined, Accuracy, Provable, Documented, Comparison
     # ---------------------------------------------------------------- faults and warnings
 
     def faults(self) -> list[Fault]:
-        if not 0.0 < self.model.geometry.k1 < 1.0:
-            k1 = self.model.geometry.k1
-            text = f"eccentricity * pins / pin circle radius must lie in (0, 1), got {k1:.4g}"
-            return [Fault("parameters.eccentricity_mm", text)]
-        return super().faults()
+        if 0.0 < (k1 := self.model.geometry.k1) < 1.0:
+            return super().faults()
+        text = f"eccentricity * pins / pin circle radius must lie in (0, 1), got {k1:.4g}"
+        return [Fault("parameters.eccentricity_mm", text)]
 
     def search_faults(self) -> list[Fault]:
         return refused(self)
@@ -325,8 +320,8 @@ class RvBacklash(Promising, Machined, Accuracy, Provable, Documented, Comparison
         if "interference_probability" in self.settings.limits:
             return ()
         return (
-            "no limit on interference_probability: backlash can always be bought with "
-            "interference; set [limits] interference_probability",
+            "no limit on interference_probability: interference can always lower the backlash; set [limits] "
+            "interference_probability",
         )
 
 

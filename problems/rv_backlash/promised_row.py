@@ -10,11 +10,9 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
-import numpy as np
-from numpy.typing import NDArray
-
 from ...models.capability import Surplus
 from ...models.propagation.sums import Term
+from ..arrays import Array
 from ..forms import Way
 from ..promise import ASSURED
 from .deviating import MEAN, STD, doubt_of
@@ -24,8 +22,6 @@ from .terms import unit_terms
 
 if TYPE_CHECKING:
     from .problem import RvBacklash
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,16 +36,9 @@ class PromisedRow:
         geometric backlash are asked for: these have a form of their own.
         """
         promise = problem.promise
-        asked = {*problem.objectives, *(limit.name for limit in problem.limits)}
         if promise is None or promise.statement != ASSURED or problem.machined_tolerances:
             return None
-        return None if asked.intersection(OUTPUTS) else cls(problem)
-
-    @property
-    def share(self) -> float:
-        """The promised fraction of the units."""
-        assert self.problem.promise is not None
-        return self.problem.promise.share
+        return None if problem.required_outputs.intersection(OUTPUTS) else cls(problem)
 
     def doubt(self, parts: tuple[Part, ...]) -> tuple[Array, Surplus | None]:
         """Factors of the standard deviations, and what doubt adds, of parts and one feature more

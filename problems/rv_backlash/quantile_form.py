@@ -4,11 +4,11 @@ Backlash is at least phi_1 + phi_2 + phi_3, unit by unit, and a sum of independe
 these are even and log-concave its quantile is convex in the tolerances (docs/proofs.md). The rest:
 
 - modification and stagger move phi_2 by s alone, whose range is a linear programme;
-- each involute grade is a way of its own, the range of the eccentricity is cut into `CELLS`, in
+- each involute grade is a separate way, the range of the eccentricity is cut into `CELLS`, in
   which its term is replaced by a uniform one that is below it in convex order (`bent`); so is the
   clearance of the tighter planet, which is skewed;
 - that holds where y - Y >= 0 for every unit. Designs for which it does not keep rows that hold
-  without it: they have forms of their own (`Form.also`), and what is proven is the least of all.
+  without it: they have separate forms (`Form.also`), and what is proven is the least of all.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...models.costs import Reciprocal
 from ...models.propagation.sums import total_cumulants
 from ...units import ARCMIN
+from ..arrays import Array
 from ..forms import Feature, Form, Piece, Quantile, Way
 from ..limits import Limit
 from ..promise import PROMISED
@@ -30,12 +30,11 @@ from .deviating import statement_of
 from .pieces import Member, Part, Sum, coarse, sum_of
 from .promised_row import PromisedRow
 from .refused import allows_any
-from .shift import SHIFT, Shift, columns_of
+from .shift import SHIFT, Shift, columns_of, profile_at
 
 if TYPE_CHECKING:
     from .problem import RvBacklash
 
-Array = NDArray[np.float64]
 BELOW, ABOVE = (1.0, 0.5, 0.25), (1.0, 0.5, 0.1, 0.02)
 """Fractions of units at whose quantile parts that are bent are bounded: in phi_2 from above,
 in the backlash from below."""
@@ -55,9 +54,9 @@ def quantile_form(problem: RvBacklash) -> Form | str:
     """The form of `backlash_arcmin`, or why there is none."""
     main, promised = _rows(problem), PromisedRow.of(problem)
     if promised is not None and main:
-        main.append(Row(PROMISED, promised.share, False, problem.limit, kind="promise"))
+        main.append(Row(PROMISED, problem.stated_promise.fraction, False, problem.limit, kind="promise"))
     if all(row.clipped for row in main):
-        return "neither backlash_arcmin nor a yield of one half at least is asked for"
+        return "neither backlash_arcmin nor a yield of at least one half is required"
     lacking = max(1.0 - row.probability for row in main if not row.clipped)
     total = sum_of(problem, min(1.0, lacking / OUTSIDE))
     if isinstance(total, str):
@@ -67,11 +66,9 @@ def quantile_form(problem: RvBacklash) -> Form | str:
     statement = f"quantile of the geometric backlash, which the effective one exceeds{left_out}"
     if promised is not None:
         statement += f"; {statement_of(problem)}"
-    forms = [_form(total, main, statement, relaxed, promised)]
-    others = _branches(main, total)
     wide = coarse(problem, total, grades=promised is not None)
-    forms += [_form(wide, rows, statement, relaxed, promised) for rows in others]
-    return replace(forms[0], also=tuple(forms[1:]))
+    others = tuple(_form(wide, rows, statement, relaxed, promised) for rows in _branches(main, total))
+    return replace(_form(total, main, statement, relaxed, promised), also=others)
 
 
 @dataclass(frozen=True)
@@ -79,7 +76,7 @@ class Row:
     """A quantile of the backlash (`clipped` false) or of -phi_2 at a probability.
 
     `kind` says what stands for the parts that are bent: their uniform law ("convex"), their
-    quantile at `share` ("share"), or nothing but their range ("range": the
+    quantile at `fraction` ("fraction"), or nothing but their range ("range": the
     quantile of all others is at most that). "edge" is no quantile: s lets phi_2 be below zero; nor
     is "promise", by the moments of all parts (`PromisedRow`).
     """
@@ -89,7 +86,7 @@ class Row:
     clipped: bool
     most: float = np.inf
     kind: str = "convex"
-    share: float = 1.0
+    fraction: float = 1.0
 
 
 def _rows(problem: RvBacklash) -> list[Row]:
@@ -97,15 +94,13 @@ def _rows(problem: RvBacklash) -> list[Row]:
     coverage = problem.settings.propagation.coverage
     limits = {limit.name: limit for limit in problem.limits}
     rows: list[Row] = []
-    if "backlash_arcmin" in {*problem.objectives, *limits} and coverage >= 0.5:
+    if "backlash_arcmin" in problem.required_outputs and coverage >= 0.5:
         rows.append(Row("backlash_arcmin", coverage, clipped=False))
     if "yield_percent" in limits and 50.0 <= limits["yield_percent"].low < 100.0:
-        share = 0.01 * limits["yield_percent"].low
-        rows.append(Row("yield_percent", share, False, problem.limit))
-    interfering = limits["interference_probability"].high if ("interference_probability" in limits) else 1.0
+        rows.append(Row("yield_percent", 0.01 * limits["yield_percent"].low, False, problem.limit))
+    interfering = limits["interference_probability"].high if "interference_probability" in limits else 1.0
     if 0.0 < interfering <= 0.5:
-        share = 1.0 - interfering
-        rows.append(Row("interference_probability", share, True, 0.0))
+        rows.append(Row("interference_probability", 1.0 - interfering, True, 0.0))
     return rows
 
 
@@ -114,7 +109,7 @@ def _branches(main: list[Row], total: Sum) -> list[list[Row]]:
     branches = []
     safe = [kept for row in main for kept in _safe(row)]
     for row in main:
-        if row.kind != "promise" and any(part.bent and (part.clipped or not row.clipped) for part in total.parts):
+        if row.kind != "promise" and any(part.bent and _inside(part, row) for part in total.parts):
             kind = "edge" if row.clipped else "range"
             branch = replace(row, kind=kind, output=f"{row.output} ({kind})", most=0.0)
             if kind == "range" and any(part.bent and part.choice for part in total.parts):
@@ -131,20 +126,18 @@ def _safe(row: Row) -> list[Row]:
     return [
         replace(
             row,
-            probability=1.0 - lacking / share,
-            kind="share",
-            share=share,
-            output=row.output if share == 1.0 and not row.clipped else f"{row.output} ({share:g})",
+            probability=1.0 - lacking / fraction,
+            kind="fraction",
+            fraction=fraction,
+            output=row.output if fraction == 1.0 and not row.clipped else f"{row.output} ({fraction:g})",
         )
-        for share in (BELOW if row.clipped else ABOVE)
-        if lacking / share <= 0.5
+        for fraction in (BELOW if row.clipped else ABOVE)
+        if lacking / fraction <= 0.5
     ]
 
 
 def _form(total: Sum, rows: list[Row], statement: str, relaxed: tuple[str, ...], promised: PromisedRow | None) -> Form:
-    factors, surplus = np.zeros(len(total.parts)), None
-    if promised is not None:
-        factors, surplus = promised.doubt(total.parts)
+    factors, surplus = (np.zeros(len(total.parts)), None) if promised is None else promised.doubt(total.parts)
     features = [
         _feature(part, rows, promised, float(factor)) for part, factor in zip(total.parts, factors, strict=False)
     ]
@@ -156,7 +149,6 @@ def _form(total: Sum, rows: list[Row], statement: str, relaxed: tuple[str, ...],
         offset=np.array([_offset(row, total) for row in rows]),
         constant=np.zeros(len(rows)),
         statement=statement,
-        base=0.0,
         exact=False,
         relaxed=relaxed,
         quantiles=tuple(_quantile(row, total) for row in rows),
@@ -195,11 +187,7 @@ def _feature(part: Part, rows: list[Row], promised: PromisedRow | None, factor: 
     for member in part.members:
         coefficients = [_coefficients(part, member, row, promised, factor) for row in rows]
         linear, offset, spread = zip(*coefficients, strict=True)
-        ways.append(
-            Way(
-                member.curve, member.low, member.high, linear=linear, spread=spread, offset=offset, choice=member.choice
-            )
-        )
+        ways.append(Way(member.curve, member.low, member.high, linear, spread, offset, member.choice))
     return Feature(part.variable, tuple(ways), part.choice)
 
 
@@ -225,11 +213,11 @@ def _means(part: Part, member: Member, row: Row) -> tuple[float, float]:
             return 0.0, member.least
         case "edge":
             return member.slope, member.mean
-        case "share" if part.bent and not row.clipped:
-            return 0.0, member.above(row.share)
-        case "share" if part.bent:
+        case "fraction" if part.bent and not row.clipped:
+            return 0.0, member.above(row.fraction)
+        case "fraction" if part.bent:
             assert member.cell is not None
-            return 0.0, -member.cell.quantile_above(row.share)
+            return 0.0, -member.cell.quantile_above(row.fraction)
     if row.clipped:
         return -member.top_slope, -member.top
     return member.slope, member.mean
@@ -238,15 +226,8 @@ def _means(part: Part, member: Member, row: Row) -> tuple[float, float]:
 def _shift_feature(shift: Shift, rows: list[Row]) -> Feature:
     """s on a scale that begins at 1: t = s - low + 1."""
     sides = [0.0 if row.kind == "range" else (1.0 if row.kind == "edge" or not row.clipped else -1.0) for row in rows]
-    start = shift.low - 1.0
-    way = Way(
-        NONE,
-        1.0,
-        1.0 + shift.high - shift.low,
-        tuple(sides),
-        (0.0,) * len(rows),
-        offset=tuple(side * start for side in sides),
-    )
+    offsets = tuple(side * (shift.low - 1.0) for side in sides)
+    way = Way(NONE, 1.0, 1.0 + shift.high - shift.low, tuple(sides), (0.0,) * len(rows), offsets)
     return Feature(SHIFT, (way,))
 
 
@@ -278,10 +259,7 @@ def _step(excess: Array, at: Array, variance: Array) -> Array:
 def _relaxed(problem: RvBacklash, shift: Shift, rows: list[Row]) -> tuple[str, ...]:
     """Limits that the form leaves out; those that a modification of every shift keeps are not."""
     s = np.linspace(shift.low, shift.high, SHIFTS)
-    designs = np.repeat(problem.complete(np.atleast_2d(problem.xl)), SHIFTS, axis=0)
-    for name, column in columns_of(problem, shift, s).items():
-        designs[:, problem.names.index(name)] = column
-    profile = problem.profile(designs)
+    profile = profile_at(problem, columns_of(problem, shift, s))
     known = {row.output for row in rows} | {"cost", *KEPT}
     known |= {v.name for v in problem.variables if v.tolerance or v.name == "involute_grade"}
     return tuple(

@@ -1,4 +1,4 @@
-"""What no search is started with: a promise that interference would keep."""
+"""Refused before a search: a promise that interference would keep."""
 
 from __future__ import annotations
 
@@ -18,16 +18,14 @@ OPENING = "dr_rp_mm", "dr_p_mm", "stagger_arcmin"
 def refused(problem: RvBacklash) -> list[Fault]:
     """A promise without a limit on interference, where modification or stagger are searched."""
     opened = [variable.name for variable in problem.free if variable.name in OPENING]
-    held = INTERFERENCE in problem.settings.limits
-    if problem.promise is None or held or not opened:
+    if problem.promise is None or INTERFERENCE in problem.settings.limits or not opened:
         return []
     return [
         Fault(
             f"limits.{INTERFERENCE}",
-            "is missing: without a limit on interference the promise is kept by units that are "
-            "nearly all preloaded (92 to 95 % of them in the document's case, at half the cost); "
-            "set, for example, 0.05 (1 allows any), or fix "
-            f"{', '.join(f'variables.{name}.value' for name in opened)}",
+            "is missing: without a limit on interference the promise is kept by units that are nearly all preloaded "
+            "(92 to 95 % of them in the document's case, at half the cost); set, for example, 0.05 (1 allows any), "
+            f"or fix {', '.join(f'variables.{name}.value' for name in opened)}",
         )
     ]
 

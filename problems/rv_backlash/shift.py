@@ -2,24 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from ...units import ARCMIN, MM
+from ..arrays import Array
 from .terms import ends
 
 if TYPE_CHECKING:
     from .problem import RvBacklash
 
-Array = NDArray[np.float64]
 SHIFT = "phi_2_shift"
 """The shift as a feature of a form: s - low + 1."""
 TRIED = 101
-"""Modifications of one shift that are tried for the limits that no linear programme knows."""
+"""Modifications of a shift that are tried for the limits that are not linear."""
 INSIDE = 1e-9
 """Distance [mm] that a modification keeps from its limits, against rounding."""
 
@@ -48,6 +48,14 @@ class Shift:
         return float(self.plays[1] - self.gain * self.stagger[0])
 
 
+def profile_at(problem: RvBacklash, columns: Mapping[str, Array]) -> dict[str, Array]:
+    """Outputs of the tooth modification (n,) at some columns (n,) of otherwise tight designs."""
+    designs = np.repeat(problem.complete(np.atleast_2d(problem.xl)), len(next(iter(columns.values()))), axis=0)
+    for name, column in columns.items():
+        designs[:, problem.names.index(name)] = column
+    return problem.profile(designs)
+
+
 def play_slopes(problem: RvBacklash) -> Array:
     """d phi_2 [arcmin] / d (dr_rp, dr_p) [mm], (2,)."""
     model = problem.model
@@ -58,10 +66,10 @@ def play_slopes(problem: RvBacklash) -> Array:
 def shift_of(problem: RvBacklash) -> Shift | None:
     """The range of s in ranges and limits, None where these leave no room."""
     slopes = play_slopes(problem)
-    pairs = [extreme_pair(problem, side * slopes) for side in (1.0, -1.0)]
-    if pairs[0] is None or pairs[1] is None:
+    least, most = (extreme_pair(problem, side * slopes) for side in (1.0, -1.0))
+    if least is None or most is None:
         return None
-    extremes = np.array(pairs)
+    extremes = np.array([least, most])
     gain = problem.model.output_factor * problem.model.stagger_gain
     return Shift(extremes, extremes @ slopes, np.array(ends(problem, "stagger_arcmin")), gain)
 
@@ -105,10 +113,7 @@ def _roomiest(problem: RvBacklash, play: float) -> tuple[float, float]:
     low, high = max(first[0], along.min()), min(first[1], along.max())
     dr_rp = np.linspace(low, high, TRIED)
     dr_p = np.clip((play - slopes[0] * dr_rp) / slopes[1], *second)
-    designs = np.repeat(problem.complete(np.atleast_2d(problem.xl)), TRIED, axis=0)
-    for name, column in (("dr_rp_mm", dr_rp), ("dr_p_mm", dr_p), ("stagger_arcmin", 0.0)):
-        designs[:, problem.names.index(name)] = column
-    profile = problem.profile(designs)
+    profile = profile_at(problem, {"dr_rp_mm": dr_rp, "dr_p_mm": dr_p})
     violations = [v for limit in problem.limits if limit.name in profile for v in limit.violations(profile[limit.name])]
     worst = np.max(violations, axis=0) if violations else np.zeros(TRIED)
     at = int(np.argmin(np.maximum(worst, -INSIDE)))

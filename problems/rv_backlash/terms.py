@@ -7,10 +7,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...models.propagation.sums import Term
-from ...models.rv_reducer.cycloid import LINEAR_ERRORS
+from ..arrays import Array
+from ..limits import narrowed
+from .machined_tolerances import TERMS
 
 if TYPE_CHECKING:
     from .problem import RvBacklash
+
+GRADE, BEARING = "involute_grade", "crank_bearing_um"
+"""Variables of the first and last stage, in the order of their terms."""
 
 
 def unit_terms(problem: RvBacklash) -> dict[str, Term]:
@@ -18,16 +23,23 @@ def unit_terms(problem: RvBacklash) -> dict[str, Term]:
     design = np.ones((1, len(problem.names)))
     for name in ("dr_rp_mm", "dr_p_mm", "stagger_arcmin"):
         design[:, problem.names.index(name)] = 0.0
-    names = (*LINEAR_ERRORS, "eccentricity")
-    return dict(
-        zip((f"{n}_um" for n in names), problem.change.opened(problem.plain_total(design)).clipped, strict=True)
-    )
+    return dict(zip(TERMS, problem.change.opened(problem.plain_total(design)).clipped, strict=True))
+
+
+def grades_of(problem: RvBacklash) -> tuple[Array, Term]:
+    """The involute grades (k,) within their range, and the clearance of the first stage at each."""
+    low, high = ends(problem, GRADE)
+    grades = np.arange(np.ceil(low), np.floor(high) + 1.0)
+    designs = np.ones((len(grades), len(problem.names)))
+    designs[:, problem.names.index(GRADE)] = grades
+    return grades, problem.total(designs).free[0]
+
+
+def bearing_term(problem: RvBacklash) -> Term:
+    """The clearance of the crank-arm bearings at 1 um."""
+    return problem.total(np.ones((1, len(problem.names)))).free[1]
 
 
 def ends(problem: RvBacklash, name: str) -> tuple[float, float]:
-    """Range of a variable, limits on it included."""
-    low, high = problem.interval(name)
-    for limit in problem.limits:
-        if limit.name == name:
-            low, high = max(low, limit.low), min(high, limit.high)
-    return low, high
+    """Range of a variable within the limits on it."""
+    return narrowed(problem.limits, name, *problem.interval(name))

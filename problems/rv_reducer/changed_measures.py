@@ -8,13 +8,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...models.rv_reducer.population.measures import Measure, Measures
 from ...models.rv_reducer.population.statistics import Statistic, share_within
+from ..arrays import Array
 from .counterparts import Change
-
-Array = NDArray[np.float64]
 
 
 class ChangedMeasures(Measures):
@@ -45,11 +43,11 @@ class ChangedMeasures(Measures):
         factor, mean = 1.0 + self.change.growth, middle.statistic.value
         limit = self.conditions.limit
         kept = mean + (limit - self.change.effective - mean) / factor
-        share = share_within(self.largest, involute, kept)
-        density = -float(share.weight.sum())
+        within = share_within(self.largest, involute, kept)
+        density = -float(within.weight.sum())
         by_mean = density * self.change.growth / factor
         moved = replace(middle.statistic, value=0.0, error=0.0)
-        return replace(middle, statistic=_combined((share, 1.0), (moved, by_mean)))
+        return replace(middle, statistic=_combined((within, 1.0), (moved, by_mean)))
 
     def _rms(self) -> Measure:
         """sqrt((1 + g)^2 (r^2 - m^2) + (m + s)^2) of the root mean square r and the mean m."""

@@ -49,7 +49,7 @@ def _share(name: str, meaning: str) -> Parameter:
         name,
         0.0,
         "",
-        f"share of the variance of {meaning} that one unit has in common; no value is the worst case",
+        f"fraction of the variance of {meaning} that is common to a unit; no value is the worst case",
         _A,
         assumed=True,
         low=0.0,
@@ -63,11 +63,9 @@ def _count(name: str, default: int, meaning: str, low: int, high: int, need: Nee
 
 UNITS = Need("unit", bytes=2e3)
 """Its errors, drawn."""
-READINGS = Need("reading", bytes=40.0)
+MEASUREMENTS = Need("measurement", bytes=40.0)
 """Of one unit at one position: contact, and what its derivatives need."""
-
-
-OWN: tuple[Parameter, ...] = (
+CONTACT: tuple[Parameter, ...] = (
     Parameter("involute_stage", True, "", "whether there is an involute stage before the cycloid stage", ""),
     _count(
         "positions",
@@ -82,10 +80,9 @@ OWN: tuple[Parameter, ...] = (
         "interference",
         "turn_mean",
         "",
-        "what interference_probability counts: units whose "
-        "mean over the turn is below zero, the share of all positions of all units, units "
-        "that overlap somewhere by more than overlap_arcmin, or units whose preload exceeds "
-        "preload_percent_of_rated",
+        "what interference_probability counts: units whose mean over the turn is below zero, the fraction of all "
+        "positions of all units, units that overlap somewhere by more than overlap_arcmin, or units whose preload "
+        "exceeds preload_percent_of_rated",
         _A,
         assumed=True,
         choices=INTERFERENCE,
@@ -134,7 +131,7 @@ PARAMETERS: tuple[Parameter, ...] = (
     *(_DOCUMENT[name] for name in _SHARED if name in _DOCUMENT),
     *(p for p in document.PARAMETERS if p.name.endswith("_mid_um")),
     *(p for p in contact.PARAMETERS if p.name in _CONTACT),
-    *OWN,
+    *CONTACT,
 )
 DISC_TO_DISC = {"circle_offset_um": 3.0, "bore_um": 2.0, "crank_phase_mrad": 2.0 / 1.3}
 """Errors that no document lists, at the values that they are fixed to unless they are searched."""

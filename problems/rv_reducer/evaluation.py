@@ -8,9 +8,6 @@ from functools import cached_property
 from math import log
 from types import MappingProxyType
 
-import numpy as np
-from numpy.typing import NDArray
-
 from ...models.rv_reducer.population.elastic import Elastic, elastic
 from ...models.rv_reducer.population.gradient import NAMES
 from ...models.rv_reducer.population.measures import Measures
@@ -26,10 +23,10 @@ from ...models.rv_reducer.population.statistics import (
 )
 from ...models.rv_reducer.population.table import Table
 from ...models.rv_reducer.population.turn import Population, Turn
+from ..arrays import Array
 from .outputs import MEASURED
 from .units import UnitModel
 
-Array = NDArray[np.float64]
 PART = {"backlash_max_arcmin": "max", "backlash_mean_arcmin": "mean"}
 MEASURES = {
     **{name: f"quantile {PART[name]}" for name in MEASURED},
@@ -47,8 +44,6 @@ VARIABLE = {"stagger": "stagger_arcmin", "dr_rp": "dr_rp_mm", "dr_p": "dr_p_mm",
 """Variables of derivatives whose names do not end in `_um`."""
 BY_GRADE = 0.5 * log(2.0)
 """Derivative of ln(phi_1) by the ISO grade."""
-
-
 LOADED = {
     "lost_motion_arcmin": "lost_motion",
     "transmission_error_arcsec": "transmission_error",
@@ -191,14 +186,10 @@ class Evaluation:
             return share_above(values, self.model.preload)
         output, part = part_of(name)
         values = self._units_under_load(output).values[LOADED[output]]
-        coverage = self.model.conditions.coverage
-        if output == "lost_motion_arcmin":
-            if part == "quantile":
-                return quantile(values, self.involute, coverage)
-            return (mean if part == "mean" else deviation)(values, self.involute)
+        coverage, geared = self.model.conditions.coverage, output == "lost_motion_arcmin"
         if part == "quantile":
-            return ordered_quantile(values, coverage)
-        return (mean if part == "mean" else deviation)(values, NO_STAGE)
+            return quantile(values, self.involute, coverage) if geared else ordered_quantile(values, coverage)
+        return (mean if part == "mean" else deviation)(values, self.involute if geared else NO_STAGE)
 
     def _units_under_load(self, output: str) -> Elastic:
         turning = output == "transmission_error_arcsec"
@@ -206,9 +197,8 @@ class Evaluation:
             drawn = self.drawn.turning if turning else self.drawn.loaded
             table = Table.of(drawn.lattice, self.design.dr_rp, self.design.dr_p)
             units = Scaled.of(drawn.lattice.geometry, drawn.sample, self.design)
-            outputs = [n for n in LOADED.values() if (n == "transmission_error") == turning]
-            loaded = elastic(drawn.lattice, table, units, self.model.loading, drawn.engine, outputs)
-            self._elastic[turning] = loaded
+            names = [name for name in LOADED.values() if (name == "transmission_error") == turning]
+            self._elastic[turning] = elastic(drawn.lattice, table, units, self.model.loading, drawn.engine, names)
         return self._elastic[turning]
 
     def _pulled_back(self, name: str, statistic: Statistic, alike: bool) -> Array:

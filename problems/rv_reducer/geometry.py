@@ -50,8 +50,8 @@ def _cranks(geometry: ContactGeometry) -> Iterator[Fault]:
     if nominal.centre_distance >= root:
         yield Fault(
             "parameters.centre_distance_mm",
-            f"the cranks stand on a radius of {nominal.centre_distance / MM:g} mm, outside of the "
-            f"discs, whose tooth roots are at {root / MM:.4g} mm",
+            f"the cranks stand on a radius of {nominal.centre_distance / MM:g} mm, outside of the discs, whose tooth "
+            f"roots are at {root / MM:.4g} mm",
         )
 
 
@@ -75,9 +75,8 @@ def warnings(geometry: ContactGeometry, parameters: Mapping[str, Value], radial_
         yield from _lattice(geometry, name, int(number(parameters[name])))
     if radial_gap.low < LEAST_GAP_MM:
         yield (
-            f"no limit keeps radial_gap_mm at {LEAST_GAP_MM:g} mm or above: pins near tip and root "
-            "may close the backlash of a nearly unmodified profile, and units are computed without "
-            "them"
+            f"no limit keeps radial_gap_mm at {LEAST_GAP_MM:g} mm or above: pins near tip and root may close the "
+            "backlash of a nearly unmodified profile, and units are computed without these pins"
         )
 
 
@@ -89,15 +88,14 @@ def _gears(geometry: ContactGeometry) -> Iterator[str]:
     formula = f"(reduction_ratio - 1)/pins = {ratio:.6g}"
     if all(abs(sun * ratio - round(sun * ratio)) > ROUNDING for sun in GEARS):
         yield (
-            f"no pair of gears has the ratio z2/z1 = {formula} with {GEARS[0]} to {GEARS[-1]} "
-            "teeth of the sun: reduction_ratio and pins may contradict each other"
+            f"no pair of gears has the ratio z2/z1 = {formula} with {GEARS[0]} to {GEARS[-1]} teeth of the sun: "
+            "reduction_ratio and pins may contradict each other"
         )
     apart = nominal.sun_pitch_radius * (1.0 + ratio)
     if abs(apart / nominal.centre_distance - 1.0) > OUT_OF_LINE:
         yield (
-            f"centre_distance_mm is {nominal.centre_distance / MM:g} mm, but planets of a sun of "
-            f"pitch radius {nominal.sun_pitch_radius / MM:g} mm with z2/z1 = {formula} stand at "
-            f"{apart / MM:.4g} mm"
+            f"centre_distance_mm is {nominal.centre_distance / MM:g} mm, but planets of a sun of pitch radius "
+            f"{nominal.sun_pitch_radius / MM:g} mm with z2/z1 = {formula} stand at {apart / MM:.4g} mm"
         )
 
 
@@ -105,11 +103,11 @@ def _lattice(geometry: ContactGeometry, name: str, positions: int) -> Iterator[s
     if positions <= 1 or spreads_evenly(positions, geometry):
         return
     nominal = geometry.nominal
-    why = f"do not cover the turns of disc and cranks alike ({nominal.cycloid_teeth} teeth)"
+    why = f"do not cover the turns of disc and cranks evenly ({nominal.cycloid_teeth} teeth)"
     if shares_a_factor(positions, geometry):
         why = (
-            f"share a factor with {nominal.cycloid_teeth} teeth or {nominal.pins} pins, so that "
-            "the same phases of the mesh are met again and again"
+            f"have a common factor with {nominal.cycloid_teeth} teeth or {nominal.pins} pins, so that the same phases "
+            "of the mesh are repeated"
         )
     better = nearest_prime(positions, geometry)
-    yield (f"{name}: {positions} positions {why}, and the greatest backlash comes out too low; take {better}")
+    yield f"{name}: {positions} positions {why}, and the greatest backlash is underestimated; use {better}"

@@ -1,4 +1,4 @@
-"""Which values are still those of the RV-40E-121 where the geometry is another one's."""
+"""Values that are still those of the RV-40E-121 where the geometry is not."""
 
 from __future__ import annotations
 
@@ -52,10 +52,8 @@ def still_default(given: Settings, parameters: Mapping[str, Value]) -> tuple[str
     the user gives counts as the user's own, also where it is the same.
     """
     new = changed(parameters)
-    kept = "; ".join(_groups(given, bool(parameters["involute_stage"]))) if new else ""
-    if not kept:
-        return ()
-    return (f"{', '.join(new)} changed; still the RV-40E-121's: {kept}",)
+    inherited = "; ".join(_groups(given, bool(parameters["involute_stage"]))) if new else ""
+    return (f"{', '.join(new)} changed; still the RV-40E-121's: {inherited}",) if inherited else ()
 
 
 def _groups(given: Settings, stage: bool) -> Iterator[str]:
@@ -86,5 +84,5 @@ def _set(given: Settings) -> dict[str, object]:
     return {
         name: setting
         for name, setting in given.variables.items()
-        if setting.value is not None or setting.low is not None or setting.high is not None
+        if (setting.value, setting.low, setting.high) != (None, None, None)
     }

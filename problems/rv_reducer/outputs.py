@@ -19,7 +19,8 @@ ELASTIC = {
 """What units show under load, by output."""
 
 
-def _spread(name: str, unit: str, meaning: str) -> tuple[Output, ...]:
+def _spread(name: str, meaning: str) -> tuple[Output, ...]:
+    unit = name.rpartition("_")[2]
     return (
         Output(name, unit, f"{meaning}: one-sided quantile over units at the coverage", low=0.0),
         Output(f"{name}_mean", unit, f"mean over units of the {meaning}", low=0.0),
@@ -27,13 +28,9 @@ def _spread(name: str, unit: str, meaning: str) -> tuple[Output, ...]:
     )
 
 
-def _unit(name: str) -> str:
-    return name.rpartition("_")[2]
-
-
 RIGID: tuple[Output, ...] = (
     Output("cost", "", "relative manufacturing cost, sum of the cost curves", low=0.0),
-    *(output for name, meaning in MEASURED.items() for output in _spread(name, _unit(name), meaning)),
+    *(output for name, meaning in MEASURED.items() for output in _spread(name, meaning)),
     Output("backlash_rms_arcmin", "arcmin", "root mean square of the backlash over units and positions", low=0.0),
     Output(
         "yield_percent",
@@ -54,7 +51,7 @@ RIGID: tuple[Output, ...] = (
     Output(
         "interference_share_of_turn",
         "",
-        "share of all positions of all units at which flanks interfere",
+        "fraction of all positions of all units at which flanks interfere",
         low=0.0,
         high=1.0,
     ),
@@ -64,7 +61,7 @@ RIGID: tuple[Output, ...] = (
     Output("modification_backlash_arcmin", "arcmin", "backlash that the modification itself leaves (first order)"),
 )
 UNDER_LOAD: tuple[Output, ...] = (
-    *(output for name, meaning in ELASTIC.items() for output in _spread(name, _unit(name), meaning)),
+    *(output for name, meaning in ELASTIC.items() for output in _spread(name, meaning)),
     Output(
         "preload_torque_Nm_max",
         "Nm",
@@ -83,18 +80,16 @@ SAMPLED = (
 """Rigid outputs with a standard error."""
 
 
-def _error(name: str) -> Output:
-    return Output(f"{name}_error", _unit_of(name), "standard error of the sample", error_of=name)
-
-
 SAMPLED_UNDER_LOAD = tuple(output.name for output in UNDER_LOAD)
-
-
-def _unit_of(name: str) -> str:
-    return next(o.unit for o in (*RIGID, *UNDER_LOAD) if o.name == name)
-
-
-OUTPUTS = (*RIGID, *UNDER_LOAD, *(_error(name) for name in (*SAMPLED, *SAMPLED_UNDER_LOAD)))
+OUTPUTS = (
+    *RIGID,
+    *UNDER_LOAD,
+    *(
+        Output(f"{output.name}_error", output.unit, "standard error of the sample", error_of=output.name)
+        for output in (*RIGID, *UNDER_LOAD)
+        if output.name in (*SAMPLED, *SAMPLED_UNDER_LOAD)
+    ),
+)
 """All outputs; those under load come after the rigid ones, the errors last."""
 
 DEFAULT_LIMITS = {

@@ -8,7 +8,6 @@ from dataclasses import replace
 from functools import cached_property, partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...declarations import Value, Variable, number
 from ...errors import Fault
@@ -18,11 +17,12 @@ from ...models.rv_reducer.population.lattice import nearest_prime
 from ...models.rv_reducer.population.unit_basis import stem
 from ...records import UnitsShown
 from ...units import ARCMIN, MM
+from ..arrays import Array
 from ..declaration import Declaration, Interval
 from ..interfaces import Accuracy, Comparison, Documented, Page, Variant, WithEffects
 from ..machined import Machined
 from ..rv_backlash.costs import DEFAULT_COSTS
-from ..rv_backlash.machined_tolerances import MACHINABLE
+from ..rv_backlash.machined_tolerances import TERMS
 from ..settings import Bound, Settings, VariableSetting
 from . import geometry
 from .counterparts import changes_of, sentence
@@ -30,7 +30,6 @@ from .declared import DISC_TO_DISC, PARAMETERS, VARIABLES
 from .evaluation import Evaluation, Populations, is_unit_statistic
 from .inherited import changed, still_default
 from .outputs import DEFAULT_LIMITS, DEFAULT_OBJECTIVES, OUTPUTS, SAMPLED, SAMPLED_UNDER_LOAD
-from .promised import add_gradient
 from .promising import PromisingUnits
 from .references import REFERENCES
 from .refused import HOLD_INTERFERENCE, priceless, unlimited
@@ -41,7 +40,6 @@ from .units import UnitModel
 from .validity import validity
 from .variants import variants
 
-Array = NDArray[np.float64]
 SEARCH, REPORT = 1, 2
 """Streams of random numbers of the two populations."""
 MANY, ALONE = 512, 2048
@@ -49,9 +47,8 @@ MANY, ALONE = 512, 2048
 LOADED_POSITIONS = 31
 """Positions of a turn at which units are solved under load at most: means over the turn need no
 more."""
-KEPT = 4
-"""Evaluations kept, so that a derivative costs no second evaluation."""
-
+MOST_EVALUATIONS = 4
+"""Most evaluations that are stored, so that a derivative costs no second evaluation."""
 SAMPLED_OUTPUTS = frozenset((*SAMPLED, *SAMPLED_UNDER_LOAD))
 
 
@@ -89,7 +86,7 @@ class RvReducer(PromisingUnits, Machined, Accuracy, Documented, Comparison, With
             "mutation_eta": 10.0,
         },
     )
-    machinable = frozenset(MACHINABLE)
+    machinable = frozenset(TERMS)
     _drawn_again = frozenset(("_searched", "_reported", "_recent", "_verdicts", "_mixed", "_promised_units"))
 
     def __init__(self, settings: Settings | None = None) -> None:
@@ -151,11 +148,10 @@ class RvReducer(PromisingUnits, Machined, Accuracy, Documented, Comparison, With
         if not searching:
             return self._fresh(design, self._reported)
         key = design.tobytes()
-        if key in self._recent:
-            self._recent.move_to_end(key)
-            return self._recent[key]
-        self._recent[key] = self._fresh(design, self._searched)
-        while len(self._recent) > KEPT:
+        if key not in self._recent:
+            self._recent[key] = self._fresh(design, self._searched)
+        self._recent.move_to_end(key)
+        while len(self._recent) > MOST_EVALUATIONS:
             self._recent.popitem(last=False)
         return self._recent[key]
 
@@ -203,8 +199,7 @@ class RvReducer(PromisingUnits, Machined, Accuracy, Documented, Comparison, With
     @cached_property
     def _sampled_outputs(self) -> frozenset[str]:
         """Sampled outputs that a search needs."""
-        names = {*self.objectives, *(limit.name for limit in self.limits)}
-        return frozenset(name for name in names if is_unit_statistic(name))
+        return frozenset(filter(is_unit_statistic, self.required_outputs))
 
     def profile(self, designs: Array) -> dict[str, Array]:
         """Outputs of the tooth modification (n,) of full designs."""
@@ -228,7 +223,7 @@ class RvReducer(PromisingUnits, Machined, Accuracy, Documented, Comparison, With
                 gradients[name][at] = [slopes.get(v.name, 0.0) for v in self.variables]
                 for tolerance, slope in evaluation.by_mean(name).items():
                     by_mean[name][tolerance][at] = slope
-        add_gradient(self, designs, gradients, by_mean)
+        self.add_promised_slopes(designs, gradients, by_mean)
         return self.by_limits(designs, gradients, by_mean) | self._plain_slopes(designs)
 
     def _plain_slopes(self, designs: Array) -> dict[str, Array]:
@@ -272,8 +267,8 @@ class RvReducer(PromisingUnits, Machined, Accuracy, Documented, Comparison, With
     def least_cost(self) -> tuple[str, RvReducer]:
         """Least cost at the backlash limit, the documents' single objective."""
         most = number(self.settings.parameters["backlash_limit_arcmin"])
-        already = self.settings.limits.get("backlash_max_arcmin", Bound())
-        limit = Bound(already.low, min(already.high, most))
+        stated = self.settings.limits.get("backlash_max_arcmin", Bound())
+        limit = Bound(stated.low, min(stated.high, most))
         limits = dict(self.given.limits) | {"backlash_max_arcmin": limit}
         given = replace(self.given, objectives=("cost",), limits=limits)
         return f"GA, least cost at {limit.high:g} arcmin", RvReducer(given).coarser()
@@ -306,19 +301,16 @@ class RvReducer(PromisingUnits, Machined, Accuracy, Documented, Comparison, With
     @cached_property
     def _least_backlash(self) -> float:
         """Quantile of phi_1 alone at the finest grade [arcmin]."""
-        grade = super().interval("involute_grade")[0]
-        alone = self.model.involute(grade)
-        coverage = self.settings.propagation.coverage
-        at = float(self.model.planet.quantile(np.array([coverage]))[0])
-        return alone.middle + alone.half * at
+        alone = self.model.involute(super().interval("involute_grade")[0])
+        at = self.model.planet.quantile(np.array([self.settings.propagation.coverage]))
+        return alone.middle + alone.half * float(at[0])
 
     def faults(self) -> list[Fault]:
         ends = {name: super(RvReducer, self).interval(name) for name in ("dr_rp_mm", "dr_p_mm")}
-        geometry_faults = geometry.faults(self.model.geometry, self.given, ends)
         return [
-            *geometry_faults,
+            *geometry.faults(self.model.geometry, self.given, ends),
             *priceless({variable.name for variable in self.free}, self.settings.costs),
-            *(size_faults(self.count, KEPT) or super().faults()),
+            *(size_faults(self.count, MOST_EVALUATIONS) or super().faults()),
         ]
 
     def search_faults(self) -> list[Fault]:

@@ -1,4 +1,4 @@
-"""What no search is started with: it would find a design that is cheap for the wrong reason."""
+"""Refused before a search: settings under which the cheapest design is not meant."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ def priceless(searched: Collection[str], costs: Collection[str]) -> list[Fault]:
     return [
         Fault(
             f"costs.{name}",
-            f"is missing: {name} is searched, and nothing says what a tight one "
-            f"costs; give a curve, or fix it (variables.{name}.value = {value:.4g})",
+            f"is missing: {name} is searched, but a tight tolerance of it has no cost; give a curve, or fix it "
+            f"(variables.{name}.value = {value:.4g})",
         )
         for name, value in DISC_TO_DISC.items()
         if name in searched and name not in costs
@@ -41,8 +41,7 @@ def unlimited(limits: Mapping[str, Bound], parameters: Mapping[str, Value]) -> l
     if held or parameters["allow_interference"]:
         return []
     text = (
-        "is missing: without a limit on interference or preload the cheapest units all "
-        "interfere (cost 7 with 99.9 % of the units preloaded); set, for example, 0.05, or "
-        "parameters.allow_interference = true"
+        "is missing: without a limit on interference or preload all of the cheapest units interfere (cost 7 with "
+        "99.9 % of the units preloaded); set, for example, 0.05, or parameters.allow_interference = true"
     )
     return [Fault("limits.interference_probability", text)]

@@ -6,23 +6,22 @@ from collections.abc import Mapping
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from ...declarations import Value, number
 from ...models.rv_reducer.population.gradient import Slopes
 from ...models.rv_reducer.population.lattice import Lattice, turn_lattice
 from ...models.rv_reducer.population.turn import Population
 from ...records import UnitsShown
+from ..arrays import Array
 from .evaluation import Evaluation
 
-Array = NDArray[np.float64]
 FINE = 1021
 """Positions of a turn at which the one unit is drawn: a prime, 26 to a turn of the crank."""
 BINS = 80
 """Steps of the distribution over units."""
 INTERFERENCE = {
     "turn_mean": "the mean of the cycloid stage's backlash over the turn is below zero",
-    "share_of_turn": "the cycloid stage's backlash is below zero, counted as the share of all positions of all units",
+    "share_of_turn": "the cycloid stage's backlash is below zero, as a fraction of all positions of all units",
     "overlap": "the flanks overlap by more than {overlap:g} arcmin at one of the positions",
     "preload": "the flanks are preloaded by more than {preload:g} % of the rated torque",
 }
@@ -95,30 +94,23 @@ def _words(evaluation: Evaluation, parameters: Mapping[str, Value], turn: pd.Dat
         overlap=conditions.overlap, preload=number(parameters["preload_percent_of_rated"])
     )
     stage = (
-        "The involute stage adds the backlash phi_1 of the unit, "
-        f"{evaluation.involute.mean:.3g} arcmin in the mean; it is the same at all positions, and "
-        "its distribution over units is integrated exactly, not drawn."
+        f"The involute stage adds the backlash phi_1 of the unit, {evaluation.involute.mean:.3g} arcmin in the mean; "
+        "it is the same at all positions, and its distribution over units is integrated exactly, not drawn."
         if parameters["involute_stage"]
         else "There is no involute stage."
     )
-    outside = (
-        "What effects add to the contact is in the population and not in the one unit."
-        if evaluation.model.change.outside
-        else ""
-    )
-    words = (
-        "The backlash of a unit at a position is the angle by which the carrier (the output) turns "
-        "from one flank to the other with the sun (the input) held: zero torque, rigid parts, play "
-        "of the crank bearings included.",
-        f"It is taken at {positions} positions, evenly over one turn of the output; the largest of "
-        "them is the backlash of the unit. Between the positions it can be larger: the unit drawn "
-        f"here reaches {turn['backlash_arcmin'].max():.4g} arcmin over the whole turn, and "
-        f"{measured:.4g} at the positions.",
-        f"backlash_max_arcmin is the value that {percent:g} % of the units stay within (one-sided "
-        f"quantile, from {drawn.units} fresh units); yield_percent is the share of units within "
-        f"{conditions.limit:g} arcmin.",
+    words = [
+        "The backlash of a unit at a position is the angle by which the carrier (the output) turns from one flank to "
+        "the other with the sun (the input) held: zero torque, rigid parts, play of the crank bearings included.",
+        f"It is computed at {positions} positions, evenly over one turn of the output; the largest of them is the "
+        "backlash of the unit. Between the positions it can be larger: the unit drawn here reaches "
+        f"{turn['backlash_arcmin'].max():.4g} arcmin over the whole turn, and {measured:.4g} at the positions.",
+        f"backlash_max_arcmin is the value that {percent:g} % of the units stay within (one-sided quantile, from "
+        f"{drawn.units} fresh units); yield_percent is the percentage of units within {conditions.limit:g} arcmin.",
         stage,
-        f"Interference: {kind} (interference_probability). Where flanks interfere at zero torque "
-        "the backlash of the cycloid stage counts as zero: the flat parts of the first figure.",
-    )
-    return tuple(sentence for sentence in (*words, outside) if sentence)
+        f"Interference: {kind} (interference_probability). Where flanks interfere at zero torque the backlash of the "
+        "cycloid stage counts as zero: the flat parts of the first figure.",
+    ]
+    if evaluation.model.change.outside:
+        words.append("What effects add to the contact is in the population and not in the unit that is drawn.")
+    return tuple(words)

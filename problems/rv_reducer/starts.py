@@ -5,22 +5,21 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...models.rv_reducer.geometry import RvGeometry
+from ..arrays import Array
 from ..settings import Bound
 from .declared import DISC_TO_DISC
 
 if TYPE_CHECKING:
     from .problem import RvReducer
 
-Array = NDArray[np.float64]
 FACTORS = (0.0, 0.7, 1.0, 1.4)
 """Zones over those of the document; 0: the tightest of the search ranges."""
 HALVINGS = 12
 """Steps of the bisection for the equidistance modification."""
 USUAL = 0.02
-"""Probability of interference that is aimed at where no limit is set."""
+"""Probability of interference that is the target where no limit is set."""
 
 
 def nominal_of(problem: RvReducer) -> dict[str, float]:

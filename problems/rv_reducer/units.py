@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 
@@ -52,17 +52,8 @@ class UnitModel(UnitBasis):
         )
         preload = 0.01 * number(parameters["preload_percent_of_rated"]) * rated
         basis = UnitBasis.from_parameters(parameters, inputs, mids)
-        return cls(
-            geometry=basis.geometry,
-            stage=basis.stage,
-            hierarchy=basis.hierarchy,
-            planet=basis.planet,
-            mid=basis.mid,
-            geared=basis.geared,
-            conditions=conditions,
-            loading=loading,
-            preload=preload,
-        )
+        common = {field.name: getattr(basis, field.name) for field in fields(UnitBasis)}
+        return cls(**common, conditions=conditions, loading=loading, preload=preload)
 
     def changed(self, change: Change) -> UnitModel:
         """The model with what effects change in it."""

@@ -1,4 +1,4 @@
-"""The assumptions of `rv_reducer` that no document settles, each changed alone."""
+"""The assumptions of `rv_reducer` that no document settles, changed one at a time."""
 
 from __future__ import annotations
 
@@ -28,8 +28,7 @@ COUNTED = ("turn_mean", "share_of_turn", "overlap")
 def variants(problem: RvReducer) -> tuple[Variant, ...]:
     """The problem as it is, then with one assumption changed at a time."""
     same = Variant("as it is", "", _with(problem))
-    changed = (*_shares(problem), *_interference(problem), *_disc_to_disc(problem))
-    return (same, *changed)
+    return (same, *_fractions(problem), *_interference(problem), *_disc_to_disc(problem))
 
 
 def _with(problem: RvReducer, **parameters: Value) -> RvReducer:
@@ -37,7 +36,7 @@ def _with(problem: RvReducer, **parameters: Value) -> RvReducer:
     return type(problem)(replace(given, parameters={**given.parameters, **FEW, **parameters}))
 
 
-def _shares(problem: RvReducer) -> Iterator[Variant]:
+def _fractions(problem: RvReducer) -> Iterator[Variant]:
     parameters = problem.settings.parameters
     for name, (words, values) in SHARES.items():
         for value in values:

@@ -1,4 +1,4 @@
-"""What effects change in the transmission error of adjusted units.
+"""Changes that effects make in the transmission error of adjusted units.
 
 Effects of the assembly act in it, but for the dead band of `adjustment_backlash`, which is not
 linear. Others are evaluated over one turn of the output at the problem's torque and speed, as they
@@ -20,7 +20,6 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...models.assembly.assemble import Departures
 from ...models.effects.compose import Active
@@ -29,8 +28,8 @@ from ...models.effects.readings import readings_of, target_from
 from ...models.measurable import Column, Role
 from ...models.rv_reducer.transmission import RvTransmission
 from ...units import ARCSEC
+from ..arrays import Array
 
-Array = NDArray[np.float64]
 ORDER = 40
 """Waves per turn of the output that the angles of cranks cause."""
 SAMPLES = 2**14
@@ -40,7 +39,7 @@ SMALLEST = 1e-9
 TE = RvTransmission.outputs[0].name
 ACTING = {
     "adjustment_gain_error": "adjustments achieve {:.4g} of what is commanded",
-    "chain_coupling": "chain 1 moves by {:.4g} of what putting in chain 2 moves that",
+    "chain_coupling": "chain 1 moves by {:.4g} times the movement of chain 2 at its installation",
     "springback": "{:.4g} of the total adjustment returns at the end",
 }
 """Linear departures of the assembly, and their descriptions."""

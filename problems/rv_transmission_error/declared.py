@@ -80,7 +80,7 @@ PARAMETERS: tuple[Parameter, ...] = (
         "eccentrics",
         ECCENTRICS[0],
         "",
-        "the eccentrics that crankshaft 1 and 2 stand for: of one crank, or each of its own",
+        "eccentrics that crankshafts 1 and 2 represent: those of a single crank, or of a crank each",
         _OURS,
         assumed=True,
         choices=ECCENTRICS,
@@ -89,7 +89,7 @@ PARAMETERS: tuple[Parameter, ...] = (
         "absorption",
         1.0,
         "",
-        "share of an angle that reaches the contact",
+        "fraction of an angle that reaches the contact",
         _OURS,
         assumed=True,
         low=0.0,
@@ -136,16 +136,16 @@ PARAMETERS: tuple[Parameter, ...] = (
     _assumed("input_inertia_kgm2", 8e-4, "inertia at the input shaft [kg m^2]", 1e6),
     _assumed("load_inertia_kgm2", 4.216, "inertia at the output [kg m^2]", 1e6),
     _assumed("damping_ratio", 0.04, "damping ratio of the first mode", 0.999),
-    Parameter("adjustment_gain_error", 0.0, "", "achieved over commanded adjustment, less one", low=-1.0, high=1.0),
+    Parameter("adjustment_gain_error", 0.0, "", "achieved over commanded adjustment, minus 1", low=-1.0, high=1.0),
     Parameter(
         "chain_coupling",
         0.0,
         "",
-        "share of what putting in chain 2 moves that chain 1 moves as well",
+        "fraction of the movement of chain 2 at its installation by which chain 1 moves",
         low=-1.0,
         high=1.0,
     ),
-    Parameter("springback", 0.0, "", "share of the total adjustment that returns at the end", low=0.0, high=1.0),
+    Parameter("springback", 0.0, "", "fraction of the total adjustment that returns at the end", low=0.0, high=1.0),
 )
 
 OUTPUTS: tuple[Output, ...] = (
@@ -179,7 +179,7 @@ OUTPUTS: tuple[Output, ...] = (
         "by how much the influence coefficients overstate the amplitude (full model at units at the quantile)",
         error_of="te_amplitude_arcsec",
     ),
-    Output("force_error_percent", "%", "the same of the peak force", error_of="peak_mesh_force_N"),
+    Output("force_error_percent", "%", "the same for the peak force", error_of="peak_mesh_force_N"),
 )
 
 REFERENCE_MRAD = 2.0

@@ -13,17 +13,16 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...models.assembly.coverage import radius_quantile
 from ...units import ARCSEC, MRAD
 from ..forms import Feature, Form, Way
+from ..limits import narrowed
 from .declared import AXES, DOCUMENT_MRAD, PRECISION, SIZE
 
 if TYPE_CHECKING:
     from .problem import RvTransmissionError
 
-Array = NDArray[np.float64]
 SHAPES = 257
 """Ellipses, from flat to round, among which the least ratio is sought."""
 SAFETY = 1e-6
@@ -52,26 +51,16 @@ def form_of(problem: RvTransmissionError) -> Form | None:
     factor = least_ratio(problem.settings.propagation.coverage)
     squares = np.vstack([factor * np.sum(plane**2, axis=0), (spread / MRAD) ** 2])
     base = problem.influence.base_amplitude / ARCSEC
-    ranges = {name: _range(problem, name) for name in DOCUMENT_MRAD}
-    features = tuple(
-        Feature(
-            name,
-            (
-                Way(
-                    problem.settings.costs[name],
-                    *ranges[name],
-                    (0.0,) * len(squares),
-                    tuple(np.sqrt(squares[:, at]).tolist()),
-                ),
-            ),
-        )
-        for at, name in enumerate(DOCUMENT_MRAD)
-    )
+    features = []
+    for at, name in enumerate(DOCUMENT_MRAD):
+        ends = narrowed(problem.limits, name, *problem.interval(name))
+        spreads = tuple(np.sqrt(squares[:, at]).tolist())
+        features.append(Feature(name, (Way(problem.settings.costs[name], *ends, (0.0,) * len(squares), spreads),)))
     relaxed = _relaxed(problem)
     left_out = f"; limits left out: {', '.join(relaxed)}" if relaxed else ""
     return Form(
         (TE, *STD),
-        features,
+        tuple(features),
         np.array([base, *(0.0 for _ in STD)]),
         squares[:, SIZE:].sum(axis=1),
         f"influence coefficients, precision weight {problem.fixed[PRECISION]:g}{left_out}",
@@ -79,15 +68,6 @@ def form_of(problem: RvTransmissionError) -> Form | None:
         settled={PRECISION: problem.fixed[PRECISION]},
         relaxed=relaxed,
     )
-
-
-def _range(problem: RvTransmissionError, name: str) -> tuple[float, float]:
-    """Range of a tolerance, limits on it included."""
-    low, high = problem.interval(name)
-    for limit in problem.limits:
-        if limit.name == name:
-            low, high = max(low, limit.low), min(high, limit.high)
-    return low, high
 
 
 def _relaxed(problem: RvTransmissionError) -> tuple[str, ...]:

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...declarations import Kind, Variable, number
 from ...errors import Fault, InputError
@@ -20,6 +19,7 @@ from ...models.assembly.response import response
 from ...models.assembly.transmission import Transmission
 from ...models.inputs import Normal
 from ...units import ARCSEC, MRAD
+from ..arrays import Array
 from ..declaration import Declaration, Interval
 from ..forms import Form
 from ..interfaces import Documented, Page, Provable, WithEffects
@@ -27,13 +27,12 @@ from ..settings import Bound, VariableSetting
 from ..tolerance_problem import ToleranceProblem
 from . import declared
 from .counterparts import departures_with, sentence, waves_of
-from .form import form_of
+from .form import STD, TE, form_of
 from .verify import errors_percent
 
-Array = NDArray[np.float64]
 SEARCH_SAMPLE = 2048
 """Units of the search; its force quantile is within about 1 % of the reported one."""
-TE, FORCE, EFFORT = "te_amplitude_arcsec", "peak_mesh_force_N", "adjustment_effort"
+FORCE, EFFORT = "peak_mesh_force_N", "adjustment_effort"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -141,7 +140,6 @@ class RvTransmissionError(ToleranceProblem, Provable, Documented, WithEffects, P
         covariance = residual.covariance
         te, force = self._te(covariance, searching), self._force(covariance, searching)
         std = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2)) / MRAD
-        names = [f"kc_{at}_{axis}_std_mrad" for at in range(1, 5) for axis in declared.AXES]
         return {
             "cost": self.cost_of(designs),
             EFFORT: residual.effort / MRAD**2,
@@ -149,7 +147,7 @@ class RvTransmissionError(ToleranceProblem, Provable, Documented, WithEffects, P
             FORCE: force,
             "te_error_percent": np.zeros(len(designs)),
             "force_error_percent": np.zeros(len(designs)),
-        } | dict(zip(names, std.T, strict=True))
+        } | dict(zip(STD, std.T, strict=True))
 
     def _verified(self, designs: Array, outputs: Mapping[str, Array]) -> dict[str, Array]:
         te, force = outputs[TE] * ARCSEC, outputs[FORCE]
@@ -170,16 +168,12 @@ class RvTransmissionError(ToleranceProblem, Provable, Documented, WithEffects, P
     def _force(self, covariance: Array, searching: bool) -> Array:
         """Quantile (n,) [N] of the peak mesh force."""
         loads = self.influence.force
-        wanted = FORCE in (*self.objectives, *(limit.name for limit in self.limits))
         count = self.settings.propagation.samples
         if searching:
-            count = min(count, SEARCH_SAMPLE if wanted else SEARCH_SAMPLE // 8)
-        sample = self._sample(count)
+            count = min(count, SEARCH_SAMPLE if FORCE in self.required_outputs else SEARCH_SAMPLE // 8)
+        sample = normals(count, len(self.influence.force), self.settings.seed)
         coverage = self.settings.propagation.coverage
         return sample_quantile(loads @ covariance @ loads.T, sample, self.influence.peak_of, coverage)
-
-    def _sample(self, count: int) -> Array:
-        return normals(count, len(self.influence.force), self.settings.seed)
 
     # ---------------------------------------------------------------- what is known
 
@@ -232,34 +226,28 @@ class RvTransmissionError(ToleranceProblem, Provable, Documented, WithEffects, P
         return form_of(self)
 
     def faults(self) -> list[Fault]:
-        process_faults = self._process_faults()
+        process_faults: list[Fault] = []
+        try:
+            assembly.process_of(self.settings.parameters, space_process)
+        except InputError as error:
+            process_faults += error.faults
         for variable in self.variables:
             if variable.kind is Kind.HALF_WIDTH and abs(self._moments(variable)[0]) > 1e-12:
                 text = "must be centred (mean 0): errors of angles have no preferred sign here"
                 process_faults.append(Fault(f"variables.{variable.name}.distribution", text))
         return process_faults or super().faults()
 
-    def _process_faults(self) -> list[Fault]:
-        try:
-            assembly.process_of(self.settings.parameters, space_process)
-        except InputError as error:
-            return list(error.faults)
-        return []
-
     def warnings(self) -> tuple[str, ...]:
         messages = []
-        if EFFORT not in (*self.objectives, *self.settings.limits) and any(
-            v.name == declared.PRECISION for v in self.free
-        ):
+        if EFFORT not in self.required_outputs and any(v.name == declared.PRECISION for v in self.free):
             messages.append(
-                "adjustment_effort is neither minimised nor limited: accuracy can always be bought "
-                "with adjustment; add it, or fix precision_weight"
+                "adjustment_effort is neither minimised nor limited: more adjustment always improves the accuracy; add "
+                "it, or fix precision_weight"
             )
-        if FORCE not in (*self.objectives, *self.settings.limits):
+        if FORCE not in self.required_outputs:
             messages.append(
-                "peak_mesh_force_N is neither minimised nor limited: the gears' angles about z "
-                "load one disc more than the other, but cause no transmission error, and open as "
-                "far as they may"
+                "peak_mesh_force_N is neither minimised nor limited: the gears' angles about z load the discs "
+                "unevenly, but cause no transmission error: their tolerances become as wide as their ranges allow"
             )
         most = declared.transmission({}).contact.momentary_torque
         if (torque := number(self.settings.parameters["torque_Nm"])) > most:

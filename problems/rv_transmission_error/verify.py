@@ -6,13 +6,12 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...models.assembly.coverage import normals
 from ...models.assembly.influence import Influence
 from ...models.assembly.transmission import Transmission, Turned
+from ..arrays import Array
 
-Array = NDArray[np.float64]
 SAMPLE = 2048
 """Units among which those nearest to the quantile are sought."""
 UNITS = 4

@@ -7,19 +7,18 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...declarations import Kind, Parameter, Value, Variable, completed, number
 from ...models.costs import CostCurve, Reciprocal
 from ...models.serial_arm import declared
 from ...models.serial_arm.cell import Cell
+from ..arrays import Array
 from ..pose_accuracy.grouping import RANGE
 from ..reducers.nested import Nested
 from ..robot import definition
 from ..robot.definition import Drive
 from ..robot.outputs import PARAMETERS as OF_ROBOTS
 
-Array = NDArray[np.float64]
 REFERENCE = {"um": 20.0, "mrad": 0.05}
 """Standard deviation of relative cost 1 of an error of a joint."""
 PAYLOAD = 5.0

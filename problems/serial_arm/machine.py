@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...declarations import number
 from ...models.robot.drives import WHOLE, Drives
@@ -16,10 +15,10 @@ from ...models.serial_arm.frames import Frames, frames
 from ...models.serial_arm.gravity import gravity_torques
 from ...models.serial_arm.inverse import Reached, over_cell
 from ...units import MRAD, UM
+from ..arrays import Array
 from ..robot.machine import Machine, Places
 from .definition import Definition
 
-Array = NDArray[np.float64]
 SCALES = np.array([MRAD if unit == "mrad" else UM for unit, _, _ in declared.ERRORS.values()])
 
 

@@ -14,7 +14,7 @@ from ...section import Section
 from ..declaration import ConfiguredProblem, Declaration
 from ..interfaces import Written
 from ..robot.definition import declaration_of
-from ..robot.outputs import millimetres, share_name
+from ..robot.outputs import millimetres, share_name, sketched
 from ..robot.problem import RobotProblem
 from ..settings import Settings
 from .definition import Definition
@@ -25,9 +25,7 @@ from .writing import definition_tables
 
 NAMED = 5
 """Most poses that are named; the others are counted."""
-
-
-OWN: dict[str, Any] = {"model": "serial_arm", "tables": ("joint", "base", "tool", "cell"), "reducers_in": "joint"}
+DECLARED: dict[str, Any] = {"model": "serial_arm", "tables": ("joint", "base", "tool", "cell"), "reducers_in": "joint"}
 
 
 class SerialArmAllocation(RobotProblem, Written):
@@ -37,7 +35,7 @@ class SerialArmAllocation(RobotProblem, Written):
     a joint, a reducer each: docs/serial_arm.md.
     """
 
-    declaration = Declaration(parameters=shipped_arm().parameters, **OWN)
+    declaration = Declaration(parameters=shipped_arm().parameters, **DECLARED)
     definition: Definition
 
     def __init__(self, settings: Settings | None = None) -> None:
@@ -69,24 +67,10 @@ class SerialArmAllocation(RobotProblem, Written):
         for at in range(len(chain.d)):
             knee = origin[at] + chain.d[at] * now.axes[middle, at]
             names = [share_name(name) for name in self.link_names if f"_{at + 1}_" in name]
-            parts.append(
-                {
-                    "name": f"link {at + 1}",
-                    "kind": "link",
-                    "shares": names,
-                    "points": millimetres([origin[at], knee, origin[at + 1]]),
-                }
-            )
+            parts.append(sketched(f"link {at + 1}", "link", [origin[at], knee, origin[at + 1]], names))
         for at in self.definition.gearings:
-            parts.append(
-                {
-                    "name": f"joint {at + 1}",
-                    "kind": "joint",
-                    "shares": [f"share_joint_{at + 1}_percent"],
-                    "points": millimetres([origin[at]]),
-                }
-            )
-        tool = {"name": "tool", "kind": "tool", "shares": [], "points": millimetres([origin[-1], now.tool[middle]])}
+            parts.append(sketched(f"joint {at + 1}", "joint", [origin[at]], [f"share_joint_{at + 1}_percent"]))
+        tool = sketched("tool", "tool", [origin[-1], now.tool[middle]])
         return {"parts": [*parts, tool], "poses": millimetres(list(now.tool))}
 
     # ---------------------------------------------------------------- faults and assumptions
@@ -105,13 +89,13 @@ class SerialArmAllocation(RobotProblem, Written):
         return self._at_poses(messages, "move or shrink the cell, or widen range_deg")
 
     def _singular(self) -> list[Fault]:
-        alike = singular(self.machine.chain, self.machine.frames)
-        messages = [(at, f"is singular: joints {text} move the tool alike") for at, text in enumerate(alike) if text]
+        joints = enumerate(singular(self.machine.chain, self.machine.frames))
+        reason = "is singular: joints {} move the tool in the same direction"
+        messages = [(at, reason.format(names)) for at, names in joints if names]
         return self._at_poses(messages, "move the cell, or give another posture (near_deg)")
 
     def _at_poses(self, messages: list[tuple[int, str]], remedy: str) -> list[Fault]:
-        cell = self.definition.cell
-        tool = self.machine.frames.tool
+        cell, tool = self.definition.cell, self.machine.frames.tool
         faults = []
         for at, text in messages[:NAMED]:
             key = "joints_deg" if cell.in_joints else "poses"
@@ -119,9 +103,8 @@ class SerialArmAllocation(RobotProblem, Written):
             at_mm = np.round(1e3 * self._commanded(at, tool), 6) + 0.0  # no -0
             where = ", ".join(f"{coordinate:.4g}" for coordinate in at_mm)
             faults.append(Fault(place, f"pose {at + 1} ({where} mm) {text}; {remedy}"))
-        if len(messages) > NAMED:
-            more = len(messages) - NAMED
-            faults.append(Fault("cell", f"{more} more poses of {len(tool)} are like these"))
+        if (more := len(messages) - NAMED) > 0:
+            faults.append(Fault("cell", f"{more} more poses of {len(tool)} have such faults"))
         return faults
 
     def _commanded(self, at: int, tool: np.ndarray) -> np.ndarray:
@@ -136,8 +119,8 @@ class SerialArmAllocation(RobotProblem, Written):
         return [
             Fault(
                 f"joint[{at}].mass_kg",
-                "is missing: gravity holds flanks by the masses of "
-                'the links; write 0 where there is none, or set parameters.flanks = "free"',
+                "is missing: gravity holds flanks by the masses of the links; write 0 where there is none, or set "
+                'parameters.flanks = "free"',
             )
             for at in lacking
         ]
@@ -147,11 +130,11 @@ class SerialArmAllocation(RobotProblem, Written):
         assumed = [Assumption("joint", definition.shipped, "", "no table is given")] if definition.shipped else []
         if not cell.listed:
             shown = f"{cell.kind} of {1e3 * cell.side:g} mm"
-            assumed.append(Assumption("cell", shown, "", "poses that the means are over"))
+            assumed.append(Assumption("cell", shown, "", "poses over which means are taken"))
         for key, gearing in zip((d.key for d in definition.drives), definition.gearings.values(), strict=True):
             for name in ("cost_factor", "backlash_factor"):
                 if (value := getattr(gearing, name)) != 1.0:
-                    reason = f"of the reducer of joint {key}, against the one it is priced by"
+                    reason = f"factor of the reducer of joint {key} over the reducer that its price is of"
                     assumed.append(
                         Assumption(f"joint[{int(key) - 1}].reducer.{name}", value, "", reason, "configuration")
                     )
@@ -165,4 +148,4 @@ def default_definition(parameters: Mapping[str, Value]) -> Definition:
 
 
 def _declared(definition: Definition) -> Declaration:
-    return declaration_of(definition, parameters=definition.parameters, **OWN)
+    return declaration_of(definition, parameters=definition.parameters, **DECLARED)

@@ -28,7 +28,7 @@ def read_definition(top: Section) -> Definition | None:
     """The arm of a configuration, the shipped one where it has no `[[joint]]`; None if faulty."""
     flags = top.section("parameters")
     nested, per_drive = flags.take("nested") is not False, flags.take("per_drive") is not False
-    faults = _Faults(top)
+    before = len(top.faults)
     table = read_chain(top)
     rows = top.tables("joint") if "joint" in top else []
     usual = shipped_arm()
@@ -40,26 +40,13 @@ def read_definition(top: Section) -> Definition | None:
             if joint.gearing is not None and not joint.gearing.reducer.proven:
                 top.item("joint", at).fault(
                     "reducer",
-                    "nested = false needs a reducer with tolerances of its own: name a configuration of rv_backlash",
+                    "nested = false needs a reducer whose tolerances are known: name a configuration of rv_backlash",
                 )
-    if faults.new or cell is None:
+    if len(top.faults) > before or cell is None:
         return None
     if not rows:
-        whole_table = {**usual.table, **table}
-        return Definition(whole_table, usual.joints, cell, nested, per_drive, usual.shipped)
+        return Definition({**usual.table, **table}, usual.joints, cell, nested, per_drive, usual.shipped)
     return Definition(table, joints, cell, nested, per_drive)
-
-
-class _Faults:
-    """Whether faults have been added since this was made."""
-
-    def __init__(self, top: Section) -> None:
-        self._faults = top.faults
-        self._before = len(self._faults)
-
-    @property
-    def new(self) -> bool:
-        return len(self._faults) > self._before
 
 
 def _joint(section: Section) -> Joint:
@@ -84,7 +71,7 @@ def _ends(section: Section) -> tuple[float, float]:
     if given is None:
         return Joint.low, Joint.high
     if len(given) != 2 or not given[0] < given[1]:
-        section.fault("range_deg", f"must be [lowest, highest] reading, got {list(given)}")
+        section.fault("range_deg", f"must be [lowest, highest] angle, got {list(given)}")
         return Joint.low, Joint.high
     return given[0] * DEG, given[1] * DEG
 
@@ -157,8 +144,7 @@ def _is_listed(section: Section) -> bool:
 def _cube(section: Section, known: Cell, more: dict[str, Any]) -> Cell:
     kind = section.text("poses") or known.kind
     if kind not in KINDS and "." not in kind:  # faults of a file are reported already
-        known_kinds = ", ".join(KINDS)
-        section.fault("poses", f'must be one of {known_kinds}, a table or a list, got "{kind}"')
+        section.fault("poses", f'must be one of {", ".join(KINDS)}, a table or a list, got "{kind}"')
     centre = _triple(section, "centre_mm", MM) or known.centre
     side = section.number("side_mm", "mm", POSITIVE)
     per_edge = section.integer("per_edge", Range(low=1, high=MOST_PER_EDGE)) or known.per_edge
@@ -176,7 +162,7 @@ def _listed(section: Section, joints: int, more: dict[str, Any]) -> Cell:
     for stray in ("centre_mm", "side_mm", "per_edge", *(("poses",) if in_joints else ())):
         if stray in section:
             section.take(stray)
-            section.fault(stray, f"does not go with a list of poses ({key})")
+            section.fault(stray, f"cannot be combined with a list of poses ({key}): leave it out")
     rows = section.take(key)
     widths = (joints,) if in_joints else (3, 6)
     if not isinstance(rows, list) or not rows:
@@ -192,8 +178,7 @@ def _listed(section: Section, joints: int, more: dict[str, Any]) -> Cell:
 
 def _row(section: Section, key: str, row: Any, widths: tuple[int, ...]) -> list[float]:
     if not isinstance(row, list) or len(row) not in widths:
-        wanted = " or ".join(str(width) for width in widths)
-        section.fault(key, f"must be a list of {wanted} numbers, got {row}")
+        section.fault(key, f"must be a list of {' or '.join(map(str, widths))} numbers, got {row}")
         return []
     numbers = [section.as_number(key, value, "") for value in row]
     return [value for value in numbers if value is not None] if None not in numbers else []

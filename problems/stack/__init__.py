@@ -1,7 +1,5 @@
 """Any mechanism that is written in its configuration."""
 
-from __future__ import annotations
-
 from .definition import Correlation, Definition, Part, Process, Requirement
 from .problem import Stack
 

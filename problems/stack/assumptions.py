@@ -1,4 +1,4 @@
-"""What a stack takes for granted because its configuration does not say it."""
+"""Assumptions of a stack about what its configuration does not state."""
 
 from __future__ import annotations
 
@@ -13,23 +13,17 @@ UNMEASURED = "no part is measured: its scatter counts as known, and as normal wh
 
 def assumptions_of(definition: Definition) -> tuple[Assumption, ...]:
     """Distributions and units that no table names, unverified grades, a summed nominal."""
-    assumptions = []
+    assumptions, process = [], process_assumption(definition.promise)
     for part in definition.parts:
         values = {"distribution": type(part.distribution).__name__, "unit": part.unit}
         if part.sample is not None:
             known = part.sample.statement(part.unit)
-            assumptions.append(
-                Assumption(f"part.{part.name}.measured", known, "", process_assumption(definition.promise))
-            )
-        elif not part.sampled and process_assumption(definition.promise) == SAMPLED:
-            assumptions.append(
-                Assumption(f"part.{part.name}.process", type(part.distribution).__name__, "", UNMEASURED)
-            )
+            assumptions.append(Assumption(f"part.{part.name}.measured", known, "", process))
+        elif not part.sampled and process == SAMPLED:
+            assumptions.append(Assumption(f"part.{part.name}.process", values["distribution"], "", UNMEASURED))
         for machine, sample in samples_of(part.machines):
             place = f"part.{part.name}.machine.{machine}.measured"
-            assumptions.append(
-                Assumption(place, sample.statement(part.unit), "", process_assumption(definition.promise))
-            )
+            assumptions.append(Assumption(place, sample.statement(part.unit), "", process))
         for key, why in part.assumed.items():
             value = values.get(key) or str(part.stated.get(key, ""))
             assumptions.append(Assumption(f"part.{part.name}.{key}", value, "", why))

@@ -6,15 +6,13 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...errors import Fault
 from ...models.stack import Mechanism
+from ..arrays import Array
 from .definition import Correlation, Part, Requirement
 from .formulas import with_formula
 from .sensitivities import needless
-
-Array = NDArray[np.float64]
 
 
 def mechanisms_of(
@@ -61,14 +59,8 @@ def _matrix(parts: Sequence[Part], correlations: Sequence[Correlation], faults: 
         matrix[i, j] = matrix[j, i] = correlation.coefficient
     least = float(np.linalg.eigvalsh(matrix)[0])
     if least < -1e-10:
-        faults.append(
-            Fault(
-                "correlation",
-                "the matrix is not positive semidefinite (its smallest "
-                f"eigenvalue is {least:.4g}): no parts can vary like this; make the "
-                "coefficients smaller",
-            )
-        )
+        text = f"the matrix is not positive semidefinite (its smallest eigenvalue is {least:.4g}): "
+        faults.append(Fault("correlation", f"{text}no parts can vary like this; make the coefficients smaller"))
         return None
     return matrix
 
@@ -94,6 +86,4 @@ def _with_sensitivities(
 
 def nominal_sum(requirement: Requirement, parts: Sequence[Part]) -> float:
     """The requirement of a loop of dimensions: sum of sensitivity times nominal."""
-    slopes = [part.sensitivities.get(requirement.key, 0.0) for part in parts]
-    pairs = zip(slopes, parts, strict=True)
-    return float(sum(slope * (p.nominal or 0.0) * p.count for slope, p in pairs))
+    return float(sum(p.sensitivities.get(requirement.key, 0.0) * (p.nominal or 0.0) * p.count for p in parts))

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-from numpy.typing import NDArray
-
 from ...models.stack import Law
+from ..arrays import Array
 from .joint import joint_variations
 
 if TYPE_CHECKING:
     from .problem import Stack
 
-Array = NDArray[np.float64]
 STEP = 1e-6
 """Relative step of a limit."""
 

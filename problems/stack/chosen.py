@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.special import ndtri
 
 from ...models.capability import Aim, Level, Processes, Ways, calibrated
 from ..promise import ASSURED, Promise
@@ -14,7 +12,6 @@ from .definition import Part
 from .measured import Measured
 from .parts_as_made import spread_and_mean
 
-Array = NDArray[np.float64]
 POINTS = 6
 """Tolerances that represent a range in the choices that are tested."""
 NEVER = 1.0 - 1e-12
@@ -25,7 +22,7 @@ def level_of(requirements: Sequence[Measured], promise: Promise, seed: int) -> L
     """The level of the norm; None where no sampled process is chosen among others, or no assurance
     is asked for. A stated level is taken as it is.
     """
-    parts, bounded = (requirements[0].parts, [measured for measured in requirements if measured.mechanism.bounded])
+    parts, bounded = requirements[0].parts, [measured for measured in requirements if measured.mechanism.bounded]
     if promise.statement != ASSURED or not bounded or not chosen_by_sample(parts):
         return None
     if promise.level_percent is not None:
@@ -63,8 +60,8 @@ def _aim(bounded: Sequence[Measured], promise: Promise) -> Aim:
     ends = np.array([[measured.mechanism.lower, measured.mechanism.upper] for measured in bounded])
     ends -= np.array([[measured.mechanism.centre] for measured in bounded])
     both = np.all(np.isfinite(ends), axis=1)
-    quantile = ndtri(np.where(both, 0.5 * (1.0 + promise.share), promise.share))
-    return Aim(promise.share, promise.confidence, ends, quantile)
+    quantile = np.array([promise.quantile(two_sided) for two_sided in both.tolist()])
+    return Aim(promise.fraction, promise.confidence, ends, quantile)
 
 
 def _ways(part: Part, at: int, bounded: Sequence[Measured], owners: Sequence[tuple[int, str]]) -> Ways:

@@ -6,11 +6,11 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...models.costs import Reciprocal
+from ..arrays import Array, Flags
 from ..forms import Feature, Form, Way
-from ..limits import Limit
+from ..limits import Limit, narrowed
 from .definition import Part
 from .machine_ways import limits_alone, machine_ways
 from .parts_as_made import limits_of
@@ -19,7 +19,6 @@ from .rows import YIELD, Row, quantile_of, rows_of, surplus_of
 if TYPE_CHECKING:
     from .problem import Stack
 
-Array = NDArray[np.float64]
 FREE = Reciprocal(a=0.0, b=0.0)
 """Cost of a part that has none."""
 
@@ -120,24 +119,22 @@ def _correlation(stack: Stack) -> Array:
     return np.asarray(correlation)
 
 
-def _settled(stack: Stack) -> NDArray[np.bool_]:
-    """Fixed parts that vary independently of all others, or not at all."""
+def _settled(stack: Stack) -> Flags:
+    """Whether a part is fixed and varies independently of all others, or not at all (parts,)."""
     alone = np.count_nonzero(_correlation(stack), axis=1) <= 1
     fixed = np.array([part.fixed for part in stack.definition.parts])
     none = np.array([part.high <= 0.0 for part in stack.definition.parts])
     return np.asarray(fixed & (alone | none))
 
 
-def _square(spread: Array, t: Array, correlation: Array, settled: NDArray[np.bool_]) -> float:
+def _square(spread: Array, t: Array, correlation: Array, settled: Flags) -> float:
     along = (spread * t)[settled]
     return float(along @ correlation[np.ix_(settled, settled)] @ along)
 
 
 def range_of(stack: Stack, part: Part) -> tuple[float, float]:
     """The range of a part's tolerance within the limits on it."""
-    limits = [limit for limit in stack.limits if limit.name == f"{part.name}_t"]
-    low = max((limit.low for limit in limits), default=-np.inf)
-    return low, min((limit.high for limit in limits), default=np.inf)
+    return narrowed(stack.limits, f"{part.name}_t")
 
 
 def _feature(part: Part, rows: list[Row], at: int, ends: tuple[float, float]) -> tuple[Feature, bool]:
@@ -175,14 +172,14 @@ def _statement(stack: Stack, rows: list[Row], left_out: tuple[str, ...]) -> str:
     more = f"; limits left out: {', '.join(left_out)}" if left_out else ""
     outputs = [row.output for row in rows if row.most < np.inf and not row.promised]
     for name in dict.fromkeys(name for name in outputs if outputs.count(name) > 1):
-        more += f"; each limit of {name} kept at the whole yield, a bound of both"
+        more += f"; each limit of {name} kept at the whole yield, which bounds both together"
     for measured in stack.measured:
         if measured.name(YIELD) in left_out and isinstance(measured.law, str):
             more += f" ({measured.law})"
     if stack.promises is not None and any(row.promised for row in rows):
         more += f"; promised: {stack.promises.promise.words()}, by normal processes as measured"
     if any(part.by_machine for part in stack.definition.parts):
-        more += "; good parts of an inspected machine are normal with their own mean and scatter"
+        more += "; good parts of an inspected machine are normal with the mean and scatter of that machine"
     if not stack.definition.requirement.key:
         return f"least cost of the linearised stack, variation = {words[rows[0].method]}{more}"
     methods = ", ".join(f"{row.output} by {row.method}" for row in rows)

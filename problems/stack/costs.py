@@ -6,12 +6,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...models.costs.joint import Joint
+from ..arrays import Array, Integers
 from .definition import Part
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,7 +18,7 @@ class PartCosts:
 
     parts: tuple[Part, ...]
 
-    def by_part(self, t: Array, chosen: NDArray[np.int64], slope: bool = False) -> Array:
+    def by_part(self, t: Array, chosen: Integers, slope: bool = False) -> Array:
         """Cost, or its slope, of every part (n, parts) by the processes chosen (n, parts)."""
         if self._joint is not None and not slope:
             with np.errstate(divide="ignore"):

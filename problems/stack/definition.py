@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...models.capability import Knowledge, PartSample
 from ...models.costs import CostCurve
@@ -15,6 +14,7 @@ from ...models.inputs import Distribution
 from ...models.machines import Machine
 from ...models.machines.offers import Offer
 from ...models.stack import Mechanism
+from ..arrays import Array
 from ..promise import Promise
 
 METHODS = ("worst_case", "rss", "shifted_rss", "monte_carlo")
@@ -43,6 +43,11 @@ class Requirement:
     place: str = "requirement"
     description: str = ""
     drawing: str = ""
+
+    @property
+    def bounded(self) -> bool:
+        """Whether it has limits."""
+        return self.lower is not None or self.upper is not None
 
     def output(self, name: str) -> str:
         """The name of one of its outputs: `rss`, or `gap.rss` where there are several."""
@@ -118,7 +123,7 @@ class Part:
 
     @property
     def by_machine(self) -> bool:
-        """Whether some processes have a scatter of their own."""
+        """Whether some processes are by machines of known scatter."""
         return bool(self.machines)
 
     @property
@@ -132,9 +137,9 @@ class Part:
         return max(process.high for process in self.processes)
 
     @property
-    def ends(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def ends(self) -> tuple[Array, Array]:
         """Tightest and loosest half-width of each process."""
-        return (np.array([p.low for p in self.processes]), np.array([p.high for p in self.processes]))
+        return np.array([p.low for p in self.processes]), np.array([p.high for p in self.processes])
 
     @property
     def free_of_charge(self) -> bool:

@@ -46,8 +46,8 @@ def unit_faults(requirements: Sequence[Requirement], objectives: Sequence[str], 
     return [
         Fault(
             place,
-            f"{name} is over requirements of different units ({units}): name one of them, "
-            f"like {requirements[0].key}.{name}, or give all the same unit",
+            f"{name} is over requirements of different units ({units}): name a single requirement, like "
+            f"{requirements[0].key}.{name}, or give all of them the same unit",
         )
         for place, name in places
     ]
@@ -66,15 +66,11 @@ def yield_faults(stack: Stack) -> list[Fault]:
     for measured in stack.measured:
         if measured.name("yield_percent") in stack.required_outputs and not measured.mechanism.bounded:
             place = measured.requirement.place
-            text = f"needs {place}.lower, {place}.upper or both: without them there is none"
+            text = f"needs {place}.lower, {place}.upper or both: without them there is no yield"
             faults.append(Fault(f"limits.{measured.name('yield_percent')}", text))
-    several = bool(stack.definition.requirement.key)
-    if (
-        several
-        and "yield_percent" in stack.required_outputs
-        and not any(measured.mechanism.bounded for measured in stack.measured)
-    ):
-        text = "needs lower or upper of a [[requirement]]: without them there is none"
+    bounded = any(measured.mechanism.bounded for measured in stack.measured)
+    if stack.definition.requirement.key and "yield_percent" in stack.required_outputs and not bounded:
+        text = "needs lower or upper of a [[requirement]]: without them there is no yield"
         faults.append(Fault("limits.yield_percent", text))
     return faults
 
@@ -91,14 +87,13 @@ def with_nominal(stack: Stack, unreachable: Sequence[Fault]) -> list[Fault]:
     return [*faults, *(fault for fault in unreachable if fault.place not in covered)]
 
 
-def _off_limits(measured: Measured, share: float) -> str:
+def _off_limits(measured: Measured, percent: float) -> str:
     mechanism, unit = measured.mechanism, measured.requirement.unit
     above = mechanism.centre > mechanism.upper
     limit = f"above upper = {mechanism.upper:g}" if above else f"below lower = {mechanism.lower:g}"
     return (
-        f"is {mechanism.centre:g} {unit} at the nominal values, {limit}: whatever the "
-        f"tolerances, fewer than half of the units conform, and {share:g} % are asked for; "
-        "move the nominal values or the limits"
+        f"is {mechanism.centre:g} {unit} at the nominal values, {limit}: whatever the tolerances, fewer than half of "
+        f"the units conform, but {percent:g} % are required; move the nominal values or the limits"
     )
 
 
@@ -112,10 +107,7 @@ def domain_faults(stack: Stack) -> list[Fault]:
         coverage = stack.settings.propagation.coverage
         width = half_width(measured.mechanism, ends, stack.yields.searching, coverage)
         if not np.isfinite(width[0]):
-            text = (
-                "the formula has no value for some units of the sample even at the tightest "
-                "tolerances; tighten the ranges"
-            )
+            text = "the formula has no value for some units even at the tightest tolerances; tighten the ranges"
             faults.append(Fault(f"{measured.requirement.place}.formula", text))
     return faults
 
@@ -140,9 +132,9 @@ def range_faults(stack: Stack) -> list[Fault]:
             names = [f"{name}_t" for at, name in enumerate(limits) if moved[at] > low[at]]
             text = (
                 f"at most {limit.high:.6g} {limit.unit} contradicts the least tolerance that "
-                f"limits.{', limits.'.join(names)} ask for: with it the least {limit.name} is "
-                f"{variations[limit.name][0]:.6g}, without it {least[limit.name][0]:.6g}; "
-                "raise the one or lower the other"
+                f"limits.{', limits.'.join(names)} require: with it the least {limit.name} is "
+                f"{variations[limit.name][0]:.6g}, without it {least[limit.name][0]:.6g}; raise this limit or lower "
+                "that on the tolerance"
             )
             faults.append(Fault(f"limits.{limit.name}", text))
     return faults

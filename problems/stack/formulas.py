@@ -7,15 +7,14 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...errors import Fault, nearest
 from ...models.expressions import FUNCTIONS, Formula, FormulaError
 from ...models.stack import Mechanism, box, least_margin
 from ...units import family, to_unit
+from ..arrays import Array
 from .definition import Part, Requirement
 
-Array = NDArray[np.float64]
 NEGLIGIBLE = 1e-12
 """A part that adds less than this fraction of the worst case does not matter."""
 
@@ -78,19 +77,18 @@ def _name_faults(formula: Formula, parts: Sequence[Part], requirement: Requireme
     faults, place = [], f"{requirement.place}.formula"
     for name, column in formula.names.items():
         if name in whole:
-            listed = ", ".join(whole[name].pieces)
-            text = f"{name} is built in {whole[name].count} times: write {listed}"
+            text = f"{name} is built in {whole[name].count} times: write {', '.join(whole[name].pieces)}"
             faults.append(Fault(place, f"column {column}: {text}"))
         elif name not in pieces:
             close = nearest(name, [*pieces, *FUNCTIONS])
             faults.append(Fault(place, f'column {column}: "{name}" is not a part{close}'))
     if requirement.key and not formula.names:
-        faults.append(Fault(place, "has no parts: a requirement depends on one at least"))
+        faults.append(Fault(place, "has no parts: a requirement depends on at least one part"))
     for at, part in enumerate(parts if not requirement.key else ()):
         unused = [piece for piece in part.pieces if piece not in formula.names]
         if unused and part.name not in formula.names:
-            text = f"{', '.join(unused)} does not appear in the formula: the requirement does not "
-            faults.append(Fault(f"part[{at}].name", f"{text}depend on it (part {part.name})"))
+            text = f"{', '.join(unused)} does not appear in the formula: the requirement does not depend on it"
+            faults.append(Fault(f"part[{at}].name", f"{text} (part {part.name})"))
     return faults
 
 
@@ -101,11 +99,9 @@ def _units(requirement: Requirement, parts: Sequence[Part]) -> tuple[float, Arra
     is a length, else in that of the first part that is one; other quantities like lengths.
     """
     kind, factor = family(requirement.unit)
-    coherent = {"radian": 1.0, "": 1.0}
-    base = dict(coherent)
-    base.setdefault(kind, factor)
-    for part in parts:
-        base.setdefault(*family(part.unit))
+    base = {"radian": 1.0, "": 1.0}
+    for unit in (requirement.unit, *(part.unit for part in parts)):
+        base.setdefault(*family(unit))
     scale = [family(part.unit)[1] / base[family(part.unit)[0]] for part in parts]
     return base[kind] / factor, np.array(scale)
 
@@ -152,11 +148,11 @@ def _slope_faults(mechanism: Mechanism, parts: Sequence[Part], requirement: Requ
         if name not in names:
             continue
         if not np.isfinite(slopes[i]):
-            text = f"has no finite derivative with respect to {name} at the mid-limits: the linear "
-            faults.append(Fault(place, f"{text}model does not exist"))
+            text = f"has no finite derivative with respect to {name} at the mid-limits: there is no linear model"
+            faults.append(Fault(place, text))
         elif effect[i] <= NEGLIGIBLE * np.nansum(effect):
-            text = f"the sensitivity of the requirement to {name} is 0 at the mid-limits: no "
-            text += f"tolerance of it matters (part {parts[at].name})"
+            text = f"the sensitivity of the requirement to {name} is 0 at the mid-limits: no tolerance of it matters "
+            text += f"(part {parts[at].name})"
             faults.append(Fault(place if requirement.key else f"part[{at}].name", text))
     return faults
 
@@ -169,9 +165,8 @@ def _nominal_faults(requirement: Requirement, computed: float) -> list[Fault]:
     allowed = min(rounding, 1e-3 * abs(computed)) * 1.001 + 1e-12 * abs(computed)
     if abs(requirement.nominal - computed) <= allowed:
         return []
-    text = f"is stated as {requirement.nominal:.10g}, but the formula gives {computed:.10g}"
-    unit = f" {requirement.unit}".rstrip()
-    text = f"{text}{unit} at the nominals; correct one of them"
+    given = f"{computed:.10g} {requirement.unit}".rstrip()
+    text = f"is stated as {requirement.nominal:.10g}, but the formula gives {given} at the nominals; correct either"
     return [Fault(f"{requirement.place}.nominal", text)]
 
 

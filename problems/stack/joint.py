@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from .definition import Requirement
 from .measured import Interval, Measured
 
-Array = NDArray[np.float64]
 VARIATIONS = ("variation", "worst_case", "rss")
 """Outputs of which the largest is taken, each times the weight of its requirement."""
 

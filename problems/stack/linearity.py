@@ -1,17 +1,14 @@
-"""Linear against nonlinear spread: whether the root sum square keeps what it promises."""
+"""Linear against nonlinear spread: whether the root sum square is exceeded as rarely as stated."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtr
 
 from ...models.stack import Linear, Mechanism, Sample, Tolerances, yield_percent
 from ...models.stack.linear import SIGMAS
 
-Array = NDArray[np.float64]
 LEAST = 0.01
 """Percentage points below which a difference does not matter."""
 RELATIVE = 0.2
@@ -43,7 +40,7 @@ def linearity_warnings(
         actual, doubt = 100.0 - float(within[0]), float(error[0])
         if abs(actual - promised) > max(LEAST, ERRORS * doubt, RELATIVE * promised):
             sentences.append(
-                f"outside {name} it promises {promised:.2g} %, the formula itself gives "
-                f"{actual:.3g} % (standard error {doubt:.1g} %)"
+                f"outside {name} it promises {promised:.2g} %, but the formula itself gives {actual:.3g} % (standard "
+                f"error {doubt:.1g} %)"
             )
     return (f"the linear model misleads {where}: {'; '.join(sentences)}",) if sentences else ()

@@ -12,16 +12,15 @@ from __future__ import annotations
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...models.costs import Reciprocal
 from ...models.machines import GoodPartsBySpread, convex_cost
+from ..arrays import Array
 from ..forms import Way
 from .definition import Part, Process
 from .parts_as_made import by_spread, spread_and_mean
 from .rows import Row
 
-Array = NDArray[np.float64]
 CELLS = 6
 """Pieces of the range of a spread, where something is replaced by lines below it."""
 TRIED = 33

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...models.stack import (
     Law,
@@ -22,9 +21,9 @@ from ...models.stack import (
     spread_of,
 )
 from ...models.stack.linear import SIGMAS
+from ..arrays import Array
 from .definition import Definition, Part, Requirement
 
-Array = NDArray[np.float64]
 Interval = tuple[float, float]
 STEP = 1e-6
 """Relative step of a tolerance for the slope of a domain margin, which is nearly linear."""
@@ -103,7 +102,7 @@ class Measured:
 
         The derivative of a sampled yield, a step function, is the normal linear model's.
         """
-        worst, rss = (np.broadcast_to(self.linear.worst, spread_of(t).shape), self.linear.rss_slopes(t))
+        worst, rss = np.broadcast_to(self.linear.worst, spread_of(t).shape), self.linear.rss_slopes(t)
         by_output = {"worst_case": worst, "rss": rss}
         method, law = self.requirement.method, self.law
         if method != "monte_carlo":
@@ -133,9 +132,8 @@ class Measured:
 
     def _ends(self, n: int) -> tuple[Array, Array]:
         """Limits (n,) from the value at the mid-limits."""
-        lower, upper = self.mechanism.lower, self.mechanism.upper
-        centre = self.mechanism.centre
-        return np.full(n, lower - centre), np.full(n, upper - centre)
+        mechanism = self.mechanism
+        return np.full(n, mechanism.lower - mechanism.centre), np.full(n, mechanism.upper - mechanism.centre)
 
     def linear_yield(self, t: Tolerances) -> Array:
         """Yield [%] (n,) of the linear model, as if the requirement were normal."""
@@ -148,16 +146,10 @@ class Measured:
         worst = float(self.linear.worst_case(low)[0]), float(self.linear.worst_case(high)[0])
         rss = self._rss_interval(spread_of(low)[0], spread_of(high)[0])
         shift = self._shift(low), self._shift(high)
-        by_output = {
-            "worst_case": worst,
-            "rss": rss,
-            "yield_percent": (0.0, self._most_yield(low)),
-            "shifted_rss": (rss[0] + shift[0], rss[1] + shift[1]),
-        }
-        method = self.requirement.method
-        if method in by_output:
-            by_output["variation"] = by_output[method]
-        del by_output["shifted_rss"]
+        by_output = {"worst_case": worst, "rss": rss, "yield_percent": (0.0, self._most_yield(low))}
+        by_method = by_output | {"shifted_rss": (rss[0] + shift[0], rss[1] + shift[1])}
+        if self.requirement.method in by_method:
+            by_output["variation"] = by_method[self.requirement.method]
         return {self.name(name): ends for name, ends in by_output.items()}
 
     @property
@@ -171,9 +163,8 @@ class Measured:
     @property
     def _still(self) -> bool:
         """Whether deviations are even and unimodal about a mean that no tolerance moves."""
-        made = any(part.by_machine or part.alternatives for part in self.parts)
         return (
-            not made
+            not any(part.by_machine or part.alternatives for part in self.parts)
             and isinstance(self.law, Law)
             and not np.any(self.law.mean)
             and not np.any(self.linear.covariance < 0.0)
@@ -194,8 +185,7 @@ class Measured:
 
     def _shift(self, t: Tolerances) -> float:
         """Mean shifts in the worst direction of one design (1, parts)."""
-        shift = spread_of(t)[0] @ self.linear.shift + np.abs(mean_of(t)[0]) @ self.linear.worst
-        return float(shift)
+        return float(spread_of(t)[0] @ self.linear.shift + np.abs(mean_of(t)[0]) @ self.linear.worst)
 
     def _rss_interval(self, low: Array, high: Array) -> Interval:
         """Bounds of the root sum square; exact unless contributions compensate each other."""

@@ -109,7 +109,7 @@ def _of_requirement(requirement: Requirement, measured: Measured | None, parts: 
         Output(
             qualified(f"contribution_{parts[at].name}_percent"),
             "percent",
-            f"share of part {parts[at].name} in the {of_what}",
+            f"fraction of the {of_what} due to part {parts[at].name}",
         )
         for at in shown
     ]

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 from ...counts import is_forced
 from ...errors import Fault
 from ...models.capability import PartSample, read_sample
 from ...models.expressions import CONSTANTS, FUNCTIONS
-from ...models.inputs import Distribution, Normal
+from ...models.inputs import Normal
 from ...models.inputs.reading import read_distribution
 from ...models.iso286 import SYMBOLS
 from ...section import Range, Section
 from ...units import family
-from .definition import Part, Requirement
+from .definition import Part, Process, Requirement
 from .fits import read_fits
 from .sensitivities import read_sensitivities
 from .zones import KEYS, Tolerance, read_tolerance
@@ -48,6 +48,14 @@ def read_parts(top: Section, requirements: Sequence[Requirement], faults: list[F
     return parts
 
 
+def stand_in(table: Mapping[str, Any], at: int) -> Part:
+    """A part with the names of a faulty one, so that the other tables can be checked."""
+    name, processes = table.get("name"), (Process(0.0, 1.0),) * 2
+    return Part(
+        name if isinstance(name, str) else f"part_{at}", "", processes, Normal(), alternatives="process" in table
+    )
+
+
 def _too_many(parts: Sequence[Part]) -> list[Fault]:
     """More pieces in all than a sample can be drawn of."""
     pieces, most = sum(part.count for part in parts), SOBOL if is_forced() else ALL
@@ -78,8 +86,7 @@ def _read(section: Section, length_unit: str, requirements: Sequence[Requirement
     if name is None or zone is None or distribution is None:
         return None
     if distribution.one_sided and (conflicting := [key for key in ("limits", "fit") if key in section]):
-        text = f"a radius lies between 0 and its tolerance: leave out {', '.join(conflicting)}"
-        section.fault("distribution", text)
+        section.fault("distribution", f"a radius lies between 0 and its tolerance: leave out {', '.join(conflicting)}")
         return None
     if zone.machines and not (isinstance(distribution, Normal) and distribution.shift == 0.0):
         section.fault(
@@ -95,36 +102,6 @@ def _read(section: Section, length_unit: str, requirements: Sequence[Requirement
         assumed |= sample.assumed
     elif "distribution" not in section and not zone.machines:
         assumed["distribution"] = "normal; the configuration names none"
-    part = _part(name, unit, distribution, zone, nominal, count, sensitivities, assumed)
-    return replace(part, geometry=labels[0], drawing=labels[1], characteristic=labels[2], sample=sample)
-
-
-def _sample(section: Section, unit: str, nominal: float | None, zone: Tolerance) -> PartSample | None:
-    """The sample of measured parts, None and faults where it does not apply."""
-    stated = [key for key in ("distribution", "cp", "cpk", "shift") if key in section]
-    for key in stated:
-        section.fault(key, "is stated in addition to [part.measured], from which it follows: keep one")
-    if zone.machines or len(zone.processes) != 1:
-        section.fault(
-            "measured", "is of one process: a part with several takes its scatter from its machines or distribution"
-        )
-        return None
-    (process,) = zone.processes
-    nominal = zone.nominal if nominal is None else nominal
-    sample = read_sample(section, unit, nominal, zone.mid, process.high if zone.fixed else None)
-    return None if stated else sample
-
-
-def _part(
-    name: str,
-    unit: str,
-    distribution: Distribution,
-    zone: Tolerance,
-    nominal: float | None,
-    count: int | None,
-    sensitivities: dict[str, float],
-    assumed: dict[str, str],
-) -> Part:
     return Part(
         name=name,
         unit=unit,
@@ -139,12 +116,31 @@ def _part(
         stated=zone.stated,
         assumed=assumed | zone.assumed,
         machines=zone.machines,
+        sample=sample,
+        **labels,
     )
 
 
-def _labels(section: Section) -> tuple[str, str, str]:
+def _sample(section: Section, unit: str, nominal: float | None, zone: Tolerance) -> PartSample | None:
+    """The sample of measured parts, None and faults where it does not apply."""
+    stated = [key for key in ("distribution", "cp", "cpk", "shift") if key in section]
+    for key in stated:
+        section.fault(key, "is stated in addition to [part.measured], from which it follows: keep only one of the two")
+    if zone.machines or len(zone.processes) != 1:
+        section.fault(
+            "measured", "is of a single process: a part with several needs the scatter of machines, or a distribution"
+        )
+        return None
+    (process,) = zone.processes
+    nominal = zone.nominal if nominal is None else nominal
+    sample = read_sample(section, unit, nominal, zone.mid, process.high if zone.fixed else None)
+    return None if stated else sample
+
+
+def _labels(section: Section) -> dict[str, str]:
     """Geometrical characteristic, number of the drawing, number of the characteristic on it."""
-    return (section.text("geometry", SYMBOLS) or "", _number(section, "drawing"), _number(section, "characteristic"))
+    numbers = {key: _number(section, key) for key in ("drawing", "characteristic")}
+    return {"geometry": section.text("geometry", SYMBOLS) or "", **numbers}
 
 
 def _number(section: Section, key: str) -> str:

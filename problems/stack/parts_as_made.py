@@ -5,15 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...models.inputs import Normal
 from ...models.machines import GoodPartsBySpread
 from ...models.machines.offers import Offer
 from ...models.stack import AsMade, Tolerances
+from ..arrays import Array, Integers
 from .definition import Part, Process
-
-Array = NDArray[np.float64]
 
 
 def processes_of(offers: Sequence[Offer]) -> tuple[Process, ...]:
@@ -43,7 +41,7 @@ def spread_and_mean(part: Part, process: Process, t: Array) -> tuple[Array, Arra
     return scale_of(part) * good_parts.std, good_parts.mean
 
 
-def as_made(parts: Sequence[Part], t: Array, chosen: NDArray[np.int64]) -> Tolerances:
+def as_made(parts: Sequence[Part], t: Array, chosen: Integers) -> Tolerances:
     """Parts of n designs of half-widths t (n, p) by the processes chosen (n, p)."""
     if not any(part.by_machine for part in parts):
         return t
@@ -83,7 +81,7 @@ def _ends(part: Part) -> list[tuple[float, float]]:
     return [(min(values), max(values)) for values in (limits, spreads, means)]
 
 
-def limits_of(part: Part, spread: Array, chosen: NDArray[np.int64]) -> Array:
+def limits_of(part: Part, spread: Array, chosen: Integers) -> Array:
     """Half-widths t (n,) of a part at spreads (n,) of its good parts, by the process chosen."""
     t = spread.copy()
     for number, process in enumerate(part.processes):

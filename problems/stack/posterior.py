@@ -12,15 +12,13 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...models.stack import AsMade, Tolerances, mean_of, spread_of
+from ..arrays import Array, Integers
 from ..draws import Draws, Sums
 from ..promise import AT_ONCE, DRAWS, assured_percent
 from .definition import Part
 from .measured import Measured
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +54,7 @@ class Posterior:
         machine = self.parts[at].processes[number].machine
         return "" if machine is None else machine.name
 
-    def _choices(self, t: Tolerances) -> list[tuple[tuple[int, ...], NDArray[np.int64]]]:
+    def _choices(self, t: Tolerances) -> list[tuple[tuple[int, ...], Integers]]:
         """The choices of processes (p,) among designs, each with the rows that make it."""
         made = t.chosen if isinstance(t, AsMade) else None
         if made is None or not any(part.machines for part in self.parts if part.sampled):
@@ -64,14 +62,14 @@ class Posterior:
         ways, owner = np.unique(made, axis=0, return_inverse=True)
         return [(tuple(choice), np.flatnonzero(owner.ravel() == at)) for at, choice in enumerate(ways.tolist())]
 
-    def assurance(self, of: Sequence[Measured], t: Tolerances, share: float) -> tuple[Array, Array]:
+    def assurance(self, of: Sequence[Measured], t: Tolerances, fraction: float) -> tuple[Array, Array]:
         """Probability [percent] (n,) that a fraction of units keeps every requirement, its error.
 
         The fraction is required of every requirement separately.
         """
         kept = np.empty(len(t))
         for chosen, rows in self._portions(t):
-            every = np.all([self._yields(measured, t[rows], chosen) >= share for measured in of], axis=0)
+            every = np.all([self._yields(measured, t[rows], chosen) >= fraction for measured in of], axis=0)
             kept[rows] = every.mean(axis=1)
         return assured_percent(kept, self.draws)
 
@@ -89,7 +87,7 @@ class Posterior:
             slopes[rows] = self._slopes(measured, t[rows], chosen)
         return slopes
 
-    def _portions(self, t: Tolerances) -> list[tuple[tuple[int, ...], NDArray[np.int64]]]:
+    def _portions(self, t: Tolerances) -> list[tuple[tuple[int, ...], Integers]]:
         """Rows of designs that are evaluated together, with the processes that they choose."""
         step = max(1, AT_ONCE // self.draws)
         return [

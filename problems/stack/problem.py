@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from ...declarations import Assumption, Output, Variable
 from ...errors import Fault, ModelError
@@ -17,6 +16,7 @@ from ...models.capability import PartSample
 from ...models.costs import CostCurve
 from ...models.stack import Linear, Tolerances
 from ...section import Section
+from ..arrays import Array, Integers
 from ..declaration import ConfiguredProblem, Declaration, Interval
 from ..forms import Form
 from ..interfaces import Accuracy, Checks, Differentiable, Documented, Drawing, Page, Provable, Written
@@ -35,17 +35,15 @@ from .intervals import intervals_of
 from .joint import joint_slopes, joint_variations
 from .measured import Measured, measured
 from .outputs import OBJECTIVES, outputs_of, variables_of
+from .parts import stand_in
 from .parts_as_made import as_made, ends_as_made
 from .processes import corner_of, out_of_process, samples_of
 from .promises import Promises
 from .reading import read_definition
 from .remarks import domain_remarks, warnings_of
 from .rows import shortfall
-from .stand_in import stand_in
 from .writing import tables_of
 from .yields import Yields
-
-Array = NDArray[np.float64]
 
 
 class Stack(ToleranceProblem, Provable, Differentiable, Accuracy, Documented, Drawing, Checks, Written, Page):
@@ -102,7 +100,7 @@ class Stack(ToleranceProblem, Provable, Differentiable, Accuracy, Documented, Dr
         names = self.names
         return designs[:, [names.index(f"{part.name}_t") for part in self._parts]]
 
-    def _chosen(self, designs: Array, part: Part) -> NDArray[np.int64]:
+    def _chosen(self, designs: Array, part: Part) -> Integers:
         """Number of the process (n,) that a part is made by."""
         if not part.alternatives:
             return np.zeros(len(designs), dtype=np.int64)
@@ -112,7 +110,7 @@ class Stack(ToleranceProblem, Provable, Differentiable, Accuracy, Documented, Dr
         """Parts of full designs as they come out: with the scatter of their machines."""
         return as_made(self._parts, self.tolerances(designs), self._chosen_of_all(designs))
 
-    def _chosen_of_all(self, designs: Array) -> NDArray[np.int64]:
+    def _chosen_of_all(self, designs: Array) -> Integers:
         """Number of the process (n, parts) that each part is made by."""
         return np.stack([self._chosen(designs, part) for part in self._parts], axis=1)
 
@@ -167,11 +165,6 @@ class Stack(ToleranceProblem, Provable, Differentiable, Accuracy, Documented, Dr
         if searching and not self.required_outputs & set(names):
             return dict.fromkeys(names, np.full(len(t), np.nan))
         return requirement.shares(t)
-
-    @cached_property
-    def required_outputs(self) -> frozenset[str]:
-        """Outputs that are objectives or limited."""
-        return frozenset((*self.objectives, *(limit.name for limit in self.limits)))
 
     @cached_property
     def yields(self) -> Yields:
@@ -291,7 +284,7 @@ class Stack(ToleranceProblem, Provable, Differentiable, Accuracy, Documented, Dr
     @cached_property
     def ends_of_t(self) -> tuple[Array, Array]:
         """Tightest and loosest half-width (parts,)."""
-        return (np.array([part.low for part in self._parts]), np.array([part.high for part in self._parts]))
+        return np.array([part.low for part in self._parts]), np.array([part.high for part in self._parts])
 
     @cached_property
     def ends_as_made(self) -> tuple[Tolerances, Tolerances]:

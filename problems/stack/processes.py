@@ -1,29 +1,25 @@
-"""The processes that a part may be made by: the tolerances that each holds, the parts measured."""
+"""The processes that make a part: the tolerances that they hold, and their samples."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...models.capability import PartSample
 from ...models.machines import offers
+from ..arrays import Array, Integers
 from .definition import Part
 
-Array = NDArray[np.float64]
 
-
-def out_of_process(part: Part, t: Array, chosen: NDArray[np.int64]) -> dict[int, str]:
+def out_of_process(part: Part, t: Array, chosen: Integers) -> dict[int, str]:
     """Messages by row where tolerances (n,) of a part do not suit the processes (n,) chosen."""
-    messages = {}
-    for row, (half_width, at) in enumerate(zip(t, chosen, strict=True)) if part.alternatives else ():
-        process = part.processes[at]
-        if not process.low <= half_width <= process.high:
-            messages[row] = (
-                f"process {process.name} holds {process.low:g} to {process.high:g} {part.unit}, got {half_width:g}"
-            )
-    return messages
+    processes = [part.processes[number] for number in chosen] if part.alternatives else []
+    return {
+        row: f"process {process.name} holds {process.low:g} to {process.high:g} {part.unit}, got {t[row]:g}"
+        for row, process in enumerate(processes)
+        if not process.low <= t[row] <= process.high
+    }
 
 
 def corner_of(parts: Sequence[Part], names: Sequence[str], tight: bool) -> Array:

@@ -6,16 +6,14 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.special import ndtr, ndtri
 
 from ...models.capability import Norm, norm_of
 from ...models.stack import AsMade, Tolerances, mean_of, spread_of
-from ..promise import ASSURED, Promise
+from ..arrays import Array
+from ..promise import ASSURED, Promise, normal_yield
 from .measured import Measured
 from .posterior import Posterior
 
-Array = NDArray[np.float64]
 LEAST = 1e-300
 
 
@@ -72,8 +70,7 @@ class Promised:
     @property
     def quantile(self) -> float:
         """Standard deviations that must fit between mean and each limit."""
-        share = self.promise.share
-        return float(ndtri(0.5 * (1.0 + share) if len(self.sides) == 2 else share))
+        return self.promise.quantile(two_sided=len(self.sides) == 2)
 
     def promised(self, t: Tolerances) -> Array:
         """The promised yield [percent] (n,): assured by the norm, or expected.
@@ -83,7 +80,7 @@ class Promised:
         if self.promise.statement != ASSURED:
             return self.posterior.expected(self.measured, t)
         z = np.min([self._room(t, *end) for end in self.sides], axis=0) / self._spread(t)
-        return np.asarray(100.0 * (2.0 * ndtr(z) - 1.0 if len(self.sides) == 2 else ndtr(z)))
+        return normal_yield(z, two_sided=len(self.sides) == 2)
 
     def slopes(self, t: Tolerances) -> Array:
         """Derivatives (n, parts) of the promised yield by the spread of the parts."""
@@ -98,7 +95,7 @@ class Promised:
         return np.asarray(100.0 * (bell / spread)[:, None] * rise)
 
     def lacking(self, t: Tolerances) -> Array:
-        """By how much (n,) the nearest limit would have to give way for the promise."""
+        """By how much (n,) the nearest limit would have to be widened for the promise."""
         z = self.quantile * self._spread(t)
         return np.asarray(np.max([z - self._room(t, *end) for end in self.sides], axis=0))
 

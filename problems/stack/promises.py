@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...declarations import Output
 from ...errors import Fault
 from ...models.capability import Level
 from ...models.stack import Tolerances
+from ..arrays import Array
 from ..promise import ASSURANCE, ASSURED, PLUG_IN, PROMISED, Promise
 from ..promise_outputs import assurances, contradictions, means_promise, outputs_of_promise
 from ..settings import Bound
@@ -22,16 +22,12 @@ from .measured import Interval, Measured
 from .posterior import Posterior
 from .promised import Promised
 
-Array = NDArray[np.float64]
-
 
 def promise_outputs(promise: Promise | None, requirements: Sequence[Requirement]) -> list[Output]:
     """The outputs of a promise: of each requirement with limits, and of all together."""
     if promise is None:
         return []
-    bounded = [
-        requirement for requirement in requirements if requirement.lower is not None or requirement.upper is not None
-    ]
+    bounded = [requirement for requirement in requirements if requirement.bounded]
     outputs = [output for requirement in bounded for output in outputs_of_promise(promise, requirement.output(""))]
     joint = bool(requirements[0].key) and bool(bounded)
     return outputs + (list(assurances(ASSURANCE)) if joint else [])
@@ -44,7 +40,7 @@ def promise_limits(definition: Definition, given: Mapping[str, Bound]) -> dict[s
         return dict(given)
     limits = {name: bound for name, bound in given.items() if not means_promise(name, promise)}
     for requirement in definition.requirements:
-        if requirement.lower is not None or requirement.upper is not None:
+        if requirement.bounded:
             limits[requirement.output(promise.output)] = Bound(low=promise.yield_percent)
     return limits
 
@@ -55,15 +51,12 @@ def promise_faults(definition: Definition, given: Mapping[str, Bound]) -> list[F
     if promise is None:
         return []
     faults = contradictions(promise, given)
-    if not any(
-        requirement.lower is not None or requirement.upper is not None for requirement in definition.requirements
-    ):
-        text = "is of no requirement: none has lower or upper, without which there is no yield"
-        faults.append(Fault("promise", text))
+    if not any(requirement.bounded for requirement in definition.requirements):
+        faults.append(Fault("promise", "has no yield: no requirement has a limit; state lower or upper of one"))
     if definition.correlations and promise.statement != PLUG_IN:
         text = (
-            f"cannot be {promise.statement} with [[correlation]]: what samples say of "
-            "correlated parts is not known; state plug_in"
+            f"cannot be {promise.statement} with [[correlation]]: the uncertainty of correlated parts from samples is "
+            "not modelled; state plug_in"
         )
         faults.append(Fault("promise.statement", text))
     return faults
@@ -109,7 +102,7 @@ class Promises:
             if searching and name not in wanted:
                 by_output |= {output: np.full(len(t), np.nan) for output in names}
                 continue
-            assurance = self.posterior.assurance(group, t, self.promise.share)
+            assurance = self.posterior.assurance(group, t, self.promise.fraction)
             by_output |= dict(zip(names, assurance, strict=True))
         return by_output
 

@@ -96,7 +96,7 @@ def _either(requirement: Requirement, top: Section, parts: list[Part | None]) ->
     given = ["sensitivity" in table for table in tables]
     names = [f" (part {name})" if isinstance(name := table.get("name"), str) else "" for table in tables]
     if requirement.formula:
-        text = "is given in addition to requirement.formula: keep one of them"
+        text = "is given in addition to requirement.formula: keep only one of the two"
         return [Fault(f"part[{at}].sensitivity", text + names[at]) for at, is_stated in enumerate(given) if is_stated]
     section = top.section("requirement")
     if not any(given):
@@ -104,5 +104,5 @@ def _either(requirement: Requirement, top: Section, parts: list[Part | None]) ->
             return []
         text = "is missing: give a formula, or a sensitivity for every part"
         return [Fault("requirement.formula", text)]
-    text = "is missing: without a formula every part has one"
+    text = "is missing: without a formula every part needs a sensitivity"
     return [Fault(f"part[{at}].sensitivity", text + names[at]) for at, is_stated in enumerate(given) if not is_stated]

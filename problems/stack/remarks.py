@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from ...likely_units import unit_hint
 from ...models.machines.offers import departures
@@ -22,7 +21,6 @@ from .standards import price_remark
 if TYPE_CHECKING:
     from .problem import Stack
 
-Array = NDArray[np.float64]
 FINEST, COARSEST = 1e-6, 0.25
 """Half-widths between which tolerances of lengths lie, as fractions of the nominal size: from
 half of IT01 at 500 mm to a quarter of the size.
@@ -41,7 +39,7 @@ def warnings_of(stack: Stack) -> tuple[str, ...]:
     ]
     sentences += [text for part in stack.definition.parts if (text := _impossible(part))]
     remarks = [price_remark(part.name, part.processes, part.stated.get("price", {})) for part in stack.definition.parts]
-    sentences += [remark for remark in remarks if remark]
+    sentences += filter(None, remarks)
     for part in stack.definition.parts:
         for process in part.processes:
             name = f"{part.name} ({process.name})" if process.name else part.name
@@ -66,7 +64,7 @@ def warnings_of(stack: Stack) -> tuple[str, ...]:
 
 
 def _impossible(part: Part) -> str:
-    """A tolerance that hardly is one of the part's nominal size, with the unit it may be in."""
+    """A note on a tolerance that is implausible for the nominal size, with the unit it may be in."""
     size = abs(part.nominal or 0.0)
     if family(part.unit)[0] != "meter" or size == 0.0:
         return ""
@@ -74,11 +72,9 @@ def _impossible(part: Part) -> str:
     for t in (part.low, part.high):
         if 0.0 < t < low or t > high:
             hint = unit_hint(t, part.unit, low, high)
-            return (
-                f"part {part.name}: a tolerance of {t:g} {part.unit} is "
-                f"{'small' if t < low else 'large'} for a size of {size:g} {part.unit}"
-                f"{hint}"
-            )
+            extreme = "small" if t < low else "large"
+            tolerance = f"part {part.name}: a tolerance of {t:g} {part.unit}"
+            return f"{tolerance} is {extreme} for a size of {size:g} {part.unit}{hint}"
     return ""
 
 
@@ -105,10 +101,9 @@ def domain_remarks(requirements: Sequence[Measured], front: pd.DataFrame) -> tup
         below = int((front[name] < 0.0).sum()) if name in front and len(front) else 0
         if below:
             sentences.append(
-                f"{below} of {len(front)} points leave the domain of "
-                f"{measured.requirement.place}.formula at a corner of their own tolerances "
-                f"({name} down to {front[name].min():.3g}, 0 at the edge): units there "
-                "have no value and do not conform"
+                f"{below} of {len(front)} points leave the domain of {measured.requirement.place}.formula at a corner "
+                f"of their tolerances ({name} down to {front[name].min():.3g}, 0 at the edge): units there have no "
+                "value and do not conform"
             )
     return tuple(sentences)
 

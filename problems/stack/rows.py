@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtri
 
 from ...models.capability.norm import Surplus, over
 from ...models.stack import Law
 from ...models.stack.linear import SIGMAS
+from ..arrays import Array, Flags
 from ..forms import Piece, Quantile
 from ..promise import ASSURED, PLUG_IN, PROMISED
 from .joint import VARIATIONS
@@ -22,7 +22,6 @@ from .two_sided import tangents
 if TYPE_CHECKING:
     from .problem import Stack
 
-Array = NDArray[np.float64]
 CENTRED = 1e-12
 """Relative difference of two limits' distances from the mean that counts as none."""
 YIELD = "yield_percent"
@@ -268,7 +267,7 @@ def _kept_limits(measured: Measured, output: str, p: float) -> list[Row]:
     return [middle, *rows] if moves else rows
 
 
-def quantile_of(row: Row, kept: list[int], settled: NDArray[np.bool_], t: Array) -> Quantile | None:
+def quantile_of(row: Row, kept: list[int], settled: Flags, t: Array) -> Quantile | None:
     """The deviations of a row: of the parts `kept`, and fixed ones of those that are `settled`."""
     law = row.measured.law
     if row.probability is None or not isinstance(law, Law):
@@ -284,7 +283,7 @@ def quantile_of(row: Row, kept: list[int], settled: NDArray[np.bool_], t: Array)
     return Quantile(row.probability, tuple(tuple(pieces[at]) for at in kept), tuple(fixed))
 
 
-def surplus_of(row: Row, kept: list[int], settled: NDArray[np.bool_], t: Array) -> Surplus | None:
+def surplus_of(row: Row, kept: list[int], settled: Flags, t: Array) -> Surplus | None:
     """What uncertain processes add under a row's root, by the squares of the parts `kept`."""
     if (doubt := row.doubt) is None:
         return None
@@ -302,7 +301,7 @@ def surplus_of(row: Row, kept: list[int], settled: NDArray[np.bool_], t: Array) 
 
 
 def shortfall(stack: Stack, row: str, designs: Array, outputs: Mapping[str, Array]) -> Array:
-    """By how much (n,) the limits of requirements would have to give way for the yield asked.
+    """By how much (n,) the limits of requirements would have to be widened for a required yield.
 
     One step of Newton's method for the yield `row`, alike for all requirements that it is over.
     """

@@ -21,8 +21,7 @@ def read_sensitivities(section: Section, unit: str | None, requirements: Sequenc
         return _single_sensitivity(section, requirements[0].key)
     if not isinstance(section.take("sensitivity"), Mapping):
         keys = ", ".join(f"{requirement.key} = ..." for requirement in requirements[:3])
-        text = f"must state the requirement: write sensitivity = {{ {keys} }}"
-        section.fault("sensitivity", text)
+        section.fault("sensitivity", f"must state the requirement: write sensitivity = {{ {keys} }}")
         return {}
     table, sensitivities = section.section("sensitivity"), dict[str, float]()
     known = {requirement.key: requirement for requirement in requirements}
@@ -54,7 +53,7 @@ def _quotient(unit: str, per: str | None) -> str:
 
 
 def sensitivity_faults(requirements: Sequence[Requirement], tables: Sequence[Mapping[str, Any]]) -> list[Fault]:
-    """A formula or sensitivities for each requirement, never both, and no part that is for nothing.
+    """A formula or sensitivities for each requirement, never both, and no part without effect.
 
     `tables` are those of the parts, faulty ones included.
     """
@@ -62,7 +61,7 @@ def sensitivity_faults(requirements: Sequence[Requirement], tables: Sequence[Map
     faults = []
     for requirement in requirements:
         if requirement.formula and requirement.key in keys:
-            text = f"is given in addition to {requirement.place}.formula: keep one of them"
+            text = f"is given in addition to {requirement.place}.formula: keep only one of the two"
             faults += [
                 Fault(f"part[{at}].sensitivity.{requirement.key}", text + _name(table))
                 for at, table in enumerate(tables)

@@ -47,7 +47,7 @@ def standard(section: Section, key: str, text: str, unit: str, nominal: float | 
 
 
 def searched_grades(section: Section, unit: str, nominal: float | None) -> tuple[Process, ...] | None:
-    """`grade = ["IT5", "IT8"]`: each grade from the first to the second as a process of its own.
+    """`grade = ["IT5", "IT8"]`: each grade from the first to the second as a separate process.
 
     Each costs its `price`, or the `cost` at its half-width, plus its part of a set-up and its
     inspection. None and faults where the table does not say it all.
@@ -56,7 +56,7 @@ def searched_grades(section: Section, unit: str, nominal: float | None) -> tuple
     curve = read_curve(section.section("cost")) if "cost" in section else None
     prices = _prices(section, grades or ())
     if ("cost" in section) == ("price" in section):
-        section.fault("cost", "give a cost curve of t, or price = { IT6 = 12.0, IT7 = 8.5 } by grade, one of them")
+        section.fault("cost", "give either a cost curve of t, or price = { IT6 = 12.0, IT7 = 8.5 } by grade")
     t = _half_widths(section, grades or (), unit, nominal)
     more = read_extras_by(section, grades or ())
     if grades is None or t is None or (curve is None) == (prices is None):
@@ -79,7 +79,7 @@ def price_remark(name: str, processes: tuple[Process, ...], prices: dict[str, An
         return ""
     return (
         f"the prices of {name} do not fall with coarser grades ({'; '.join(inverted)}): "
-        "the more expensive ones are never chosen"
+        "the more expensive grades are never chosen"
     )
 
 
@@ -94,7 +94,7 @@ def _range(section: Section) -> tuple[str, ...] | None:
         return None
     unknown = [name for name in names if name not in GRADES]
     for name in unknown:
-        section.fault("grade", f'"{name}" is not a grade{nearest(name, GRADES)}; one of {", ".join(GRADES)}')
+        section.fault("grade", f'"{name}" is not a grade{nearest(name, GRADES)}; grades are {", ".join(GRADES)}')
     if unknown:
         return None
     if len(names) != 2 or GRADES.index(names[0]) >= GRADES.index(names[1]):

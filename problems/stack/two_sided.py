@@ -15,12 +15,11 @@ of a symmetric unimodal function, Proc. American Mathematical Society 6(2), 170-
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
 from ...models.roots import bracketed_roots
+from ..arrays import Array
 
-Array = NDArray[np.float64]
 AT = np.array([0.1, 0.21, 0.35, 0.55])
 """Means, in standard deviations, at which tangents are drawn: at P = 0.9973 s is then at most
 0.14 % too large, at 0.99 0.18 %."""
@@ -31,7 +30,7 @@ FAR, TRIED = 6.0, 65
 def tangents(p: float) -> tuple[tuple[float, float], ...]:
     """Factors z and rooms, in units of T, of tangents of the curve at the probability p > 1/2.
 
-    None where the curve is not found to be concave.
+    None where the curve is not concave at the points that are tried.
     """
     slopes = _curve(p, np.linspace(0.0, FAR, TRIED))[2]
     if not np.all(np.diff(slopes) <= 1e-9):

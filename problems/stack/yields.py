@@ -7,16 +7,15 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...models.stack import Law, Sample, Tolerances, half_width, joint_yield_percent
+from ..arrays import Array, Integers
 from ..limits import Limit
 from ..settings import Settings
 from .measured import Measured
 
-Array = NDArray[np.float64]
 SEARCH_SAMPLES = 8192
-"""Units of the search's own yields and half-widths; reported ones take `[propagation] samples`."""
+"""Units of the yields and half-widths of a search; reported ones take `[propagation] samples`."""
 UNDECIDED = 6.0
 """Standard errors about a limit within which a search takes the whole sample."""
 
@@ -76,7 +75,7 @@ class Yields:
                 values[close] = better
         return dict(zip(names, estimates, strict=True))
 
-    def _undecided(self, name: str, percent: Array, error: Array) -> NDArray[np.int64]:
+    def _undecided(self, name: str, percent: Array, error: Array) -> Integers:
         """Rows whose yield is so close to its limit that only the whole sample can decide.
 
         A search converges to its limits: a different verdict at the end would lose all its points.

@@ -20,7 +20,7 @@ from .parts_as_made import processes_of
 from .standards import COSTS, MORE, assumed_of, searched_grades, standard
 
 KEYS = ("t_min", "tolerance", "limits", "grade", "fit", "general", "process", "machine")
-"""The ways to state a zone, by their first key; exactly one is given, except that machines may be
+"""The statements of a zone, by their first key; exactly one is given, except that machines may be
 given with processes, and with t_min and t_max, the limits of their inspection."""
 MADE = ({"process"}, {"machine"}, {"process", "machine"}, {"t_min", "machine"})
 REMEDY = (
@@ -53,12 +53,12 @@ def read_tolerance(section: Section, unit: str, nominal: float | None, fit: str 
     if fit and not given:
         section, given = section.having("fit", fit), ["fit"]
     elif fit:
-        section.fault(given[0], f"is a second statement in addition to {fit} of its [[fit]]: keep one")
+        section.fault(given[0], f"is a second statement in addition to {fit} of its [[fit]]: keep only one")
         return None
     if set(given) in MADE:
         return _alternatives(section, unit, nominal)
     if len(given) != 1:
-        what = f"has too many: {', '.join(given)}; keep one" if given else "has none"
+        what = f"has too many: {', '.join(given)}; keep only one" if given else "has none"
         section.fault("", f"needs one statement of its tolerance and {what}: {REMEDY}")
         if "cost" in section:
             read_curve(section.section("cost"))
@@ -141,7 +141,7 @@ def _check_cost(section: Section, key: str, curve: CostCurve | None, t: float, u
 def _alternatives(section: Section, unit: str, nominal: float | None) -> Tolerance | None:
     """The `[[part.process]]` and `[[part.machine]]` tables."""
     if "cost" in section:
-        section.fault("cost", "belongs into each [[part.process]]; a machine has a price")
+        section.fault("cost", "belongs in each [[part.process]]; a machine has a price")
     processes: tuple[Process, ...] | None = ()
     if "process" in section:
         processes = section.named_items("process", lambda table, name: _process(table, unit, name))

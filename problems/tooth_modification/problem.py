@@ -6,7 +6,6 @@ from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...declarations import number
 from ...errors import Fault, InputError
@@ -16,13 +15,13 @@ from ...models.rv_reducer.contact.errors import PartErrors
 from ...models.rv_reducer.contact.performance import backlash, loading
 from ...models.rv_reducer.geometry import RvGeometry
 from ...units import ARCMIN, MM
+from ..arrays import Array
 from ..declaration import Declaration, Interval
 from ..interfaces import Documented
 from ..settings import Settings
 from ..tolerance_problem import ToleranceProblem
 from . import declared
 
-Array = NDArray[np.float64]
 SEARCH_ANGLES, ANGLES = 32, 64
 """Crank angles over a pin pitch: forces of 32 are within 0.1 % of those of 256."""
 PRINTED = {"dr_rp_mm": -0.040, "dr_p_mm": -0.070}
@@ -115,10 +114,9 @@ class ToothModification(ToleranceProblem, Documented):
 
     def box(self) -> tuple[Array, Array]:
         """From the values of the ends of the limited range, not from the bounds of the forces."""
-        corners = self.outputs_of(self._corners(), errors=False)
-        values = np.array([corners[name] for name in self.objectives])
-        ideal = values.min(axis=1)
-        return ideal, np.maximum(values.max(axis=1), ideal + 1e-12)
+        values = self.objective_values(self.outputs_of(self._corners(), errors=False))
+        ideal = values.min(axis=0)
+        return ideal, np.maximum(values.max(axis=0), ideal + 1e-12)
 
     def _corners(self) -> Array:
         """Ends of the line of least radial gap: no backlash by the formula, and no equidistance.

@@ -16,9 +16,10 @@ from tolevo.errors import InputError, refuse
 from tolevo.models.costs import Exponential, Reciprocal, Table
 from tolevo.models.inputs import Normal
 from tolevo.models.measurable import MeasurableModel
+from tolevo.problems.arrays import Array
 from tolevo.problems.declaration import Declaration
 from tolevo.problems.settings import Bound
-from tolevo.problems.tolerance_problem import Array, ToleranceProblem
+from tolevo.problems.tolerance_problem import ToleranceProblem
 
 
 class Bracket(ToleranceProblem):

@@ -179,7 +179,7 @@ def test_assumed_costs_are_worth_what_is_stated_and_are_marked(tmp_path: Path) -
     cost = next(one for one in problem.outputs if one.name == "cost")
     assert cost.unit == "EUR, partly assumed" and "pitch_um" in cost.meaning
     assumed = [one for one in problem.assumptions() if one.name.startswith("costs.")]
-    assert len(assumed) == 10 and all("worth 25 EUR" in one.reason for one in assumed)
+    assert len(assumed) == 10 and all("costs 25 EUR" in one.reason for one in assumed)
     assert "costs of pin_radius_um are given from 0.5 to 2 um" in " ".join(problem.cautions())
     again = tmp_path / "again.toml"
     again.write_text(read(path).toml(), encoding="utf-8")

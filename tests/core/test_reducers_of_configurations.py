@@ -111,7 +111,7 @@ def test_front_of_the_contact_as_points(tmp_path: Path) -> None:
     assert problem.definition.reducers[0].points[0] == pytest.approx((0.3, 0.5, 1.0))
     assert "nothing is proven" in " ".join(problem.warnings())
     text = faults({"reducers": {"1": "run", "2": "run"}, "parameters": {"nested": False}}, tmp_path)
-    assert "nested = false needs reducers with tolerances" in text["reducers"]
+    assert "nested = false needs reducers whose tolerances" in text["reducers"]
 
 
 def test_configuration_of_the_contact_must_be_run_first() -> None:

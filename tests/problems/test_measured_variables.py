@@ -161,7 +161,7 @@ WRONG: list[tuple[dict[str, Any], dict[str, Any], list[str]]] = [
     (SAMPLE | {"uint": "um"}, {"distribution": "uniform", "cp": 1.0},
      ["distribution: is stated in addition to measured", "measured.uint"]),
     (SAMPLE, {"machine": [{"name": "a", "price": 1.0, "sigma": 1.0}]},
-     ["measured: is stated next to machines"]),
+     ["measured: is stated in addition to machines"]),
 ]  # fmt: skip
 
 

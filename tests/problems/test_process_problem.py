@@ -47,7 +47,7 @@ class Chain(ProcessProblem):
         self, design: np.ndarray, scales: np.ndarray, shifts: np.ndarray, searching: bool = False
     ) -> Shortfall:
         assert self.settings.promise is not None
-        own, k = self.each(design), float(stats.norm.ppf(self.settings.promise.share))
+        own, k = self.each(design), float(stats.norm.ppf(self.settings.promise.fraction))
         std = np.sqrt((scales**2) @ own**2)
         slopes = np.hstack([k * scales * own**2 / std[:, None], np.tile(own, (len(std), 1))])
         return Shortfall(shifts @ own + k * std - LIMIT, 0.0, slopes)

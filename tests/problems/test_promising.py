@@ -111,7 +111,7 @@ def test_slopes_and_the_resolved_configuration(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("more", "words"), [
-    ("[limits]\nyield_percent = 99.0\n", "asks for 99 % at least, the promise is of 99.73 %"),
+    ("[limits]\nyield_percent = 99.0\n", "asks for 99 % at least, but the promise is of 99.73 %"),
     ("[[variables.runout_um.machine]]\nname = \"lathe\"\nprice = 1.0\n"
      f"measured = {{ values = {[1.0, -2.0, 3.0, 0.5, -1.5, 2.0]}, mean = \"corrected\" }}\n",
      "cannot be assured where machines are known by samples"),

@@ -399,7 +399,7 @@ class TestFaults:
         problem = machine(("cost", "reversal_mm"), flanks="held")
         (fault,) = problem.faults()
         assert fault.place == "objectives.minimise[1]"
-        assert "held flanks" in fault.message and "what is left" in fault.message
+        assert "held flanks" in fault.message and "residual" in fault.message
 
     def test_limits_out_of_reach(self) -> None:
         problem = RobotJoint(Settings(parameters={"flanks": "free"},

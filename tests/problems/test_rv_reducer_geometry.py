@@ -99,7 +99,7 @@ def test_undercut_at_the_open_end_of_a_range(config: Path) -> None:
 def test_positions_that_do_not_spread(config: Path, positions: int, better: int) -> None:
     (line,) = problem_of(config, [f"parameters.positions={positions}"]).warnings()
     assert line.startswith(f"positions: {positions} positions ")
-    assert f"take {better}" in line
+    assert f"use {better}" in line
 
 
 @pytest.mark.parametrize("positions", [1, 61, 1021])

@@ -210,16 +210,6 @@ def test_implied_costs_of_gear_2_are_the_lowest() -> None:
         assert np.all(costs[3] < costs[:3] / 3.0)
 
 
-def test_crankshafts_against_gears() -> None:
-    claim = implied.crankshafts_against_gears()
-    assert claim.ratios["chain 1"] == pytest.approx((0.64, 0.64, 0.64), abs=0.015)
-    assert claim.ratios["chain 2"] == pytest.approx((1.22, 1.21, 1.21), abs=0.005)
-    assert claim.expected["sum"] == pytest.approx(2.0 ** (-2.0 / 3.0))
-    assert claim.expected["rss"] == pytest.approx(2.0 ** (-1.0 / 3.0))
-    assert claim.tightest == "gear_2"
-    assert not claim.holds
-
-
 def test_least_cost_is_asked_at_the_documents_accuracy() -> None:
     label, problem = plain().least_cost()
     own = searched(plain(), design())["te_amplitude_arcsec"][0]

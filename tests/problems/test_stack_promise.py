@@ -162,7 +162,7 @@ def test_means_as_found_take_room(tmp_path: Path) -> None:
 def test_the_resolved_configuration_promises_the_same(tmp_path: Path) -> None:
     first = built(tmp_path, text())
     told = CliRunner().invoke(app, ["check", str(tmp_path / "c.toml")]).stdout
-    assert "what it leaves open of" in told
+    assert "the promise includes the" in told
     (tmp_path / "again").mkdir()
     again = built(tmp_path / "again", told)
     t = np.array([[12.0, 8.0, 17.0, 5.0]])
@@ -198,9 +198,9 @@ def test_a_promise_out_of_reach_is_said_before(tmp_path: Path) -> None:
         (("yield_percent = 99.73", "yield_percent = 100"), "must lie in [50, 100), got 100"),
         (("[requirement]", "confidence_percent = 20\n[requirement]"), "must lie in [80, 100)"),
         (("[requirement]", "confidence = 95\n[requirement]"), "confidence: is not a known key"),
-        (("lower = -40.0\nupper = 40.0\n", ""), "promise: is of no requirement"),
+        (("lower = -40.0\nupper = 40.0\n", ""), "promise: has no yield"),
         (("[promise]", "[limits]\nyield_percent = 99.0\n[promise]"),
-         "limits.yield_percent: asks for 99 % at least, the promise is of 99.73 %"),
+         "limits.yield_percent: asks for 99 % at least, but the promise is of 99.73 %"),
         (("[algorithm]", '[[correlation]]\nparts = ["p0", "p1"]\ncoefficient = 0.5\n[algorithm]'),
          "promise.statement: cannot be assured with [[correlation]]"),
     ],
@@ -278,7 +278,7 @@ def test_nominal_values_outside_of_the_limits_are_a_fault(statement: str, tmp_pa
         built(tmp_path, wrong)
     assert [str(fault) for fault in caught.value.faults] == [
         "requirement: is 45 um at the nominal values, above upper = 40: whatever the tolerances, "
-        "fewer than half of the units conform, and 99.73 % are asked for; move the nominal values "
+        "fewer than half of the units conform, but 99.73 % are required; move the nominal values "
         "or the limits"
     ]  # fmt: skip
 

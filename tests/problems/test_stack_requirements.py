@@ -217,7 +217,7 @@ CASES = [
     ("{ tilt = 0.5 }", "{ tilt = 0.0 }", "part[2].name", "no requirement depends on it"),
     ('method = "worst_case"', 'method = "worst_case"\nweight = 0.0', "requirement[1].weight",
      "above 0"),
-    ('method = "worst_case"', 'formula = "a + c_1"', "part[2].sensitivity.tilt", "keep one"),
+    ('method = "worst_case"', 'formula = "a + c_1"', "part[2].sensitivity.tilt", "keep only one"),
     ('minimise = ["cost"]', 'minimise = ["cost", "variation"]', "objectives.minimise",
      'different units (gap in "mm", tilt in "mrad")'),
     ("gap.variation = 0.2", "gap.variation = 0.2\nrss = 0.1", "limits.rss", "different units"),

@@ -52,7 +52,7 @@ def test_summary_names_what_is_assumed(folder: Path) -> None:
     assert {"reducers.1", "parameters.payload_kg", "parameters.friction_torque_Nm",
             "parameters.precision_weight", "costs.origin_1_um"} <= named  # fmt: skip
     assert "proven fronts of the reducers" in summary["bound_form"]
-    (note,) = [one for one in summary["notes"] if "one more unit of cost" in one]
+    (note,) = [one for one in summary["notes"] if "a further unit of cost" in one]
     assert "joint_1" in note  # the largest share
 
 

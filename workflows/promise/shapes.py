@@ -35,7 +35,7 @@ def bootstrapped(stack: Stack, design: Array) -> float:
     all requirements; parts without a sample are normal as stated.
     """
     t = stack.tolerances(design[None, :])[0]
-    fraction = stack.definition.promise.share if stack.definition.promise else 0.0
+    fraction = stack.definition.promise.fraction if stack.definition.promise else 0.0
     drawn = [_cumulants(stack, at) for at in range(len(stack.definition.parts))]
     assurances = []
     for requirement in stack.measured:
