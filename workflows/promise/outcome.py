@@ -159,9 +159,8 @@ def sentence(summary: dict[str, Any], words: str, costs: pd.DataFrame) -> str:
         return f"{text}."
     if np.isfinite(by.get(ASSURED, np.nan)) and np.isfinite(by.iloc[0]):
         text += (
-            f". At the least cost the estimates alone would ask for {by.iloc[0]:.4g}, an "
-            f"expected yield for {by.get('predictive', np.nan):.4g}, assurance for "
-            f"{by[ASSURED]:.4g}"
+            f". At the least cost the estimates alone would ask for {by.iloc[0]:.4g}, an expected yield for "
+            f"{by.get('predictive', np.nan):.4g}, assurance for {by[ASSURED]:.4g}"
         )
     elif not np.isfinite(by.get(ASSURED, np.nan)) and "kept" not in summary:
         text += ". There is no assured choice: even the tightest tolerances do not assure it"

@@ -127,9 +127,8 @@ class Stored:
         if of_format or _parts(written) > _parts(version("tolevo")):
             self.remark(
                 name,
-                f"was written by a newer version ({written or 'unknown'}, format "
-                f"{format_}; this is {version('tolevo')}, format {known}): what it has "
-                "beyond that is not shown; update tolevo",
+                f"was written by a newer version ({written or 'unknown'}, format {format_}; this is "
+                f"{version('tolevo')}, format {known}): what it has beyond that is not shown; update tolevo",
             )
 
 

@@ -83,7 +83,7 @@ def _equal(a: ComputedTable, b: ComputedTable) -> bool:
 
 
 def lines(result: ClaimsResult) -> tuple[str, ...]:
-    """What the terminal says."""
+    """The summary that the terminal shows."""
     messages = [f"done: {len(result.table)} claims of {len(result.documents)} documents"]
     for name, counts in result.counts.iterrows():
         verdicts = ", ".join(f"{count} {word}" for word, count in counts.items() if count)

@@ -47,9 +47,8 @@ def sentences(rows: list[dict[str, Any]]) -> tuple[str, ...]:
             continue
         side = "more" if row["more_percent"] >= 0.0 else "less"
         messages.append(
-            f"{row['label']}: the least cost of the point in the middle of the front would "
-            f"be {row['cost']:.4g} instead of {row['this']:.4g}, "
-            f"{abs(row['more_percent']):.3g} % {side}, at equal R and equal other "
+            f"{row['label']}: the least cost of the point in the middle of the front would be {row['cost']:.4g} "
+            f"instead of {row['this']:.4g}, {abs(row['more_percent']):.3g} % {side}, at equal R and equal other "
             "requirements"
         )
     return tuple(messages)

@@ -238,9 +238,8 @@ class Words:
             return f"How far the points are from the optimum is not proven ({reason(proven)})."
         if not informative(proven, gap):
             return (
-                "How far the points are from the optimum is not known: the proven bound is not "
-                "informative, because it leaves out limits that hold them back "
-                f"({proven.statement})."
+                "How far the points are from the optimum is not known: the proven bound is not informative, because it "
+                f"leaves out limits that hold them back ({proven.statement})."
             )
         middle, most = float(np.nanmedian(gap)), float(np.nanmax(gap))
         if len(gap) == 1 and most < EXACT:
@@ -253,9 +252,8 @@ class Words:
         if most < EXACT:
             return f"Proven: every point of the front is optimal ({proven.statement})."
         return (
-            "Proven: no allocation of equal other objectives costs less than "
-            f"{percent(middle)} below a point of the front in the median, {percent(most)} at "
-            f"most ({proven.statement})."
+            f"Proven: no allocation of equal other objectives costs less than {percent(middle)} below a point of the "
+            f"front in the median, {percent(most)} at most ({proven.statement})."
         )
 
 

@@ -54,9 +54,8 @@ def _below_half(problem: ToleranceProblem) -> list[Fault]:
     return [
         Fault(
             f"limits.{limit.name}",
-            f"asks for {limit.low:g} % of the units: a quantile below "
-            "one half is not convex and cannot be proven; ask for 50 % or more, or take another "
-            "algorithm than exact, whose run is not proven",
+            f"asks for {limit.low:g} % of the units: a quantile below one half is not convex and cannot be proven; ask "
+            "for 50 % or more, or take another algorithm than exact, whose run is not proven",
         )
         for limit in problem.limits
         if limit.name in lawful and 0.0 < limit.low < HALF

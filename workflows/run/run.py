@@ -265,10 +265,9 @@ def _notes(references: pd.DataFrame, dropped: int, joined: int) -> list[str]:
     ]
     if joined:
         notes.append(
-            f"{joined} of the references were added to the front, because the search had found "
-            f"nothing as good; {dropped} points that they dominate were removed. The gains in the "
-            "table of "
-            "references are those of the search's own front"
+            f"{joined} of the references were added to the front, because the search had found nothing as good; "
+            f"{dropped} points that they dominate were removed. The gains in the table of references are those of the "
+            "search's own front"
         )
     return notes
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ....declarations import Parameter, Value, number
+from ....declarations import Value, number
 from ....errors import refuse
 from ....models.propagation import Convolution, Propagated
 from ....models.propagation.power_sums import Stated, share
@@ -15,7 +15,7 @@ from ....models.rv_reducer.stages import Batch, batch
 from ....units import ARCMIN
 from ..calculation import Calculation, Chart, Computed, ComputedTable
 from . import reducer_inputs
-from .results import output, quantities, tabulated
+from .results import assumed, output, parameter, quantities, tabulated
 
 COVERAGE = 0.9973
 SPREAD = 6.0
@@ -56,18 +56,16 @@ class ReducerMonteCarlo(Calculation):
     outputs = OUTPUTS
     parameters = (
         *reducer_inputs.PARAMETERS,
-        Parameter("units", 1000, "", "units drawn", "document B", low=2, high=1e9),
-        Parameter(
+        parameter("units", 1000, "units drawn", "document B", 2, 1e9),
+        assumed(
             "lower_limit_arcmin",
             0.0,
-            "arcmin",
             "lower limit in Cp and Cpk: no unit has less than none",
             "assumed: document B names none",
-            assumed=True,
-            low=-1e4,
-            high=1e4,
+            -1e4,
+            1e4,
         ),
-        Parameter("bins", 50, "", "bins of the histogram", "assumed", assumed=True, low=1, high=10_000),
+        assumed("bins", 50, "bins of the histogram", low=1, high=10_000),
     )
 
     def compute(self, values: Mapping[str, Value], rng: np.random.Generator) -> Computed:

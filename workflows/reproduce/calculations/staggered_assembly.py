@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from ....declarations import Parameter, Value, number
+from ....declarations import Value, number
 from ....models.propagation import Convolution, Propagated
 from ....models.propagation.sums import ClippedSum
 from ....models.rv_reducer import stagger
@@ -20,7 +20,7 @@ from ....models.rv_reducer.geometry import RvGeometry
 from ....units import ARCMIN, MM, MRAD, UM
 from ..calculation import Calculation, Chart, Computed, ComputedTable
 from . import reducer_inputs
-from .results import output, quantities, tabulated
+from .results import assumed, output, parameter, quantities, tabulated
 
 Array = NDArray[np.float64]
 COVERAGE = 0.9973
@@ -70,27 +70,16 @@ class StaggeredAssembly(Calculation):
     outputs = OUTPUTS
     parameters = (
         *(parameter for parameter in reducer_inputs.PARAMETERS if parameter.name != "stagger_arcmin"),
-        Parameter(
+        parameter(
             "stagger_arcmin",
             0.2,
-            "arcmin",
             "turn of each disc, one ahead and one back, for the quantities",
             "document B: twice its delta'",
-            low=0.0,
-            high=60.0,
+            0.0,
+            60.0,
         ),
-        Parameter(
-            "stagger_most_arcmin",
-            0.6,
-            "arcmin",
-            "end of the sweep",
-            "assumed",
-            assumed=True,
-            low=0.0,
-            high=60.0,
-            open_low=True,
-        ),
-        Parameter("points", 31, "", "points of the sweep", "assumed", assumed=True, low=2, high=10_000),
+        assumed("stagger_most_arcmin", 0.6, "end of the sweep", low=0.0, high=60.0, open_low=True),
+        assumed("points", 31, "points of the sweep", low=2, high=10_000),
     )
 
     def compute(self, values: Mapping[str, Value], rng: np.random.Generator) -> Computed:

@@ -16,7 +16,7 @@ from ....models.rv_reducer.reading import PRINTED
 from ....models.rv_reducer.zone_optimum import ERRORS, Bounds, Stage, ZoneOptimum, equal_shares, least, least_clipped
 from ....units import ARCMIN, MM, UM
 from ..calculation import Calculation, Computed, ComputedTable
-from .results import output, quantities, tabulated
+from .results import assumed, output, parameter, quantities, tabulated
 
 INITIAL_UM: Mapping[str, tuple[float, float]] = {
     "pin_circle_radius": (-5.0, 5.0),
@@ -56,16 +56,7 @@ _SIZES = (
 def _zone(error: str) -> Parameter:
     text = f"initial bounds of the {error.replace('_', ' ')} error"
     most = declared.MAX_ECCENTRICITY_UM if error == "eccentricity" else 1000.0
-    return Parameter(
-        f"{error}_zone_um",
-        INITIAL_UM[error],
-        "um",
-        text,
-        "assumed: the document prints none",
-        assumed=True,
-        low=-most,
-        high=most,
-    )
+    return assumed(f"{error}_zone_um", INITIAL_UM[error], text, "assumed: the document prints none", -most, most)
 
 
 OUTPUTS = (
@@ -97,8 +88,8 @@ class ToleranceZones(Calculation):
     outputs = OUTPUTS
     parameters = (
         *(parameter for parameter in declared.PARAMETERS if parameter.name in _SIZES),
-        Parameter("dr_rp_mm", -0.040, "mm", "equidistance modification", "document B", low=-1.0, high=1.0),
-        Parameter("dr_p_mm", -0.070, "mm", "shift modification", "document B", low=-1.0, high=1.0),
+        parameter("dr_rp_mm", -0.040, "equidistance modification", "document B", -1.0, 1.0),
+        parameter("dr_p_mm", -0.070, "shift modification", "document B", -1.0, 1.0),
         *(_zone(error) for error in ERRORS),
     )
 

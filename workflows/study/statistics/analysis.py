@@ -22,10 +22,9 @@ from .tested import tests
 BEST = MappingProxyType({"hypervolume_ratio": 1.0, "gap_percent": 0.0, "feasible_fraction": 1.0})
 """The best value of a response that there can be."""
 FAILED = (
-    "{failed} of {total} runs failed. A failed run is left out together with the runs of its seed "
-    "that it would be compared with: in a test the pair, in Friedman's and the analysis of "
-    "variance the seed, in a Sobol block or a Morris step the seed in that block or step; a "
-    "recommendation counts it as the worst"
+    "{failed} of {total} runs failed. A failed run is left out together with the runs of its seed that it would be "
+    "compared with: in a test the pair, in Friedman's and the analysis of variance the seed, in a Sobol block or a "
+    "Morris step the seed in that block or step; a recommendation counts it as the worst"
 )
 
 
