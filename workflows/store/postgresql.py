@@ -32,7 +32,7 @@ class PostgreSQL(Backend):
     """The schema of an address; it is made where it is missing."""
 
     clock = literal_column("CAST(EXTRACT(EPOCH FROM clock_timestamp()) AS double precision)", Double())
-    anew = alternative = "name another schema of that database (?schema=NAME)"
+    restart = alternative = "name another schema of that database (?schema=NAME)"
 
     def __init__(self, address: Address) -> None:
         self.display_name = address.shown

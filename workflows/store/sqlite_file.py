@@ -40,7 +40,7 @@ class SqliteFile(Backend):
     """The file at `path`, with a write-ahead log; made where it is to be written and is missing."""
 
     clock = literal_column("((julianday('now') - 2440587.5) * 86400.0)", Double())
-    anew = "start again with --overwrite"
+    restart = "start again with --overwrite"
     alternative = "name another directory"
 
     def __init__(self, path: Path, reading: bool = False) -> None:

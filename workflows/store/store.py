@@ -8,13 +8,14 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
-from typing import Self, TypeVar
+from typing import TypeVar
 
 from sqlalchemy import ColumnElement, Connection, Table, bindparam, delete, func, or_, select, update
 from sqlalchemy.exc import DBAPIError
 
 from ...errors import RunError
-from .backend import DAMAGE, WRITING, Backend, reason
+from ..execution import Closing
+from .backend import DAMAGE, WRITING, Backend
 from .migrations import migrate
 from .tables import CLAIMS, FORMAT, META, METADATA
 
@@ -23,13 +24,13 @@ LEASE_S = 60.0
 RENEWED_S = 15.0
 """Seconds between two renewals."""
 PATIENCE_S = 300.0
-"""Seconds for which a server that is gone is asked again."""
+"""Seconds for which a server that does not answer is tried again."""
 PAUSES_S = (0.05, 0.2, 0.5, 1.0)
-"""Seconds before it is asked again; the last one from then on."""
-Found = TypeVar("Found")
+"""Seconds before each further try; the last of them from then on."""
+Result = TypeVar("Result")
 
 
-class Store:
+class Store(Closing):
     """The open tables in a database; `prefix` begins the name under which this process claims.
 
     Tables are made where there are none, and left as they are where they are of an older version,
@@ -43,16 +44,16 @@ class Store:
         self.owner = f"{prefix}{os.getpid()}-{secrets.token_hex(4)}"
         self._held: set[int] = set()
         self._ended = threading.Event()
-        self._renewing: threading.Thread | None = None
+        self._renewal: threading.Thread | None = None
         try:
-            self.format = self._looked() if reading else self._patiently(self._looked)
+            self.format = self._stored_format() if reading else self._repeated(self._stored_format)
             if not self.format and not reading:
-                self._patiently(lambda: self._once(self._make))
+                self._repeated(lambda: self._in_transaction(self._make))
         except BaseException:
             backend.close()
             raise
 
-    def _looked(self) -> int:
+    def _stored_format(self) -> int:
         """The version of the tables that are there."""
         with self.backend.engine.connect() as connection:
             return self.backend.version(connection)
@@ -81,44 +82,38 @@ class Store:
     def close(self) -> None:
         """Let go of all claims and of the database."""
         self._ended.set()
-        if self._renewing is not None:
-            self._renewing.join()
+        if self._renewal is not None:
+            self._renewal.join()
         with suppress(*DAMAGE):  # what is claimed by a process that is gone is free after a while
             if self._held:
-                self._once(lambda connection: connection.execute(delete(CLAIMS).where(self._mine)))
+                self._in_transaction(lambda connection: connection.execute(delete(CLAIMS).where(self._mine)))
         self.backend.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        self.close()
 
     # transactions
 
-    def read(self, work: Callable[[Connection], Found]) -> Found:
+    def read(self, work: Callable[[Connection], Result]) -> Result:
         """The result of `work` in one transaction, which reads one state of the tables."""
-        return self._patiently(lambda: self._once(work, writing=False))
+        return self._repeated(lambda: self._in_transaction(work, writing=False))
 
-    def write(self, work: Callable[[Connection], Found]) -> Found:
+    def write(self, work: Callable[[Connection], Result]) -> Result:
         """Do `work` in one transaction, whole or not at all; it may be done again.
 
         Raises RunError where it cannot be written; what is there stays.
         """
         try:
-            return self._patiently(lambda: self._once(work))
+            return self._repeated(lambda: self._in_transaction(work))
         except DBAPIError as error:
-            why, remedy = self.backend.hindrance(error) or (reason(error), "mend that")
-            text = f"{self.backend.display_name} cannot be written: {why}; {remedy}, then run "
-            raise RunError(f"{text}the same command with --resume") from error
+            why, remedy = self.backend.explained(error)
+            text = f"cannot be written: {why}; {remedy}, then run the same command with --resume"
+            raise RunError(f"{self.backend.display_name} {text}") from error
 
-    def _once(self, work: Callable[[Connection], Found], writing: bool = True) -> Found:
+    def _in_transaction(self, work: Callable[[Connection], Result], writing: bool = True) -> Result:
         engine = self.backend.engine.execution_options(**{WRITING: writing})
         with engine.begin() as connection:
             return work(connection)
 
-    def _patiently(self, work: Callable[[], Found]) -> Found:
-        """Again and again as long as that may help."""
+    def _repeated(self, work: Callable[[], Result]) -> Result:
+        """The result of `work`, repeated as long as the error may pass."""
         begin, attempt = time.monotonic(), 0
         while True:
             try:
@@ -170,9 +165,9 @@ class Store:
         wanted = sorted(set(numbers) - self._held)
         taken = self.write(lambda connection: self._claimed(connection, wanted, table)) if wanted else []
         self._held.update(taken)
-        if taken and self._renewing is None:
-            self._renewing = threading.Thread(target=self._renew, daemon=True)
-            self._renewing.start()
+        if taken and self._renewal is None:
+            self._renewal = threading.Thread(target=self._renew, daemon=True)
+            self._renewal.start()
         return taken
 
     def _claimed(self, connection: Connection, wanted: list[int], table: Table) -> list[int]:
@@ -185,9 +180,9 @@ class Store:
         )  # in the order of numbers, so that no two processes wait for each other
         rows = [{"number": number} for number in wanted]
         taken = {n for (n,) in connection.execute(text.returning(CLAIMS.c.number), rows)}
-        # asked after the claim: whoever had it before has written by now what has ended
+        # queried after the claim: whoever had it before has written by now what has ended
         ended = self.present(connection, table, taken)
-        self._free(connection, ended)
+        self.finished(connection, ended)
         return sorted(taken - ended)
 
     @property
@@ -208,16 +203,13 @@ class Store:
 
     def finished(self, connection: Connection, numbers: Iterable[int]) -> None:
         """Drop the claims of what has been written in the same transaction, whoever's they are."""
-        self._free(connection, numbers)
+        rows = [{"claimed": number} for number in sorted(numbers)]
+        if rows:
+            connection.execute(delete(CLAIMS).where(CLAIMS.c.number == bindparam("claimed")), rows)
 
     def let_go(self, numbers: Iterable[int]) -> None:
         """Forget that they are ours."""
         self._held.difference_update(numbers)
-
-    def _free(self, connection: Connection, numbers: Iterable[int]) -> None:
-        rows = [{"one": number} for number in sorted(numbers)]
-        if rows:
-            connection.execute(delete(CLAIMS).where(CLAIMS.c.number == bindparam("one")), rows)
 
     def drop_claims(self, prefix: str = "") -> None:
         """Drop the claims of owners whose names begin so, none of which is at work any more."""
@@ -231,4 +223,4 @@ class Store:
         while not self._ended.wait(RENEWED_S):
             if self._held:
                 with suppress(*DAMAGE):  # it is tried again, and what has expired may be taken
-                    self._once(lambda connection: connection.execute(text))
+                    self._in_transaction(lambda connection: connection.execute(text))

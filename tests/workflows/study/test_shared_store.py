@@ -225,9 +225,9 @@ def test_a_lease_is_renewed_taken_over_and_a_late_result_counts_once(
         assert two.free([0, 1, 2, 3]) == [3]
         time.sleep(0.8)  # longer than a lease, but it was renewed
         assert two.claim_runs([0, 1]) == []
-        assert one._renewing is not None
+        assert one._renewal is not None
         one._ended.set()  # its machine is gone
-        one._renewing.join()
+        one._renewal.join()
         time.sleep(0.5)
         assert two.claim_runs([0]) == [0]
         assert one.record([run]) == 1  # it was not gone, only late

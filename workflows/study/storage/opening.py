@@ -52,7 +52,7 @@ def opened(plan: StudyPlan, backend: Backend, alone: bool, prefix: str = "") -> 
         if why := backend.hindrance(error):
             raise Unopened(backend.display_name, *why) from error
         if not isinstance(backend, SqliteFile):
-            text = f"cannot be read: {reason(error)}; {backend.anew}"
+            text = f"cannot be read: {reason(error)}; {backend.restart}"
             raise refuse(backend.display_name, text) from error
         database, notes = _recovered(backend, plan, reason(error))
     try:
@@ -62,7 +62,7 @@ def opened(plan: StudyPlan, backend: Backend, alone: bool, prefix: str = "") -> 
             database.drop_claims(prefix)
     except DAMAGE as error:
         database.close()
-        text = f"cannot be read: {reason(error)}; {backend.anew}"
+        text = f"cannot be read: {reason(error)}; {backend.restart}"
         raise refuse(backend.display_name, text) from error
     except BaseException:
         database.close()
@@ -96,19 +96,19 @@ def identity_faults(database: Database, plan: StudyPlan) -> list[Fault]:
     if database.meta(TABLE):
         raise refuse(backend.display_name, f"holds a computed table; {backend.alternative}")
     if not _seal_fits(database):
-        text = f"cannot be read: what it says of its study is damaged; {backend.anew}"
+        text = f"cannot be read: what it says of its study is damaged; {backend.restart}"
         raise refuse(backend.display_name, text)
     if old and old != new:
         try:
-            faults = differences(old, new, backend.anew)
+            faults = differences(old, new, backend.restart)
         except tomllib.TOMLDecodeError as error:
             text = f"cannot be read: its configuration is damaged ({error})"
-            raise refuse(backend.display_name, f"{text}; {backend.anew}") from None
+            raise refuse(backend.display_name, f"{text}; {backend.restart}") from None
         if faults:
             return faults
     if database.meta(POINTS) not in ("", _points(plan)):
         text = "its points are not those of the study to resume: the table, or the version of what "
-        return [Fault("design", f"{text}draws them, has changed; {backend.anew}")]
+        return [Fault("design", f"{text}draws them, has changed; {backend.restart}")]
     return []
 
 
@@ -143,7 +143,7 @@ def _digest(identity: str, points: str) -> str:
     return hashlib.sha256(f"{identity}\n{points}".encode()).hexdigest()
 
 
-def differences(before: str, after: str, anew: str = SqliteFile.anew) -> list[Fault]:
+def differences(before: str, after: str, restart: str = SqliteFile.restart) -> list[Fault]:
     """What makes a configuration (TOML) that of another study than one before."""
     old, new = (flat(tomllib.loads(text)) for text in (before, after))
     faults = []
@@ -152,7 +152,7 @@ def differences(before: str, after: str, anew: str = SqliteFile.anew) -> list[Fa
         if was == now or key == SAID or (key == GROWS and now > was):
             continue
         hint = "it may only grow" if key == GROWS else "only seeds may grow"
-        text = f"is {now}, but the study to resume has {was}: {hint}; undo the change, or {anew}"
+        text = f"is {now}, but the study to resume has {was}: {hint}; undo the change, or {restart}"
         faults.append(Fault(key, text))
     return faults
 
@@ -162,7 +162,7 @@ def _recovered(backend: SqliteFile, plan: StudyPlan, error: str) -> tuple[Databa
     path = backend.path
     identity, rows, holes = _salvaged(path, plan)
     if not rows:
-        raise refuse(str(path), f"is damaged ({error}) and none of its runs can be read: {backend.anew}")
+        raise refuse(str(path), f"is damaged ({error}) and none of its runs can be read: {backend.restart}")
     identity = identity or _stored_configuration(path)
     aside = _put_aside(path)
     database = _database(SqliteFile(path), plan)
