@@ -11,9 +11,9 @@ from ....records import Response, StudyResult, Varied
 from ..records import LARGER_IS_BETTER, StudyData, StudySettings
 from .contrasts import contrasts
 from .courses import courses
+from .hypotheses import verdicts
 from .medians import medians
 from .pairs import ALPHA, pairs_needed
-from .readings import verdicts
 from .recommendation import recommendation
 from .runs import Runs, runs_of
 from .sensitivity import sensitivity

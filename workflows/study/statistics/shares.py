@@ -21,8 +21,7 @@ from .runs import complete
 
 def effect_of(values: Array, weights: Array) -> Array:
     """Variance of the levels (levels, replicates) without the noise; shape (draws,)."""
-    centred = values - values.mean(axis=0)
-    return np.asarray(crossed(centred, centred, weights).mean(-1))
+    return _squares(values - values.mean(axis=0), weights)
 
 
 def key_shares(values: Array, contrast: Contrast, rng: np.random.Generator) -> Estimates:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Sequence
+from dataclasses import asdict
 from functools import partial
 from typing import Any
 
@@ -108,7 +109,7 @@ class Database(Store):
 
         Returns how many are new.
         """
-        return self.insert([row_of(self._number(run), run, self.responses) for run in runs])
+        return self.insert([row_of(run.replicate * self.points + run.point, run, self.responses) for run in runs])
 
     def insert(self, rows: Sequence[Row]) -> int:
         """Write rows, those of another database as well; returns how many are new."""
@@ -150,12 +151,7 @@ class Database(Store):
 
     def keep_yardstick(self, problem: int, yardstick: Yardstick) -> None:
         """Keep the yardstick of a problem."""
-        record = {
-            "ideal": yardstick.box.ideal,
-            "nadir": yardstick.box.nadir,
-            "value": yardstick.value,
-            "bound": yardstick.bound,
-        }
+        record = asdict(yardstick.box) | {"value": yardstick.value, "bound": yardstick.bound}
         value = json.dumps(sealed_record(record, of=str(problem))).encode()
         row = self.backend.insert(YARDSTICKS).values(problem=problem, value=value)
         text = row.on_conflict_do_update(index_elements=[YARDSTICKS.c.problem], set_={"value": row.excluded.value})
@@ -166,9 +162,6 @@ class Database(Store):
 
         self.write(work)
         self.let_go([_of(problem)])
-
-    def _number(self, run: RunRecord) -> int:
-        return run.replicate * self.points + run.point
 
 
 def _of(problem: int) -> int:

@@ -1,4 +1,4 @@
-"""Opens the store of a study: a new one, that of a broken study, or what is whole of a file."""
+"""Opens the store of a study: a new one, that of an interrupted study, or a damaged file."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import tomllib
 from itertools import count
 from pathlib import Path
 
-from ....errors import Fault, raise_all, refuse
+from ....errors import Fault, InputError, raise_all, refuse
 from ....section import flat
 from ...store.backend import DAMAGE, Backend, Foreign, Newer, reason
 from ...store.faults import not_ours
@@ -26,14 +26,14 @@ SEALED = 2
 """Version of the tables from which on there is such a digest."""
 GROWS = "seeds"
 """The one key of the runs that may differ between a study and what goes on with it, upwards."""
-SAID = "reading"
-"""What is only tested on the runs."""
+HYPOTHESES = "reading"
+"""The key of what is only tested on the runs."""
 SHOWN = 12
 """Lost runs that are named one by one."""
 
 
 class Unopened(Exception):
-    """A database that may be sound cannot be opened: its path, why, and what helps."""
+    """A database that may be sound cannot be opened: its path, the cause, and the remedy."""
 
 
 def opened(plan: StudyPlan, backend: Backend, alone: bool, prefix: str = "") -> tuple[Database, tuple[str, ...]]:
@@ -52,8 +52,7 @@ def opened(plan: StudyPlan, backend: Backend, alone: bool, prefix: str = "") -> 
         if why := backend.hindrance(error):
             raise Unopened(backend.display_name, *why) from error
         if not isinstance(backend, SqliteFile):
-            text = f"cannot be read: {reason(error)}; {backend.restart}"
-            raise refuse(backend.display_name, text) from error
+            raise _unreadable(backend, reason(error)) from error
         database, notes = _recovered(backend, plan, reason(error))
     try:
         while not _taken(database, plan):
@@ -62,12 +61,15 @@ def opened(plan: StudyPlan, backend: Backend, alone: bool, prefix: str = "") -> 
             database.drop_claims(prefix)
     except DAMAGE as error:
         database.close()
-        text = f"cannot be read: {reason(error)}; {backend.restart}"
-        raise refuse(backend.display_name, text) from error
+        raise _unreadable(backend, reason(error)) from error
     except BaseException:
         database.close()
         raise
     return database, notes
+
+
+def _unreadable(backend: Backend, why: str) -> InputError:
+    return refuse(backend.display_name, f"cannot be read: {why}; {backend.restart}")
 
 
 def _sound(backend: Backend, plan: StudyPlan, prefix: str) -> tuple[Database, tuple[str, ...]]:
@@ -96,14 +98,12 @@ def identity_faults(database: Database, plan: StudyPlan) -> list[Fault]:
     if database.meta(TABLE):
         raise refuse(backend.display_name, f"holds a computed table; {backend.alternative}")
     if not _seal_fits(database):
-        text = f"cannot be read: what it says of its study is damaged; {backend.restart}"
-        raise refuse(backend.display_name, text)
+        raise _unreadable(backend, "the identity of its study is damaged")
     if old and old != new:
         try:
             faults = differences(old, new, backend.restart)
         except tomllib.TOMLDecodeError as error:
-            text = f"cannot be read: its configuration is damaged ({error})"
-            raise refuse(backend.display_name, f"{text}; {backend.restart}") from None
+            raise _unreadable(backend, f"its configuration is damaged ({error})") from None
         if faults:
             return faults
     if database.meta(POINTS) not in ("", _points(plan)):
@@ -149,7 +149,7 @@ def differences(before: str, after: str, restart: str = SqliteFile.restart) -> l
     faults = []
     for key in dict.fromkeys([*new, *old]):
         was, now = old.get(key, "unset"), new.get(key, "unset")
-        if was == now or key == SAID or (key == GROWS and now > was):
+        if was == now or key == HYPOTHESES or (key == GROWS and now > was):
             continue
         hint = "it may only grow" if key == GROWS else "only seeds may grow"
         text = f"is {now}, but the study to resume has {was}: {hint}; undo the change, or {restart}"
@@ -199,13 +199,10 @@ def _salvaged(path: Path, plan: StudyPlan) -> tuple[str, list[Row], list[int]]:
             try:
                 row = database.row(number)
             except DAMAGE:
-                holes.append(number)
-                continue
-            if row is None:
-                continue
-            if is_intact(row):
+                row = ()
+            if row is not None and is_intact(row):
                 rows.append(row)
-            else:
+            elif row is not None:
                 holes.append(number)
     return identity, rows, holes
 

@@ -1,4 +1,4 @@
-"""Where the runs of a study are kept: in a file of its directory, or in a store elsewhere."""
+"""Where the runs of a study are stored: in a file of its directory, or in a shared store."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from ....errors import Fault, InputError, refuse
 from ....sealed import read_record, write_record
+from ...store.address import read_address
 from .names import DATABASE, PLACE
 
 if TYPE_CHECKING:
@@ -28,17 +29,16 @@ class Site:
 
     @property
     def location(self) -> str:
-        """Where the runs are, in the words of messages."""
-        return _shown(self.address) if self.address else str(self.folder)
+        """Where the runs are, as messages state it."""
+        return read_address(self.address).shown if self.address else str(self.folder)
 
     def begin(self) -> None:
         """Write to the directory where the runs are, and a token that marks its claims.
 
-        Who resumes the study here knows by it which claims are of processes that are gone.
+        It tells a resumed study which claims belong to processes that are gone.
         """
         if self.address:
-            record = {STORE: self.location, TOKEN: secrets.token_hex(8)}
-            write_record(self.folder / PLACE, record)
+            write_record(self.folder / PLACE, {STORE: self.location, TOKEN: secrets.token_hex(8)})
 
     def check(self) -> None:
         """Raises InputError where the directory does not hold a study that is kept there."""
@@ -56,7 +56,6 @@ class Site:
     def backend(self, reading: bool = False) -> Backend:
         """The database."""
         if self.address:
-            from ...store.address import read_address
             from ...store.postgresql import PostgreSQL
 
             return PostgreSQL(read_address(self.address))
@@ -106,9 +105,3 @@ def _placed(folder: Path) -> dict[str, str] | None:
         text = f"cannot be read: {error}; start again with --overwrite"
         raise refuse(f"{folder}/{PLACE}", text) from error
     return None if record is None else {key: str(record[key]) for key in (STORE, TOKEN)}
-
-
-def _shown(address: str) -> str:
-    from ...store.address import read_address
-
-    return read_address(address).shown
