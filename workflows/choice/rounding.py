@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from ...problems.interfaces import Accuracy
 from ...problems.settings import Bound
 from ...problems.tolerance_problem import ToleranceProblem
-from .judge import Judge, best
 from .moves import by_moves
 from .neighbours import Neighbours, neighbours
+from .ranking import Ranking, best
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -42,7 +42,7 @@ def rounded(
     near = neighbours(problem, design, values)
     if not len(near.at):
         return design
-    quick, full = (Judge(problem, design, True, kept), Judge(Accuracy.of(problem).reported(), design, False, kept))
+    quick, full = (Ranking(problem, design, True, kept), Ranking(Accuracy.of(problem).reported(), design, False, kept))
     rounded_design, keys = _best(near, quick, full)
     if keys[0] > 0.0:
         quick.learn(full, design)
@@ -51,8 +51,8 @@ def rounded(
     return rounded_design
 
 
-def _best(near: Neighbours, quick: Judge, full: Judge) -> tuple[Array, Array]:
-    """The best design that is found, and its key."""
+def _best(near: Neighbours, quick: Ranking, full: Ranking) -> tuple[Array, Array]:
+    """The best design of the search, and its key."""
     masks = _every(near) if len(near.at) <= ALL else by_moves(near, quick, VERIFIED)
     best_design, keys = _verified(near, masks, quick, full)
     if keys[0] > 0.0 and ALL < len(near.at) <= HARD:
@@ -68,8 +68,8 @@ def _every(near: Neighbours) -> Mask:
     return masks
 
 
-def _verified(near: Neighbours, masks: Mask, quick: Judge, full: Judge) -> tuple[Array, Array]:
-    """The best design by the full model among the best of a quick look, and its key."""
+def _verified(near: Neighbours, masks: Mask, quick: Ranking, full: Ranking) -> tuple[Array, Array]:
+    """The best design by the full model among the best by the quick model, and its key."""
     designs = np.unique(near.designs(masks), axis=0)
     shortlist = designs[best(quick.keys(designs))[:VERIFIED]]
     keys = full.keys(shortlist)

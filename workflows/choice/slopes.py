@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ...declarations import Kind, Variable
 from ...problems.interfaces import Differentiable
 from ...problems.tolerance_problem import ToleranceProblem
-from .rules import COST
+from .rule import COST
 
 Array = NDArray[np.float64]
 STEP = 1e-3

@@ -40,7 +40,7 @@ class Stored:
 
     @property
     def unfinished(self) -> bool:
-        """Whether the result is being made, or was broken off."""
+        """Whether the result is being computed, or was interrupted."""
         return self.standing.unfinished is not None
 
     def missing(self) -> None:
@@ -114,10 +114,8 @@ class Stored:
     def edited(self, hashes: Mapping[str, Any]) -> None:
         """Remark which files are not as they were written, by their SHA-256."""
         for name, known in hashes.items():
-            path = self.folder / Path(str(name)).name
-            if not path.is_file():
-                continue  # remarked where it is read
-            if hashlib.sha256(path.read_bytes()).hexdigest() != known:
+            path = self.folder / Path(str(name)).name  # a missing file is remarked where it is read
+            if path.is_file() and hashlib.sha256(path.read_bytes()).hexdigest() != known:
                 self.remark(path.name, "was changed after it was written; shown as it is now")
 
     def newer(self, name: str, versions: Any, format_: Any, known: int) -> None:

@@ -11,30 +11,14 @@ import pandas as pd
 
 from ...records import Axis, Bars, RunResult
 from ...units import split_unit
-from ..run.choices import FORMAT
+from ..run.choices import FORMAT, TABLES
 from .stored import Stored
 from .unfinished import course
 
 SUMMARY = "summary.json"
-OVERLAYS = "overlays.csv"
+OVERLAYS = TABLES["overlays"]
 OPTIONAL = {
-    "before": "front_without_effects.csv",
-    "moved": "allocation_moved.csv",
-    "choices": "choices.csv",
-    "choice_sensitivity": "choice_sensitivity.csv",
-    "allocation": "allocation.csv",
-    "contributions": "contributions.csv",
-    "exact_front": "exact_front.csv",
-    "unit_turn": "unit_turn.csv",
-    "population": "population.csv",
-    "assumptions_cost": "assumptions_cost.csv",
-    "requirements": "requirements.csv",
-    "drivers": "drivers.csv",
-    "prices": "prices.csv",
-    "relaxed": "relaxed.csv",
-    "promise": "promise.csv",
-    "next_parts": "next_parts.csv",
-    "capability": "capability.csv",
+    field: name for field, name in TABLES.items() if field not in ("front", "references", "convergence", "overlays")
 }
 TOLERANCES = "tolerances.json"
 NAMED = {"name", "unit", "kind", "low", "high", "free", "orderable", "grades", "costs"}
@@ -121,13 +105,15 @@ def _nothing(table: pd.DataFrame | None) -> bool:
 
 def _with(table: pd.DataFrame | None, needed: tuple[str, ...], name: str, stored: Stored) -> pd.DataFrame:
     """The table, empty where there is none or a column is missing that the page reads."""
-    if table is None:
-        return pd.DataFrame()
+    return pd.DataFrame() if table is None or _lacks(table, needed, name, stored) else table
+
+
+def _lacks(table: pd.DataFrame, needed: tuple[str, ...], name: str, stored: Stored) -> bool:
+    """Whether a table lacks a column that the page reads, which is remarked."""
     missing = [column for column in needed if column not in table]
     if missing:
         stored.remark(name, f"has no column {', '.join(missing)}; left out")
-        return pd.DataFrame()
-    return table
+    return bool(missing)
 
 
 def _front(stored: Stored, names: list[str]) -> pd.DataFrame:
@@ -158,9 +144,7 @@ def _optional(stored: Stored, points: int) -> dict[str, pd.DataFrame | None]:
     tables: dict[str, pd.DataFrame | None] = {}
     for field, name in OPTIONAL.items():
         table = stored.table(name, needed=False)
-        missing = [column for column in NEEDED.get(field, ()) if table is not None and column not in table]
-        if table is not None and missing:
-            stored.remark(name, f"has no column {', '.join(missing)}; left out")
+        if table is not None and _lacks(table, NEEDED.get(field, ()), name, stored):
             table = None
         if table is not None and "point" in table:
             rows = pd.to_numeric(table["point"], errors="coerce")

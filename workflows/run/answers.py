@@ -14,6 +14,7 @@ from ...problems.tolerance_problem import ToleranceProblem
 from ...records import RunResult, unit_of_cost
 from ...units import split_unit
 from ..promise.limits import promised_limits
+from .choices import chosen_point
 from .proofs import EXACT, distance_words, informative, percent
 from .references import gain_column
 
@@ -32,7 +33,7 @@ def answers(result: RunResult, problem: ToleranceProblem, proven: Proof) -> dict
     `proven` are the bounds of the front. Only `asked` where the front is
     empty.
     """
-    sentences = Words(result, problem)
+    sentences = Sentences(result, problem)
     asked = {"asked": sentences.request()}
     if result.front.empty:
         return asked
@@ -44,7 +45,7 @@ def answers(result: RunResult, problem: ToleranceProblem, proven: Proof) -> dict
     }
 
 
-class Words:
+class Sentences:
     """The sentences of one run."""
 
     def __init__(self, result: RunResult, problem: ToleranceProblem) -> None:
@@ -53,12 +54,7 @@ class Words:
         self.units |= {v.name: v.unit for v in problem.variables}
         self.units[COST] = unit_of_cost(result.summary)
         self.names = list(problem.objectives)
-        self.point = self._point()
-
-    def _point(self) -> int:
-        """Row of the knee, or of the only point."""
-        choices = self.result.choices
-        return 0 if choices is None or choices.empty else int(choices["point"].iloc[0])
+        self.point = chosen_point(result)
 
     def value(self, name: str, value: float) -> str:
         """Like "backlash 1.04 arcmin"."""
@@ -73,10 +69,7 @@ class Words:
         largest = {o.name for o in self.problem.outputs if o.larger_is_better}
         goals = [f"{'largest' if n in largest else 'least'} {words(n)}" for n in self.names]
         goal = " against ".join(goals).capitalize()
-        requested = set(self.problem.given.limits) | (
-            set() if self.problem.given.limits else set(self.problem.declaration.limits)
-        )
-        requested |= promised_limits(self.problem)
+        requested = set(self.problem.given.limits or self.problem.declaration.limits) | promised_limits(self.problem)
         limits = [self.limit(limit) for limit in self.problem.limits if limit.count and limit.name in requested]
         built_in = sum(limit.count > 0 for limit in self.problem.limits) - len(limits)
         if built_in > 0:
@@ -84,11 +77,8 @@ class Words:
             limits.append(f"{built_in} {plural} that the problem sets itself")
         kept = f", with {', '.join(limits)}" if limits else ", without limits"
         tolerances = sum(v.tolerance for v in self.problem.free)
-        return f"{goal}{kept}; {tolerances} tolerances searched{self._and_others(len(self.problem.free) - tolerances)}."
-
-    @staticmethod
-    def _and_others(count: int) -> str:
-        return f" and {count} other variables" if count else ""
+        others = len(self.problem.free) - tolerances
+        return f"{goal}{kept}; {tolerances} tolerances searched{f' and {others} other variables' if others else ''}."
 
     def limit(self, limit: Limit) -> str:
         unit = f" {limit.unit}".rstrip()
@@ -112,18 +102,11 @@ class Words:
         return f"Found: {len(front)} allocations, {ends}; the {words(rule)} has {self.row(row)}."
 
     def published(self) -> str:
-        rows = self._published_rows()
-        if not rows:
-            return "No published allocation of this problem is known, so nothing can be compared."
-        return " ".join(self._comparison(row) for row in rows[:1])
-
-    def _published_rows(self) -> list[dict[str, Any]]:
-        references = self.result.references
         printed = [str(label) for label in Documented.of(self.problem).references()]
-        if references.empty:
-            return []
-        rows = [{str(k): v for k, v in row.items()} for row in references.to_dict("records")]
-        return [row for row in rows if row["label"] in printed]
+        for row in self.result.references.to_dict("records"):
+            if row["label"] in printed:
+                return self._comparison({str(name): value for name, value in row.items()})
+        return "No published allocation of this problem is known, so nothing can be compared."
 
     def _comparison(self, row: dict[str, Any]) -> str:
         label, broken = str(row["label"]), str(row["violated_limits"]).split()
@@ -138,11 +121,9 @@ class Words:
                 return f"{published}, but breaks the limits ({values}): it cannot be compared."
             return f"{published}, but breaks the limits ({values}): at the same looser limits {gains}."
         gains = self._gains(row, "")
-        return (
-            f"{published} and keeps all limits: {gains}."
-            if gains
-            else (f"{published} and keeps all limits; no point of the front is as good in every other objective.")
-        )
+        if gains:
+            return f"{published} and keeps all limits: {gains}."
+        return f"{published} and keeps all limits; no point of the front is as good in every other objective."
 
     def _limit(self, name: str) -> Limit:
         return next(limit for limit in self.problem.limits if limit.name == name)
@@ -156,11 +137,8 @@ class Words:
                 if self.names == [COST]:
                     side = "lower" if value >= 0.0 else "higher"
                     return f"the least cost that was found is {distance_words(abs(value))} {side}"
-                at = (
-                    "the same cost"
-                    if name != COST
-                    else ("equal " + " and ".join(words(n) for n in self.names if n != COST))
-                )
+                others = " and ".join(words(n) for n in self.names if n != COST)
+                at = f"equal {others}" if name == COST else "the same cost"
                 what = "an allocation that costs" if name == COST else f"a {words(name)} that is"
                 parts.append(f"{what} {distance_words(abs(value))} {side} at {at}")
         return "there is " + ", or ".join(parts) if parts else ""

@@ -20,7 +20,6 @@ from ...records import RunResult
 from .units import NEAR, shown_point
 
 Array = NDArray[np.float64]
-COLUMNS = ("assumption", "value", "cost", "change_percent", "remark")
 INFEASIBLE = "no allocation found that keeps the limits at this grade"
 RIGID = "backlash_"
 """Prefix of the outputs that are searched within a fraction of a second."""
@@ -106,7 +105,7 @@ def assumptions_cost(
                 return None
     except KeyboardInterrupt:
         pass
-    return pd.DataFrame(rows, columns=list(COLUMNS)) if len(rows) > 1 else None
+    return pd.DataFrame(rows) if len(rows) > 1 else None
 
 
 def _applicable(problem: ToleranceProblem) -> bool:

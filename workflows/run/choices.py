@@ -13,6 +13,30 @@ from ..choice.decide import Decisions
 from .plan import RunPlan
 from .proofs import Exact, exact_table
 
+TABLES = {
+    "front": "front.csv",
+    "references": "references.csv",
+    "convergence": "convergence.csv",
+    "before": "front_without_effects.csv",
+    "moved": "allocation_moved.csv",
+    "choices": "choices.csv",
+    "choice_sensitivity": "choice_sensitivity.csv",
+    "allocation": "allocation.csv",
+    "contributions": "contributions.csv",
+    "exact_front": "exact_front.csv",
+    "overlays": "overlays.csv",
+    "unit_turn": "unit_turn.csv",
+    "population": "population.csv",
+    "assumptions_cost": "assumptions_cost.csv",
+    "requirements": "requirements.csv",
+    "drivers": "drivers.csv",
+    "prices": "prices.csv",
+    "relaxed": "relaxed.csv",
+    "promise": "promise.csv",
+    "next_parts": "next_parts.csv",
+    "capability": "capability.csv",
+}
+"""The files of the tables of a `RunResult`, by its field; `overlays` holds several fronts."""
 FORMAT = 1
 """Version of the files of a run: `summary.json` names it; a reader refuses what is newer."""
 
@@ -39,6 +63,12 @@ def with_choices(result: RunResult, decisions: Decisions, plan: RunPlan, exact: 
         tolerances=decisions.tolerances,
         exact_front=exact_table(plan.problem, exact),
     )
+
+
+def chosen_point(result: RunResult) -> int:
+    """Row of the knee of a front, or of its only point."""
+    choices = result.choices
+    return 0 if choices is None or choices.empty else int(choices["point"].iloc[0])
 
 
 def _mechanism(problem: ToleranceProblem) -> dict[str, object]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -77,6 +78,21 @@ def knee(values: Array) -> NDArray[np.bool_]:
     scaled = (values - values.min(axis=0)) / np.where(span > 0.0, span, 1.0)
     marked[int(np.argmin(scaled.sum(axis=1)))] = True
     return marked
+
+
+def middle_point(front: pd.DataFrame) -> pd.Series[Any]:
+    """The point in the middle of a front by cost."""
+    order = front["cost"].astype(float).argsort(kind="stable")
+    return front.iloc[int(order.iloc[len(front) // 2])]
+
+
+def labelled(fronts: Mapping[str, pd.DataFrame | None]) -> pd.DataFrame | None:
+    """Fronts below each other, each with its label; None without any."""
+    frames = [front.assign(label=label) for label, front in fronts.items() if front is not None]
+    if not frames:
+        return None
+    joined = pd.concat(frames, ignore_index=True)
+    return joined[["label", *(name for name in joined if name != "label")]]
 
 
 def with_references(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import platform
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
 from importlib.metadata import version
 from pathlib import Path
@@ -30,12 +30,12 @@ from .answers import answers
 from .assumptions import with_assumptions
 from .choices import with_choices
 from .designs import Designs
-from .front import inside, nearest_miss, reported_front, with_references
-from .kept import REDUCERS, keep
+from .front import inside, labelled, nearest_miss, reported_front, with_references
 from .plan import RunOutcome, RunPlan
 from .promised import with_capability, with_promise
 from .proofs import Exact, end_notes, exact_front, measures, proof_notes, solved_front, takes_long, with_bounds
 from .reach import searchable
+from .reducer_fronts import REDUCERS, store_reducer_fronts
 from .references import compare, documents, side_searches, table
 from .requirements import with_requirements
 from .resume import CHECKPOINT, CONFIGURATION, notes_of, opened, seconds_before
@@ -75,14 +75,14 @@ def _run(
     plan: RunPlan, place: Ownership, workers: Execution | int, progress: Callable[[Progress], None] | None, resume: bool
 ) -> RunOutcome:
     checkpoint, out = opened(plan, place, resume), place.folder
-    start, resume_notes = (time.monotonic() - seconds_before(checkpoint), notes_of(checkpoint, resume))
+    start, resume_notes = time.monotonic() - seconds_before(checkpoint), notes_of(checkpoint, resume)
     printed = documents(plan.problem) if plan.references else pd.DataFrame()
     searches = side_searches(plan, printed) if plan.references else ()
     searches += effects.side_search(plan) + overlay.side_search(plan)
     place.begin(keep=(CONFIGURATION, CHECKPOINT, REDUCERS) if resume else (CONFIGURATION,))
     write_text(out / CONFIGURATION, plan.configuration)
     checkpoint.write()
-    keep(plan.problem, out)
+    store_reducer_fronts(plan.problem, out)
     search_result, fronts = _searched(plan, checkpoint, Sides(searches, workers, checkpoint), progress)
     searched = reported_front(plan.problem, search_result)
     exact = exact_front(plan.problem, solved_front(plan, search_result))
@@ -116,7 +116,9 @@ def _run(
     summary |= measures(search_result, front, front_proof, exact)
     summary |= drawn(plan.problem, front) | ({"alternatives": alternative_costs} if alternative_costs else {})
     result = _result(plan, search_result, front, references, summary, proven, exact)
-    result = replace(with_choices(result, decisions, plan, exact), overlays=overlays, relaxed=_concatenated(relaxed))
+    looser = labelled(relaxed)
+    looser = None if looser is None or looser.empty else looser
+    result = replace(with_choices(result, decisions, plan, exact), overlays=overlays, relaxed=looser)
     answered = answers(result, plan.problem, front_proof)
     result = replace(result, summary={**result.summary, "answers": answered})
     result = _with_more(result, plan.problem, search_result, incomplete, progress)
@@ -202,7 +204,7 @@ def _costs(problem: ToleranceProblem) -> dict[str, object]:
 
 
 def _model(problem: ToleranceProblem) -> dict[str, object]:
-    """The one of several models that the numbers come from; empty where there is only one."""
+    """The model that the numbers come from; empty where there is only one."""
     if not problem.declaration.model_statement:
         return {}
     return {"model": problem.declaration.model_name, "model_statement": problem.declaration.model_statement}
@@ -235,13 +237,6 @@ def _result(
     )
 
 
-def _concatenated(relaxed: Mapping[str, pd.DataFrame | None]) -> pd.DataFrame | None:
-    """The fronts with relaxed limits, one below the other, each under its label."""
-    frames = [front.assign(label=label) for label, front in relaxed.items() if front is not None]
-    joined = pd.concat(frames, ignore_index=True) if frames else pd.DataFrame()
-    return joined[["label", *(n for n in joined if n != "label")]] if len(joined) else None
-
-
 def described(problem: ToleranceProblem) -> str:
     """The title of a problem: the first line of its description."""
     if not type(problem).__module__.startswith("tolevo."):
@@ -272,11 +267,6 @@ def _notes(references: pd.DataFrame, dropped: int, joined: int) -> list[str]:
     return notes
 
 
-def _of_cost(axis: Axis) -> str:
-    """The unit of a cost."""
-    return f" {axis.unit}" if axis.name == "cost" and axis.unit else ""
-
-
 def _lines(result: RunResult, status: str, out: Path, proof_lines: Sequence[str]) -> tuple[str, ...]:
     """A short summary for the terminal; `proof_lines` are left out where the answers state them."""
     lines = [
@@ -287,7 +277,10 @@ def _lines(result: RunResult, status: str, out: Path, proof_lines: Sequence[str]
     lines += result.answers.values()
     for row in result.references.to_dict("records"):
         kept = "meets all limits" if row["feasible"] else f"breaks {row['violated_limits']}"
-        values = ", ".join(f"{axis.name} {row[axis.name]:.4g}" + _of_cost(axis) for axis in result.objectives)
+        values = ", ".join(
+            f"{axis.name} {row[axis.name]:.4g} {axis.unit if axis.name == 'cost' else ''}".rstrip()
+            for axis in result.objectives
+        )
         lines.append(f"reference {row['label']}: {values}; {kept}")
     answered = proof_lines if "proof" in result.answers else ()
     lines += [f"note: {note}" for note in result.notes if note not in answered]

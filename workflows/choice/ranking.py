@@ -12,14 +12,14 @@ from ...problems.limits import limits_of
 from ...problems.settings import Bound
 from ...problems.tolerance_problem import ToleranceProblem
 from .neighbours import SLACK
-from .rules import COST
+from .rule import COST
 
 Array = NDArray[np.float64]
 BATCH = 64
 """Designs that are evaluated at once: every output of each is held meanwhile."""
 
 
-class Judge:
+class Ranking:
     """Ranks designs: limits first, then the objectives but the cost, then the cost.
 
     The outputs with a bound of `kept` are requested as well: the problem may leave them out
@@ -51,8 +51,8 @@ class Judge:
         use, cost = zip(*map(self._use, parts), strict=True)
         return np.concatenate(use) + self.correction, np.concatenate(cost)
 
-    def learn(self, other: Judge, design: Array) -> None:
-        """Correct `use` from now on by the excess of another judge's at a full design (all,)."""
+    def learn(self, other: Ranking, design: Array) -> None:
+        """Correct `use` from now on by the excess of the `use` of another ranking at a full design (all,)."""
         missing = other.use(design[None])[0][0] - self.use(design[None])[0][0]
         self.correction = self.correction + np.where(np.isfinite(missing), missing, 0.0)
 
