@@ -65,7 +65,7 @@ def _is_frame(hint: Any) -> bool:
 
 
 def _python_scalar(value: Any) -> Any:
-    """A scalar of numpy as Python's own."""
+    """A scalar of numpy as a plain one."""
     return value.item() if isinstance(value, np.generic) else str(value)
 
 
@@ -97,7 +97,6 @@ def _frame(table: Mapping[str, Any]) -> pd.DataFrame:
 
 
 def _empty(hint: Any) -> Any:
-    """The empty value of a type."""
     if hint is pd.DataFrame:
         return pd.DataFrame()
     if hint is str:

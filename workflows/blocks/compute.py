@@ -113,7 +113,6 @@ def computed(
 
 
 def _store_of_blocks(about: About, target: Target | None, shared: tuple[str, str] | None) -> BlockStore:
-    """The store of the blocks."""
     if shared is not None:
         from .table import block_table  # with it comes SQLAlchemy, slow to load
 
@@ -147,7 +146,6 @@ def _frame(compute: Compute, grains: Iterable[Any], first: int = 0) -> pd.DataFr
 def _finish(
     table: Computed, store: BlockStore, executor: Executor, progress: Callable[[BlockProgress], None] | None
 ) -> None:
-    """Compute the blocks that are missing."""
     total, begin, had = store.about.total, time.monotonic(), len(store.completed)
 
     def report() -> None:

@@ -20,6 +20,10 @@ OVERLAYS = TABLES["overlays"]
 OPTIONAL = {
     field: name for field, name in TABLES.items() if field not in ("front", "references", "convergence", "overlays")
 }
+OBJECTS = ("versions", "ideal", "nadir", "axes", "files", "choices", "units", "assumptions_at", "answers", "mechanism")
+LISTS = ("notes", "assumptions", "bars", "rounding", "validity")
+KINDS: dict[str, type] = dict.fromkeys(OBJECTS, dict) | dict.fromkeys(LISTS, list) | {"title": str, "format": int}
+"""Types of the entries of the summary, where the page depends on them."""
 TOLERANCES = "tolerances.json"
 NAMED = {"name", "unit", "kind", "low", "high", "free", "orderable", "grades", "costs"}
 """What a record of it must have."""
@@ -158,29 +162,10 @@ def _optional(stored: Stored, points: int) -> dict[str, pd.DataFrame | None]:
 
 def _typed(summary: dict[str, Any], stored: Stored) -> dict[str, Any]:
     """The summary without values of a type that a run does not write."""
-    kinds: dict[str, type | tuple[type, ...]] = {
-        "versions": dict,
-        "ideal": dict,
-        "nadir": dict,
-        "axes": dict,
-        "files": dict,
-        "choices": dict,
-        "notes": list,
-        "assumptions": list,
-        "bars": list,
-        "rounding": list,
-        "validity": list,
-        "units": dict,
-        "assumptions_at": dict,
-        "title": str,
-        "answers": dict,
-        "format": int,
-        "mechanism": dict,
-    }
-    for name, kind in kinds.items():
+    for name, kind in KINDS.items():
         if name in summary and not isinstance(summary[name], kind):
             stored.remark(SUMMARY, f"{name} is not what a run writes: was it edited by hand?")
-    return {name: value for name, value in summary.items() if isinstance(value, kinds.get(name, object))}
+    return {name: value for name, value in summary.items() if isinstance(value, KINDS.get(name, object))}
 
 
 def _axes(summary: Mapping[str, Any], configuration: str) -> tuple[tuple[Axis, ...], tuple[Axis, ...]]:

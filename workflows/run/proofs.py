@@ -135,7 +135,7 @@ def exact_table(problem: ToleranceProblem, exact: Exact | None) -> pd.DataFrame 
 
 
 def _objectives(problem: ToleranceProblem, x: np.ndarray) -> np.ndarray:
-    """Objectives (k, objectives) of search vectors."""
+    """Objectives (k, objectives) of search vectors (k, variables)."""
     return problem.objective_values(problem.outputs_of(problem.complete(x), searching=True))
 
 

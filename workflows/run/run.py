@@ -152,7 +152,6 @@ def _with_more(
 def _searched(
     plan: RunPlan, checkpoint: Checkpoint, searches: Sides, progress: Callable[[Progress], None] | None
 ) -> tuple[SearchResult, Fronts]:
-    """The result of the search, and the fronts of the side searches."""
     with searches as sides, Designs(plan.problem, sides.where, sides.free) as designs:
 
         def report(state: Progress) -> None:

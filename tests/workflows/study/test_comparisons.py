@@ -15,9 +15,9 @@ from tolevo.workflows.study.records import Factor, Hypothesis, StudyData, StudyS
 from tolevo.workflows.study.statistics import analyse
 from tolevo.workflows.study.statistics.anova import level_test, surface_tests
 from tolevo.workflows.study.statistics.contrasts import Contrast, contrasts
+from tolevo.workflows.study.statistics.hypotheses import verdicts
 from tolevo.workflows.study.statistics.medians import interval_of_median, medians
 from tolevo.workflows.study.statistics.pairs import friedman_tests, least_p, pairs_needed, wilcoxon_tests
-from tolevo.workflows.study.statistics.hypotheses import verdicts
 from tolevo.workflows.study.statistics.recommendation import recommendation
 from tolevo.workflows.study.statistics.runs import Runs, runs_of
 

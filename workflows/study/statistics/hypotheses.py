@@ -45,7 +45,6 @@ def _row(hypothesis: Hypothesis, tests: pd.DataFrame) -> dict[str, Any] | None:
 
 
 def _verdict(hypothesis: Hypothesis, row: dict[str, Any] | None) -> tuple[str, str]:
-    """The verdict, and the evidence for it."""
     if row is None:
         text = f"The study has no comparison of {hypothesis.a} with {hypothesis.b} in {hypothesis.response}"
         return "undecided", f"{text}."
@@ -63,7 +62,6 @@ def _verdict(hypothesis: Hypothesis, row: dict[str, Any] | None) -> tuple[str, s
 
 
 def _evidence(hypothesis: Hypothesis, row: dict[str, Any]) -> str:
-    """The comparison in words."""
     size = (
         f"{hypothesis.response} at {hypothesis.a} less that at {hypothesis.b} is "
         f"{row['difference']:.3g}{_interval(row)} in the median"

@@ -63,6 +63,11 @@ def over_settings(values: Array, weights: Array) -> Array:
     return np.where(total > 0, summed / np.where(total > 0, total, 1.0), np.nan)
 
 
+def fraction_of(parts: Array, total: Array) -> Array:
+    """Parts (draws, statistics) over totals (draws,), 0 where nothing varies."""
+    return np.divide(parts, total[:, None], out=np.zeros_like(parts), where=total[:, None] > 0.0)
+
+
 def random_settings(
     statistic: Statistic, settings: int, replicates: int, rng: np.random.Generator, parts: int = 0, level: float = LEVEL
 ) -> Estimates:

@@ -15,7 +15,7 @@ from ..records import Factor
 from .anova import model
 from .contrasts import Contrast
 from .noise import variance
-from .resampling import Array, Estimates, crossed, fixed_settings
+from .resampling import Array, Estimates, crossed, fixed_settings, fraction_of
 from .runs import complete
 
 
@@ -30,7 +30,7 @@ def key_shares(values: Array, contrast: Contrast, rng: np.random.Generator) -> E
 
     def statistic(rows: Array, weights: Array) -> Array:
         effect = effect_of(levels, weights)
-        return _share(effect[:, None], effect + variance(levels, weights).mean(-1))
+        return fraction_of(effect[:, None], effect + variance(levels, weights).mean(-1))
 
     return fixed_settings(statistic, levels.shape[1], rng)
 
@@ -49,7 +49,7 @@ def factorial_shares(values: Array, contrasts: list[Contrast], rng: np.random.Ge
     def statistic(rows: Array, weights: Array) -> Array:
         between = effect_of(whole, weights)
         parts = np.stack([_squares(effect, weights) for effect in effects.values()], axis=-1)
-        return _share(parts, between + variance(whole, weights).mean(-1))
+        return fraction_of(parts, between + variance(whole, weights).mean(-1))
 
     names = [" x ".join(keys) for keys in effects]
     return names, fixed_settings(statistic, whole.shape[1], rng)
@@ -86,7 +86,7 @@ def surface_shares(
         between = effect_of(whole, weights)
         explained = [crossed(q.T @ whole, q.T @ whole, weights).sum(-1) for q in parts]
         gains = np.stack([explained[0] - part for part in explained[1:]], axis=-1) / len(whole)
-        return _share(gains, between + variance(whole, weights).mean(-1))
+        return fraction_of(gains, between + variance(whole, weights).mean(-1))
 
     return fixed_settings(statistic, whole.shape[1], rng)
 
@@ -95,9 +95,3 @@ def _projections(design: pd.DataFrame, factors: tuple[Factor, ...], without: Fac
     """Orthonormal columns of the model without one key."""
     columns = model(design, tuple(factor for factor in factors if factor is not without))
     return np.linalg.qr(columns)[0]
-
-
-def _share(parts: Array, total: Array) -> Array:
-    """Parts (draws, statistics) of totals (draws,), 0 where nothing varies."""
-    wide = np.broadcast_to(total[:, None], parts.shape)
-    return np.divide(parts, wide, out=np.zeros_like(parts), where=wide > 0.0)

@@ -44,8 +44,8 @@ class Site:
         """Raises InputError where the directory does not hold a study that is kept there."""
         there, file = _placed(self.folder), (self.folder / DATABASE).is_file()
         if there is None and not file:
-            text = f"{self.folder} holds no {DATABASE} of a study; name another directory, or"
-            raise refuse("--resume", f"{text} --overwrite")
+            text = f"{self.folder} holds no {DATABASE} of a study; name another directory, or --overwrite"
+            raise refuse("--resume", text)
         if there is None and self.address:
             text = f"the runs of {self.folder} are in its {DATABASE}: leave out --store, or"
             raise refuse("--store", f"{text} {ANOTHER}")
