@@ -102,8 +102,7 @@ class Search:
         rows = np.flatnonzero(nondominated(f)) if len(f) else np.zeros(0, dtype=np.int64)
         front = designs_frame(self.problem, self.problem.complete(x[rows]))
         front[list(self.problem.objectives)] = f[rows]
-        first = self.problem.objectives[0]
-        return Asked(front.sort_values(first, ignore_index=True), self._evaluations)
+        return Asked(front.sort_values(self.problem.objectives[0], ignore_index=True), self._evaluations)
 
     def _needed(self) -> list[str]:
         """Objectives and limited outputs; a limited variable is known."""

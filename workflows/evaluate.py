@@ -56,11 +56,11 @@ def designs_in(
     """
     names = [variable.name for variable in problem.variables]
     needed = [name for name in names if name not in problem.fixed]
-    text = [variable.name for variable in problem.variables if variable.labels]
+    labelled = [variable.name for variable in problem.variables if variable.labels]
     known = {variable.name: variable.unit for variable in problem.variables}
     fitted = tables.fitted(table, place, known, problem.settings.columns)
     cells, unused = tables.without_unused(fitted.cells, names)
-    frame, faults = tables.parsed(cells, place, needed, names, text)
+    frame, faults = tables.parsed(cells, place, needed, names, labelled)
     faults += fitted.faults
     for variable in problem.variables:
         if variable.name in frame:

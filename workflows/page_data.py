@@ -52,8 +52,7 @@ def loaded(kind: type[Result], content: Mapping[str, Any]) -> tuple[Result, list
             elif _is_frame(hint):
                 values[field.name] = None
             else:
-                adapter = TypeAdapter(hint)
-                values[field.name] = adapter.validate_python(plain[field.name])
+                values[field.name] = TypeAdapter(hint).validate_python(plain[field.name])
         except (KeyError, TypeError, ValueError, ValidationError):
             bad.append(field.name)
             values[field.name] = _empty(hint)

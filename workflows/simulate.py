@@ -19,7 +19,7 @@ from ..models.table import MeasuredTable
 from .blocks import Computed, FrameRows, Rows
 
 GRAIN = 65_536
-"""Rows that are predicted at once, from a stream of random numbers of their own."""
+"""Rows that are predicted at once, from their own stream of random numbers."""
 ALWAYS_ALLOWED = ("time_s", "repeat", "session")
 LABELS = ("session",)
 """Of these, the columns of text."""
@@ -40,10 +40,8 @@ class Simulation:
     def __call__(self, columns: Mapping[str, NDArray[Any]], number: int) -> pd.DataFrame:
         """The inputs of a grain of rows, followed by the predicted outputs."""
         table = dict(columns)
-        stream = np.random.SeedSequence(self.seed, spawn_key=(number,) if number else ())
-        rng = np.random.default_rng(stream)
-        outputs = predicted(self.model, self.name, table, self.effects, rng, self.zero)
-        return pd.DataFrame({**table, **outputs})
+        rng = np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=(number,) if number else ()))
+        return pd.DataFrame({**table, **predicted(self.model, self.name, table, self.effects, rng, self.zero)})
 
     def computed(self, rows: Rows, columns: Iterable[str], configuration: str = "") -> Computed:
         """The table of these rows, to be computed in blocks.

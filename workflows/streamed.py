@@ -78,7 +78,7 @@ def _obstacle(simulation: Simulation, files: list[Path], uses: Mapping[str, tabl
     if any(schema.names != schemas[0].names for schema in schemas):
         return "its files have different columns"
     if uses:
-        return "[columns] says what columns are"
+        return "[columns] states what the columns are"
     if simulation.effects:
         return "effects need the table as a whole"
     if not simulation.model.row_by_row(schemas[0].names):

@@ -68,7 +68,7 @@ def template(kind: str, problem: ToleranceProblem, model: MeasurableModel) -> st
 
 def _designs(problem: ToleranceProblem) -> pd.DataFrame:
     """The document's allocation, and the middle of the search ranges."""
-    middle = {variable.name: _middle(variable.low, variable.high) for variable in problem.variables}
+    middle = {variable.name: float(f"{0.5 * (variable.low + variable.high):.4g}") for variable in problem.variables}
     document = {
         variable.name: middle[variable.name] if variable.document is None else variable.document
         for variable in problem.variables
@@ -80,10 +80,6 @@ def _designs(problem: ToleranceProblem) -> pd.DataFrame:
         if variable.labels:
             frame[variable.name] = [variable.labels[int(at)] for at in frame[variable.name]]
     return frame
-
-
-def _middle(low: float, high: float) -> float:
-    return float(f"{0.5 * (low + high):.4g}")
 
 
 def _units(model: MeasurableModel) -> pd.DataFrame:

@@ -98,7 +98,7 @@ def computed(
     is kept.
     """
     if target is None and isinstance(executor, InProcess) and shared is None:
-        return _here(table)
+        return _frame(table.compute, table.grains(0, table.rows.count))
     with closing(_store_of_blocks(table.about(block_rows), target, shared)) as store:
         _finish(table, store, executor, progress)
         total = store.about.total
@@ -125,15 +125,10 @@ def _store_of_blocks(about: About, target: Target | None, shared: tuple[str, str
 
 def _copied(store: BlockStore, target: Target) -> None:
     """Write the blocks of a store as the files of a directory."""
-    with closing(BlockFolder(target.blocks, store.about, target.resume, target.overwrite)) as there:
-        for number in sorted(store.completed - there.completed):
+    with closing(BlockFolder(target.blocks, store.about, target.resume, target.overwrite)) as folder:
+        for number in sorted(store.completed - folder.completed):
             block = store.block(number)
-            there.keep(number, block.read_bytes() if isinstance(block, Path) else block.getvalue())
-
-
-def _here(table: Computed) -> pd.DataFrame:
-    """The whole table, computed in this process and stored nowhere."""
-    return _frame(table.compute, table.grains(0, table.rows.count))
+            folder.keep(number, block.read_bytes() if isinstance(block, Path) else block.getvalue())
 
 
 def _frame(compute: Compute, grains: Iterable[Any], first: int = 0) -> pd.DataFrame:

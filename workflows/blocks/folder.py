@@ -49,7 +49,7 @@ class BlockFolder(BlockStore):
         self._log = (path / LOG).open("a", encoding="utf-8")
 
     def keep(self, number: int, content: bytes) -> None:
-        """Keep a block: first itself, then the line that says that it is whole."""
+        """Store a block: first its content, then the line that states that it is whole."""
         write_bytes(self.path / PART.format(number), content)
         self._log.write(f"{number} {hashlib.sha256(content).hexdigest()}\n")
         self._log.flush()
@@ -105,12 +105,12 @@ def _agreed(path: Path, about: About, resume: bool, overwrite: bool) -> About:
     if overwrite or not path.exists() or _blank(path):
         return about
     try:
-        there: dict[str, Any] = read_record(path / ABOUT) or {}
+        stored: dict[str, Any] = read_record(path / ABOUT) or {}
     except ValueError as error:
         raise refuse("--resume", f"{path / ABOUT} cannot be read: {error}; give --overwrite") from error
-    if others := " and of ".join(about.differences(there)):
+    if others := " and of ".join(about.differences(stored)):
         raise refuse("--resume", f"{path} holds blocks of {others}; name another file, or give --overwrite")
-    return about.with_blocks_of(there)
+    return about.with_blocks_of(stored)
 
 
 def _blank(path: Path) -> bool:

@@ -94,7 +94,7 @@ def _row(problem: ToleranceProblem, variable: Variable, old: float, new: float, 
 def _written(
     problem: ToleranceProblem, variable: Variable, design: Array, new: float, grade: str, roughness_share: float
 ) -> dict[str, Any]:
-    """What to write on the drawing, and what whoever makes and inspects the part needs to know."""
+    """What to write on the drawing, and what those who make and inspect the part need to know."""
     drawn = Drawing.of(problem).drawn(variable.name)
     nominal, mid = Drawing.of(problem).zone(variable.name)
     law = problem.settings.variables[variable.name].distribution

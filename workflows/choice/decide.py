@@ -102,22 +102,19 @@ def points_of(problem: ToleranceProblem, front: pd.DataFrame, settings: ChoiceSe
 
 
 def _within_limits(front: pd.DataFrame, limits: Mapping[str, Bound]) -> NDArray[np.bool_]:
-    conditions = [front[name].between(bound.low, bound.high) for name, bound in limits.items()]
-    return np.asarray(np.all(conditions, axis=0))
+    return np.asarray(np.all([front[name].between(bound.low, bound.high) for name, bound in limits.items()], axis=0))
 
 
 def _table(
     problem: ToleranceProblem, front: pd.DataFrame, choices: dict[str, int], new: dict[int, Array], spread: pd.DataFrame
 ) -> pd.DataFrame:
     """`choices.csv`: the chosen points, unrounded and rounded, and how sure each choice is."""
-    whole = Accuracy.of(problem).reported()
-    after = whole.frame(np.stack([new[at] for at in choices.values()]))
+    after = Accuracy.of(problem).reported().frame(np.stack([new[at] for at in choices.values()]))
     limits = [limit.name for limit in problem.limits if limit.count]
-    margins = after.to_dict("records")
-    broken = [" ".join(name for name in limits if row[f"margin_{name}"] < 0.0) for row in margins]
+    broken = [" ".join(name for name in limits if row[f"margin_{name}"] < 0.0) for row in after.to_dict("records")]
     selected = front.iloc[list(choices.values())].reset_index(drop=True)
-    kept = ["bound", "gap_percent", *problem.objectives, *problem.names]
-    table = selected[[name for name in kept if name in selected]].copy()
+    columns = ["bound", "gap_percent", *problem.objectives, *problem.names]
+    table = selected[[name for name in columns if name in selected]].copy()
     table.insert(0, "choice", list(choices))
     table.insert(1, "meaning", [meaning_of(name) for name in choices])
     table.insert(2, "point", list(choices.values()))

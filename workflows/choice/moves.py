@@ -53,8 +53,7 @@ def by_moves(near: Neighbours, ranking: Ranking, most: int) -> Mask:
         prices = Prices(use[0], float(cost[0]), use[1:] - use[0], cost[1:] - cost[0])
         series = np.vstack([_singles(at, prices), *_pairs(at, prices, ranking)])
         keys = np.vstack([ranking.ranked(use[1:], cost[1:]), ranking.keys(near.designs(series))])
-        more = np.vstack([singles, series])
-        masks, known = _few(np.vstack([masks, more]), np.vstack([known, keys]), most)
+        masks, known = _few(np.vstack([masks, singles, series]), np.vstack([known, keys]), most)
         if tuple(known[0].tolist()) >= tuple(key.tolist()):
             break
     return masks
@@ -62,8 +61,8 @@ def by_moves(near: Neighbours, ranking: Ranking, most: int) -> Mask:
 
 def _few(masks: Mask, keys: Array, most: int) -> tuple[Mask, Array]:
     """The best `most` of them, in order."""
-    kept = best(keys)[:most]
-    return masks[kept], keys[kept]
+    order = best(keys)[:most]
+    return masks[order], keys[order]
 
 
 def _singles(at: Mask, prices: Prices) -> Mask:

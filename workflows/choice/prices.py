@@ -73,11 +73,11 @@ def _fitted(problem: ToleranceProblem, slopes: Slopes, binding: NDArray[np.bool_
     prices = np.where(binding, np.nan, 0.0)
     residuals = np.full(len(designs), np.nan)
     for row in range(len(designs)):
-        kept, used = inside[row], np.flatnonzero(binding[row])
-        right = save[row, kept]
-        if not len(used) or not np.any(kept) or not np.any(right):
+        inner, used = inside[row], np.flatnonzero(binding[row])
+        right = save[row, inner]
+        if not len(used) or not np.any(inner) or not np.any(right):
             continue
-        matrix = along[row][kept][:, used] * sides[row, used]
+        matrix = along[row][inner][:, used] * sides[row, used]
         size = np.linalg.norm(matrix, axis=0)
         scaled = matrix / np.where(size > 0.0, size, 1.0)
         solution, residual = _above_zero(scaled, right)

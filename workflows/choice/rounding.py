@@ -27,12 +27,15 @@ VERIFIED = 24
 
 
 def rounded(
-    problem: ToleranceProblem, design: Array, values: dict[str, Array], kept: Mapping[str, Bound] = MappingProxyType({})
+    problem: ToleranceProblem,
+    design: Array,
+    values: dict[str, Array],
+    bounds: Mapping[str, Bound] = MappingProxyType({}),
 ) -> Array:
     """The design (all variables,) at the neighbour that can be ordered.
 
     The cheapest combination of neighbours that keeps all limits (those of the problem, and the
-    bounds `kept`) and is no worse in the other objectives; where there is none, the one that breaks
+    `bounds`) and is no worse in the other objectives; where there is none, the one that breaks
     the limits least, then the least worse. Up to `ALL` variables every combination is tried, and up
     to `HARD` where limits would break; else changes are priced one by one (`by_moves`). The full
     model decides between the best `VERIFIED`; where all of them break a limit, the quick search is
@@ -42,7 +45,8 @@ def rounded(
     near = neighbours(problem, design, values)
     if not len(near.at):
         return design
-    quick, full = (Ranking(problem, design, True, kept), Ranking(Accuracy.of(problem).reported(), design, False, kept))
+    quick = Ranking(problem, design, True, bounds)
+    full = Ranking(Accuracy.of(problem).reported(), design, False, bounds)
     rounded_design, keys = _best(near, quick, full)
     if keys[0] > 0.0:
         quick.learn(full, design)

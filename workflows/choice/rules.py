@@ -34,7 +34,7 @@ def meaning_of(name: str) -> str:
 
 
 def chosen(points: Points, notes: list[str] | None = None) -> dict[str, int]:
-    """The row that each rule chooses; rules that do not apply, or find none, are left out.
+    """The row that each rule chooses; rules that do not apply, or choose none, are left out.
 
     A rule that fails is left out as well, with its name and its reason in `notes`.
     """

@@ -78,7 +78,7 @@ def widths(problem: ToleranceProblem, designs: Array, variable: Variable) -> Arr
 
 
 def _differences(problem: ToleranceProblem, designs: Array, output: str, tolerances: list[Variable]) -> Array:
-    """Derivatives (n, all variables) by one-sided differences, as a search sees the output."""
+    """Derivatives (n, all variables) by one-sided differences of the output in a search."""
     base = problem.outputs_of(designs, searching=True)[output]
     derivatives = np.zeros_like(designs)
     for variable in tolerances:

@@ -1,1 +1,1 @@
-"""What a promise of the yield costs, which part it depends on most, and its review by made parts."""
+"""What a promise of the yield costs, which part it depends on most, and its reviews."""

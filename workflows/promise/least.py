@@ -66,8 +66,7 @@ def _many(problem: ToleranceProblem) -> bool:
     """Whether a problem has more choices of processes than are enumerated, and no closed form."""
     if not isinstance(problem, Stack):
         return False
-    parts = problem.definition.parts
-    choices = float(np.prod([len(part.processes) for part in parts], dtype=float))
+    choices = float(np.prod([len(part.processes) for part in problem.definition.parts], dtype=float))
     return choices > SETS and closed_form(problem) is None
 
 

@@ -93,8 +93,7 @@ def _spread(form: Form, optimum: Optimum) -> Array:
         np.array([process.spread for process in feature.ways])[optimum.chosen[0, at]]
         for at, feature in enumerate(form.features)
     ]
-    parts = optimum.t[:, None, :] * np.stack(spreads, axis=1)[None]
-    return np.asarray(spread_of(form, parts).value[0])
+    return np.asarray(spread_of(form, optimum.t[:, None, :] * np.stack(spreads, axis=1)[None]).value[0])
 
 
 def shadow_gains(problem: ToleranceProblem, design: Array) -> dict[str, float]:
@@ -103,8 +102,7 @@ def shadow_gains(problem: ToleranceProblem, design: Array) -> dict[str, float]:
     The price of the promise is taken as constant per standard normal quantile. Empty where its
     price is not known.
     """
-    frame = problem.frame(design[None, :])
-    priced = prices(problem, frame, slopes_of(problem, design[None, :]))
+    priced = prices(problem, problem.frame(design[None, :]), slopes_of(problem, design[None, :]))
     promised = priced[priced["output"] == PROMISED] if len(priced) else priced
     if promised.empty or not float(promised["price"].iloc[0]) > 0.0:
         return {}
@@ -120,7 +118,7 @@ def shadow_gains(problem: ToleranceProblem, design: Array) -> dict[str, float]:
 
 
 def _quantile(problem: ToleranceProblem, design: Array) -> float:
-    """Standard normal quantile of the promised yield, as a search sees it."""
+    """Standard normal quantile of the promised yield in a search."""
     outputs = problem.outputs_of(design[None, :], searching=True)[PROMISED]
     return float(ndtri(np.clip(0.01 * outputs[0], 1e-12, 1.0 - 1e-12)))
 

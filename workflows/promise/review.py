@@ -133,8 +133,8 @@ def _broken(problem: ToleranceProblem, design: Array) -> list[str]:
     sentences = []
     for limit in problem.limits:
         value = float(problem.values(design[None, :], outputs, limit.name)[0])
-        kept = np.isnan(value) or limit.low <= value <= limit.high
-        if limit.name in of_promise or kept:
+        within = np.isnan(value) or limit.low <= value <= limit.high
+        if limit.name in of_promise or within:
             continue
         end = f"most {limit.high:g}" if value > limit.high else f"least {limit.low:g}"
         sentences.append(f"{limit.name} is {value:.4g} instead of at {end} {limit.unit}".rstrip())
@@ -183,8 +183,7 @@ def _row(
     if not np.isfinite(new):
         advice = "unknown"
     elif abs(new / t - 1.0) > SAME:
-        direction = "loosen" if new > t else "tighten"
-        advice = AS_MADE if now.fixed and made else direction
+        advice = AS_MADE if now.fixed and made else ("loosen" if new > t else "tighten")
     return {
         "part": then.name,
         "unit": then.unit,

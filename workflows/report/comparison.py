@@ -79,8 +79,7 @@ def _table(runs: Mapping[str, RunResult], names: list[str], ideal: np.ndarray, n
         statement = run.summary.get("model_statement")
         rows.append(row | ({"model": statement} if statement else {}))
     table = pd.DataFrame(rows)
-    most = float(table["hypervolume"].max()) or np.nan
-    table.insert(3, "share_of_best_percent", 100.0 * table["hypervolume"] / most)
+    table.insert(3, "share_of_best_percent", 100.0 * table["hypervolume"] / (table["hypervolume"].max() or np.nan))
     return table
 
 

@@ -119,7 +119,7 @@ def _result(stored: Stored, kind: str) -> Any:
 
 
 def _write(stored: Stored, out: Path | None, text: str) -> None:
-    """Write the page: into the directory itself only while nobody else works there.
+    """Write the page: into the directory itself only while no other process works there.
 
     Raises InputError where that is so, or where the result has changed since it was read.
     """
@@ -141,8 +141,7 @@ def _write(stored: Stored, out: Path | None, text: str) -> None:
 
 def _check_unchanged(stored: Stored) -> None:
     if seal_of(stored.folder) != stored.standing.seal:
-        text = f"{stored.folder} was written to while it was read; run the command again"
-        raise refuse("report", text)
+        raise refuse("report", f"{stored.folder} was written to while it was read; run the command again")
 
 
 def _from_page_data(stored: Stored, kind: str) -> Any:
@@ -153,8 +152,7 @@ def _from_page_data(stored: Stored, kind: str) -> Any:
     content = stored.record(page_data.NAME)
     if not content:
         return None
-    versions = {"tolevo": content.get("version")}
-    stored.newer(page_data.NAME, versions, content.get("format"), page_data.FORMAT)
+    stored.newer(page_data.NAME, {"tolevo": content.get("version")}, content.get("format"), page_data.FORMAT)
     result, bad = page_data.loaded(pages[kind].record, content)
     if bad:
         stored.remark(page_data.NAME, f"{', '.join(bad)} missing or not what was written: left out")
@@ -223,7 +221,7 @@ def _several(folders: Sequence[Path], out: Path, figures: Path | None) -> Report
             remarks += [str(fault) for fault in _faults(folder, kind, [])]
     comparison, sentences = compared(runs)
     if comparison is None:
-        text = "fewer than two runs that can be compared are left"
+        text = "fewer than two runs remain that can be compared"
         split = [remark.split(": ", 1) for remark in (*remarks, *sentences)]
         raise_all([*(Fault(place, why) for place, why in split), Fault("report", text)])
     assert comparison is not None

@@ -93,7 +93,7 @@ class Stored:
 
     def numbered(self, frame: pd.DataFrame, name: str, numeric: Iterable[str]) -> pd.DataFrame:
         """The table without rows that lack a number where there must be one."""
-        kept = np.ones(len(frame), dtype=bool)
+        valid = np.ones(len(frame), dtype=bool)
         typed = frame.copy()
         for column in numeric:
             if column not in frame:
@@ -102,8 +102,8 @@ class Stored:
             good = np.isfinite(values.to_numpy(dtype=float))
             self._bad_cells(name, column, np.flatnonzero(~good))
             typed[column] = values
-            kept &= good
-        return typed[kept].reset_index(drop=True)
+            valid &= good
+        return typed[valid].reset_index(drop=True)
 
     def _bad_cells(self, name: str, column: str, rows: np.ndarray) -> None:
         if len(rows):

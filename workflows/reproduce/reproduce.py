@@ -34,7 +34,7 @@ def reproduce(
 
     The files do not depend on the executor or on breaks. Claims checked before an interrupt are
     kept. Raises RunError or ModelError where a claim cannot be computed, InputError where `out`
-    holds something else that --resume cannot go on with, or has another owner.
+    holds something else that --resume cannot continue, or has another owner.
     """
     with owned(out, "reproduce", resume, overwrite) as place:
         return _reproduce(plan, place, executor, progress, resume)

@@ -1,4 +1,4 @@
-"""Checked claims on disk, each whole or not at all, so that a broken reproduction can go on."""
+"""Checked claims on disk, each whole or not at all, so that a reproduction can be resumed."""
 
 from __future__ import annotations
 

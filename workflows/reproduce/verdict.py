@@ -39,7 +39,7 @@ class Outcome:
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """The verdict on a claim, with its reason in a sentence, and the values by every interpretation.
+    """The verdict on a claim, its reason in a sentence, and the values by every interpretation.
 
     `shown` is the number of the outcome that stands for the claim, -1 where nothing is computed.
     """

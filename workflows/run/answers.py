@@ -75,10 +75,11 @@ class Sentences:
         if built_in > 0:
             plural = "limit" if built_in == 1 else "limits"
             limits.append(f"{built_in} {plural} that the problem sets itself")
-        kept = f", with {', '.join(limits)}" if limits else ", without limits"
+        conditions = f", with {', '.join(limits)}" if limits else ", without limits"
         tolerances = sum(v.tolerance for v in self.problem.free)
         others = len(self.problem.free) - tolerances
-        return f"{goal}{kept}; {tolerances} tolerances searched{f' and {others} other variables' if others else ''}."
+        more = f" and {others} other variables" if others else ""
+        return f"{goal}{conditions}; {tolerances} tolerances searched{more}."
 
     def limit(self, limit: Limit) -> str:
         unit = f" {limit.unit}".rstrip()
@@ -139,8 +140,8 @@ class Sentences:
                     return f"the least cost that was found is {distance_words(abs(value))} {side}"
                 others = " and ".join(words(n) for n in self.names if n != COST)
                 at = f"equal {others}" if name == COST else "the same cost"
-                what = "an allocation that costs" if name == COST else f"a {words(name)} that is"
-                parts.append(f"{what} {distance_words(abs(value))} {side} at {at}")
+                subject = "an allocation that costs" if name == COST else f"a {words(name)} that is"
+                parts.append(f"{subject} {distance_words(abs(value))} {side} at {at}")
         return "there is " + ", or ".join(parts) if parts else ""
 
     def of_limits(self) -> str:

@@ -38,8 +38,7 @@ def with_assumptions(
 
     def phase(fraction: float) -> None:
         if progress is not None and history:
-            now = replace(history[-1], phase="what assumptions cost", share=fraction, remaining=None)
-            progress(now)
+            progress(replace(history[-1], phase="what assumptions cost", share=fraction, remaining=None))
 
     point = result.front.iloc[[chosen[0]]]
     level = _aim(point, problem)
@@ -48,8 +47,7 @@ def with_assumptions(
     more = np.zeros(len(unit))
     if level is not None and level[0] in problem.objectives:
         more[problem.objectives.index(level[0])] = level[1] - float(point[level[0]].iloc[0])
-    design = designs_of(problem, point)[0]
-    table = assumptions_cost(problem, design, unit, more, phase)
+    table = assumptions_cost(problem, designs_of(problem, point)[0], unit, more, phase)
     if table is None:
         return result
     summary = {**result.summary, "assumptions_at": _held_outputs(point, problem, level)}

@@ -79,10 +79,10 @@ def _mechanism(problem: ToleranceProblem) -> dict[str, object]:
 
 def _short(choices: pd.DataFrame, problem: ToleranceProblem) -> dict[str, object]:
     """By rule: the row of the front, its objectives, and what rounding does to them."""
-    kept = ["point", "meaning", *problem.objectives, "rounded_feasible", "unchanged_percent"]
-    kept += [f"rounded_{name}" for name in problem.objectives]
-    kept += ["model"] if "model" in choices else []
-    return {str(row["choice"]): {name: row[name] for name in kept} for row in choices.to_dict("records")}
+    columns = ["point", "meaning", *problem.objectives, "rounded_feasible", "unchanged_percent"]
+    columns += [f"rounded_{name}" for name in problem.objectives]
+    columns += ["model"] if "model" in choices else []
+    return {str(row["choice"]): {name: row[name] for name in columns} for row in choices.to_dict("records")}
 
 
 def _rounding(decisions: Decisions, plan: RunPlan) -> list[dict[str, str]]:

@@ -113,13 +113,13 @@ def with_references(
     eligible = eligible.drop(columns=["label", "feasible", "violated_limits"], errors="ignore")
     eligible = eligible.assign(knee=False)
     merged = pd.concat([front, eligible]) if len(front) else eligible
-    kept = nondominated(merged[names].to_numpy())
-    joined = int(kept[len(front) :].sum())
-    merged = merged[kept].sort_values(names, kind="stable").reset_index(drop=True)
+    remaining = nondominated(merged[names].to_numpy())
+    joined = int(remaining[len(front) :].sum())
+    merged = merged[remaining].sort_values(names, kind="stable").reset_index(drop=True)
     whole = {v.name: "int64" for v in problem.variables if v.integer and not v.labels}
     merged = merged.astype(whole)
     merged["knee"] = knee(merged[names].to_numpy())
-    return merged, len(front) - int(kept[: len(front)].sum()), joined
+    return merged, len(front) - int(remaining[: len(front)].sum()), joined
 
 
 def inside(references: pd.DataFrame, problem: ToleranceProblem) -> NDArray[np.bool_]:

@@ -45,8 +45,7 @@ def requirements_of(problem: ToleranceProblem, front: pd.DataFrame) -> tuple[pd.
     form = Provable.of(problem).form()
     if front.empty or form is None or len(set(form.outputs)) < 2 or reason(problem, form):
         return None
-    knee = front["knee"].to_numpy(dtype=bool) if "knee" in front else np.zeros(len(front), bool)
-    at = int(np.argmax(knee))
+    at = int(np.argmax(front["knee"].to_numpy(dtype=bool) if "knee" in front else np.zeros(len(front), bool)))
     limits = _limits(problem, form, front.iloc[at])
     used = np.isfinite(limits)
     if not np.any(used):
@@ -106,8 +105,7 @@ def _savings(form: Form, limits: Array, optimum: Optimum, combination: Combinati
         relaxed = limits.copy()
         relaxed[at] += LOOSER * abs(limits[at])
         same = Programme(combination).least_cost(relaxed[None, :])
-        s = combination.parts(same.t)
-        dual = Ascent(form, relaxed, spread_of(form, s, most_parts))
+        dual = Ascent(form, relaxed, spread_of(form, combination.parts(same.t), most_parts))
         bound = dual.value(dual.multipliers(same.multiplier[0]))[0]
         least[at] = max(float(optimum.bound[0] - same.cost[0]), 0.0)
         most[at] = max(float(optimum.cost[0]) - bound, least[at])

@@ -22,7 +22,7 @@ AFTERWARDS = ("choice.", "rounding.")
 
 
 def opened(plan: RunPlan, place: Ownership, resume: bool) -> Checkpoint:
-    """The checkpoint of a run: the one in its directory where it is to go on, else a new one.
+    """The checkpoint of a run: the stored one where the run is resumed, else a new one.
 
     Raises InputError where what is there is not the same run, or has no checkpoint.
     """

@@ -55,17 +55,16 @@ def run(
     resume: bool = False,
     overwrite: bool = True,
 ) -> RunOutcome:
-    """Run `plan` and write its files to `out`; with `resume` go on with the run that `out` holds.
+    """Run `plan` and write its files to `out`; with `resume` continue the run that `out` holds.
 
-    The result does not depend on `workers`: side searches have seeds of their own and run in other
+    The result does not depend on `workers`: side searches have their own seeds and run in other
     processes where there are some. An interrupt ends the search; its results so far are written.
     Raises InputError where nothing is free to be searched, where limits are missing or out of
     reach, where another process works in `out`, or where it holds something that is not to be
     replaced (`overwrite`); RunError where the disk is full.
     """
     if not plan.problem.free:
-        text = "every variable is fixed: there is nothing to optimise; use `tolevo evaluate`"
-        raise refuse("problem", text)
+        raise refuse("problem", "every variable is fixed: there is nothing to optimise; use `tolevo evaluate`")
     searchable(plan.problem)
     with owned(out, "run", resume, overwrite) as place, pinned():
         return _run(plan, place, workers, progress, resume)
@@ -94,8 +93,7 @@ def _run(
     overlays = {s.label: o for s, o in fronts.items() if s.overlay and o is not None}
     relaxed = {side.label: side_front for side, side_front in fronts.items() if side.relaxed}
     if len(references):
-        within = inside(references, plan.problem)
-        references, _ = with_bounds(references, plan.problem, within, stopped)
+        references, _ = with_bounds(references, plan.problem, inside(references, plan.problem), stopped)
         references = compare(references, searched, relaxed, plan.problem)
     incomplete = search_result.interrupted or any(side_front is None for side_front in fronts.values())
     status = "interrupted" if incomplete else "done" if len(front) else "no_feasible_point"
@@ -110,8 +108,7 @@ def _run(
     remarks = (*Page.of(plan.problem).remarks(front), *sentences(alternative_costs))
     notes = (*warned, *remarks, *resume_notes, *_notes(references, dropped, joined))
     decisions = decide(plan.problem, front, plan.choice)
-    notes = (*notes, *decisions.notes)
-    proven = (*proof_notes(front, front_proof), *end_notes(plan.problem, front), *notes)
+    proven = (*proof_notes(front, front_proof), *end_notes(plan.problem, front), *notes, *decisions.notes)
     summary = _summary(plan, search_result, front, status, proven, time.monotonic() - start)
     summary |= measures(search_result, front, front_proof, exact)
     summary |= drawn(plan.problem, front) | ({"alternatives": alternative_costs} if alternative_costs else {})
@@ -119,8 +116,7 @@ def _run(
     looser = labelled(relaxed)
     looser = None if looser is None or looser.empty else looser
     result = replace(with_choices(result, decisions, plan, exact), overlays=overlays, relaxed=looser)
-    answered = answers(result, plan.problem, front_proof)
-    result = replace(result, summary={**result.summary, "answers": answered})
+    result = replace(result, summary={**result.summary, "answers": answers(result, plan.problem, front_proof)})
     result = _with_more(result, plan.problem, search_result, incomplete, progress)
     if before is not None:
         result = replace(result, before=before, moved=effects.moved(plan.problem, before, front))
@@ -129,8 +125,7 @@ def _run(
     write(result, out)
     if not incomplete:
         place.complete(status)
-    lines = _lines(result, status, out, proof_notes(front, front_proof))
-    return RunOutcome(status, out, lines, result)
+    return RunOutcome(status, out, _lines(result, status, out, proof_notes(front, front_proof)), result)
 
 
 def _with_more(
@@ -275,12 +270,12 @@ def _lines(result: RunResult, status: str, out: Path, proof_lines: Sequence[str]
     lines += [*mechanism_lines(result.summary), *model_lines(result.summary)]
     lines += result.answers.values()
     for row in result.references.to_dict("records"):
-        kept = "meets all limits" if row["feasible"] else f"breaks {row['violated_limits']}"
+        compliance = "meets all limits" if row["feasible"] else f"breaks {row['violated_limits']}"
         values = ", ".join(
             f"{axis.name} {row[axis.name]:.4g} {axis.unit if axis.name == 'cost' else ''}".rstrip()
             for axis in result.objectives
         )
-        lines.append(f"reference {row['label']}: {values}; {kept}")
+        lines.append(f"reference {row['label']}: {values}; {compliance}")
     answered = proof_lines if "proof" in result.answers else ()
     lines += [f"note: {note}" for note in result.notes if note not in answered]
     if status == "no_feasible_point":

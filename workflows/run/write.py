@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import hashlib
 from pathlib import Path
-from typing import Any
-
-import pandas as pd
 
 from ...csv_text import csv_text
 from ...files import write_bytes, write_text
 from ...records import RunResult
-from ..as_json import as_json
+from ..as_json import as_json, records
 from .choices import TABLES
 from .front import labelled
 
@@ -30,7 +27,7 @@ def write(result: RunResult, folder: Path) -> None:
     for name, text in texts.items():
         write_text(folder / name, text)
     write_bytes(folder / "front.parquet", result.front.to_parquet(index=False))
-    write_text(folder / "front.json", as_json(_records(result.front)))
+    write_text(folder / "front.json", as_json(records(result.front)))
     if sheet is not None:
         write_bytes(folder / "allocation.xlsx", sheet)
     for name, content in pictures(result).items():
@@ -55,7 +52,3 @@ def _texts(result: RunResult) -> dict[str, str]:
     if result.tolerances:
         texts["tolerances.json"] = as_json(list(result.tolerances))
     return {"config.toml": result.configuration} | texts
-
-
-def _records(frame: pd.DataFrame) -> list[dict[str, Any]]:
-    return [{str(k): v for k, v in row.items()} for row in frame.to_dict("records")]

@@ -47,5 +47,4 @@ def read_address(text: str) -> Address:
     base = urlunsplit(parts._replace(query=urlencode(others)))
     if not parts.netloc:  # a socket: urlunsplit would leave out the slashes
         base = f"{parts.scheme}://{base.removeprefix(f'{parts.scheme}:').removeprefix('//')}"
-    shown = f"{base}{'&' if others else '?'}schema={schema}"
-    return Address(base, schema, shown)
+    return Address(base, schema, f"{base}{'&' if others else '?'}schema={schema}")

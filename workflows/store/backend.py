@@ -50,7 +50,7 @@ class Backend(ABC):
 
     @abstractmethod
     def lock(self, connection: Connection) -> None:
-        """Let no other process make or change tables before this transaction has ended."""
+        """Prevent other processes from changing tables before this transaction has ended."""
 
     @abstractmethod
     def hindrance(self, error: BaseException) -> tuple[str, str] | None:
@@ -68,7 +68,7 @@ class Backend(ABC):
         """Raises DatabaseError where the tables or their pages are damaged."""
 
     def close(self) -> None:
-        """Let go of all connections."""
+        """Close all connections."""
         self.engine.dispose()
 
 

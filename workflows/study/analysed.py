@@ -33,12 +33,10 @@ def analysed(settings: StudySettings, data: StudyData, out: Path) -> tuple[str, 
     from .statistics.runs import runs_of
     from .write import lines, study_record, write
 
-    seed = np.random.SeedSequence(settings.seed, spawn_key=STREAM)
-    result = analyse(settings, data, np.random.default_rng(seed))
+    result = analyse(settings, data, np.random.default_rng(np.random.SeedSequence(settings.seed, spawn_key=STREAM)))
     write(result, out)
     costs = [runs_of(data.table, name, len(data.design)).costs() for name in settings.responses]
-    keys = [factor.key for factor in settings.factors]
-    write_text(out / LEADERS, csv_text(leaders(data.design[keys], costs)))
+    write_text(out / LEADERS, csv_text(leaders(data.design[[factor.key for factor in settings.factors]], costs)))
     terminal_lines = lines(result)
     write_text(out / RECORD, study_record(result, {"digest": digest, "lines": list(terminal_lines)}))
     return terminal_lines

@@ -48,7 +48,7 @@ def study(
     """Do every run of `plan` that the database in `out` does not have, then write the files.
 
     With an address of a `store` that is shared, the runs are there, and other machines may be at
-    work on them, each with a directory of its own.
+    work on them, each with its own directory.
 
     `study.csv` does not depend on the executor, on breaks, or on how many processes share the
     study: with `resume` others may be at work on it, and the last one through writes the files. An
@@ -76,7 +76,8 @@ def _study(
     except Unopened as error:
         raise place.unwritten(*error.args) from error
     with database:
-        finished = place.standing.complete and not notes and _has_all(database, plan)
+        finished = place.standing.complete and not notes and not database.missing(plan.total)
+        finished = finished and len(database.yardsticks()) == len(plan.problems)
         if not finished:
             if not place.begun:
                 _begin(plan, place)
@@ -102,13 +103,8 @@ def _begin(plan: StudyPlan, place: Ownership) -> None:
     write_text(place.folder / CONFIGURATION, plan.settings.configuration)
 
 
-def _has_all(database: Database, plan: StudyPlan) -> bool:
-    """Whether all runs have ended and all references are known."""
-    return not database.missing(plan.total) and len(database.yardsticks()) == len(plan.problems)
-
-
 def _saved(database: Database, plan: StudyPlan, site: Site) -> str:
-    return f"{_count(database, plan, site)}; {GO_ON} to go on"
+    return f"{_count(database, plan, site)}; {GO_ON} to continue"
 
 
 def _count(database: Database, plan: StudyPlan, site: Site) -> str:
@@ -182,8 +178,7 @@ def _check_same(plan: StudyPlan, out: Path) -> None:
     from .storage.opening import differences
 
     try:
-        there = (out / CONFIGURATION).read_text(encoding="utf-8")
-        faults = differences(there, plan.settings.configuration)
+        faults = differences((out / CONFIGURATION).read_text(encoding="utf-8"), plan.settings.configuration)
     except (OSError, ValueError):
         faults = [Fault("", "")]
     if faults:

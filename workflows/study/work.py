@@ -78,7 +78,7 @@ class Work:
         return self._measures
 
     def _unmeasured(self) -> list[int]:
-        """Problems whose references nobody has measured yet."""
+        """Problems whose references are not measured yet."""
         self._measures = dict(self.database.yardsticks())
         return [n for n in range(len(self._problems)) if n not in self._measures]
 
@@ -107,12 +107,12 @@ class Work:
             self._until(seeds * points)
             runs = list(self.database.runs(seeds * points))
             costs = [self._costs(name, runs, seeds) for name in self._responses]
-            out = trailing_settings(costs, racing, look)
-            racing &= ~out
+            trailing = trailing_settings(costs, racing, look)
+            racing &= ~trailing
             reason = f"behind beyond chance after {seeds} seeds"
             stopped = [
                 ended(self._job(replicate * points + int(point)), STOPPED, reason, self._responses)
-                for point in np.flatnonzero(out)
+                for point in np.flatnonzero(trailing)
                 for replicate in range(seeds, self.plan.settings.seeds)
             ]
             self.database.record(stopped)
@@ -174,7 +174,7 @@ class Work:
         return self._boxes[problem]
 
     def _next(self) -> Chunk | None:
-        """The next chunk of runs that nobody else does."""
+        """The next chunk of runs that no other process does."""
         if self._single:
             chunk = self._single.popleft()
             self._running += len(chunk.jobs)
@@ -216,8 +216,7 @@ class Work:
     def _job(self, number: int) -> Job:
         replicate, point = divmod(number, len(self.plan.points))
         at = self.plan.points[point]
-        seed = self.plan.seeds[replicate]
-        return Job(point, replicate, seed, at.algorithm, at.budget, at.engine)
+        return Job(point, replicate, self.plan.seeds[replicate], at.algorithm, at.budget, at.engine)
 
     def _point(self, number: int) -> Point:
         return self.plan.points[number % len(self.plan.points)]
@@ -245,8 +244,7 @@ class Work:
             return
         done, failed = self.database.count(self.plan.total)
         seconds = time.monotonic() - self._start
-        waiting = self.plan.total - done - failed
-        remaining = seconds * waiting / self._ended if self._ended else None
+        remaining = seconds * (self.plan.total - done - failed) / self._ended if self._ended else None
         if self._surveying and not note:
             note = "measuring what the runs are compared with"
         self._report(StudyProgress(done, self._running, failed, self.plan.total, seconds, remaining, note))

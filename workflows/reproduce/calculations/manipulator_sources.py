@@ -70,7 +70,8 @@ class ManipulatorSources(Calculation):
         mean = index if index in INDICES else INDICES[0]
         weight = sensitivity(machine, ring, mean, turning)
         slopes = np.stack([weight.squareness, weight.yaw], axis=1)  # per metre or radian
-        effect = slopes * _steps(names)[:, None] / MRAD
+        steps = np.array([ANGLE if name.startswith("joint_line") else LENGTH for name in names])
+        effect = slopes * steps[:, None] / MRAD
         numbers = _counts(maps, names) | _slopes(names, slopes) | _ranking(names, effect)
         return Computed(numbers, (_table(names, effect),))
 
@@ -104,10 +105,6 @@ def _slopes(names: list[str], slopes: Array) -> dict[str, Quantity]:
         name: Quantity(float(slopes[names.index(f"rod_length_{chain}"), at]) * MM / MRAD, "mrad/mm")
         for name, (chain, at) in places.items()
     }
-
-
-def _steps(names: list[str]) -> Array:
-    return np.array([ANGLE if name.startswith("joint_line") else LENGTH for name in names])
 
 
 def _ranking(names: list[str], effect: Array) -> dict[str, Quantity]:

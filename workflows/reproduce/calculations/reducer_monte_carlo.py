@@ -72,15 +72,13 @@ class ReducerMonteCarlo(Calculation):
         parameters = self.completed(values)
         total = reducer_inputs.total_of(reducer_inputs.model_of(parameters), parameters)
         if float(total_cumulants(total.free)[1][0]) == 0.0:
-            text = "gears and bearings do not vary, so that Cp may not exist; open a tolerance"
-            raise refuse("parameters", text)
+            raise refuse("parameters", "gears and bearings do not vary, so that Cp may not exist; open a tolerance")
         limit = number(parameters["backlash_limit_arcmin"]) * ARCMIN
         exact = Convolution().propagate(total, COVERAGE, limit)
         edges = _edges(total, exact, int(number(parameters["bins"])))
         drawn = batch(total, int(number(parameters["units"])), limit, edges, rng)
         numbers = _spread(drawn) | _capability(drawn, parameters) | _proportions(drawn) | _exact(exact)
-        tables = (_histogram(drawn, parameters), _compared(numbers))
-        return Computed(quantities(numbers), tables)
+        return Computed(quantities(numbers), (_histogram(drawn, parameters), _compared(numbers)))
 
 
 def _edges(total: ClippedSum, exact: Propagated, bins: int) -> np.ndarray:
@@ -110,8 +108,7 @@ def _spread(drawn: Batch) -> dict[str, Stated]:
 
 def _capability(drawn: Batch, parameters: Mapping[str, Value]) -> dict[str, Stated]:
     sums = drawn.sums["backlash"]
-    names = ("lower_limit_arcmin", "backlash_limit_arcmin")
-    lower, upper = (number(parameters[name]) * ARCMIN for name in names)
+    lower, upper = (number(parameters[name]) * ARCMIN for name in ("lower_limit_arcmin", "backlash_limit_arcmin"))
     return {"cp": sums.cp(lower, upper), "cpk": sums.cpk(lower, upper), "cpk_upper": sums.to_limit(upper, 1)}
 
 

@@ -99,8 +99,7 @@ class ToleranceZones(Calculation):
         stage, bounds = _stage(model, parameters), _bounds(parameters)
         optimum, clipped = least(stage, bounds), least_clipped(stage, bounds)
         numbers = _optimum(stage, optimum, clipped) | _printed(stage, optimum)
-        table = _table(stage, bounds, optimum, clipped)
-        return Computed(quantities(numbers), (table,))
+        return Computed(quantities(numbers), (_table(stage, bounds, optimum, clipped),))
 
 
 def _stage(model: BacklashModel, parameters: Mapping[str, Value]) -> Stage:
@@ -172,14 +171,12 @@ def _towards(optimum: ZoneOptimum) -> np.ndarray:
     middle = np.array([sum(PRINTED_UM[error]) for error in LINEAR_ERRORS])
     side = middle * np.array([optimum.errors[error] for error in LINEAR_ERRORS])
     at_end = np.array([0.0 in PRINTED_UM[e] and optimum.errors[e] == 0.0 for e in LINEAR_ERRORS])
-    text = np.where(middle == 0.0, "centred", np.where((side > 0.0) | at_end, "yes", "no"))
-    return np.asarray(text)
+    return np.asarray(np.where(middle == 0.0, "centred", np.where((side > 0.0) | at_end, "yes", "no")))
 
 
 def _table(stage: Stage, bounds: Bounds, optimum: ZoneOptimum, clipped: ZoneOptimum) -> ComputedTable:
     """One row per error; empty (NaN) where the document prints nothing."""
-    total = float(_shares(stage).sum()) * ARCMIN
-    equal = equal_shares(stage, total)
+    equal = equal_shares(stage, float(_shares(stage).sum()) * ARCMIN)
     ends = np.array([PRINTED_UM.get(error, (np.nan, np.nan)) for error in ERRORS])
     gains = [coefficients(stage.geometry).get(error, np.nan) for error in ERRORS]
     columns = {

@@ -104,8 +104,7 @@ class ToothModificationTargets(Calculation):
         case = _case(self.completed(values))
         fitted = _fitted(case, case.target(str(case.values["target"])), case.gap)
         numbers = _optimum(case, fitted) | _printed(case)
-        tables = (_targets(case), _as_printed(case), _profile(case, fitted))
-        return Computed(quantities(numbers), tables)
+        return Computed(quantities(numbers), (_targets(case), _as_printed(case), _profile(case, fitted)))
 
 
 @dataclass(frozen=True)
@@ -230,8 +229,7 @@ def _curves(case: Case) -> dict[str, Array]:
 def _cases(case: Case) -> Iterator[tuple[str, Target]]:
     for film, low, high in FILMS:
         band = float(np.radians(low)), float(np.radians(high))
-        text = f"film {film:g} um over {low:g} .. {high:g} deg"
-        yield text, targets.film(case.phi, film * UM, band)
+        yield f"film {film:g} um over {low:g} .. {high:g} deg", targets.film(case.phi, film * UM, band)
     yield "no clearance anywhere", targets.film(case.phi, 0.0, (0.0, np.pi))
     yield "near_conjugate", case.target("near_conjugate")
     yield "table", case.target("table")
@@ -242,8 +240,8 @@ def _targets(case: Case) -> ComputedTable:
     """The optimum of every target on either clearance, with the radial gap fixed and free."""
     gap = case.number("radial_gap_mm") * MM
     rows = [
-        (text, kind, kept, _fitted(case, target, gap if kept == "fixed" else None, kind))
-        for kept in ("fixed", "free")
+        (text, kind, radial_gap, _fitted(case, target, gap if radial_gap == "fixed" else None, kind))
+        for radial_gap in ("fixed", "free")
         for kind in CLEARANCES
         for text, target in _cases(case)
     ]

@@ -81,7 +81,7 @@ class ByModel(Recipe):
     """A statistic of outputs of a model, set up from parameters, designs and distributions.
 
     `at` holds the operating points: columns (n,), or one value for all rows. `drawn` rows are a
-    sample (each with random numbers of its own), 0 where nothing is drawn.
+    sample (each with its own random numbers), 0 where nothing is drawn.
     """
 
     name: str
@@ -135,11 +135,9 @@ class ByModel(Recipe):
 
     def shifted(self, name: str, step: float) -> ByModel:
         if name in self.at:
-            moved = tuple(value + step for value in self.at[name])
-            return replace(self, at=dict(self.at) | {name: moved})
+            return replace(self, at=dict(self.at) | {name: tuple(value + step for value in self.at[name])})
         document = {variable.name: float(variable.document or 0.0) for variable in self.kind.variables}
         if name in document:
-            current = (document | dict(self.designs))[name]
-            return replace(self, designs=dict(self.designs) | {name: current + step})
+            return replace(self, designs=dict(self.designs) | {name: (document | dict(self.designs))[name] + step})
         value = number(completed(self.kind.parameters, self.parameters)[name]) + step
         return replace(self, parameters=dict(self.parameters) | {name: value})

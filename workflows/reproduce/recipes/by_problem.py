@@ -46,9 +46,7 @@ class ByProblem(Recipe):
     def shifted(self, name: str, step: float) -> ByProblem:
         if name in self.problem.names:
             at = self.problem.names.index(name)
-            moved = (*self.design[:at], self.design[at] + step, *self.design[at + 1 :])
-            return replace(self, design=moved)
+            return replace(self, design=(*self.design[:at], self.design[at] + step, *self.design[at + 1 :]))
         settings = self.problem.given
-        value = number(self.problem.settings.parameters[name]) + step
-        parameters = dict(settings.parameters) | {name: value}
+        parameters = dict(settings.parameters) | {name: number(self.problem.settings.parameters[name]) + step}
         return replace(self, problem=type(self.problem)(replace(settings, parameters=parameters)))

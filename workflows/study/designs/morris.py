@@ -32,8 +32,7 @@ class Morris(Design):
     def faults(self, factors: tuple[Factor, ...], seeds: int) -> list[Fault]:
         issues = small("trajectories", self.trajectories, LEAST, "intervals of elementary effects need")
         if self.levels % 2:
-            text = f"is {self.levels}: steps of half the grid need an even number of levels"
-            issues.append(Fault("levels", text))
+            issues.append(Fault("levels", f"is {self.levels}: steps of half the grid need an even number of levels"))
         return issues + replicate_faults(seeds, "elementary effects")
 
     def size(self, factors: tuple[Factor, ...]) -> int:

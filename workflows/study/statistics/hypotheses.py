@@ -7,6 +7,7 @@ from typing import Any
 import pandas as pd
 
 from ....records import Verdict
+from ...as_json import records
 from ..records import LARGER_IS_BETTER, Hypothesis
 
 
@@ -14,8 +15,7 @@ def verdicts(hypotheses: tuple[Hypothesis, ...], tests: pd.DataFrame) -> tuple[V
     """A verdict with its sentence for every hypothesis whose levels were compared."""
     outcomes = []
     for hypothesis in hypotheses:
-        row = _row(hypothesis, tests)
-        verdict, because = _verdict(hypothesis, row)
+        verdict, because = _verdict(hypothesis, _row(hypothesis, tests))
         words = f"{hypothesis.figure}, “{hypothesis.says}”: {verdict}. {because}"
         outcomes.append(
             Verdict(
@@ -30,9 +30,9 @@ def _row(hypothesis: Hypothesis, tests: pd.DataFrame) -> dict[str, Any] | None:
     of_key = tests[
         (tests["kind"] == "wilcoxon") & (tests["key"] == hypothesis.key) & (tests["response"] == hypothesis.response)
     ]
-    for row in of_key.to_dict("records"):
+    for row in records(of_key):
         if (row["a"], row["b"]) == (hypothesis.a, hypothesis.b):
-            return {str(name): value for name, value in row.items()}
+            return row
         if (row["a"], row["b"]) == (hypothesis.b, hypothesis.a):
             turned = {
                 "effect": -row["effect"],
@@ -40,7 +40,7 @@ def _row(hypothesis: Hypothesis, tests: pd.DataFrame) -> dict[str, Any] | None:
                 "low": -row["high"],
                 "high": -row["low"],
             }
-            return {str(name): value for name, value in row.items()} | turned
+            return row | turned
     return None
 
 
@@ -56,8 +56,7 @@ def _verdict(hypothesis: Hypothesis, row: dict[str, Any] | None) -> tuple[str, s
     evidence = _evidence(hypothesis, row)
     if not row["significant"]:
         return "not shown", f"{evidence}: no difference is shown."
-    larger = row["effect"] > 0
-    better = larger == (hypothesis.response in LARGER_IS_BETTER)
+    better = (row["effect"] > 0) == (hypothesis.response in LARGER_IS_BETTER)
     return ("holds" if better == hypothesis.better else "does not hold: it is the other way round", f"{evidence}.")
 
 

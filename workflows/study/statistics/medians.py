@@ -45,6 +45,7 @@ def interval_of_median(values: Array, rng: np.random.Generator) -> Array:
             low, high = np.full((2, len(values)), np.nan)
         else:
             batch = max(1, BATCH // values.size)
-            low, high = percentile_bootstrap((values,), np.median, axis=1, batch=batch, rng=rng).confidence_interval
+            interval = percentile_bootstrap((values,), np.median, axis=1, batch=batch, rng=rng).confidence_interval
+            low, high = np.asarray(interval.low), np.asarray(interval.high)
         stacked = np.column_stack([middle, low, high])
     return np.where(np.isfinite(stacked), stacked, np.nan)

@@ -67,23 +67,15 @@ def paired(a: Array, b: Array, rng: np.random.Generator) -> dict[str, Any]:
     with np.errstate(invalid="ignore"):
         difference = np.where(a == b, 0.0, a - b)  # two runs that did not get there are equal
     moved = difference[difference != 0.0]
-    out: dict[str, Any] = {
-        "n": len(a),
-        "differ": len(moved),
-        "statistic": np.nan,
-        "p": 1.0,
-        "effect": 0.0,
-        "seeds": len(a),
-    }
+    result: dict[str, Any] = {"n": len(a), "differ": len(moved), "statistic": np.nan, "p": 1.0, "effect": 0.0}
     if len(a):
-        middle = interval_of_median(difference[None], rng)[0]
-        out |= dict(zip(("difference", "low", "high"), middle, strict=True))
+        result |= dict(zip(("difference", "low", "high"), interval_of_median(difference[None], rng)[0], strict=True))
     if len(moved):
         test = wilcoxon(moved)
         ranks = rankdata(np.abs(moved))
         effect = float((np.sign(moved) * ranks).sum() / ranks.sum())
-        out |= {"statistic": float(test.statistic), "p": float(test.pvalue), "effect": effect}
-    return out | {"least": least_p(len(moved))}
+        result |= {"statistic": float(test.statistic), "p": float(test.pvalue), "effect": effect}
+    return result | {"least": least_p(len(moved))}
 
 
 def least_p(pairs: int) -> float:
@@ -112,24 +104,12 @@ def _friedman(values: Array) -> dict[str, Any]:
     seeds, levels = whole.shape
     ranks = rankdata(whole, axis=1) if seeds else whole
     same = bool(np.all(ranks == ranks[:, :1]))
-    flat = seeds < 2 or same
-    out = {
-        "n": seeds,
-        "differ": 0 if same else seeds,
-        "statistic": np.nan,
-        "p": 1.0,
-        "effect": 0.0,
-        "seeds": seeds,
-        "least": min(1.0, float(factorial(levels)) ** (1 - seeds)),
-    }
-    if not flat:
+    result = {"n": seeds, "differ": 0 if same else seeds, "statistic": np.nan, "p": 1.0, "effect": 0.0}
+    if seeds >= 2 and not same:
         test = friedmanchisquare(*ranks.T)
-        out |= {
-            "statistic": float(test.statistic),
-            "p": float(test.pvalue),
-            "effect": float(test.statistic) / (seeds * (levels - 1)),
-        }
-    return out
+        effect = float(test.statistic) / (seeds * (levels - 1))
+        result |= {"statistic": float(test.statistic), "p": float(test.pvalue), "effect": effect}
+    return result | {"least": min(1.0, float(factorial(levels)) ** (1 - seeds))}
 
 
 def corrected(

@@ -81,7 +81,8 @@ def _sentence(
     shown: bool,
     recovered: tuple[float, float, float],
 ) -> str:
-    what = ", ".join(f"{key} = {_value_text(value)}" for key, value in settings.items())
+    texts = {key: f"{value:.4g}" if isinstance(value, float) else str(value) for key, value in settings.items()}
+    what = ", ".join(f"{key} = {text}" for key, text in texts.items())
     half = f"{test['n']} seeds that did not choose it"
     if not test["n"]:
         return f"{response.name}: {what} is the best observed; there is no other seed to test it with."
@@ -108,7 +109,3 @@ def _sentence(
         f"{text} and recovers {100 * recovered[0]:.0f} % [{100 * recovered[1]:.0f}, "
         f"{100 * recovered[2]:.0f}] of what that misses of the best possible."
     )
-
-
-def _value_text(value: Any) -> str:
-    return f"{value:.4g}" if isinstance(value, float) else str(value)

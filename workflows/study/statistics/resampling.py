@@ -88,8 +88,7 @@ def random_settings(
         replicates,
         max(1, BLOCK // (settings * replicates)),
     )
-    freedom = parts - 1 if parts else settings - 1
-    return _around(value, rows + np.maximum(seeds - runs, 0.0), freedom, level)
+    return _around(value, rows + np.maximum(seeds - runs, 0.0), (parts or settings) - 1, level)
 
 
 def fixed_settings(statistic: Statistic, replicates: int, rng: np.random.Generator) -> Estimates:

@@ -51,8 +51,7 @@ def factorial_shares(values: Array, contrasts: list[Contrast], rng: np.random.Ge
         parts = np.stack([_squares(effect, weights) for effect in effects.values()], axis=-1)
         return fraction_of(parts, between + variance(whole, weights).mean(-1))
 
-    names = [" x ".join(keys) for keys in effects]
-    return names, fixed_settings(statistic, whole.shape[1], rng)
+    return [" x ".join(keys) for keys in effects], fixed_settings(statistic, whole.shape[1], rng)
 
 
 def _means(values: Array, members: tuple[np.ndarray, ...]) -> Array:
@@ -80,7 +79,8 @@ def surface_shares(
 ) -> Estimates:
     """Latin hypercube: shares of every key by a line and a curve (a list: by its levels)."""
     whole = complete(values)
-    parts = [_projections(design, factors, without) for without in (None, *factors)]
+    models = [model(design, tuple(other for other in factors if other is not omitted)) for omitted in (None, *factors)]
+    parts = [np.linalg.qr(columns)[0] for columns in models]
 
     def statistic(rows: Array, weights: Array) -> Array:
         between = effect_of(whole, weights)
@@ -89,9 +89,3 @@ def surface_shares(
         return fraction_of(gains, between + variance(whole, weights).mean(-1))
 
     return fixed_settings(statistic, whole.shape[1], rng)
-
-
-def _projections(design: pd.DataFrame, factors: tuple[Factor, ...], without: Factor | None) -> Array:
-    """Orthonormal columns of the model without one key."""
-    columns = model(design, tuple(factor for factor in factors if factor is not without))
-    return np.linalg.qr(columns)[0]

@@ -25,7 +25,7 @@ digest of both.
 SEALED = 2
 """Version of the tables from which on there is such a digest."""
 GROWS = "seeds"
-"""The one key of the runs that may differ between a study and what goes on with it, upwards."""
+"""The only key of the runs that may differ in the command that resumes a study, upwards."""
 HYPOTHESES = "reading"
 """The key of what is only tested on the runs."""
 SHOWN = 12
@@ -41,7 +41,7 @@ def opened(plan: StudyPlan, backend: Backend, alone: bool, prefix: str = "") -> 
 
     Where this process is `alone`, claims of earlier ones whose names begin with `prefix` are
     dropped. Raises InputError where it belongs to another study, was written by a newer version,
-    or where nothing of it can be read, Unopened where the disk is full, nobody answers, or it
+    or where nothing of it can be read, Unopened where the disk is full, no server answers, or it
     cannot be written for another reason.
     """
     try:
@@ -123,8 +123,7 @@ def _taken(database: Database, plan: StudyPlan) -> bool:
     new, points = plan.settings.configuration, _points(plan)
     if (old, database.meta(POINTS)) == (new, points) and database.meta(SEAL):
         return True
-    record = {IDENTITY: new, POINTS: points, SEAL: _digest(new, points)}
-    return database.set_meta(record, IDENTITY, old)
+    return database.set_meta({IDENTITY: new, POINTS: points, SEAL: _digest(new, points)}, IDENTITY, old)
 
 
 def _points(plan: StudyPlan) -> str:
@@ -152,8 +151,7 @@ def differences(before: str, after: str, restart: str = SqliteFile.restart) -> l
         if was == now or key == HYPOTHESES or (key == GROWS and now > was):
             continue
         hint = "it may only grow" if key == GROWS else "only seeds may grow"
-        text = f"is {now}, but the study to resume has {was}: {hint}; undo the change, or {restart}"
-        faults.append(Fault(key, text))
+        faults.append(Fault(key, f"is {now}, but the study to resume has {was}: {hint}; undo the change, or {restart}"))
     return faults
 
 
@@ -215,7 +213,7 @@ def _stored_configuration(path: Path) -> str:
 
 
 def _put_aside(path: Path) -> Path:
-    """Move a damaged database to a name of its own, with its log."""
+    """Rename a damaged database, with its log."""
     aside = next(name for k in count(1) if not (name := path.with_name(f"{path.name}.damaged-{k}")).exists())
     path.rename(aside)
     for tail in ("-wal", "-shm"):

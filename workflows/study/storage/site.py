@@ -42,15 +42,15 @@ class Site:
 
     def check(self) -> None:
         """Raises InputError where the directory does not hold a study that is kept there."""
-        there, file = _placed(self.folder), (self.folder / DATABASE).is_file()
-        if there is None and not file:
+        placed, file = _placed(self.folder), (self.folder / DATABASE).is_file()
+        if placed is None and not file:
             text = f"{self.folder} holds no {DATABASE} of a study; name another directory, or --overwrite"
             raise refuse("--resume", text)
-        if there is None and self.address:
+        if placed is None and self.address:
             text = f"the runs of {self.folder} are in its {DATABASE}: leave out --store, or"
             raise refuse("--store", f"{text} {ANOTHER}")
-        if there is not None and there[STORE] != (self.location if self.address else ""):
-            text = f"the runs of {self.folder} are in {there[STORE]}: name that, or"
+        if placed is not None and placed[STORE] != (self.location if self.address else ""):
+            text = f"the runs of {self.folder} are in {placed[STORE]}: name that, or"
             raise refuse("--store", f"{text} {ANOTHER}")
 
     def backend(self, reading: bool = False) -> Backend:
@@ -66,17 +66,17 @@ class Site:
     @property
     def prefix(self) -> str:
         """Beginning of the names under which processes of this directory claim runs."""
-        there = _placed(self.folder)
-        return f"{there[TOKEN]}-" if there is not None else ""
+        placed = _placed(self.folder)
+        return f"{placed[TOKEN]}-" if placed is not None else ""
 
 
 def site_of(folder: Path) -> Site:
     """Where the runs of a study that was begun in a directory are."""
     try:
-        there = _placed(folder)
+        placed = _placed(folder)
     except InputError:
-        there = None
-    return Site(folder, "" if there is None else there[STORE])
+        placed = None
+    return Site(folder, "" if placed is None else placed[STORE])
 
 
 def other_study(plan: StudyPlan, address: str, place: str) -> list[Fault]:
