@@ -74,7 +74,7 @@ def _obstacle(simulation: Simulation, files: list[Path], uses: Mapping[str, tabl
     try:
         schemas = [pq.read_schema(file) for file in files]
     except (OSError, pa.ArrowException) as error:
-        raise refuse(files[0].parent.name, f"holds a file that is no Parquet ({error})") from error
+        raise refuse(files[0].parent.name, f"holds a file that is not Parquet ({error})") from error
     if any(schema.names != schemas[0].names for schema in schemas):
         return "its files have different columns"
     if uses:

@@ -139,7 +139,7 @@ def folder_faults(path: Path, resume: bool, overwrite: bool) -> list[Fault]:
     if not path.is_dir():
         return [Fault("--out", f"{path} is a file; name a directory for --partitioned")]
     if not (path / ABOUT).exists():
-        return [Fault("--out", f"{path} holds something that is no table in blocks; name another")]
+        return [Fault("--out", f"{path} holds something other than a table in blocks; name another")]
     if resume or overwrite:
         return []
     return [Fault("--out", f"{path} holds blocks of an earlier command; continue with --resume, or --overwrite")]

@@ -75,7 +75,7 @@ class Stored:
             self.remark(name, f"is not JSON ({error}): was it edited by hand?")
             return {}
         if not isinstance(content, dict):
-            self.remark(name, "holds no object: was it edited by hand?")
+            self.remark(name, "holds no JSON object: was it edited by hand?")
             return {}
         return content
 
@@ -86,7 +86,7 @@ class Stored:
         try:
             frame = read_own_csv(self.folder / name)
         except (ValueError, OSError) as error:  # pandas' own errors are ValueErrors
-            self.remark(name, f"is no table ({str(error).strip()}): was it edited by hand?")
+            self.remark(name, f"is not a table ({str(error).strip()}): was it edited by hand?")
             return None
         blank = {column: frame[column].astype(object).fillna("") for column in TEXT if column in frame}
         return self.numbered(frame.assign(**blank), name, numeric)

@@ -128,7 +128,7 @@ def _front(stored: Stored, names: list[str]) -> pd.DataFrame:
         try:
             table = pd.read_parquet(path)
         except (OSError, ValueError) as error:
-            stored.remark(path.name, f"is no Parquet file ({error})")
+            stored.remark(path.name, f"is not a Parquet file ({error})")
         else:
             stored.remark(path.name, "is shown in place of front.csv")
             return stored.numbered(table, path.name, names)
@@ -154,7 +154,7 @@ def _optional(stored: Stored, points: int) -> dict[str, pd.DataFrame | None]:
             rows = pd.to_numeric(table["point"], errors="coerce")
             inside = rows.between(0, points - 1)
             if not inside.all():
-                stored.remark(name, f"names points that front.csv has not ({points} rows): these are left out")
+                stored.remark(name, f"names points that front.csv does not have ({points} rows): these are left out")
             table = table[inside].assign(point=rows[inside].astype("int64"))
         tables[field] = table
     return tables

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 def store_faults(address: str, place: str, look: bool = True) -> list[Fault]:
-    """An address that is none or has a password, a driver that is missing and, where the store is
+    """An address that is not valid or has a password, a driver that is missing and, where the store is
     looked at, a server that does not answer, or tables of another program or a newer version.
     """
     try:
@@ -41,7 +41,7 @@ def store_faults(address: str, place: str, look: bool = True) -> list[Fault]:
 def not_ours(error: Newer | Foreign, backend: Backend) -> str:
     """Why tables cannot be used, and the remedy."""
     if not error.args:
-        return f"is no database of a study; {backend.alternative}"
+        return f"is not the database of a study; {backend.alternative}"
     from .tables import FORMAT
 
     return (

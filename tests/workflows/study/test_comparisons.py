@@ -280,7 +280,7 @@ def test_a_study_says_what_failed_and_what_it_cannot_tell(synthetic: Any) -> Non
     result = analyse(settings, data, rng())
     notes = "\n".join(result.notes)
     assert "1 of 20 runs failed" in notes
-    assert "gap_percent: 1 of 20 runs did not get there within the budget" in notes
+    assert "gap_percent: 1 of 20 runs did not reach it within the budget" in notes
     assert "5 seeds cannot show a difference" in notes and "8 can" in notes
     assert result.sensitivity.empty
     pairs = result.tests[result.tests["kind"] == "wilcoxon"]

@@ -148,7 +148,7 @@ def test_a_configuration_may_name_it(config: Path, postgres: Server, schema: str
         ("postgresql://me:secret@host/db", "has a password in it: take it out"),
         ("postgresql://host/db?password=secret", "has a password in it: take it out"),
         ("mysql://host/db", "must begin with postgresql://"),
-        ("postgresql://host:port/db", "is no address of a database"),
+        ("postgresql://host:port/db", "is not the address of a database"),
         ("postgresql://host/db?schema=A-b", 'schema must be small letters, digits and _, got "A-b"'),
         ("postgresql://127.0.0.1:1/db", "it cannot be reached (connection failed"),
     ],
@@ -195,7 +195,7 @@ def test_a_newer_store_and_that_of_another_study_are_refused(
     postgres.ask(schema, "DROP TABLE meta")
     foreign = command(config, tmp_path / "c", *words)
     assert foreign.exit_code == 2
-    assert "is no database of a study; name another schema" in foreign.stderr
+    assert "is not the database of a study; name another schema" in foreign.stderr
 
 
 def test_a_changed_row_is_done_again(

@@ -132,9 +132,8 @@ class Case:
     @property
     def printed(self) -> tuple[Array, Array]:
         """The printed optimum [m]."""
-        pair = (self.number(f"printed_{name}_mm") * MM for name in ("dr_rp", "dr_p"))
-        first, second = (np.array(modification) for modification in pair)
-        return first, second
+        dr_rp, dr_p = (np.array(self.number(f"printed_{name}_mm") * MM) for name in ("dr_rp", "dr_p"))
+        return dr_rp, dr_p
 
     def number(self, name: str) -> float:
         """A parameter."""

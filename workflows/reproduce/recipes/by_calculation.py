@@ -33,7 +33,7 @@ class ByCalculation(Recipe):
         raise_all(
             Fault(
                 self.place,
-                f'"{name}" is no quantity of {self.kind.name}{nearest(name, known)}; it computes {", ".join(known)}',
+                f'"{name}" is not a quantity of {self.kind.name}{nearest(name, known)}; it computes {", ".join(known)}',
             )
             for name in self.quantities
             if name not in known

@@ -77,10 +77,9 @@ def _notes(settings: StudySettings, table: pd.DataFrame, all_runs: list[Runs], t
     for runs in all_runs:
         if not runs.reached:
             count = int(np.isinf(runs.array).sum())
-            text = f"{runs.response}: {count} of {runs.array.size} runs did not get there within the"
             notes.append(
-                f"{text} budget of their setting; they count as worse than all others in "
-                "ranks, and the response has no variance to be shared out"
+                f"{runs.response}: {count} of {runs.array.size} runs did not reach it within the budget of their "
+                "setting; they count as worse than all others in ranks, and the response has no variance to divide"
             )
     if settings.seeds < 2:
         notes.append("one seed per setting: noise and effects are confounded, and nothing is tested")
@@ -88,6 +87,6 @@ def _notes(settings: StudySettings, table: pd.DataFrame, all_runs: list[Runs], t
     counts = pairs.groupby("response").size() if len(pairs) else pd.Series(dtype=int)
     needed = max((pairs_needed(int(count)) for count in counts), default=0)
     if settings.seeds < needed:
-        text = f"{settings.seeds} seeds cannot show a difference at p = {ALPHA}"
-        notes.append(f"{text} among so many comparisons: {needed} can")
+        text = f"{settings.seeds} seeds cannot show a difference at p = {ALPHA} among so many comparisons"
+        notes.append(f"{text}: {needed} can")
     return notes
