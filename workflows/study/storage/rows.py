@@ -39,7 +39,7 @@ def is_intact(row: Row) -> bool:
 def record_of(row: Row) -> RunRecord:
     """The run of a row that is intact."""
     _, point, replicate, seed, status, reason, evaluations, cpu_s, *values, compressed, _ = row
-    responses = dict(zip(RESPONSES, map(_number, values), strict=True))
+    responses = {name: _number(value) for name, value in zip(RESPONSES, values, strict=True)}
     curve = np.frombuffer(zlib.decompress(compressed), dtype="<f8").reshape(-1, len(CURVE))
     return RunRecord(point, replicate, seed, status, reason, evaluations, _number(cpu_s), responses, curve)
 
