@@ -32,8 +32,8 @@ from pymoo.algorithms.moo.nsga2 import NSGA2
 from pymoo.optimize import minimize
 
 from tolevo.configuration.study import read_study
-from tolevo.workflows.execution import InProcess
-from tolevo.workflows.study import Executor, StudyPlan, executor_of
+from tolevo.workflows.execution import Executor, InProcess, executor_of
+from tolevo.workflows.study import StudyPlan
 from tolevo.workflows.study.storage.database import Database
 from tolevo.workflows.study.storage.site import Site
 from tolevo.workflows.study.work import Work

@@ -7,11 +7,17 @@ import math
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 
 def as_json(value: Any) -> str:
     """JSON text; what is not a finite number is null."""
     return json.dumps(_json_value(value), indent=1, allow_nan=False) + "\n"
+
+
+def records(frame: pd.DataFrame) -> list[dict[str, Any]]:
+    """The rows of a frame by the names of its columns."""
+    return [{str(name): value for name, value in row.items()} for row in frame.to_dict("records")]
 
 
 def _json_value(value: Any) -> Any:

@@ -1,4 +1,4 @@
-"""A search in a loop of the user's own: ask for designs, tell what came out."""
+"""A search in the loop of a user: it asks for designs and is told their outputs."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Asked:
     """The results of a search so far.
 
     `front` has the non-dominated feasible designs, one per row, by the first objective: every
-    variable, and every output that was told and is an objective. `evaluations` counts designs.
+    variable, and every objective that is an output. `evaluations` counts designs.
     """
 
     front: pd.DataFrame
@@ -45,10 +45,10 @@ class Asked:
 
 
 class Search:
-    """A population search that is under way; the designs are evaluated by the user.
+    """A population search whose designs are evaluated by the user.
 
     `ask` and `tell` take turns. Which designs are asked for depends on problem, algorithm, seed,
-    engine, the designs to `start` with (n, all variables), and what was told.
+    engine, the designs to `start` with (n, all variables), and the outputs so far.
     """
 
     def __init__(
@@ -78,7 +78,7 @@ class Search:
         return designs_frame(self.problem, self.problem.complete(self._open))
 
     def tell(self, x: pd.DataFrame, outputs: pd.DataFrame | Mapping[str, Array]) -> None:
-        """What came out at the designs `x` that `ask` returned, in their order.
+        """Take the outputs at the designs `x` that `ask` returned, in their order.
 
         `outputs` are columns (n,) by name: every objective and every output with a limit. Raises
         ConfigurationError where one is missing, not finite, or of another length.
@@ -102,8 +102,7 @@ class Search:
         rows = np.flatnonzero(nondominated(f)) if len(f) else np.zeros(0, dtype=np.int64)
         front = designs_frame(self.problem, self.problem.complete(x[rows]))
         front[list(self.problem.objectives)] = f[rows]
-        first = self.problem.objectives[0]
-        return Asked(front.sort_values(first, ignore_index=True), self._evaluations)
+        return Asked(front.sort_values(self.problem.objectives[0], ignore_index=True), self._evaluations)
 
     def _needed(self) -> list[str]:
         """Objectives and limited outputs; a limited variable is known."""
@@ -117,7 +116,7 @@ class Search:
             if name not in outputs:
                 text = "is missing: state every objective and every output with a limit"
             elif np.shape(outputs[name]) != (count,):
-                text = f"must have shape ({count},), one value a design"
+                text = f"must have shape ({count},), a value for each design"
             elif not np.all(np.isfinite(np.asarray(outputs[name], dtype=float))):
                 text = "must be finite at every design"
             else:
@@ -127,7 +126,7 @@ class Search:
 
 
 def _order_faults(asked: pd.DataFrame, x: pd.DataFrame) -> list[Fault]:
-    """A fault where other designs are told than were asked for."""
+    """A fault where the designs are not those that `ask` returned."""
     same = set(asked) <= set(x) and len(x) == len(asked)
     if same and all(np.array_equal(asked[name].to_numpy(), x[name].to_numpy()) for name in asked):
         return []

@@ -24,7 +24,7 @@ GRAIN = 64
 """Designs that are evaluated at once."""
 REPORTED, SEARCH = "reported", "search"
 QUALITIES = (REPORTED, SEARCH)
-"""How finely: as points of a result are reported, or as a search sees them."""
+"""Accuracy: as points of a result are reported, or as a search evaluates them."""
 
 
 @dataclass(frozen=True)
@@ -51,16 +51,16 @@ def designs_in(
 
     A column may be left out where the problem fixes that variable; where it is given, it counts.
     `[columns]` of the configuration says what columns of the file are.
-    A tolerance of 0 is evaluated as the limit it is: its cost may be infinite (`inf`).
+    A tolerance of 0 is evaluated as a limit: its cost may be infinite (`inf`).
     Raises InputError with every fault of the table.
     """
     names = [variable.name for variable in problem.variables]
     needed = [name for name in names if name not in problem.fixed]
-    text = [variable.name for variable in problem.variables if variable.labels]
+    labelled = [variable.name for variable in problem.variables if variable.labels]
     known = {variable.name: variable.unit for variable in problem.variables}
     fitted = tables.fitted(table, place, known, problem.settings.columns)
     cells, unused = tables.without_unused(fitted.cells, names)
-    frame, faults = tables.parsed(cells, place, needed, names, text)
+    frame, faults = tables.parsed(cells, place, needed, names, labelled)
     faults += fitted.faults
     for variable in problem.variables:
         if variable.name in frame:

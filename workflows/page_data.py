@@ -52,8 +52,7 @@ def loaded(kind: type[Result], content: Mapping[str, Any]) -> tuple[Result, list
             elif _is_frame(hint):
                 values[field.name] = None
             else:
-                adapter = TypeAdapter(hint)
-                values[field.name] = adapter.validate_python(plain[field.name])
+                values[field.name] = TypeAdapter(hint).validate_python(plain[field.name])
         except (KeyError, TypeError, ValueError, ValidationError):
             bad.append(field.name)
             values[field.name] = _empty(hint)
@@ -65,7 +64,7 @@ def _is_frame(hint: Any) -> bool:
 
 
 def _python_scalar(value: Any) -> Any:
-    """A scalar of numpy as Python's own."""
+    """A scalar of numpy as a plain one."""
     return value.item() if isinstance(value, np.generic) else str(value)
 
 
@@ -97,7 +96,6 @@ def _frame(table: Mapping[str, Any]) -> pd.DataFrame:
 
 
 def _empty(hint: Any) -> Any:
-    """The empty value of a type."""
     if hint is pd.DataFrame:
         return pd.DataFrame()
     if hint is str:

@@ -14,22 +14,21 @@ from .. import tables
 from ..errors import Fault, raise_all
 from ..models.effects.compose import Active, predicted
 from ..models.effects.readings import target_of
-from ..models.measurable import NO_CHANGES, MeasurableModel
+from ..models.measurable import MeasurableModel
 from ..models.table import MeasuredTable
-from .blocks import Computed, FrameRows, Rows, computed
-from .execution import InProcess
+from .blocks import Computed, FrameRows, Rows
 
 GRAIN = 65_536
-"""Rows that are predicted at once, from a stream of random numbers of their own."""
+"""Rows that are predicted at once, from their own stream of random numbers."""
 ALWAYS_ALLOWED = ("time_s", "repeat", "session")
 LABELS = ("session",)
-"""Those that are no numbers."""
+"""Of these, the columns of text."""
 
 
 @dataclass(frozen=True)
 class Simulation:
-    """What a table is predicted with: the model (whose `name` effects go by), the effects that are
-    active in it, and what is added to its outputs (`zero`).
+    """What predicts a table: the model (effects refer to its `name`), the effects that are active
+    in it, and the offsets that are added to its outputs (`zero`).
     """
 
     model: MeasurableModel
@@ -41,15 +40,13 @@ class Simulation:
     def __call__(self, columns: Mapping[str, NDArray[Any]], number: int) -> pd.DataFrame:
         """The inputs of a grain of rows, followed by the predicted outputs."""
         table = dict(columns)
-        stream = np.random.SeedSequence(self.seed, spawn_key=(number,) if number else ())
-        rng = np.random.default_rng(stream)
-        outputs = predicted(self.model, self.name, table, self.effects, rng, self.zero)
-        return pd.DataFrame({**table, **outputs})
+        rng = np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=(number,) if number else ()))
+        return pd.DataFrame({**table, **predicted(self.model, self.name, table, self.effects, rng, self.zero)})
 
     def computed(self, rows: Rows, columns: Iterable[str], configuration: str = "") -> Computed:
         """The table of these rows, to be computed in blocks.
 
-        Effects see a table as a whole (its order in time, its lots), and so do models several rows
+        Effects need a table as a whole (its order in time, its lots), and so do models several rows
         of which are about one unit: such a table is one block.
         """
         apart = not self.effects and self.model.row_by_row(tuple(columns))
@@ -67,19 +64,18 @@ def inputs_in(
 ) -> pd.DataFrame:
     """The inputs in a table, which faults call `place`; measured outputs in it are left out.
 
-    `uses` says what the columns of the file are. `understood` is told how the table was read,
-    `notes` what the user should know: optional columns that are missing, and columns that were left
-    out. Raises InputError with every fault.
+    `uses` says what the columns of the file are. `understood` is called with the interpretation of
+    the table, `notes` with what the user should know: optional columns that are missing, and
+    columns that were left out. Raises InputError with every fault.
     """
     model = simulation.model
     fitted = tables.fitted(table_read, place, units_of(model), uses)
-    cells = fitted.cells
-    frame, faults, unused = typed_inputs(model, cells, place)
+    frame, faults, unused = typed_inputs(model, fitted.cells, place)
     raise_all([*faults, *fitted.faults])
     understood([*table_read.lines(place), *fitted.notes, *unused])
     table = {str(name): frame[name].to_numpy() for name in frame}
-    raise_all(_without_columns(model, simulation.name, table, simulation.effects, place))
-    notes(remarks(model, list(map(str, frame)), list(map(str, cells)), place))
+    raise_all(_effect_faults(simulation, table, place))
+    notes(remarks(model, list(map(str, frame)), list(map(str, fitted.cells)), place))
     return frame
 
 
@@ -97,20 +93,16 @@ def remarks(model: MeasurableModel, columns: Sequence[str], file_columns: Sequen
     return messages
 
 
-def _without_columns(
-    model: MeasurableModel, name: str, table: dict[str, NDArray[Any]], effects: tuple[Active, ...], place: str
-) -> list[Fault]:
-    """Effects that need a column which the table has not."""
-    target = target_of(model, name, table)
+def _effect_faults(simulation: Simulation, table: dict[str, NDArray[Any]], place: str) -> list[Fault]:
+    """A fault for each effect that does not apply to the table, as where a column is missing."""
+    target = target_of(simulation.model, simulation.name, table)
     faults = []
-    for active in effects:
+    for active in simulation.effects:
         if not active.effect.applies(target):
             missing = [role for role in active.effect.needs if role not in target.roles()]
-            text = f"the effect {active.effect.name} needs a column of {' and '.join(missing)}"
-            if not missing:
-                reason = active.effect.left_out(target)
-                text = f"the effect {active.effect.name} does not apply: {reason}"
-            faults.append(Fault(place, text))
+            needed = f"needs a column of {' and '.join(missing)}"
+            reason = needed if missing else f"does not apply: {active.effect.left_out(target)}"
+            faults.append(Fault(place, f"the effect {active.effect.name} {reason}"))
     return faults
 
 
@@ -125,10 +117,10 @@ def units_of(model: MeasurableModel) -> dict[str, str]:
 def typed_inputs(
     model: MeasurableModel, raw_cells: pd.DataFrame, place: str
 ) -> tuple[pd.DataFrame, list[Fault], list[str]]:
-    """The typed inputs, every fault of the table, and what to say of columns that are not used."""
+    """The typed inputs, every fault of the table, and the notes on columns that are not used."""
     outputs = [output.name for output in model.outputs]
     ignored = model.ignored if isinstance(model, MeasuredTable) else ()
-    known = [*(c.name for c in model.columns), *_extras(outputs)]
+    known = [*(c.name for c in model.columns), *ALWAYS_ALLOWED, *(f"{name}_std" for name in outputs)]
     cells = raw_cells.drop(columns=[*outputs, *ignored], errors="ignore")
     cells, unused = tables.without_unused(cells, known)
     frame, faults = tables.parsed(
@@ -139,30 +131,6 @@ def typed_inputs(
         text=[*(c.name for c in model.columns if c.text), *LABELS],
     )
     return frame, faults, unused
-
-
-def _extras(outputs: list[str]) -> list[str]:
-    return [*ALWAYS_ALLOWED, *(f"{name}_std" for name in outputs)]
-
-
-def simulated(
-    model: MeasurableModel,
-    table_read: tables.Table,
-    place: str,
-    seed: int = 0,
-    name: str = "",
-    effects: tuple[Active, ...] = (),
-    zero: Mapping[str, float] = NO_CHANGES,
-    uses: Mapping[str, tables.ColumnUse] | None = None,
-    understood: tables.Tell = tables.silent,
-    notes: tables.Tell = tables.silent,
-) -> pd.DataFrame:
-    """`inputs_in` a table followed by the predicted outputs, computed in this process."""
-    simulation = Simulation(model, seed, name, effects, dict(zero))
-    frame = inputs_in(simulation, table_read, place, uses, understood, notes)
-    rows = rows_of(frame)
-    table = computed(simulation.computed(rows, rows.columns), InProcess())
-    return table.set_axis(frame.index)
 
 
 def rows_of(frame: pd.DataFrame) -> FrameRows:

@@ -38,18 +38,19 @@ def streamed(
     files = _files(path)
     if not files:
         return None
-    obstacle = _hindered(simulation, files, uses)
+    obstacle = _obstacle(simulation, files, uses)
     if obstacle and path.is_dir():
         raise refuse(path.name, f"cannot be read in parts: {obstacle}; give one file")
     if obstacle:
         return None
-    known = {name: name for name in pq.read_schema(files[0]).names if name in _known_columns(simulation)}
+    names = pq.read_schema(files[0]).names
+    known = [name for name in names if name in _known_columns(simulation)]
     taken = {name: name for name in known if name not in _outputs(simulation)}
     count, digest = _checked(simulation, files, taken, path.name)
-    unused = [name for name in pq.read_schema(files[0]).names if name not in known]
+    unused = [name for name in names if name not in known]
     lines = [f"{path.name}: {count} rows; parquet, read in batches; columns {', '.join(taken)}"]
     understood([*lines, *([f"not used: {', '.join(unused)}"] if unused else [])])
-    notes(remarks(simulation.model, list(taken), list(known), path.name))
+    notes(remarks(simulation.model, list(taken), known, path.name))
     return ParquetRows(files, taken, count, digest)
 
 
@@ -68,18 +69,18 @@ def _files(path: Path) -> list[Path]:
         return []  # its faults are those of any table
 
 
-def _hindered(simulation: Simulation, files: list[Path], uses: Mapping[str, tables.ColumnUse] | None) -> str:
+def _obstacle(simulation: Simulation, files: list[Path], uses: Mapping[str, tables.ColumnUse] | None) -> str:
     """Why files cannot be read in batches, empty where they can."""
     try:
         schemas = [pq.read_schema(file) for file in files]
     except (OSError, pa.ArrowException) as error:
-        raise refuse(files[0].parent.name, f"holds a file that is no Parquet ({error})") from error
+        raise refuse(files[0].parent.name, f"holds a file that is not Parquet ({error})") from error
     if any(schema.names != schemas[0].names for schema in schemas):
         return "its files have different columns"
     if uses:
-        return "[columns] says what columns are"
+        return "[columns] states what the columns are"
     if simulation.effects:
-        return "effects see a table as a whole"
+        return "effects need the table as a whole"
     if not simulation.model.row_by_row(schemas[0].names):
         return "several rows are about one unit"
     missing = [c.name for c in simulation.model.columns if c.needed and c.name not in schemas[0].names]

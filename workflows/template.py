@@ -1,4 +1,4 @@
-"""`tolevo template`: tables and configurations that a command wants, filled in."""
+"""`tolevo template`: examples of the tables and configurations that commands read."""
 
 from __future__ import annotations
 
@@ -14,7 +14,6 @@ from ..models.measurable import Column, MeasurableModel, Role
 from ..problems.tolerance_problem import ToleranceProblem
 
 KINDS = ("designs", "units", "stack", "gap", "costs")
-SUFFIXES = {"designs": ".csv", "units": ".csv", "stack": ".toml", "gap": ".toml", "costs": ".csv"}
 UNITS = 20
 """Units of a batch in the template."""
 COSTS = 3
@@ -57,27 +56,19 @@ def template(kind: str, problem: ToleranceProblem, model: MeasurableModel) -> st
 
     Raises KeyError where the kind is not known.
     """
-    made: dict[str, Callable[[], str]] = {
-        "designs": lambda: _csv(_designs(problem)),
-        "units": lambda: _csv(_units(model)),
-        "stack": lambda: _stack() + _MEASURED,
+    texts: dict[str, Callable[[], str]] = {
+        "designs": lambda: csv_text(_designs(problem)),
+        "units": lambda: csv_text(_units(model)),
+        "stack": lambda: files("tolevo.configs").joinpath("stack_clutch.toml").read_text("utf-8") + _MEASURED,
         "gap": lambda: _GAP,
-        "costs": lambda: _csv(_costs(problem)),
+        "costs": lambda: csv_text(_costs(problem)),
     }
-    return made[kind]()
-
-
-def _stack() -> str:
-    return files("tolevo.configs").joinpath("stack_clutch.toml").read_text("utf-8")
-
-
-def _csv(frame: pd.DataFrame) -> str:
-    return csv_text(frame)
+    return texts[kind]()
 
 
 def _designs(problem: ToleranceProblem) -> pd.DataFrame:
     """The document's allocation, and the middle of the search ranges."""
-    middle = {variable.name: _middle(variable.low, variable.high) for variable in problem.variables}
+    middle = {variable.name: float(f"{0.5 * (variable.low + variable.high):.4g}") for variable in problem.variables}
     document = {
         variable.name: middle[variable.name] if variable.document is None else variable.document
         for variable in problem.variables
@@ -89,10 +80,6 @@ def _designs(problem: ToleranceProblem) -> pd.DataFrame:
         if variable.labels:
             frame[variable.name] = [variable.labels[int(at)] for at in frame[variable.name]]
     return frame
-
-
-def _middle(low: float, high: float) -> float:
-    return float(f"{0.5 * (low + high):.4g}")
 
 
 def _units(model: MeasurableModel) -> pd.DataFrame:
@@ -119,8 +106,7 @@ def _costs(problem: ToleranceProblem) -> pd.DataFrame:
         if curve is None or variable.integer:
             continue
         ts = np.geomspace(variable.low, variable.high, COSTS)
-        prices = curve.cost(ts)
-        for t, price in zip(ts, prices, strict=True):
-            shown = {"t": float(f"{t:.4g}"), "cost": float(f"{price:.4g}")}
-            rows.append({"variable": variable.name, "process": "", **shown})
+        for t, price in zip(ts, curve.cost(ts), strict=True):
+            row = {"variable": variable.name, "process": "", "t": float(f"{t:.4g}"), "cost": float(f"{price:.4g}")}
+            rows.append(row)
     return pd.DataFrame(rows)

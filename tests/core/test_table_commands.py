@@ -8,7 +8,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from tolevo.cli import app
-from tolevo.workflows.template import KINDS, SUFFIXES
+from tolevo.workflows.template import KINDS
 
 EXPORT = (
     "Seriennr.;Datum;Drehmoment [N mm];Drehrichtung;Spiel [arcsec]\r\n"
@@ -77,7 +77,7 @@ def test_options_that_cannot_be(tmp_path: Path, option: tuple[str, str]) -> None
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_templates_are_filled_in(tmp_path: Path, kind: str) -> None:
-    path = tmp_path / f"t{SUFFIXES[kind]}"
+    path = tmp_path / ("t.toml" if kind in ("stack", "gap") else "t.csv")
     assert tolevo("template", kind, "--out", path).exit_code == 0
     if path.suffix == ".csv":
         frame = pd.read_csv(path)

@@ -22,7 +22,7 @@ from tolevo.models.rv_reducer.loaded_unit import LoadedUnit, loaded_unit
 from tolevo.models.rv_reducer.lost_motion import RvLostMotion
 from tolevo.models.rv_reducer.transmission import RvTransmission
 from tolevo.tables import table_of
-from tolevo.workflows.simulate import simulated
+from tolevo.workflows.simulate import Simulation, inputs_in, rows_of
 
 pytestmark = [pytest.mark.long, pytest.mark.usefixtures("units_once")]
 
@@ -382,8 +382,10 @@ def test_changes_that_are_none(perfect: RvTransmission, changes: Mapping[str, An
 def test_simulate_says_what_is_missing(perfect: RvTransmission) -> None:
     rows = pd.DataFrame({"output_angle_deg": [0.0, 90.0], "torque_Nm": [412.0, -412.0]})
     notes: list[str] = []
-    found = simulated(perfect, table_of(rows, "rows")[0], "rows", notes=notes.extend)
-    assert found["te_arcsec"].tolist()[0] > 200.0 > -200.0 > found["te_arcsec"].tolist()[1]
+    simulation = Simulation(perfect)
+    inputs = rows_of(inputs_in(simulation, table_of(rows, "rows")[0], "rows", notes=notes.extend))
+    predicted = simulation(inputs.part(0, 2), 0)["te_arcsec"].tolist()
+    assert predicted[0] > 200.0 > -200.0 > predicted[1]
     assert any("output_speed_rpm" in note for note in notes)
     with pytest.raises(InputError, match="output_angle_deg"):
-        simulated(perfect, table_of(rows[["torque_Nm"]], "rows")[0], "rows")
+        inputs_in(simulation, table_of(rows[["torque_Nm"]], "rows")[0], "rows")

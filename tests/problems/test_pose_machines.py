@@ -25,7 +25,7 @@ from tolevo.problems.pose_accuracy.grouping import NINE, SOURCES
 from tolevo.problems.pose_accuracy.outputs import OVER_MACHINES
 from tolevo.problems.settings import Bound, PropagationSetting, Settings
 from tolevo.testing import ProblemContract
-from tolevo.workflows.choice.judge import Judge
+from tolevo.workflows.choice.ranking import Ranking
 
 OPTIMUM = np.array([[5.73, 5.73, 10.87, 12.3, 12.3, 80.0, 0.057, 0.057, 0.086]])
 """physics/manipulator.md, section 6, as printed: cost 12.590, limits 0.2 mrad on the standard
@@ -285,7 +285,7 @@ def test_rounding_asks_for_what_only_a_choice_limits() -> None:
     """An output that nothing else asks for is left out of a search, but not of a choice."""
     kept = {"squareness_pose_quantile_mrad": Bound(high=0.7)}
     problem = problem_of(samples=8192)
-    judge = Judge(problem, OPTIMUM[0], True, kept)
-    looser, tighter = judge.keys(np.vstack([OPTIMUM, 0.8 * OPTIMUM]))[:, 0]
+    ranking = Ranking(problem, OPTIMUM[0], True, kept)
+    looser, tighter = ranking.keys(np.vstack([OPTIMUM, 0.8 * OPTIMUM]))[:, 0]
     assert looser > 0.1
     assert tighter == 0.0

@@ -10,7 +10,7 @@ from typing import Any
 from typer.testing import CliRunner
 
 from tolevo.cli import app
-from tolevo.workflows.run.answers import Words
+from tolevo.workflows.run.answers import Sentences
 
 STACK = """
 problem = "stack"
@@ -67,10 +67,10 @@ def test_one_optimum_in_sentences(tmp_path: Path) -> None:
 def test_a_least_cost_lies_above_or_below_a_published_one() -> None:
     """With cost alone there is nothing that could be equal; with a second objective there is."""
     one: Any = SimpleNamespace(names=["cost"])
-    told = Words._gains(one, {"cost_saving_percent": 12.0}, "")
+    told = Sentences._gains(one, {"cost_saving_percent": 12.0}, "")
     assert told == "the least cost that was found is 12 % lower"
-    told = Words._gains(one, {"relaxed_cost_saving_percent": -24.6}, "relaxed_")
+    told = Sentences._gains(one, {"relaxed_cost_saving_percent": -24.6}, "relaxed_")
     assert told == "the least cost that was found is 24.6 % higher"
     two: Any = SimpleNamespace(names=["cost", "backlash_arcmin"])
-    told = Words._gains(two, {"cost_saving_percent": 12.0}, "")
+    told = Sentences._gains(two, {"cost_saving_percent": 12.0}, "")
     assert told == "there is an allocation that costs 12 % less at equal backlash"

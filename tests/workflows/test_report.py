@@ -159,7 +159,7 @@ def test_choices_of_points_that_are_gone_are_left_out(run: Path) -> None:
     front = (run / "front.csv").read_text(encoding="utf-8").splitlines()
     (run / "front.csv").write_text("\n".join(front[:3]) + "\n", encoding="utf-8")
     _, warned = rebuilt(run)
-    assert "choices.csv: names points that front.csv has not (2 rows)" in warned
+    assert "choices.csv: names points that front.csv does not have (2 rows)" in warned
 
 
 def test_a_table_that_is_none(run: Path) -> None:

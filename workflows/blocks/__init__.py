@@ -1,4 +1,4 @@
-"""A table computed block by block, wherever the blocks are computed, and kept as they end."""
+"""A table computed block by block; the blocks are computed anywhere, and stored as they end."""
 
 from __future__ import annotations
 

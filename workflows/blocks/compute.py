@@ -1,11 +1,11 @@
-"""Blocks of rows as tasks: computed anywhere, kept as they end, the same bytes each time."""
+"""Blocks of rows as tasks: computed anywhere, stored as they end, the same bytes each time."""
 
 from __future__ import annotations
 
 import hashlib
 import pickle
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import closing
 from dataclasses import dataclass
 from importlib.metadata import version
@@ -31,7 +31,7 @@ Compute = Callable[[Any, int], pd.DataFrame]
 
 @dataclass(frozen=True, slots=True)
 class BlockProgress:
-    """State of a table: blocks done of all, and the time left [s] once some have ended."""
+    """State of a table: blocks done of all, and the remaining time [s] once some have ended."""
 
     done: int
     total: int
@@ -72,15 +72,12 @@ class Computed:
         grains = max(1, -(-self.rows.count // self.grain))
         grains_per_block = -(-grains // BLOCKS) if block_rows is None else -(-block_rows // self.grain)
         digest = hashlib.sha256(self.configuration.encode()).hexdigest()
-        return About(
-            self.command,
-            digest,
-            self.rows.digest,
-            version("tolevo"),
-            self.quality,
-            self.rows.count,
-            grains_per_block * self.grain,
-        )
+        count, rows = self.rows.count, grains_per_block * self.grain
+        return About(self.command, digest, self.rows.digest, version("tolevo"), self.quality, count, rows)
+
+    def grains(self, start: int, stop: int) -> Iterator[Any]:
+        """Rows `start` to `stop` by grains; an empty grain where there are no rows."""
+        return (self.rows.part(at, min(at + self.grain, stop)) for at in range(start, max(stop, 1), self.grain))
 
 
 def computed(
@@ -101,7 +98,7 @@ def computed(
     is kept.
     """
     if target is None and isinstance(executor, InProcess) and shared is None:
-        return _here(table)
+        return _frame(table.compute, table.grains(0, table.rows.count))
     with closing(_store_of_blocks(table.about(block_rows), target, shared)) as store:
         _finish(table, store, executor, progress)
         total = store.about.total
@@ -116,7 +113,6 @@ def computed(
 
 
 def _store_of_blocks(about: About, target: Target | None, shared: tuple[str, str] | None) -> BlockStore:
-    """Where the blocks are kept."""
     if shared is not None:
         from .table import block_table  # with it comes SQLAlchemy, slow to load
 
@@ -129,37 +125,32 @@ def _store_of_blocks(about: About, target: Target | None, shared: tuple[str, str
 
 def _copied(store: BlockStore, target: Target) -> None:
     """Write the blocks of a store as the files of a directory."""
-    with closing(BlockFolder(target.blocks, store.about, target.resume, target.overwrite)) as there:
-        for number in sorted(store.completed - there.completed):
+    with closing(BlockFolder(target.blocks, store.about, target.resume, target.overwrite)) as folder:
+        for number in sorted(store.completed - folder.completed):
             block = store.block(number)
-            there.keep(number, block.read_bytes() if isinstance(block, Path) else block.getvalue())
+            folder.keep(number, block.read_bytes() if isinstance(block, Path) else block.getvalue())
 
 
-def _here(table: Computed) -> pd.DataFrame:
-    """The whole table, computed in this process and kept nowhere else."""
-    count, grain = table.rows.count, table.grain
+def _frame(compute: Compute, grains: Iterable[Any], first: int = 0) -> pd.DataFrame:
+    """The frames of grains of rows, the first of which has the number `first`, below each other."""
     with pinned():
-        parts = [
-            table.compute(table.rows.part(at, min(at + grain, count)), number)
-            for number, at in enumerate(range(0, max(count, 1), grain))
-        ]
-    return pd.concat(parts, ignore_index=True) if len(parts) > 1 else parts[0]
+        frames = [compute(rows, number) for number, rows in enumerate(grains, first)]
+    return pd.concat(frames, ignore_index=True) if len(frames) > 1 else frames[0]
 
 
 def _finish(
     table: Computed, store: BlockStore, executor: Executor, progress: Callable[[BlockProgress], None] | None
 ) -> None:
-    """Compute the blocks that are missing."""
     total, begin, had = store.about.total, time.monotonic(), len(store.completed)
 
-    def tell() -> None:
+    def report() -> None:
         if progress is not None:
             done, seconds = len(store.completed), time.monotonic() - begin
             remaining = seconds * (total - done) / (done - had) if done > had else None
             progress(BlockProgress(done, total, seconds, remaining))
 
     apart = not isinstance(executor, InProcess)
-    tell()
+    report()
     try:
         with executor:
             while len(store.completed) < total:
@@ -168,11 +159,11 @@ def _finish(
                     if isinstance(outcome, Lost):
                         raise RunError(f"block {task.number}: {outcome.reason}")
                     store.keep(task.number, outcome)
-                    tell()
+                    report()
                 store.refresh()
                 if len(store.completed) == before:
                     time.sleep(POLL_S)  # others are at work on the remaining blocks
-                tell()
+                report()
     except RunError as error:
         raise RunError(f"{error}; {store.saved()}") from error
 
@@ -186,16 +177,14 @@ def _tasks(table: Computed, store: BlockStore, total: int, apart: bool) -> Itera
         if number in store.completed or not store.claim(number):
             continue
         start, stop = number * block_rows, min((number + 1) * block_rows, table.rows.count)
-        rows = [table.rows.part(at, min(at + table.grain, stop)) for at in range(start, stop, table.grain)]
-        yield Block(f"{name}-{number}", version("tolevo"), content, number, start // table.grain, tuple(rows))
+        rows = tuple(table.grains(start, stop))
+        yield Block(f"{name}-{number}", version("tolevo"), content, number, start // table.grain, rows)
 
 
 def perform(task: Block) -> bytes:
     """The rows of a block as a Parquet file."""
     check_version(task.version)
     compute: Compute = built(task.compute) if isinstance(task.compute, bytes) else task.compute
-    with pinned():
-        parts = [compute(rows, task.first + at) for at, rows in enumerate(task.parts)]
-    content = pd.concat(parts, ignore_index=True) if len(parts) > 1 else parts[0]
+    content = _frame(compute, task.parts, task.first)
     encoded: bytes = content.reset_index(drop=True).to_parquet(index=False)
     return encoded

@@ -26,17 +26,6 @@ LOG = "_parts.txt"
 """A line per block that is whole: its number and its digest."""
 LOCK = "_lock"
 LINE = re.compile(r"(\d+) ([0-9a-f]{64})\n")
-REMEDY = "name another"
-
-
-CALLED = {
-    "command": "another command",
-    "configuration": "another configuration",
-    "table": "another table",
-    "version": "another version of tolevo",
-    "quality": "another quality",
-    "rows": "a table of another length",
-}
 
 
 class BlockFolder(BlockStore):
@@ -60,7 +49,7 @@ class BlockFolder(BlockStore):
         self._log = (path / LOG).open("a", encoding="utf-8")
 
     def keep(self, number: int, content: bytes) -> None:
-        """Keep a block: first itself, then the line that says that it is whole."""
+        """Store a block: first its content, then the line that states that it is whole."""
         write_bytes(self.path / PART.format(number), content)
         self._log.write(f"{number} {hashlib.sha256(content).hexdigest()}\n")
         self._log.flush()
@@ -72,8 +61,7 @@ class BlockFolder(BlockStore):
         return self.path / PART.format(number)
 
     def saved(self) -> str:
-        count = f"{len(self.completed)} of {self.about.total} blocks are saved in {self.path}"
-        return f"{count}; run the same command with --resume to continue"
+        return f"{self._count(str(self.path))}; run the same command with --resume to continue"
 
     def close(self) -> None:
         if not self._log.closed:
@@ -117,16 +105,12 @@ def _agreed(path: Path, about: About, resume: bool, overwrite: bool) -> About:
     if overwrite or not path.exists() or _blank(path):
         return about
     try:
-        there: dict[str, Any] = read_record(path / ABOUT) or {}
+        stored: dict[str, Any] = read_record(path / ABOUT) or {}
     except ValueError as error:
         raise refuse("--resume", f"{path / ABOUT} cannot be read: {error}; give --overwrite") from error
-    wanted = asdict(about)
-    differing = [CALLED[name] for name in CALLED if there.get(name) != wanted[name]]
-    if differing:
-        raise refuse(
-            "--resume", f"{path} holds blocks of {' and of '.join(differing)}; name another file, or give --overwrite"
-        )
-    return About(**{**wanted, "block_rows": int(there["block_rows"])})
+    if others := " and of ".join(about.differences(stored)):
+        raise refuse("--resume", f"{path} holds blocks of {others}; name another file, or give --overwrite")
+    return about.with_blocks_of(stored)
 
 
 def _blank(path: Path) -> bool:
@@ -155,8 +139,7 @@ def folder_faults(path: Path, resume: bool, overwrite: bool) -> list[Fault]:
     if not path.is_dir():
         return [Fault("--out", f"{path} is a file; name a directory for --partitioned")]
     if not (path / ABOUT).exists():
-        return [Fault("--out", f"{path} holds something that is no table in blocks; {REMEDY}")]
-    if not resume and not overwrite:
-        text = f"{path} holds blocks of an earlier command; continue with --resume, or --overwrite"
-        return [Fault("--out", text)]
-    return []
+        return [Fault("--out", f"{path} holds something other than a table in blocks; name another")]
+    if resume or overwrite:
+        return []
+    return [Fault("--out", f"{path} holds blocks of an earlier command; continue with --resume, or --overwrite")]

@@ -1,11 +1,23 @@
-"""Where the blocks of a table are kept until all have ended."""
+"""Where the blocks of a table are stored until all have ended."""
 
 from __future__ import annotations
 
 import io
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
+
+IDENTITY = {
+    "command": "another command",
+    "configuration": "another configuration",
+    "table": "another table",
+    "version": "another version of tolevo",
+    "quality": "another quality",
+    "rows": "a table of another length",
+}
+"""The properties by which tables differ, and how messages call a table that differs in them."""
 
 
 @dataclass(frozen=True)
@@ -26,6 +38,14 @@ class About:
     def total(self) -> int:
         """Number of blocks."""
         return max(1, -(-self.rows // self.block_rows))
+
+    def differences(self, stored: Mapping[str, Any]) -> list[str]:
+        """What a stored identity is that of, where it is not that of this table."""
+        return [text for name, text in IDENTITY.items() if stored.get(name) != getattr(self, name)]
+
+    def with_blocks_of(self, stored: Mapping[str, Any]) -> About:
+        """The identity of this table in blocks of the stored length."""
+        return replace(self, block_rows=int(stored["block_rows"]))
 
 
 class BlockStore(ABC):
@@ -51,7 +71,10 @@ class BlockStore(ABC):
 
     @abstractmethod
     def saved(self) -> str:
-        """What is saved where a table cannot be finished, and how to go on."""
+        """What is saved where a table cannot be finished, and how to continue."""
+
+    def _count(self, place: str) -> str:
+        return f"{len(self.completed)} of {self.about.total} blocks are saved in {place}"
 
     def close(self) -> None:  # noqa: B027 - nothing is held in memory alone
         """Release it for others."""

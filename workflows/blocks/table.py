@@ -10,14 +10,13 @@ from typing import Any
 
 from sqlalchemy import Connection, delete, select
 
-from ...errors import Fault, InputError, RunError, raise_all, refuse
+from ...errors import Fault, RunError, raise_all, refuse
 from ...sealed import loads, sealed_record, unsealed_record
 from ..store.address import read_address
 from ..store.backend import DAMAGE, Backend, reason
 from ..store.postgresql import PostgreSQL
 from ..store.store import Store
 from ..store.tables import BLOCKS, STUDY, TABLE
-from .folder import CALLED
 from .store import About, BlockStore
 
 
@@ -63,16 +62,15 @@ class BlockTable(BlockStore):
         self.completed.add(number)
 
     def refresh(self) -> None:
-        text = select(BLOCKS.c.number).where(BLOCKS.c.number < self.about.total)
-        self.completed = {number for (number,) in self._read(lambda connection: connection.execute(text).all())}
+        statement = select(BLOCKS.c.number).where(BLOCKS.c.number < self.about.total)
+        self.completed = {number for (number,) in self._read(lambda connection: connection.execute(statement).all())}
 
     def block(self, number: int) -> io.BytesIO:
-        text = select(BLOCKS.c.content).where(BLOCKS.c.number == number)
-        return io.BytesIO(bytes(self._read(lambda connection: connection.execute(text).scalar_one())))
+        statement = select(BLOCKS.c.content).where(BLOCKS.c.number == number)
+        return io.BytesIO(bytes(self._read(lambda connection: connection.execute(statement).scalar_one())))
 
     def saved(self) -> str:
-        count = f"{len(self.completed)} of {self.about.total} blocks are saved in {self._database_name}"
-        return f"{count}; run the same command again to continue"
+        return f"{self._count(self._database_name)}; run the same command again to continue"
 
     def close(self) -> None:
         self._store.close()
@@ -84,30 +82,26 @@ class BlockTable(BlockStore):
             raise RunError(f"{self._database_name} cannot be read: {reason(error)}") from error
 
     def _is_intact(self, number: int) -> bool:
-        text = select(BLOCKS.c.digest).where(BLOCKS.c.number == number)
-        digest = self._read(lambda connection: connection.execute(text).scalar_one())
+        statement = select(BLOCKS.c.digest).where(BLOCKS.c.number == number)
+        digest = self._read(lambda connection: connection.execute(statement).scalar_one())
         return bool(hashlib.sha256(self.block(number).getvalue()).hexdigest() == digest)
 
     def _agreed(self, about: About, place: str) -> About:
         """The identity of the blocks: those that are there decide how many rows a block has."""
-        wanted = asdict(about)
-        text = json.dumps(sealed_record(wanted))
+        identity = json.dumps(sealed_record(asdict(about)))
         while not self._store.meta(TABLE):
             if self._store.meta(STUDY):
                 raise refuse(place, f"{self._database_name} holds a study; {self._store.backend.alternative}")
-            self._store.set_meta({TABLE: text}, TABLE, "")
+            self._store.set_meta({TABLE: identity}, TABLE, "")
         try:
-            there = unsealed_record(loads(self._store.meta(TABLE)))
+            stored = unsealed_record(loads(self._store.meta(TABLE)))
         except ValueError as error:
             raise refuse(place, f"{self._database_name} cannot be read: {error}") from error
         raise_all(
-            [
-                Fault(place, f"{self._database_name} belongs to {text}; {self._store.backend.alternative}")
-                for name, text in CALLED.items()
-                if there.get(name) != wanted[name]
-            ]
+            Fault(place, f"{self._database_name} belongs to {other}; {self._store.backend.alternative}")
+            for other in about.differences(stored)
         )
-        return About(**{**wanted, "block_rows": int(there["block_rows"])})
+        return about.with_blocks_of(stored)
 
 
 def block_table(address: str, about: About, place: str) -> BlockTable:
@@ -115,8 +109,6 @@ def block_table(address: str, about: About, place: str) -> BlockTable:
     backend = PostgreSQL(read_address(address))
     try:
         return BlockTable(backend, about, place)
-    except InputError:
-        raise
     except DAMAGE as error:
-        cause, remedy = backend.hindrance(error) or (reason(error), "mend that")
+        cause, remedy = backend.explained(error)
         raise refuse(place, f"{backend.display_name}: {cause}; {remedy}") from error

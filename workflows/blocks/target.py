@@ -22,7 +22,7 @@ GROUP = 131_072
 class Target:
     """Where the rows go: one file, or (`partitioned`) a directory of Parquet files.
 
-    `resume` goes on with the blocks that an earlier command left, `overwrite` replaces them.
+    `resume` continues with the blocks of an earlier command, `overwrite` replaces them.
     """
 
     path: Path

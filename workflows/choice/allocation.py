@@ -14,34 +14,9 @@ from ...problems.interfaces import Comparison, Drawing
 from ...problems.tolerance_problem import ToleranceProblem
 from .notation import drawing_number, inspection, notation, process_of
 from .roughness import SHARE, roughness
+from .steps import without_last_digits
 
 Array = NDArray[np.float64]
-COLUMNS = (
-    "choice",
-    "point",
-    "variable",
-    "meaning",
-    "kind",
-    "unit",
-    "nominal",
-    "mid",
-    "unrounded",
-    "rounded",
-    "lower_limit",
-    "upper_limit",
-    "lower_deviation",
-    "upper_deviation",
-    "grade",
-    "symbol",
-    "drawing",
-    "characteristic",
-    "rounding",
-    "notation",
-    "process",
-    "roughness_Ra_um",
-    "cpk_wanted",
-    "inspection",
-)
 
 
 def allocation(
@@ -52,7 +27,7 @@ def allocation(
     rules: Mapping[str, str],
     roughness_share: float = SHARE,
 ) -> pd.DataFrame:
-    """One row per chosen point and variable.
+    """A row per chosen point and variable.
 
     `choices` names the rules that choose a row of the front, `designs` its unrounded and rounded
     full design, `grades` what a value of a variable is called, and `rules` how it is rounded.
@@ -71,13 +46,13 @@ def allocation(
             old, new = (float(design[at]) for design in designs[point])
             name = grades.get(variable.name, {}).get(new, "")
             rows.append(
-                {"choice": label, "point": point, "rounding": rules.get(variable.name, "fixed")}
+                {"choice": label, "point": point}
                 | _row(problem, variable, old, new, name)
+                | {"rounding": rules.get(variable.name, "fixed")}
                 | _written(problem, variable, designs[point][1], new, name, roughness_share)
                 | models[point]
             )
-    columns = [*COLUMNS, *(["model"] if problem.declaration.model_statement else [])]
-    table = pd.DataFrame(rows, columns=columns)
+    table = pd.DataFrame(rows)
     numbers = ("nominal", "mid", "lower_limit", "upper_limit", "lower_deviation", "upper_deviation", "roughness_Ra_um")
     return table.astype(dict.fromkeys(numbers, float))
 
@@ -107,8 +82,8 @@ def _row(problem: ToleranceProblem, variable: Variable, old: float, new: float, 
         "rounded": _shown(variable, new),
         "lower_limit": lower,
         "upper_limit": upper,
-        "lower_deviation": _rounded(mid - new) if half else None,
-        "upper_deviation": _rounded(mid + new) if half else None,
+        "lower_deviation": without_last_digits(mid - new) if half else None,
+        "upper_deviation": without_last_digits(mid + new) if half else None,
         "grade": drawn.get("class", grade),
         "symbol": drawn.get("symbol", ""),
         "drawing": drawn.get("drawing", ""),
@@ -119,7 +94,7 @@ def _row(problem: ToleranceProblem, variable: Variable, old: float, new: float, 
 def _written(
     problem: ToleranceProblem, variable: Variable, design: Array, new: float, grade: str, roughness_share: float
 ) -> dict[str, Any]:
-    """What to write on the drawing, and what whoever makes and inspects the part needs to know."""
+    """What to write on the drawing, and what those who make and inspect the part need to know."""
     drawn = Drawing.of(problem).drawn(variable.name)
     nominal, mid = Drawing.of(problem).zone(variable.name)
     law = problem.settings.variables[variable.name].distribution
@@ -146,13 +121,8 @@ def _capability(law: object) -> float | None:
 def _limits(variable: Variable, nominal: float | None, mid: float, t: float) -> tuple[float | None, float | None]:
     if variable.kind is Kind.HALF_WIDTH:
         centre = (nominal or 0.0) + mid
-        return _rounded(centre - t), _rounded(centre + t)
+        return without_last_digits(centre - t), without_last_digits(centre + t)
     return (0.0, t) if variable.kind is Kind.FULL_CLEARANCE else (None, None)
-
-
-def _rounded(value: float) -> float:
-    """Without the last digits of a sum: 55.280500000000004 is 55.2805."""
-    return float(f"{value:.12g}")
 
 
 def _shown(variable: Variable, value: float) -> float | int | str:

@@ -19,7 +19,8 @@ from .contributions import contributions
 from .prices import prices
 from .roughness import share_of
 from .rounding import rounded
-from .rules import COST, ONLY, RULES, Points, chosen, meaning_of
+from .rule import COST, Points
+from .rules import ONLY, RULES, chosen, meaning_of
 from .sensitivity import sensitivity
 from .settings import ChoiceSettings
 from .slopes import slopes_of
@@ -85,7 +86,7 @@ def _required_bounds(settings: ChoiceSettings, choices: Mapping[str, int], at: i
 
 
 def points_of(problem: ToleranceProblem, front: pd.DataFrame, settings: ChoiceSettings) -> Points:
-    """The front as the rules see it."""
+    """The front in the form that the rules take."""
     names = problem.objectives
     requested = np.array([settings.weights.get(name, 0.0) for name in names])
     weights = requested if requested.sum() > 0.0 else np.ones(len(names))
@@ -101,23 +102,19 @@ def points_of(problem: ToleranceProblem, front: pd.DataFrame, settings: ChoiceSe
 
 
 def _within_limits(front: pd.DataFrame, limits: Mapping[str, Bound]) -> NDArray[np.bool_]:
-    conditions = [front[name].between(bound.low, bound.high) for name, bound in limits.items()]
-    return np.asarray(np.all(conditions, axis=0))
+    return np.asarray(np.all([front[name].between(bound.low, bound.high) for name, bound in limits.items()], axis=0))
 
 
 def _table(
     problem: ToleranceProblem, front: pd.DataFrame, choices: dict[str, int], new: dict[int, Array], spread: pd.DataFrame
 ) -> pd.DataFrame:
     """`choices.csv`: the chosen points, unrounded and rounded, and how sure each choice is."""
-    whole = Accuracy.of(problem).reported()
-    after = whole.frame(np.stack([new[at] for at in choices.values()]))
-    broken = [
-        " ".join(name for name in _limit_names(problem) if row[f"margin_{name}"] < 0.0)
-        for row in after.to_dict("records")
-    ]
+    after = Accuracy.of(problem).reported().frame(np.stack([new[at] for at in choices.values()]))
+    limits = [limit.name for limit in problem.limits if limit.count]
+    broken = [" ".join(name for name in limits if row[f"margin_{name}"] < 0.0) for row in after.to_dict("records")]
     selected = front.iloc[list(choices.values())].reset_index(drop=True)
-    kept = ["bound", "gap_percent", *problem.objectives, *problem.names]
-    table = selected[[name for name in kept if name in selected]].copy()
+    columns = ["bound", "gap_percent", *problem.objectives, *problem.names]
+    table = selected[[name for name in columns if name in selected]].copy()
     table.insert(0, "choice", list(choices))
     table.insert(1, "meaning", [meaning_of(name) for name in choices])
     table.insert(2, "point", list(choices.values()))
@@ -134,7 +131,3 @@ def _table(
     same = spread.groupby("choice")["same"].mean() if len(spread) else pd.Series(dtype=float)
     table["unchanged_percent"] = [100.0 * same.get(name, np.nan) for name in choices]
     return table
-
-
-def _limit_names(problem: ToleranceProblem) -> list[str]:
-    return [limit.name for limit in problem.limits if limit.count]

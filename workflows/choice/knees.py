@@ -45,16 +45,13 @@ def sharpest_bend(values: Array) -> int | None:
     inner = np.flatnonzero((at >= arm) & (at <= at[-1] - arm))
     if not len(inner):
         return None
-    before, after = (_on(line, at, at[inner] + step) - line[inner] for step in (-arm, arm))
+    ends = (np.stack([np.interp(at[inner] + step, at, column) for column in line.T], axis=1) for step in (-arm, arm))
+    before, after = (end - line[inner] for end in ends)
     turn = np.pi - np.abs(np.arctan2(_cross(before, after), np.sum(before * after, axis=1)))
     bent_down = _cross(before, after) < 0.0
     if not np.any(bent_down):
         return None
     return int(order[inner[np.argmax(np.where(bent_down, turn, -1.0))]])
-
-
-def _on(line: Array, at: Array, places: Array) -> Array:
-    return np.stack([np.interp(places, at, column) for column in line.T], axis=1)
 
 
 def _cross(first: Array, second: Array) -> Array:

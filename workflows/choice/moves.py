@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .judge import Judge, best
 from .neighbours import Mask, Neighbours
+from .ranking import Ranking, best
 
 Array = NDArray[np.float64]
 ROUNDS = 40
@@ -25,7 +25,7 @@ TINY = 1e-12
 class Prices:
     """What every single change (k,) of a design adds: `use` (k, columns) and `cost` (k,).
 
-    `base_use` (columns,) and `base_cost` are those of the design itself; see `Judge.use`.
+    `base_use` (columns,) and `base_cost` are those of the design itself; see `Ranking.use`.
     """
 
     base_use: Array
@@ -34,7 +34,7 @@ class Prices:
     cost: Array
 
 
-def by_moves(near: Neighbours, judge: Judge, most: int) -> Mask:
+def by_moves(near: Neighbours, ranking: Ranking, most: int) -> Mask:
     """The best choices (at most `most`, k) of neighbours that a search by prices finds.
 
     Each round evaluates every single change, the pairs that look best where the effects of two
@@ -44,17 +44,16 @@ def by_moves(near: Neighbours, judge: Judge, most: int) -> Mask:
     """
     count = len(near.at)
     masks = np.stack([np.zeros(count, dtype=bool), near.nearest])
-    known = judge.keys(near.designs(masks))
+    known = ranking.keys(near.designs(masks))
     masks, known = _few(masks, known, most)
     for _ in range(ROUNDS):
         at, key = masks[0], known[0]
         singles = at ^ np.eye(count, dtype=bool)
-        use, cost = judge.use(near.designs(np.vstack([at[None], singles])))
+        use, cost = ranking.use(near.designs(np.vstack([at[None], singles])))
         prices = Prices(use[0], float(cost[0]), use[1:] - use[0], cost[1:] - cost[0])
-        series = np.vstack([_singles(at, prices), *_pairs(at, prices, judge)])
-        keys = np.vstack([judge.ranked(use[1:], cost[1:]), judge.keys(near.designs(series))])
-        more = np.vstack([singles, series])
-        masks, known = _few(np.vstack([masks, more]), np.vstack([known, keys]), most)
+        series = np.vstack([_singles(at, prices), *_pairs(at, prices, ranking)])
+        keys = np.vstack([ranking.ranked(use[1:], cost[1:]), ranking.keys(near.designs(series))])
+        masks, known = _few(np.vstack([masks, singles, series]), np.vstack([known, keys]), most)
         if tuple(known[0].tolist()) >= tuple(key.tolist()):
             break
     return masks
@@ -62,8 +61,8 @@ def by_moves(near: Neighbours, judge: Judge, most: int) -> Mask:
 
 def _few(masks: Mask, keys: Array, most: int) -> tuple[Mask, Array]:
     """The best `most` of them, in order."""
-    kept = best(keys)[:most]
-    return masks[kept], keys[kept]
+    order = best(keys)[:most]
+    return masks[order], keys[order]
 
 
 def _singles(at: Mask, prices: Prices) -> Mask:
@@ -75,17 +74,17 @@ def _singles(at: Mask, prices: Prices) -> Mask:
     return _first(at, order[:, None], prices)
 
 
-def _pairs(at: Mask, prices: Prices, judge: Judge) -> tuple[Mask, Mask]:
+def _pairs(at: Mask, prices: Prices, ranking: Ranking) -> tuple[Mask, Mask]:
     """The best pairs by added effects, and a series of pairs without a variable in common."""
     first, second = np.triu_indices(len(at), 1)
     use = prices.base_use + prices.use[first] + prices.use[second]
-    keys = judge.ranked(use, prices.base_cost + prices.cost[first] + prices.cost[second])
+    keys = ranking.ranked(use, prices.base_cost + prices.cost[first] + prices.cost[second])
     order = best(keys)[: 4 * len(at)]
     pairs = np.stack([first[order], second[order]], axis=1)
     alone = np.repeat(at[None], min(PAIRS, len(pairs)), axis=0)
     for row, pair in enumerate(pairs[:PAIRS].tolist()):
         alone[row, pair] ^= True
-    base = judge.ranked(prices.base_use[None], np.array([prices.base_cost]))[0]
+    base = ranking.ranked(prices.base_use[None], np.array([prices.base_cost]))[0]
     pays = [tuple(key) < tuple(base.tolist()) for key in keys[order].tolist()]
     return alone, _first(at, _apart(pairs[np.array(pays, dtype=bool)]), prices)
 

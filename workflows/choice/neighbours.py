@@ -53,10 +53,10 @@ def neighbours(problem: ToleranceProblem, design: Array, values: dict[str, Array
         column = problem.names.index(name)
         value = design[column]
         edge = SLACK * max(abs(low), abs(high))
-        kept = np.clip(orderable[(orderable >= low - edge) & (orderable <= high + edge)], low, high)
-        if not len(kept):
+        within = np.clip(orderable[(orderable >= low - edge) & (orderable <= high + edge)], low, high)
+        if not len(within):
             continue
-        lower, upper = kept[kept <= value], kept[kept >= value]
+        lower, upper = within[within <= value], within[within >= value]
         at.append(column)
         below.append(lower.max() if len(lower) else upper.min())
         above.append(upper.min() if len(upper) else lower.max())

@@ -53,7 +53,7 @@ def process_of(problem: ToleranceProblem, variable: Variable, design: object) ->
 
 
 def inspection(variable: Variable, t: float, cpk: float | None) -> str:
-    """What the model counts on in the parts, for whoever inspects them."""
+    """What the model assumes of the parts, for those who inspect them."""
     unit = f" {variable.unit}".rstrip()
     if variable.kind is Kind.STANDARD_DEVIATION:
         return "standard deviation of a sample of the process, about the nominal value"

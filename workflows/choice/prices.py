@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ...problems.interfaces import Drawing
 from ...problems.tolerance_problem import ToleranceProblem
-from .rules import COST
+from .rule import COST
 from .slopes import Slopes, tolerances_of
 
 Array = NDArray[np.float64]
@@ -40,8 +40,7 @@ def prices(problem: ToleranceProblem, front: pd.DataFrame, slopes: Slopes) -> pd
     names, rows = list(slopes.along), slopes.rows
     if front.empty or not names or not slopes.saved.size or COST not in front:
         return pd.DataFrame()
-    binding = _binding(problem, front.iloc[rows], names)
-    fitted, residual = _fitted(problem, slopes, binding, _sides(problem, front.iloc[rows], names))
+    fitted, residual = _fitted(problem, slopes, *_limits_at(problem, front.iloc[rows], names))
     sure = _proven(front)[rows] & (residual <= FITS)
     sources = np.where(sure, "multiplier", "estimate").astype(object)
     frames = []
@@ -74,11 +73,11 @@ def _fitted(problem: ToleranceProblem, slopes: Slopes, binding: NDArray[np.bool_
     prices = np.where(binding, np.nan, 0.0)
     residuals = np.full(len(designs), np.nan)
     for row in range(len(designs)):
-        kept, used = inside[row], np.flatnonzero(binding[row])
-        right = save[row, kept]
-        if not len(used) or not np.any(kept) or not np.any(right):
+        inner, used = inside[row], np.flatnonzero(binding[row])
+        right = save[row, inner]
+        if not len(used) or not np.any(inner) or not np.any(right):
             continue
-        matrix = along[row][kept][:, used] * sides[row, used]
+        matrix = along[row][inner][:, used] * sides[row, used]
         size = np.linalg.norm(matrix, axis=0)
         scaled = matrix / np.where(size > 0.0, size, 1.0)
         solution, residual = _above_zero(scaled, right)
@@ -96,27 +95,19 @@ def _above_zero(matrix: Array, right: Array) -> tuple[Array, float]:
     return x, float(np.linalg.norm(matrix @ x - right))
 
 
-def _binding(problem: ToleranceProblem, front: pd.DataFrame, names: list[str]) -> NDArray[np.bool_]:
-    """Which requirements (n, requirements) are used up: objectives always are."""
-    binding = np.ones((len(front), len(names)), dtype=bool)
+def _limits_at(problem: ToleranceProblem, front: pd.DataFrame, names: list[str]) -> tuple[NDArray[np.bool_], Array]:
+    """Which requirements (n, requirements) are used up (objectives always are), and their sides: -1
+    where the nearer limit is a lower one, else 1.
+    """
+    binding, sides = np.ones((len(front), len(names)), dtype=bool), np.ones((len(front), len(names)))
     limits = {limit.name: limit for limit in problem.limits}
     for at, name in enumerate(names):
         if name not in problem.objectives:
-            scale = max(abs(b) for b in (limits[name].low, limits[name].high) if np.isfinite(b))
-            margin = front[f"margin_{name}"].to_numpy(dtype=float)
-            binding[:, at] = margin <= BINDING * (scale or limits[name].scale)
-    return binding
-
-
-def _sides(problem: ToleranceProblem, front: pd.DataFrame, names: list[str]) -> Array:
-    """-1 (n, requirements) where the nearer limit is a lower one, else 1."""
-    sides = np.ones((len(front), len(names)))
-    limits = {limit.name: limit for limit in problem.limits}
-    for at, name in enumerate(names):
-        if name in limits and name not in problem.objectives:
-            value, bound = front[name].to_numpy(dtype=float), limits[name]
-            sides[value - bound.low < bound.high - value, at] = -1.0
-    return sides
+            limit, value = limits[name], front[name].to_numpy(dtype=float)
+            scale = max(abs(bound) for bound in (limit.low, limit.high) if np.isfinite(bound))
+            binding[:, at] = front[f"margin_{name}"].to_numpy(dtype=float) <= BINDING * (scale or limit.scale)
+            sides[value - limit.low < limit.high - value, at] = -1.0
+    return binding, sides
 
 
 def _proven(front: pd.DataFrame) -> NDArray[np.bool_]:

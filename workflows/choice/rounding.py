@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from ...problems.interfaces import Accuracy
 from ...problems.settings import Bound
 from ...problems.tolerance_problem import ToleranceProblem
-from .judge import Judge, best
 from .moves import by_moves
 from .neighbours import Neighbours, neighbours
+from .ranking import Ranking, best
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -27,12 +27,15 @@ VERIFIED = 24
 
 
 def rounded(
-    problem: ToleranceProblem, design: Array, values: dict[str, Array], kept: Mapping[str, Bound] = MappingProxyType({})
+    problem: ToleranceProblem,
+    design: Array,
+    values: dict[str, Array],
+    bounds: Mapping[str, Bound] = MappingProxyType({}),
 ) -> Array:
     """The design (all variables,) at the neighbour that can be ordered.
 
     The cheapest combination of neighbours that keeps all limits (those of the problem, and the
-    bounds `kept`) and is no worse in the other objectives; where there is none, the one that breaks
+    `bounds`) and is no worse in the other objectives; where there is none, the one that breaks
     the limits least, then the least worse. Up to `ALL` variables every combination is tried, and up
     to `HARD` where limits would break; else changes are priced one by one (`by_moves`). The full
     model decides between the best `VERIFIED`; where all of them break a limit, the quick search is
@@ -42,7 +45,8 @@ def rounded(
     near = neighbours(problem, design, values)
     if not len(near.at):
         return design
-    quick, full = (Judge(problem, design, True, kept), Judge(Accuracy.of(problem).reported(), design, False, kept))
+    quick = Ranking(problem, design, True, bounds)
+    full = Ranking(Accuracy.of(problem).reported(), design, False, bounds)
     rounded_design, keys = _best(near, quick, full)
     if keys[0] > 0.0:
         quick.learn(full, design)
@@ -51,8 +55,8 @@ def rounded(
     return rounded_design
 
 
-def _best(near: Neighbours, quick: Judge, full: Judge) -> tuple[Array, Array]:
-    """The best design that is found, and its key."""
+def _best(near: Neighbours, quick: Ranking, full: Ranking) -> tuple[Array, Array]:
+    """The best design of the search, and its key."""
     masks = _every(near) if len(near.at) <= ALL else by_moves(near, quick, VERIFIED)
     best_design, keys = _verified(near, masks, quick, full)
     if keys[0] > 0.0 and ALL < len(near.at) <= HARD:
@@ -68,8 +72,8 @@ def _every(near: Neighbours) -> Mask:
     return masks
 
 
-def _verified(near: Neighbours, masks: Mask, quick: Judge, full: Judge) -> tuple[Array, Array]:
-    """The best design by the full model among the best of a quick look, and its key."""
+def _verified(near: Neighbours, masks: Mask, quick: Ranking, full: Ranking) -> tuple[Array, Array]:
+    """The best design by the full model among the best by the quick model, and its key."""
     designs = np.unique(near.designs(masks), axis=0)
     shortlist = designs[best(quick.keys(designs))[:VERIFIED]]
     keys = full.keys(shortlist)

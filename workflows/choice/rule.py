@@ -1,4 +1,4 @@
-"""A rule by which a point of a front is chosen, and the front as it sees it: base of plugins."""
+"""A rule by which a point of a front is chosen, and the front that it takes: base of plugins."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ COST = "cost"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Points:
-    """A front as the rules see it.
+    """A front in the form that the rules take.
 
     `objectives` (n, m) are called `names`, `cost` (n,) what each point costs, `weights` (m,)
     add up to one, `kept` (n,) says which points keep the limits of the choice, None without any.
@@ -34,14 +34,14 @@ class Points:
 
 
 class ChoiceRule(ABC):
-    """A rule of choice: it names one row of a front of two or more objectives."""
+    """A rule of choice: it names a row of a front of two or more objectives."""
 
     meaning: ClassVar[str]
     """What it chooses, in a few words, for `choices.csv` and the page."""
 
     @abstractmethod
     def row(self, points: Points) -> int | None:
-        """The row that it chooses, None where it does not apply or finds none."""
+        """The row that it chooses, None where it does not apply or chooses none."""
 
     def limits(self, settings: ChoiceSettings) -> Mapping[str, Bound]:
         """What it asks of the point that it chooses, and so of the rounded point as well."""

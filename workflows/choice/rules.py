@@ -8,9 +8,8 @@ import numpy as np
 
 from ...errors import InputError
 from ...registry import PLUGIN_FAULTS, Kinds, origin
-from .rule import COST, ChoiceRule, Points
+from .rule import ChoiceRule, Points
 
-__all__ = ["COST", "ONLY", "RULES", "Points", "chosen", "meaning_of"]
 RULES: Kinds[ChoiceRule] = Kinds("rules", ChoiceRule)
 """The rules by name: entry points of `tolevo.rules`."""
 ONLY = "only"
@@ -26,7 +25,7 @@ FIRST = (
     "cheapest_within_limits",
     "best_for_budget",
 )
-"""The order of our own; those of plugins follow in the order of the alphabet."""
+"""The order of the rules of tolevo; those of plugins follow in the order of the alphabet."""
 
 
 def meaning_of(name: str) -> str:
@@ -35,7 +34,7 @@ def meaning_of(name: str) -> str:
 
 
 def chosen(points: Points, notes: list[str] | None = None) -> dict[str, int]:
-    """The row that each rule chooses; rules that do not apply, or find none, are left out.
+    """The row that each rule chooses; rules that do not apply, or choose none, are left out.
 
     A rule that fails is left out as well, with its name and its reason in `notes`.
     """
@@ -60,7 +59,7 @@ def chosen(points: Points, notes: list[str] | None = None) -> dict[str, int]:
 
 
 def _names() -> Iterator[str]:
-    """Our own rules in their order, then those of plugins."""
+    """The rules of tolevo in their order, then those of plugins."""
     yield from (name for name in FIRST if name in RULES)
     yield from (name for name in RULES if name not in FIRST)
 

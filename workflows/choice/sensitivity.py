@@ -9,7 +9,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from .rules import COST, Points, chosen
+from .rule import COST, Points
+from .rules import chosen
 
 Array = NDArray[np.float64]
 FACTORS = (0.8, 1.2)
@@ -18,7 +19,7 @@ FACTORS = (0.8, 1.2)
 def sensitivity(points: Points, costs: Mapping[str, Array]) -> pd.DataFrame:
     """What each rule chooses where one cost curve (n,) is multiplied by one of `FACTORS`.
 
-    One row per rule, curve and factor: `point` is the row of the front chosen then, `same` whether
+    A row per rule, curve and factor: `point` is the row of the front chosen then, `same` whether
     it is the choice of the run, the objectives are those of that point, and `cost` and `cost_kept`
     what it and the choice of the run cost with the changed curve. Points are those of the front:
     nothing is searched again. Empty where the cost is no objective.

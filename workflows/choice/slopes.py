@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ...declarations import Kind, Variable
 from ...problems.interfaces import Differentiable
 from ...problems.tolerance_problem import ToleranceProblem
-from .rules import COST
+from .rule import COST
 
 Array = NDArray[np.float64]
 STEP = 1e-3
@@ -78,7 +78,7 @@ def widths(problem: ToleranceProblem, designs: Array, variable: Variable) -> Arr
 
 
 def _differences(problem: ToleranceProblem, designs: Array, output: str, tolerances: list[Variable]) -> Array:
-    """Derivatives (n, all variables) by one-sided differences, as a search sees the output."""
+    """Derivatives (n, all variables) by one-sided differences of the output in a search."""
     base = problem.outputs_of(designs, searching=True)[output]
     derivatives = np.zeros_like(designs)
     for variable in tolerances:

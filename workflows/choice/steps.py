@@ -48,27 +48,32 @@ def size_mm(problem: ToleranceProblem, variable: Variable) -> float | None:
     return size if 0.0 < size <= LARGEST else None
 
 
+def half_widths(variable: Variable, size: float) -> dict[str, float]:
+    """Half-widths of the ISO 286 grades at a nominal size [mm], in the unit of a variable."""
+    widths = {grade: converted(0.5 * grade_um(grade, size), "um", variable.unit) for grade in GRADES}
+    return {grade: without_last_digits(float(width)) for grade, width in widths.items()}
+
+
 def values_of(problem: ToleranceProblem, variable: Variable, step: Step) -> dict[float, str]:
     """Every value of a variable that can be ordered, with the name of its grade or nothing."""
     low, high = problem.interval(variable.name)
     if step == IT_GRADES:
         size = size_mm(problem, variable)
         assert size is not None
-        widths = {grade: grade_um(grade, size) for grade in GRADES}
-        return {_rounded(float(converted(0.5 * width, "um", variable.unit))): grade for grade, width in widths.items()}
+        return {half: grade for grade, half in half_widths(variable, size).items()}
     if step == PREFERRED:
         first, last = (int(np.floor(np.log10(end))) for end in (max(low, high * 1e-6), high))
         powers = range(first, last + 1)
-        return {_rounded(number * 10.0**power): "" for power in powers for number in R20}
+        return {without_last_digits(number * 10.0**power): "" for power in powers for number in R20}
     if isinstance(step, tuple):
         return dict.fromkeys(step, "")
     assert isinstance(step, float)
     whole = np.arange(np.floor(low / step), np.ceil(high / step) + 1.0)
-    return dict.fromkeys([_rounded(n * step) for n in whole.tolist()], "")
+    return dict.fromkeys([without_last_digits(n * step) for n in whole.tolist()], "")
 
 
-def _rounded(value: float) -> float:
-    """Without the last digits of a product: 0.30000000000000004 is 0.3."""
+def without_last_digits(value: float) -> float:
+    """A sum or product without its last digits: 0.30000000000000004 is 0.3."""
     return float(f"{value:.12g}")
 
 
@@ -87,9 +92,8 @@ def rule_message(problem: ToleranceProblem, variable: Variable, step: Step | Non
 
 def step_of(problem: ToleranceProblem, variable: Variable, settings: ChoiceSettings) -> Step | None:
     """How a variable is rounded."""
-    if variable.name in settings.steps:
-        return settings.steps[variable.name]
-    return usual_step(problem, variable)
+    stated = settings.steps.get(variable.name)
+    return usual_step(problem, variable) if stated is None else stated
 
 
 def rounding_faults(problem: ToleranceProblem, settings: ChoiceSettings) -> list[Fault]:
@@ -100,11 +104,8 @@ def rounding_faults(problem: ToleranceProblem, settings: ChoiceSettings) -> list
         if name not in free:
             faults.append(Fault(place, "is fixed in this run: there is nothing to round"))
         elif step == IT_GRADES and size_mm(problem, free[name]) is None:
-            faults.append(
-                Fault(
-                    place, 'has no nominal size of at most 500 mm to look up a grade by: give a step, a list, or "R20"'
-                )
-            )
+            text = 'has no nominal size of at most 500 mm to look up a grade by: give a step, a list, or "R20"'
+            faults.append(Fault(place, text))
         elif isinstance(step, tuple):
             low, high = problem.interval(name)
             if not any(low <= value <= high for value in step):

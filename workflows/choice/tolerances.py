@@ -11,11 +11,10 @@ from numpy.typing import NDArray
 from ...declarations import Kind, Variable
 from ...models.costs import CostCurve, Table
 from ...models.costs.reading import curve_table
-from ...models.iso286 import GRADES, grade_um
 from ...problems.interfaces import Drawing
 from ...problems.tolerance_problem import ToleranceProblem
 from ...units import converted
-from .steps import size_mm
+from .steps import half_widths, size_mm
 
 Array = NDArray[np.float64]
 
@@ -23,7 +22,7 @@ Array = NDArray[np.float64]
 def tolerances(
     problem: ToleranceProblem, rules: Mapping[str, str], values: Mapping[str, Mapping[float, str]]
 ) -> tuple[dict[str, Any], ...]:
-    """One record per variable: what it is, its range, what can be ordered, what it costs.
+    """A record per variable: what it is, its range, what can be ordered, what it costs.
 
     `rules` say how a variable is rounded, `values` what can be ordered of it with the names of
     grades. Each of several alternative processes has a range and a cost curve, in the order of the
@@ -60,19 +59,19 @@ def _record(
         ],
         "grades": _grades(problem, v),
         "process": f"{v.name.removesuffix('_t')}_process",
-        "costs": [_paid(curve) | {"count": count} for curve, count in Drawing.of(problem).curves_of(v.name)],
+        "costs": [_cost_curve(curve) | {"count": count} for curve, count in Drawing.of(problem).curves_of(v.name)],
         **Drawing.of(problem).drawn(v.name),
     }
 
 
-def _paid(curve: CostCurve) -> dict[str, Any]:
+def _cost_curve(curve: CostCurve) -> dict[str, Any]:
     """A curve as a page computes with it; a table also has the least cost up to each entry."""
     table = curve_table(curve)
     return table | {"cost_at": list(curve.least)} if isinstance(curve, Table) else table
 
 
 def _um(v: Variable) -> float | None:
-    """How much of the unit of a variable one micrometre is; None where it is no length."""
+    """One micrometre in the unit of a variable; None where that is no length."""
     try:
         return float(converted(1.0, "um", v.unit)) if v.unit else None
     except ValueError:
@@ -82,6 +81,4 @@ def _um(v: Variable) -> float | None:
 def _grades(problem: ToleranceProblem, v: Variable) -> list[list[Any]]:
     """ISO 286 grades with their half-widths in the unit of a variable of known nominal size."""
     size = size_mm(problem, v)
-    if size is None:
-        return []
-    return [[grade, float(f"{converted(0.5 * grade_um(grade, size), 'um', v.unit):.12g}")] for grade in GRADES]
+    return [] if size is None else [[grade, half] for grade, half in half_widths(v, size).items()]

@@ -32,8 +32,8 @@ __all__ = [
 def executor_of(execution: Execution | int, dask: str = "") -> Executor:
     """Where to run: on the Dask scheduler at an address, else in so many processes.
 
-    Raises InputError where the extra for Dask is not installed, nobody answers, or workers have
-    another version.
+    Raises InputError where the extra for Dask is not installed, no scheduler answers, or workers
+    have another version.
     """
     if isinstance(execution, int):
         execution = Execution(execution, dask)

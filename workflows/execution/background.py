@@ -1,4 +1,4 @@
-"""Tasks during the work of this process: an executor in a thread of its own."""
+"""Tasks during the work of this process: an executor in a separate thread."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ from .executor import ATTEMPTS, Executor, Lost, Result, TaskT
 PATIENCE = 8.0
 """Seconds that a scheduler has to answer."""
 LOOK = 1.0
-"""Seconds between two looks at whether the scheduler is still there."""
+"""Seconds between two checks whether the scheduler is still there."""
 AHEAD = 2
 """Tasks per worker that are handed over, so that none waits for the next."""
 GONE = "the Dask scheduler {address} was lost"
@@ -31,7 +31,7 @@ class DaskCluster(Executor):
     """The workers of the scheduler at `address` (`tcp://...`, or `tls://...` with Dask's own
     configuration of the certificates).
 
-    Raises InputError, which names `place`, where nobody answers there, or where workers have
+    Raises InputError, which names `place`, where no scheduler answers, or where workers have
     another version. Dask runs the task of a lost worker on another as often as its
     `allowed-failures` say, and this class asks again after that.
     """
@@ -105,7 +105,7 @@ class DaskCluster(Executor):
         except (CancelledError, OSError) as error:
             raise RunError(GONE.format(address=self.address)) from error
         if isinstance(failure, distributed.KilledWorker):
-            return Lost("it took every Dask worker with it that tried (killed, or out of memory)")
+            return Lost("every Dask worker that tried it was lost (killed, or out of memory)")
         if isinstance(failure, ImportError):
             text = f"a Dask worker cannot run tolevo ({failure}): install the same version there"
             raise RunError(text) from failure
@@ -121,7 +121,7 @@ class DaskCluster(Executor):
 def _check(address: str, place: str) -> None:
     """Raises InputError where no scheduler answers.
 
-    Dask's client waits for ever for something that takes the connection and says nothing, and
+    Dask's client waits for ever for a peer that accepts the connection and sends nothing, and
     trusts the length of the first message of whatever answers.
     """
     try:
@@ -132,8 +132,7 @@ def _check(address: str, place: str) -> None:
         text = f"no Dask scheduler answers at {address} ({reason}); start one: dask scheduler"
         raise refuse(place, text) from error
     if kind != "Scheduler":
-        text = f"at {address} there is a {kind}: give the address of the scheduler"
-        raise refuse(place, text)
+        raise refuse(place, f"at {address} there is a {kind}: give the address of the scheduler")
 
 
 async def _answered(address: str) -> str:
@@ -162,14 +161,14 @@ def _other_versions(client: Any, place: str) -> list[Fault]:
     except (CancelledError, OSError) as error:
         return [Fault(place, f"the scheduler was lost while it was asked ({error})")]
     for name, known in workers.items():
-        there = (known or {}).get("packages", {}).get("tolevo") or "none"
-        if there != installed:
-            names_by_version.setdefault(str(there), []).append(name)
+        other = (known or {}).get("packages", {}).get("tolevo") or "none"
+        if other != installed:
+            names_by_version.setdefault(str(other), []).append(name)
     return [
         Fault(
             place,
-            f"{len(names)} workers (the first is {names[0]}) have tolevo {there}, this is "
+            f"{len(names)} workers (the first is {names[0]}) have tolevo {other}, this is "
             f"tolevo {installed}: install the same everywhere",
         )
-        for there, names in names_by_version.items()
+        for other, names in names_by_version.items()
     ]

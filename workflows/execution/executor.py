@@ -1,4 +1,4 @@
-"""The one interface of everything that runs tasks."""
+"""The interface of everything that runs tasks."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Protocol, Self, TypeVar
 
 ATTEMPTS = 3
-"""Workers that a task may take with it before it is given up."""
+"""Workers that may be lost in a task before it is given up."""
 
 
 class Task(Protocol):
@@ -22,7 +22,7 @@ class Task(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Lost:
-    """In place of a result: the task took `ATTEMPTS` workers with it."""
+    """In place of a result: `ATTEMPTS` workers were lost in the task."""
 
     reason: str
 
@@ -32,7 +32,7 @@ Result = TypeVar("Result")
 
 
 class Closing:
-    """A context that leaving closes."""
+    """A context that is closed at its end."""
 
     def __enter__(self) -> Self:
         return self

@@ -8,7 +8,7 @@ from .executor import Executor, Lost, Result, TaskT
 
 
 class InProcess(Executor):
-    """No other process; a task that ends this one ends the study, which can be resumed."""
+    """Only this process; a task that ends it ends the study, which can be resumed."""
 
     workers = 1
 

@@ -92,16 +92,14 @@ class _Lane:
 @contextmanager
 def _one_thread() -> Iterator[None]:
     """Processes that start in this context load their libraries with one thread."""
-    before = {name: os.environ.get(name) for name in VARIABLES}
+    before = {name: os.environ[name] for name in VARIABLES if name in os.environ}
     os.environ.update(dict.fromkeys(VARIABLES, "1"))
     try:
         yield
     finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
+        for name in set(VARIABLES) - set(before):
+            del os.environ[name]
+        os.environ.update(before)
 
 
 def _begin() -> None:

@@ -1,4 +1,4 @@
-"""What a worker is sent: pickled once, built once, and of its own version."""
+"""Objects that are sent to workers: pickled once, built once, and of the same version."""
 
 from __future__ import annotations
 
@@ -23,5 +23,4 @@ def check_version(sent: str) -> None:
     """Raises RunError where a worker has another version of the package than the sender."""
     installed = version("tolevo")
     if sent != installed:
-        text = f"a worker has tolevo {installed}, this is {sent}: install the same everywhere"
-        raise RunError(text)
+        raise RunError(f"a worker has tolevo {installed}, this is {sent}: install the same everywhere")

@@ -1,4 +1,4 @@
-"""One thread per worker: the libraries below numpy must not share the cores out again."""
+"""One thread per worker: the libraries below numpy must not divide the cores a second time."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""What a promise of the yield costs, what it hangs on, and what production says of it."""
+"""What a promise of the yield costs, which part it depends on most, and its reviews."""

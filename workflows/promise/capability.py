@@ -1,4 +1,4 @@
-"""What is known of the processes that parts were measured of, as a table."""
+"""What is known of the processes of measured parts, as a table."""
 
 from __future__ import annotations
 

@@ -31,7 +31,7 @@ EVALUATIONS = 600
 
 @dataclass(frozen=True, slots=True)
 class Least:
-    """A full design (all variables,) and its cost; NaN where none was found."""
+    """A full design (all variables,) and its cost; NaN where there is none."""
 
     cost: float
     design: Array
@@ -51,10 +51,8 @@ def cheapest(problem: ToleranceProblem, near: Array | None = None) -> Least:
     """
     if problem.declaration.sampled and near is not None:
         return _near(problem, near)
-    if _many(problem):
-        result = search(problem, Hybrid(), Budget(evaluations=EVALUATIONS), problem.settings.seed)
-    else:
-        result = search(problem, Exact(), Budget(), problem.settings.seed)
+    solver, budget = (Hybrid(), Budget(evaluations=EVALUATIONS)) if _many(problem) else (Exact(), Budget())
+    result = search(problem, solver, budget, problem.settings.seed)
     x = result.chosen if len(result.chosen) else result.x
     if not len(x):
         return Least.none(problem)
@@ -68,8 +66,7 @@ def _many(problem: ToleranceProblem) -> bool:
     """Whether a problem has more choices of processes than are enumerated, and no closed form."""
     if not isinstance(problem, Stack):
         return False
-    parts = problem.definition.parts
-    choices = float(np.prod([len(part.processes) for part in parts], dtype=float))
+    choices = float(np.prod([len(part.processes) for part in problem.definition.parts], dtype=float))
     return choices > SETS and closed_form(problem) is None
 
 

@@ -15,8 +15,10 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.special import ndtri
 
+from ...algorithms.exact.choices import Optimum
 from ...algorithms.exact.solver import closed_form
 from ...models.capability import Knowledge
+from ...problems.forms import Form
 from ...problems.promise import PROMISED
 from ...problems.spread import spread_of
 from ...problems.tolerance_problem import ToleranceProblem
@@ -32,16 +34,6 @@ FIRST = 3
 """Characteristics whose gain is computed by re-optimisation."""
 PLACES = 16
 """Outcomes of the next sample, of equal probability."""
-COLUMNS = (
-    "rank",
-    "part",
-    "parts_measured",
-    "more_parts",
-    "shadow_gain",
-    "shadow_gain_percent",
-    "expected_gain",
-    "expected_gain_percent",
-)
 
 
 def next_parts(problem: ToleranceProblem, first: int = FIRST, least: Least | None = None) -> pd.DataFrame:
@@ -59,7 +51,7 @@ def next_parts(problem: ToleranceProblem, first: int = FIRST, least: Least | Non
     else:
         least = least or (cheapest(problem) if known and not problem.declaration.sampled else None)
         if least is None or not np.isfinite(least.cost):
-            return pd.DataFrame(columns=list(COLUMNS))
+            return pd.DataFrame()
         cost, gains = least.cost, shadow_gains(problem, least.design)
     ranked = sorted(gains, key=lambda name: -gains[name])
     rows = []
@@ -67,18 +59,18 @@ def next_parts(problem: ToleranceProblem, first: int = FIRST, least: Least | Non
         reoptimised = rank <= first and start is not None
         expected = expected_gain(problem, name, start) if reoptimised else np.nan
         rows.append(
-            (
-                rank,
-                name,
-                int(known[name].n),
-                MORE,
-                gains[name],
-                100.0 * gains[name] / cost,
-                expected,
-                100.0 * expected / cost,
-            )
+            {
+                "rank": rank,
+                "part": name,
+                "parts_measured": int(known[name].n),
+                "more_parts": MORE,
+                "shadow_gain": gains[name],
+                "shadow_gain_percent": 100.0 * gains[name] / cost,
+                "expected_gain": expected,
+                "expected_gain_percent": 100.0 * expected / cost,
+            }
         )
-    return pd.DataFrame(rows, columns=list(COLUMNS))
+    return pd.DataFrame(rows)
 
 
 def shadow_gain(problem: ToleranceProblem, name: str, start: Solved | None = None) -> float:
@@ -91,21 +83,17 @@ def shadow_gain(problem: ToleranceProblem, name: str, start: Solved | None = Non
     if start is None or better_known is None:
         return 0.0
     form, optimum = start
-    before, after = (
-        spread_of(
-            each_form,
-            optimum.t[:, None, :]
-            * np.stack(
-                [
-                    np.array([way.spread for way in feature.ways])[optimum.chosen[0, at]]
-                    for at, feature in enumerate(each_form.features)
-                ],
-                axis=1,
-            )[None],
-        ).value[0]
-        for each_form in (form, better_known)
-    )
+    before, after = (_spread(stated, optimum) for stated in (form, better_known))
     return float(optimum.multiplier[0] @ np.maximum(before - after, 0.0))
+
+
+def _spread(form: Form, optimum: Optimum) -> Array:
+    """Spread (r,) of the requirements of a form at the tolerances and processes of an optimum."""
+    spreads = [
+        np.array([process.spread for process in feature.ways])[optimum.chosen[0, at]]
+        for at, feature in enumerate(form.features)
+    ]
+    return np.asarray(spread_of(form, optimum.t[:, None, :] * np.stack(spreads, axis=1)[None]).value[0])
 
 
 def shadow_gains(problem: ToleranceProblem, design: Array) -> dict[str, float]:
@@ -114,8 +102,7 @@ def shadow_gains(problem: ToleranceProblem, design: Array) -> dict[str, float]:
     The price of the promise is taken as constant per standard normal quantile. Empty where its
     price is not known.
     """
-    frame = problem.frame(design[None, :])
-    priced = prices(problem, frame, slopes_of(problem, design[None, :]))
+    priced = prices(problem, problem.frame(design[None, :]), slopes_of(problem, design[None, :]))
     promised = priced[priced["output"] == PROMISED] if len(priced) else priced
     if promised.empty or not float(promised["price"].iloc[0]) > 0.0:
         return {}
@@ -131,7 +118,7 @@ def shadow_gains(problem: ToleranceProblem, design: Array) -> dict[str, float]:
 
 
 def _quantile(problem: ToleranceProblem, design: Array) -> float:
-    """Standard normal quantile of the promised yield, as a search sees it."""
+    """Standard normal quantile of the promised yield in a search."""
     outputs = problem.outputs_of(design[None, :], searching=True)[PROMISED]
     return float(ndtri(np.clip(0.01 * outputs[0], 1e-12, 1.0 - 1e-12)))
 

@@ -18,7 +18,7 @@ from .anew import cheapest_at, with_statement
 from .least import Least, cheapest
 from .limits import promised_limits
 from .next_parts import next_parts
-from .shapes import bootstrapped, shapely, withheld
+from .shapes import any_not_normal, bootstrapped, withheld
 
 Array = NDArray[np.float64]
 SURE = 2.0
@@ -39,7 +39,7 @@ class PromiseOutcome:
 def promise_outcome(
     problem: ToleranceProblem, front: pd.DataFrame, point: int, drawing: Array | None = None
 ) -> PromiseOutcome | None:
-    """The promise at one point of a front; None where nothing is promised or found.
+    """The promise at a point of a front; None where nothing is promised, or no point exists.
 
     `drawing` is the full design (all variables,) of that point as it is rounded, where it is known.
     """
@@ -73,17 +73,15 @@ def promise_outcome(
 
 
 def _least(problem: ToleranceProblem, design: Array, promise: Promise, levels: Mapping[str, float]) -> Least:
-    """The least cost by a statement; with one objective and the run's own statement it is that of
-    the run, where the problem is tested on units or nothing cheaper is found.
+    """The least cost by a statement; with one objective and the statement of the run it is that of
+    the run, where the problem is tested on units or nothing is cheaper.
     """
-    promise_of_problem = problem.promise
-    assert promise_of_problem is not None
-    if levels or promise_of_problem.statement != promise.statement:
+    stated = problem.promise
+    assert stated is not None
+    if levels or stated.statement != promise.statement:
         return cheapest(problem, design)
     of_run = Least(float(problem.cost_of(design[None, :])[0]), design)
-    if problem.declaration.sampled:
-        return of_run
-    least = cheapest(problem, design)
+    least = of_run if problem.declaration.sampled else cheapest(problem, design)
     return least if least.cost <= of_run.cost else of_run
 
 
@@ -96,7 +94,7 @@ def _of_stack(problem: Stack, design: Array) -> dict[str, Any]:
             "level_sure": level.sure,
             "without_choice_percent": 100.0 * level.without,
         }
-    if shapely(problem):
+    if any_not_normal(problem):
         entries["bootstrap_percent"] = bootstrapped(problem, design)
     return entries
 
@@ -159,9 +157,8 @@ def sentence(summary: dict[str, Any], words: str, costs: pd.DataFrame) -> str:
         return f"{text}."
     if np.isfinite(by.get(ASSURED, np.nan)) and np.isfinite(by.iloc[0]):
         text += (
-            f". At the least cost the estimates alone would ask for {by.iloc[0]:.4g}, an "
-            f"expected yield for {by.get('predictive', np.nan):.4g}, assurance for "
-            f"{by[ASSURED]:.4g}"
+            f". At the least cost the estimates alone would ask for {by.iloc[0]:.4g}, an expected yield for "
+            f"{by.get('predictive', np.nan):.4g}, assurance for {by[ASSURED]:.4g}"
         )
     elif not np.isfinite(by.get(ASSURED, np.nan)) and "kept" not in summary:
         text += ". There is no assured choice: even the tightest tolerances do not assure it"

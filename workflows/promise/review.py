@@ -14,6 +14,7 @@ from ...models.capability import PartSample
 from ...models.inputs import Distribution
 from ...problems.promise import ASSURANCE
 from ...problems.stack import Stack
+from ...problems.stack.definition import Part
 from ...problems.tolerance_problem import ToleranceProblem
 from .anew import cheapest_at
 from .least import Least, cheapest
@@ -53,12 +54,12 @@ def review(
     promise = before.promise
     assert promise is not None
     full = _full(before, design)
-    lines = [f"promised: {promise.words()}"]
-    lines.append(f"when it was promised, at the drawing's values: {_compliance(before, full)}")
-    lines.append(f"by the present parts: {_compliance(now, _full(now, design))}")
-    lines += [
-        f"by the present parts the drawing breaks a limit: {broken_limit}"
-        for broken_limit in _broken(now, _full(now, design))
+    present = _full(now, design)
+    lines = [
+        f"promised: {promise.words()}",
+        f"when it was promised, at the drawing's values: {_compliance(before, full)}",
+        f"by the present parts: {_compliance(now, present)}",
+        *(f"by the present parts the drawing breaks a limit: {broken}" for broken in _broken(now, present)),
     ]
     least = Least.none(before)
     if reset is not None:
@@ -75,11 +76,7 @@ def review(
     else:
         lines.append("no allocation keeps the promise by the present parts, even at the tightest tolerances")
     then, latest = characteristics(before), characteristics(now)
-    shown = [
-        name
-        for name, characteristic in then.items()
-        if name in made or not characteristic.fixed or characteristic.stated
-    ]
+    shown = [name for name, measured in then.items() if name in made or not measured.fixed or measured.stated]
     saved = _savings(reset or before, design, least.design)
     rows = [
         _row(then[name], latest[name], design, least.design, name in made) | {"saving": saved[then[name].at]}
@@ -136,8 +133,8 @@ def _broken(problem: ToleranceProblem, design: Array) -> list[str]:
     sentences = []
     for limit in problem.limits:
         value = float(problem.values(design[None, :], outputs, limit.name)[0])
-        kept = np.isnan(value) or limit.low <= value <= limit.high
-        if limit.name in of_promise or kept:
+        within = np.isnan(value) or limit.low <= value <= limit.high
+        if limit.name in of_promise or within:
             continue
         end = f"most {limit.high:g}" if value > limit.high else f"least {limit.low:g}"
         sentences.append(f"{limit.name} is {value:.4g} instead of at {end} {limit.unit}".rstrip())
@@ -161,20 +158,7 @@ class Characteristic:
 def characteristics(problem: ToleranceProblem) -> dict[str, Characteristic]:
     """The parts of a stack, or the tolerances of another problem, by name."""
     if isinstance(problem, Stack):
-        names = [f"{part.name}_t" for part in problem.definition.parts]
-        return {
-            part.name: Characteristic(
-                part.name,
-                part.unit,
-                problem.names.index(t),
-                t,
-                part.sample,
-                _capability(part.distribution),
-                part.fixed,
-                stated=True,
-            )
-            for part, t in zip(problem.definition.parts, names, strict=True)
-        }
+        return {part.name: _of_part(problem, part) for part in problem.definition.parts}
     by_name = {}
     for at, v in enumerate(problem.variables):
         setting = problem.settings.variables[v.name]
@@ -182,6 +166,11 @@ def characteristics(problem: ToleranceProblem) -> dict[str, Characteristic]:
             cp = np.nan if setting.distribution is None else _capability(setting.distribution)
             by_name[v.name] = Characteristic(v.name, v.unit, at, v.name, setting.sample, cp, v.name in problem.fixed)
     return by_name
+
+
+def _of_part(stack: Stack, part: Part) -> Characteristic:
+    t, cp = f"{part.name}_t", _capability(part.distribution)
+    return Characteristic(part.name, part.unit, stack.names.index(t), t, part.sample, cp, part.fixed, stated=True)
 
 
 def _row(
@@ -194,8 +183,7 @@ def _row(
     if not np.isfinite(new):
         advice = "unknown"
     elif abs(new / t - 1.0) > SAME:
-        direction = "loosen" if new > t else "tighten"
-        advice = AS_MADE if now.fixed and made else direction
+        advice = AS_MADE if now.fixed and made else ("loosen" if new > t else "tighten")
     return {
         "part": then.name,
         "unit": then.unit,
@@ -210,7 +198,7 @@ def _row(
 
 
 def _capability(law: Distribution) -> float:
-    """Half-width over three standard deviations, of whatever law."""
+    """Half-width over three standard deviations, of any distribution."""
     m1, m2 = law.raw_moments(2)[1:]
     return float(1.0 / (3.0 * np.sqrt(m2 - m1**2)))
 
@@ -218,7 +206,7 @@ def _capability(law: Distribution) -> float:
 def _since(
     since: ToleranceProblem, now: ToleranceProblem, made: Sequence[str], design: Mapping[str, float]
 ) -> list[str]:
-    """How the parts differ from the earlier ones."""
+    """Sentences on the differences of the parts from the earlier ones."""
     lines = [f"by the earlier parts: {_compliance(since, _full(since, design))}"]
     earlier, latest = characteristics(since), characteristics(now)
     for name in made:

@@ -25,9 +25,9 @@ def withheld(problem: ToleranceProblem) -> list[str]:
     return [f"{name} {why}" for name, _, sample in Checks.of(problem).samples() if (why := doubt(sample))]
 
 
-def shapely(stack: Stack) -> bool:
+def any_not_normal(stack: Stack) -> bool:
     """Whether a measured part is not normal, as far as the tests show."""
-    return any(part.sample is not None and _shaped(part.sample) for part in stack.definition.parts)
+    return any(part.sample is not None and _not_normal(part.sample) for part in stack.definition.parts)
 
 
 def bootstrapped(stack: Stack, design: Array) -> float:
@@ -39,17 +39,15 @@ def bootstrapped(stack: Stack, design: Array) -> float:
     drawn = [_cumulants(stack, at) for at in range(len(stack.definition.parts))]
     assurances = []
     for requirement in stack.measured:
-        if not requirement.mechanism.bounded:
+        mechanism = requirement.mechanism
+        if not mechanism.bounded:
             continue
         cumulants = []
         for at, part_cumulants in enumerate(drawn):
-            slopes = requirement.mechanism.sensitivities[requirement.mechanism.owners == at] * t[at]
+            slopes = mechanism.sensitivities[mechanism.owners == at] * t[at]
             powers = np.array([np.sum(slopes**k) for k in (1, 2, 3, 4)])
             cumulants.append(part_cumulants * powers)
-        ends = (
-            requirement.mechanism.lower - requirement.mechanism.centre,
-            requirement.mechanism.upper - requirement.mechanism.centre,
-        )
+        ends = (mechanism.lower - mechanism.centre, mechanism.upper - mechanism.centre)
         assurances.append(fraction_within_limits(cumulants, ends, fraction))
     return 100.0 * min(assurances, default=float("nan"))
 
@@ -66,13 +64,13 @@ def _cumulants(stack: Stack, at: int) -> Array:
     return cumulants_drawn(sample.deviations * scale, DRAWS, rng)
 
 
-def _shaped(sample: PartSample) -> bool:
+def _not_normal(sample: PartSample) -> bool:
     return any(finding.kind in NOT_NORMAL for finding in sample.findings)
 
 
 def doubt(sample: PartSample) -> str:
     """Why a sample does not carry an assurance, empty where it does."""
-    if not _shaped(sample):
+    if not _not_normal(sample):
         return ""
     if any(finding.kind == "outlier" for finding in sample.findings):
         return "has an outlier"

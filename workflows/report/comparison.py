@@ -60,14 +60,12 @@ def _box(runs: Mapping[str, RunResult], names: list[str]) -> tuple[np.ndarray, n
             ends.append(np.array([of_fronts(values, axis=0) for values in fronts]))
     ideal, nadir = ends[0].min(axis=0), ends[1].max(axis=0)
     same = bool(np.all(ends[0] == ideal) and np.all(ends[1] == nadir))
-    note = (
-        "Hypervolumes are measured in the box that all runs share."
-        if same
-        else (
+    note = "Hypervolumes are measured in the box that all runs share."
+    if not same:
+        note = (
             "The runs have different boxes of ideal and nadir: hypervolumes are measured in the "
             "box that contains all of them, and differ from those of the runs themselves."
         )
-    )
     return ideal, np.maximum(nadir, ideal + 1e-12), note
 
 
@@ -81,12 +79,8 @@ def _table(runs: Mapping[str, RunResult], names: list[str], ideal: np.ndarray, n
         statement = run.summary.get("model_statement")
         rows.append(row | ({"model": statement} if statement else {}))
     table = pd.DataFrame(rows)
-    table.insert(3, "share_of_best_percent", 100.0 * table["hypervolume"] / _most(table))
+    table.insert(3, "share_of_best_percent", 100.0 * table["hypervolume"] / (table["hypervolume"].max() or np.nan))
     return table
-
-
-def _most(table: pd.DataFrame) -> float:
-    return float(table["hypervolume"].max()) or np.nan
 
 
 def _equal(runs: Mapping[str, RunResult], objectives: tuple[Axis, ...]) -> pd.DataFrame:

@@ -51,7 +51,7 @@ def report(folders: Sequence[Path], out: Path | None = None, figures: Path | Non
 
     With `figures` those of the page are written there too, as PNG and SVG.
 
-    What is missing or wrong in a directory is said in the remarks, and the rest is built; what is
+    The remarks state what is missing or wrong in a directory, and the rest is built; what is
     unfinished is shown as such. Raises InputError where nothing can be built, where a set of files
     is not of one piece, or where the page would go into a directory that another process works in.
     """
@@ -90,10 +90,10 @@ def _single(folder: Path, out: Path | None, figures: Path | None, renew: bool = 
 
 
 def watch(folder: Path, out: Path, on_page: Callable[[Report], None] | None = None) -> Report:
-    """Build the page of a directory again every `RENEWED` seconds until its result is complete.
+    """Build the page of a directory every `RENEWED` seconds until its result is complete.
 
     The page `out` lies outside of the directory, for another process works in that; a browser loads
-    it anew by itself. `on_page` is called with every page. An interrupt ends it. Raises InputError
+    it again by itself. `on_page` is called with every page. An interrupt ends it. Raises InputError
     as `report` does, but for what is written while it is read.
     """
     while True:
@@ -119,7 +119,7 @@ def _result(stored: Stored, kind: str) -> Any:
 
 
 def _write(stored: Stored, out: Path | None, text: str) -> None:
-    """Write the page: into the directory itself only while nobody else works there.
+    """Write the page: into the directory itself only while no other process works there.
 
     Raises InputError where that is so, or where the result has changed since it was read.
     """
@@ -141,8 +141,7 @@ def _write(stored: Stored, out: Path | None, text: str) -> None:
 
 def _check_unchanged(stored: Stored) -> None:
     if seal_of(stored.folder) != stored.standing.seal:
-        text = f"{stored.folder} was written to while it was read; run the command again"
-        raise refuse("report", text)
+        raise refuse("report", f"{stored.folder} was written to while it was read; run the command again")
 
 
 def _from_page_data(stored: Stored, kind: str) -> Any:
@@ -153,8 +152,7 @@ def _from_page_data(stored: Stored, kind: str) -> Any:
     content = stored.record(page_data.NAME)
     if not content:
         return None
-    versions = {"tolevo": content.get("version")}
-    stored.newer(page_data.NAME, versions, content.get("format"), page_data.FORMAT)
+    stored.newer(page_data.NAME, {"tolevo": content.get("version")}, content.get("format"), page_data.FORMAT)
     result, bad = page_data.loaded(pages[kind].record, content)
     if bad:
         stored.remark(page_data.NAME, f"{', '.join(bad)} missing or not what was written: left out")
@@ -170,7 +168,7 @@ class Page(NamedTuple):
 
 
 def _pages() -> Mapping[str, Page]:
-    """By kind of result what builds its page."""
+    """What builds the page of a result, by its kind."""
     from ...reports.claims import claims_page
     from ...reports.claims import figures as claims_figures
     from ...reports.gap import page as gap
@@ -197,14 +195,12 @@ def _faults(folder: Path, kind: str, remarks: Sequence[str]) -> list[Fault]:
     if not folder.is_dir():
         return [Fault(str(folder), "is not a directory" if folder.exists() else "does not exist")]
     if not kind:
-        text = "holds no result of run, study, gap or reproduce"
-        return [Fault(str(folder), text)]
+        return [Fault(str(folder), "holds no result of run, study, gap or reproduce")]
     more = "nothing can be shown of it"
     if kind != "run":
         more += f"; run `tolevo {kind}` on it again, with --resume"
-    return [Fault(f"{folder}/{remark.split(': ')[0]}", remark.split(": ", 1)[1]) for remark in remarks] + [
-        Fault(str(folder), more)
-    ]
+    split = [remark.split(": ", 1) for remark in remarks]
+    return [*(Fault(f"{folder}/{name}", why) for name, why in split), Fault(str(folder), more)]
 
 
 def _several(folders: Sequence[Path], out: Path, figures: Path | None) -> Report:
@@ -225,7 +221,7 @@ def _several(folders: Sequence[Path], out: Path, figures: Path | None) -> Report
             remarks += [str(fault) for fault in _faults(folder, kind, [])]
     comparison, sentences = compared(runs)
     if comparison is None:
-        text = "fewer than two runs that can be compared are left"
+        text = "fewer than two runs remain that can be compared"
         split = [remark.split(": ", 1) for remark in (*remarks, *sentences)]
         raise_all([*(Fault(place, why) for place, why in split), Fault("report", text)])
     assert comparison is not None

@@ -40,7 +40,7 @@ class Stored:
 
     @property
     def unfinished(self) -> bool:
-        """Whether the result is being made, or was broken off."""
+        """Whether the result is being computed, or was interrupted."""
         return self.standing.unfinished is not None
 
     def missing(self) -> None:
@@ -75,7 +75,7 @@ class Stored:
             self.remark(name, f"is not JSON ({error}): was it edited by hand?")
             return {}
         if not isinstance(content, dict):
-            self.remark(name, "holds no object: was it edited by hand?")
+            self.remark(name, "holds no JSON object: was it edited by hand?")
             return {}
         return content
 
@@ -86,14 +86,14 @@ class Stored:
         try:
             frame = read_own_csv(self.folder / name)
         except (ValueError, OSError) as error:  # pandas' own errors are ValueErrors
-            self.remark(name, f"is no table ({str(error).strip()}): was it edited by hand?")
+            self.remark(name, f"is not a table ({str(error).strip()}): was it edited by hand?")
             return None
         blank = {column: frame[column].astype(object).fillna("") for column in TEXT if column in frame}
         return self.numbered(frame.assign(**blank), name, numeric)
 
     def numbered(self, frame: pd.DataFrame, name: str, numeric: Iterable[str]) -> pd.DataFrame:
         """The table without rows that lack a number where there must be one."""
-        kept = np.ones(len(frame), dtype=bool)
+        valid = np.ones(len(frame), dtype=bool)
         typed = frame.copy()
         for column in numeric:
             if column not in frame:
@@ -102,8 +102,8 @@ class Stored:
             good = np.isfinite(values.to_numpy(dtype=float))
             self._bad_cells(name, column, np.flatnonzero(~good))
             typed[column] = values
-            kept &= good
-        return typed[kept].reset_index(drop=True)
+            valid &= good
+        return typed[valid].reset_index(drop=True)
 
     def _bad_cells(self, name: str, column: str, rows: np.ndarray) -> None:
         if len(rows):
@@ -114,10 +114,8 @@ class Stored:
     def edited(self, hashes: Mapping[str, Any]) -> None:
         """Remark which files are not as they were written, by their SHA-256."""
         for name, known in hashes.items():
-            path = self.folder / Path(str(name)).name
-            if not path.is_file():
-                continue  # remarked where it is read
-            if hashlib.sha256(path.read_bytes()).hexdigest() != known:
+            path = self.folder / Path(str(name)).name  # a missing file is remarked where it is read
+            if path.is_file() and hashlib.sha256(path.read_bytes()).hexdigest() != known:
                 self.remark(path.name, "was changed after it was written; shown as it is now")
 
     def newer(self, name: str, versions: Any, format_: Any, known: int) -> None:
@@ -127,9 +125,8 @@ class Stored:
         if of_format or _parts(written) > _parts(version("tolevo")):
             self.remark(
                 name,
-                f"was written by a newer version ({written or 'unknown'}, format "
-                f"{format_}; this is {version('tolevo')}, format {known}): what it has "
-                "beyond that is not shown; update tolevo",
+                f"was written by a newer version ({written or 'unknown'}, format {format_}; this is "
+                f"{version('tolevo')}, format {known}): what it has beyond that is not shown; update tolevo",
             )
 
 

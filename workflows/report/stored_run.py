@@ -11,31 +11,19 @@ import pandas as pd
 
 from ...records import Axis, Bars, RunResult
 from ...units import split_unit
-from ..run.choices import FORMAT
+from ..run.choices import FORMAT, TABLES
 from .stored import Stored
 from .unfinished import course
 
 SUMMARY = "summary.json"
-OVERLAYS = "overlays.csv"
+OVERLAYS = TABLES["overlays"]
 OPTIONAL = {
-    "before": "front_without_effects.csv",
-    "moved": "allocation_moved.csv",
-    "choices": "choices.csv",
-    "choice_sensitivity": "choice_sensitivity.csv",
-    "allocation": "allocation.csv",
-    "contributions": "contributions.csv",
-    "exact_front": "exact_front.csv",
-    "unit_turn": "unit_turn.csv",
-    "population": "population.csv",
-    "assumptions_cost": "assumptions_cost.csv",
-    "requirements": "requirements.csv",
-    "drivers": "drivers.csv",
-    "prices": "prices.csv",
-    "relaxed": "relaxed.csv",
-    "promise": "promise.csv",
-    "next_parts": "next_parts.csv",
-    "capability": "capability.csv",
+    field: name for field, name in TABLES.items() if field not in ("front", "references", "convergence", "overlays")
 }
+OBJECTS = ("versions", "ideal", "nadir", "axes", "files", "choices", "units", "assumptions_at", "answers", "mechanism")
+LISTS = ("notes", "assumptions", "bars", "rounding", "validity")
+KINDS: dict[str, type] = dict.fromkeys(OBJECTS, dict) | dict.fromkeys(LISTS, list) | {"title": str, "format": int}
+"""Types of the entries of the summary, where the page depends on them."""
 TOLERANCES = "tolerances.json"
 NAMED = {"name", "unit", "kind", "low", "high", "free", "orderable", "grades", "costs"}
 """What a record of it must have."""
@@ -121,13 +109,15 @@ def _nothing(table: pd.DataFrame | None) -> bool:
 
 def _with(table: pd.DataFrame | None, needed: tuple[str, ...], name: str, stored: Stored) -> pd.DataFrame:
     """The table, empty where there is none or a column is missing that the page reads."""
-    if table is None:
-        return pd.DataFrame()
+    return pd.DataFrame() if table is None or _lacks(table, needed, name, stored) else table
+
+
+def _lacks(table: pd.DataFrame, needed: tuple[str, ...], name: str, stored: Stored) -> bool:
+    """Whether a table lacks a column that the page reads, which is remarked."""
     missing = [column for column in needed if column not in table]
     if missing:
         stored.remark(name, f"has no column {', '.join(missing)}; left out")
-        return pd.DataFrame()
-    return table
+    return bool(missing)
 
 
 def _front(stored: Stored, names: list[str]) -> pd.DataFrame:
@@ -138,7 +128,7 @@ def _front(stored: Stored, names: list[str]) -> pd.DataFrame:
         try:
             table = pd.read_parquet(path)
         except (OSError, ValueError) as error:
-            stored.remark(path.name, f"is no Parquet file ({error})")
+            stored.remark(path.name, f"is not a Parquet file ({error})")
         else:
             stored.remark(path.name, "is shown in place of front.csv")
             return stored.numbered(table, path.name, names)
@@ -158,15 +148,13 @@ def _optional(stored: Stored, points: int) -> dict[str, pd.DataFrame | None]:
     tables: dict[str, pd.DataFrame | None] = {}
     for field, name in OPTIONAL.items():
         table = stored.table(name, needed=False)
-        missing = [column for column in NEEDED.get(field, ()) if table is not None and column not in table]
-        if table is not None and missing:
-            stored.remark(name, f"has no column {', '.join(missing)}; left out")
+        if table is not None and _lacks(table, NEEDED.get(field, ()), name, stored):
             table = None
         if table is not None and "point" in table:
             rows = pd.to_numeric(table["point"], errors="coerce")
             inside = rows.between(0, points - 1)
             if not inside.all():
-                stored.remark(name, f"names points that front.csv has not ({points} rows): these are left out")
+                stored.remark(name, f"names points that front.csv does not have ({points} rows): these are left out")
             table = table[inside].assign(point=rows[inside].astype("int64"))
         tables[field] = table
     return tables
@@ -174,29 +162,10 @@ def _optional(stored: Stored, points: int) -> dict[str, pd.DataFrame | None]:
 
 def _typed(summary: dict[str, Any], stored: Stored) -> dict[str, Any]:
     """The summary without values of a type that a run does not write."""
-    kinds: dict[str, type | tuple[type, ...]] = {
-        "versions": dict,
-        "ideal": dict,
-        "nadir": dict,
-        "axes": dict,
-        "files": dict,
-        "choices": dict,
-        "notes": list,
-        "assumptions": list,
-        "bars": list,
-        "rounding": list,
-        "validity": list,
-        "units": dict,
-        "assumptions_at": dict,
-        "title": str,
-        "answers": dict,
-        "format": int,
-        "mechanism": dict,
-    }
-    for name, kind in kinds.items():
+    for name, kind in KINDS.items():
         if name in summary and not isinstance(summary[name], kind):
             stored.remark(SUMMARY, f"{name} is not what a run writes: was it edited by hand?")
-    return {name: value for name, value in summary.items() if isinstance(value, kinds.get(name, object))}
+    return {name: value for name, value in summary.items() if isinstance(value, KINDS.get(name, object))}
 
 
 def _axes(summary: Mapping[str, Any], configuration: str) -> tuple[tuple[Axis, ...], tuple[Axis, ...]]:

@@ -1,4 +1,4 @@
-"""What there is of a result that is being made, or was broken off."""
+"""The saved part of a result that is being computed, or was interrupted."""
 
 from __future__ import annotations
 
@@ -70,13 +70,8 @@ def tables(folder: Path, here: Standing) -> dict[str, pd.DataFrame]:
     """
     if here.unfinished is not None and here.unfinished.retiring:
         return {}
-    if here.command == "study":
-        return _responses(folder)
-    if here.command == "reproduce":
-        return _checked(folder)
-    if here.command == "gap":
-        return _replicates(folder)
-    return {}
+    builders = {"study": _responses, "reproduce": _checked, "gap": _replicates}
+    return builders[here.command](folder) if here.command in builders else {}
 
 
 def _responses(folder: Path) -> dict[str, pd.DataFrame]:
@@ -100,13 +95,8 @@ def _checked(folder: Path) -> dict[str, pd.DataFrame]:
             continue
         verdict = record.get("verdict") if isinstance(record, dict) else None
         if isinstance(verdict, dict):
-            rows.append(
-                {
-                    "claim": Path(name).stem,
-                    "verdict": str(verdict.get("word", "")),
-                    "reason": str(verdict.get("reason", "")),
-                }
-            )
+            stated = {"verdict": str(verdict.get("word", "")), "reason": str(verdict.get("reason", ""))}
+            rows.append({"claim": Path(name).stem} | stated)
     return {"Claims checked so far": pd.DataFrame(rows)} if rows else {}
 
 
@@ -119,7 +109,7 @@ def _replicates(folder: Path) -> dict[str, pd.DataFrame]:
     for line in path.read_text(encoding="utf-8").splitlines() if path.is_file() else ():
         try:
             effects = json.loads(line)["effects"]
-        except (ValueError, KeyError, TypeError):  # its first line, or one that was broken off
+        except (ValueError, KeyError, TypeError):  # its first line, or an incomplete line
             continue
         ended += 1
         for effect, numbers in effects.items():

@@ -27,7 +27,7 @@ class Quantity:
 
 @dataclass(frozen=True, eq=False)
 class Computed:
-    """What a calculation has found: numbers by name, and tables for the reader."""
+    """The results of a calculation: numbers by name, and tables for the reader."""
 
     quantities: Mapping[str, Quantity]
     tables: tuple[ComputedTable, ...] = ()

@@ -13,7 +13,7 @@ RELATIONS = ("equal", "at_least", "at_most", "above", "below", "within")
 
 @dataclass(frozen=True, slots=True)
 class Interpretation:
-    """A way to recompute a claim; `states` is how it interprets the document (empty: literally)."""
+    """A recipe for a claim; `states` is how it interprets the document (empty: literally)."""
 
     recipe: Recipe
     states: str = ""

@@ -11,7 +11,7 @@ from .claims import ClaimsFile
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """A claims file that has been read; `tables` is all that it says, as JSON."""
+    """A claims file that has been read; `tables` is all its content, as JSON."""
 
     file: ClaimsFile
     tables: str
@@ -51,6 +51,6 @@ class ClaimsProgress:
 
     @property
     def remaining(self) -> float | None:
-        """Time left [s] if the other claims take as long as those so far; None before the first."""
+        """Remaining time [s] if all claims take as long as those so far; None before the first."""
         checked_now = self.done - self.before
         return self.seconds * (self.total - self.done) / checked_now if checked_now else None

@@ -34,7 +34,7 @@ def reproduce(
 
     The files do not depend on the executor or on breaks. Claims checked before an interrupt are
     kept. Raises RunError or ModelError where a claim cannot be computed, InputError where `out`
-    holds something else that --resume cannot go on with, or has another owner.
+    holds something else that --resume cannot continue, or has another owner.
     """
     with owned(out, "reproduce", resume, overwrite) as place:
         return _reproduce(plan, place, executor, progress, resume)
@@ -77,16 +77,16 @@ def _finish(
     remaining = deque(task for task in tasks if task.key not in known)
     start, before = time.monotonic(), len(known)
 
-    def tell(note: str = "") -> None:
+    def report(note: str = "") -> None:
         if progress is not None:
             seconds = time.monotonic() - start
             progress(ClaimsProgress(len(known), len(tasks), seconds, note, before))
 
-    tell()
+    report()
     with executor:
         for task, outcome in executor.completed(check, lambda: remaining.popleft() if remaining else None):
             if isinstance(outcome, Lost):
                 raise RunError(f"claim {task.claim.id}: {outcome.reason}; {GO_ON}")
             known[task.key] = outcome
             keep(out, task, outcome)
-            tell(task.claim.id)
+            report(task.claim.id)

@@ -20,8 +20,7 @@ Pairs = Sequence[tuple[ClaimTask, Checked]]
 def assembled(plan: ReproducePlan, pairs: Pairs) -> ClaimsResult:
     """The result of all claims."""
     documents = tuple(source.file.document for source in plan.sources)
-    rows = [row(documents[task.document].name, task.claim, checked) for task, checked in pairs]
-    table = pd.DataFrame(rows)
+    table = pd.DataFrame([row(documents[task.document].name, task.claim, checked) for task, checked in pairs])
     counts = pd.crosstab(table["document"], table["verdict"])
     counts = counts.reindex(index=[document.name for document in documents], columns=list(map(str, Word)), fill_value=0)
     return ClaimsResult(documents, table, counts.rename_axis(columns=None), tables_of(pairs))
@@ -83,7 +82,7 @@ def _equal(a: ComputedTable, b: ComputedTable) -> bool:
 
 
 def lines(result: ClaimsResult) -> tuple[str, ...]:
-    """What the terminal says."""
+    """The summary that the terminal shows."""
     messages = [f"done: {len(result.table)} claims of {len(result.documents)} documents"]
     for name, counts in result.counts.iterrows():
         verdicts = ", ".join(f"{count} {word}" for word, count in counts.items() if count)

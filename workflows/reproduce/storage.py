@@ -1,11 +1,10 @@
-"""Checked claims on disk, each whole or not at all, so that a broken reproduction can go on."""
+"""Checked claims on disk, each whole or not at all, so that a reproduction can be resumed."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
 
 from pydantic import TypeAdapter
 
@@ -14,23 +13,19 @@ from ...directory import Ownership
 from ...errors import Fault, InputError, raise_all, refuse
 from ...sealed import read_record, write_record
 from .task import Checked, ClaimTask
-from .verdict import Outcome, Verdict, Word
+from .verdict import Verdict
 
 TABLES = TypeAdapter(dict[str, ComputedTable])
+VERDICT = TypeAdapter(Verdict)
 FOLDER = "checked"
 """Folder below the output directory."""
-LISTS = ("computed", "standard_error", "deviation")
 
 
 def keep(folder: Path, task: ClaimTask, checked: Checked) -> None:
     """Write a checked claim."""
     (folder / FOLDER).mkdir(parents=True, exist_ok=True)
-    record = {
-        "key": task.key,
-        "verdict": asdict(checked.verdict),
-        "tables": TABLES.dump_python(dict(checked.tables), mode="json"),
-    }
-    write_record(_path(folder, task), record)
+    tables = TABLES.dump_python(dict(checked.tables), mode="json")
+    write_record(_path(folder, task), {"key": task.key, "verdict": asdict(checked.verdict), "tables": tables})
 
 
 def read_checked(folder: Path, task: ClaimTask) -> Checked | None:
@@ -43,10 +38,9 @@ def read_checked(folder: Path, task: ClaimTask) -> Checked | None:
         record = read_record(path)
         if record is None or record["key"] != task.key:
             return None
-        return Checked(_read_verdict(record["verdict"]), TABLES.validate_python(record["tables"]))
+        return Checked(VERDICT.validate_python(record["verdict"]), TABLES.validate_python(record["tables"]))
     except (ValueError, KeyError, TypeError) as error:
-        text = f"cannot be read: {error}; remove it, or start again with --overwrite"
-        raise refuse(str(path), text) from error
+        raise refuse(str(path), f"cannot be read: {error}; remove it, or start again with --overwrite") from error
 
 
 def all_kept(folder: Path, tasks: Iterable[ClaimTask]) -> dict[str, Checked]:
@@ -57,8 +51,9 @@ def all_kept(folder: Path, tasks: Iterable[ClaimTask]) -> dict[str, Checked]:
             checked = read_checked(folder, task)
         except InputError as error:
             faults += error.faults
-        else:
-            checked_claims |= {} if checked is None else {task.key: checked}
+            continue
+        if checked is not None:
+            checked_claims[task.key] = checked
     raise_all(faults)
     return checked_claims
 
@@ -75,13 +70,3 @@ def holds_another(place: Ownership) -> bool:
 
 def _path(folder: Path, task: ClaimTask) -> Path:
     return folder / FOLDER / f"{task.document}_{task.number}.json"
-
-
-def _read_verdict(record: Mapping[str, Any]) -> Verdict:
-    outcomes = tuple(_read_outcome(outcome) for outcome in record["outcomes"])
-    return Verdict(Word(record["word"]), record["reason"], outcomes, record["shown"])
-
-
-def _read_outcome(record: Mapping[str, Any]) -> Outcome:
-    computed, error, deviation = (tuple(record[name]) for name in LISTS)
-    return Outcome(record["states"], record["by"], computed, error, deviation, record["holds"])

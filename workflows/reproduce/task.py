@@ -38,19 +38,19 @@ class Checked:
 
 
 def check(task: ClaimTask) -> Checked:
-    """Recompute a claim by all of its readings, on one thread.
+    """Recompute a claim by all of its interpretations, on one thread.
 
-    Of tables of one name that of the reading that decides is kept.
+    Of tables of one name that of the interpretation that decides is kept.
 
-    Raises ModelError, with the claim named, where a reading has no finite value.
+    Raises ModelError, with the claim named, where an interpretation has no finite value.
     """
     with pinned():
-        read = [_read(task, reading) for reading in task.claim.interpretations]
-    decided = verdict(task.claim, [computed for computed, _ in read])
+        results = [_recomputed(task, interpretation) for interpretation in task.claim.interpretations]
+    decided = verdict(task.claim, [computed for computed, _ in results])
     tables: dict[str, ComputedTable] = {}
-    for _, more in read:
+    for _, more in results:
         tables = more | tables
-    return Checked(decided, tables | read[decided.shown][1] if read else tables)
+    return Checked(decided, tables | results[decided.shown][1] if results else tables)
 
 
 def generator(seed: int, name: str) -> np.random.Generator:
@@ -59,34 +59,25 @@ def generator(seed: int, name: str) -> np.random.Generator:
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=tuple(map(int, words))))
 
 
-def _read(task: ClaimTask, reading: Interpretation) -> tuple[Outcome, dict[str, ComputedTable]]:
+def _recomputed(task: ClaimTask, interpretation: Interpretation) -> tuple[Outcome, dict[str, ComputedTable]]:
     claim = task.claim
     try:
-        computed = reading.recipe.recomputed(generator(task.seed, claim.id))
+        computed = interpretation.recipe.recomputed(generator(task.seed, claim.id))
         quantities = [_in_unit(quantity, claim.unit) for quantity in computed.quantities]
     except (ArithmeticError, ModelError, ValueError) as error:
-        raise ModelError(f"claim {claim.id}, {reading.recipe.by}: {error}") from error
+        raise ModelError(f"claim {claim.id}, {interpretation.recipe.by}: {error}") from error
     except InputError as error:
         raise InputError(
             [type(fault)(f"claim {claim.id}: {fault.place}", fault.message) for fault in error.faults]
         ) from error
-    return outcome(claim, reading, quantities), dict(computed.tables)
+    return outcome(claim, interpretation, quantities), dict(computed.tables)
 
 
 def _in_unit(quantity: Quantity, unit: str) -> Quantity:
     """A quantity in the unit of its claim. Raises ValueError where it cannot be, or not finite."""
-    source_unit = _unit_text(quantity.unit)
-    value = float(converted(quantity.value, source_unit, _unit_text(unit)))
-    error = abs(
-        float(
-            converted(quantity.standard_error, source_unit, _unit_text(unit))
-            - converted(0.0, source_unit, _unit_text(unit))
-        )
-    )
+    source, target = ("" if text == "1" else text for text in (quantity.unit, unit))
+    value = float(converted(quantity.value, source, target))
     if not isfinite(value):
         raise ValueError(f"the value is {value}")
-    return Quantity(value, unit, error)
-
-
-def _unit_text(unit: str) -> str:
-    return "" if unit == "1" else unit
+    error = converted(quantity.standard_error, source, target) - converted(0.0, source, target)
+    return Quantity(value, unit, abs(float(error)))

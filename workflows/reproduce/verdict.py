@@ -27,7 +27,7 @@ class Word(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """What one reading gives, in the unit of its claim; `by` is what it was computed by."""
+    """The values by one interpretation, in the unit of its claim; `by` names the computation."""
 
     states: str
     by: str
@@ -39,7 +39,7 @@ class Outcome:
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """The verdict on a claim, with a sentence of reason, and what every reading gives.
+    """The verdict on a claim, its reason in a sentence, and the values by every interpretation.
 
     `shown` is the number of the outcome that stands for the claim, -1 where nothing is computed.
     """
@@ -51,17 +51,17 @@ class Verdict:
 
     @property
     def outcome(self) -> Outcome | None:
-        """The reading that holds, else the first."""
+        """The interpretation that holds, else the first."""
         return self.outcomes[self.shown] if self.shown >= 0 else None
 
 
-def outcome(claim: Claim, reading: Interpretation, quantities: Sequence[Quantity]) -> Outcome:
-    """What a reading gives; `quantities` are in the unit of the claim."""
+def outcome(claim: Claim, interpretation: Interpretation, quantities: Sequence[Quantity]) -> Outcome:
+    """The values by an interpretation; `quantities` are in the unit of the claim."""
     computed = tuple(quantity.value for quantity in quantities)
     deviation = _deviations(claim, computed)
     return Outcome(
-        reading.states,
-        reading.recipe.by,
+        interpretation.states,
+        interpretation.recipe.by,
         computed,
         tuple(quantity.standard_error for quantity in quantities),
         deviation,
@@ -73,7 +73,7 @@ def outcome(claim: Claim, reading: Interpretation, quantities: Sequence[Quantity
 
 
 def verdict(claim: Claim, outcomes: Sequence[Outcome]) -> Verdict:
-    """The verdict: the first reading that holds decides; one that states nothing is the literal."""
+    """The verdict: the first interpretation that holds decides; the literal one states nothing."""
     if not outcomes:
         parts = [claim.lost, "nothing can be recomputed", *filter(None, [claim.why])]
         return Verdict(Word.CANNOT_BE_CHECKED, "; ".join(parts))
@@ -82,20 +82,18 @@ def verdict(claim: Claim, outcomes: Sequence[Outcome]) -> Verdict:
         word, shown = Word.NOT_REPRODUCED, 0
     else:
         word = Word.UNDER_READING if outcomes[shown].states else Word.REPRODUCED
-    parts = [_sentence(claim, outcomes[shown])]
+    stated = f"with the reading that {outcomes[shown].states}, " if outcomes[shown].states else ""
+    parts = [stated + _comparison(claim, outcomes[shown])]
     if word is Word.UNDER_READING and not outcomes[0].states:
         parts.append(f"read literally it does not hold: {_comparison(claim, outcomes[0])}")
     if word is Word.NOT_REPRODUCED and len(outcomes) > 1:
-        parts.append(_other_interpretations_text(len(outcomes) - 1))
+        count = len(outcomes) - 1
+        parts.append(f"nor does it hold under {count} other reading{'s' if count > 1 else ''}")
     if any(_doubtful(claim, outcomes[shown])):
-        parts.append("another draw may turn it: it lies within two standard errors of the limit")
+        parts.append("another draw may change the verdict: the value lies within two standard errors of the limit")
     if claim.why:
         parts.append(claim.why)
     return Verdict(word, "; ".join(parts), tuple(outcomes), shown)
-
-
-def _other_interpretations_text(count: int) -> str:
-    return f"nor does it hold under {count} other reading{'s' if count > 1 else ''}"
 
 
 def _deviations(claim: Claim, computed: Sequence[float]) -> tuple[float, ...]:
@@ -138,16 +136,11 @@ def _doubtful(claim: Claim, result: Outcome) -> list[bool]:
     ]
 
 
-def _sentence(claim: Claim, result: Outcome) -> str:
-    reading = f"with the reading that {result.states}, " if result.states else ""
-    return reading + _comparison(claim, result)
-
-
 def _comparison(claim: Claim, result: Outcome) -> str:
     """The facts in words."""
     computed = with_unit(result.computed, claim.unit)
     if claim.relation == "within":
-        ends = f"{number(claim.printed[0])} to {with_unit(claim.printed[1:], claim.unit)}"
+        ends = f"{claim.printed[0]:.4g} to {with_unit(claim.printed[1:], claim.unit)}"
         place = "lies within" if result.holds else "lies outside of"
         return f"{computed} {place} {ends}"
     printed = with_unit(claim.printed, claim.unit)
@@ -170,13 +163,8 @@ def _comparison(claim: Claim, result: Outcome) -> str:
     return f"{computed} is {'' if result.holds else 'not '}{words} {printed} (by {difference})"
 
 
-def number(value: float) -> str:
-    """A number as reasons and pages show it."""
-    return f"{value:.4g}"
-
-
 def with_unit(values: Sequence[float], unit: str) -> str:
     """Numbers with their unit, in brackets where there are several."""
-    text = ", ".join(map(number, values))
+    text = ", ".join(f"{value:.4g}" for value in values)
     text = f"({text})" if len(values) > 1 else text
     return text if unit == "1" else f"{text} {unit}"

@@ -13,7 +13,7 @@ from ...files import write_bytes, write_text
 from ...reports.claims import claims_page, figures
 from ...reports.drawing import as_png, as_svg
 from .. import page_data
-from ..as_json import as_json
+from ..as_json import as_json, records
 
 TABLES, FIGURES = "tables", "figures"
 
@@ -35,7 +35,7 @@ def write(result: ClaimsResult, folder: Path) -> None:
 
 
 def flat(table: pd.DataFrame) -> pd.DataFrame:
-    """The table without the readings that are not shown, several numbers joined by semicolons."""
+    """The table without interpretations that are not shown; several numbers are joined by `; `."""
     flat_table = table.drop(columns="readings")
     for name in ("printed", "computed", "standard_error", "deviation"):
         flat_table[name] = ["; ".join(map(repr, values)) for values in flat_table[name]]
@@ -44,7 +44,7 @@ def flat(table: pd.DataFrame) -> pd.DataFrame:
 
 def claims_record(result: ClaimsResult) -> dict[str, Any]:
     """`claims.json`."""
-    claims = [{str(key): value for key, value in row.items()} for row in result.table.to_dict("records")]
+    claims = records(result.table)
     return {
         "documents": [
             {

@@ -1,4 +1,4 @@
-"""What a machine would cost otherwise: reducers alike everywhere, calibrated or not."""
+"""What the alternatives of a machine would cost: equal reducers everywhere, calibrated or not."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from ...algorithms.exact.bounds import restricted
 from ...algorithms.exact.choices import least_cost
 from ...problems.interfaces import Comparison, Provable
 from ...problems.tolerance_problem import ToleranceProblem
+from .front import middle_point
 
 SAME = 1e-3
 """Difference [percent] below which two costs count as equal: bounds and points differ by less."""
@@ -25,8 +26,7 @@ def alternatives(problem: ToleranceProblem, front: pd.DataFrame) -> list[dict[st
     others = Comparison.of(problem).alternatives()
     if front.empty or not others:
         return []
-    order = front["cost"].astype(float).argsort(kind="stable")
-    row = front.iloc[int(order.iloc[len(front) // 2])]
+    row = middle_point(front)
     base_cost = _least(problem, problem, row)
     if base_cost is None:
         return []
@@ -39,7 +39,7 @@ def alternatives(problem: ToleranceProblem, front: pd.DataFrame) -> list[dict[st
 
 
 def sentences(rows: list[dict[str, Any]]) -> tuple[str, ...]:
-    """The alternatives in words."""
+    """The alternatives in sentences."""
     messages = []
     for row in rows:
         if abs(row["more_percent"]) < SAME:
@@ -47,9 +47,8 @@ def sentences(rows: list[dict[str, Any]]) -> tuple[str, ...]:
             continue
         side = "more" if row["more_percent"] >= 0.0 else "less"
         messages.append(
-            f"{row['label']}: the least cost of the point in the middle of the front would "
-            f"be {row['cost']:.4g} instead of {row['this']:.4g}, "
-            f"{abs(row['more_percent']):.3g} % {side}, at equal R and equal other "
+            f"{row['label']}: the least cost of the point in the middle of the front would be {row['cost']:.4g} "
+            f"instead of {row['this']:.4g}, {abs(row['more_percent']):.3g} % {side}, at equal R and equal other "
             "requirements"
         )
     return tuple(messages)

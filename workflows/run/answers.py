@@ -14,6 +14,7 @@ from ...problems.tolerance_problem import ToleranceProblem
 from ...records import RunResult, unit_of_cost
 from ...units import split_unit
 from ..promise.limits import promised_limits
+from .choices import chosen_point
 from .proofs import EXACT, distance_words, informative, percent
 from .references import gain_column
 
@@ -32,7 +33,7 @@ def answers(result: RunResult, problem: ToleranceProblem, proven: Proof) -> dict
     `proven` are the bounds of the front. Only `asked` where the front is
     empty.
     """
-    sentences = Words(result, problem)
+    sentences = Sentences(result, problem)
     asked = {"asked": sentences.request()}
     if result.front.empty:
         return asked
@@ -44,7 +45,7 @@ def answers(result: RunResult, problem: ToleranceProblem, proven: Proof) -> dict
     }
 
 
-class Words:
+class Sentences:
     """The sentences of one run."""
 
     def __init__(self, result: RunResult, problem: ToleranceProblem) -> None:
@@ -53,12 +54,7 @@ class Words:
         self.units |= {v.name: v.unit for v in problem.variables}
         self.units[COST] = unit_of_cost(result.summary)
         self.names = list(problem.objectives)
-        self.point = self._point()
-
-    def _point(self) -> int:
-        """Row of the knee, or of the only point."""
-        choices = self.result.choices
-        return 0 if choices is None or choices.empty else int(choices["point"].iloc[0])
+        self.point = chosen_point(result)
 
     def value(self, name: str, value: float) -> str:
         """Like "backlash 1.04 arcmin"."""
@@ -73,22 +69,17 @@ class Words:
         largest = {o.name for o in self.problem.outputs if o.larger_is_better}
         goals = [f"{'largest' if n in largest else 'least'} {words(n)}" for n in self.names]
         goal = " against ".join(goals).capitalize()
-        requested = set(self.problem.given.limits) | (
-            set() if self.problem.given.limits else set(self.problem.declaration.limits)
-        )
-        requested |= promised_limits(self.problem)
+        requested = set(self.problem.given.limits or self.problem.declaration.limits) | promised_limits(self.problem)
         limits = [self.limit(limit) for limit in self.problem.limits if limit.count and limit.name in requested]
         built_in = sum(limit.count > 0 for limit in self.problem.limits) - len(limits)
         if built_in > 0:
             plural = "limit" if built_in == 1 else "limits"
             limits.append(f"{built_in} {plural} that the problem sets itself")
-        kept = f", with {', '.join(limits)}" if limits else ", without limits"
+        conditions = f", with {', '.join(limits)}" if limits else ", without limits"
         tolerances = sum(v.tolerance for v in self.problem.free)
-        return f"{goal}{kept}; {tolerances} tolerances searched{self._and_others(len(self.problem.free) - tolerances)}."
-
-    @staticmethod
-    def _and_others(count: int) -> str:
-        return f" and {count} other variables" if count else ""
+        others = len(self.problem.free) - tolerances
+        more = f" and {others} other variables" if others else ""
+        return f"{goal}{conditions}; {tolerances} tolerances searched{more}."
 
     def limit(self, limit: Limit) -> str:
         unit = f" {limit.unit}".rstrip()
@@ -112,18 +103,11 @@ class Words:
         return f"Found: {len(front)} allocations, {ends}; the {words(rule)} has {self.row(row)}."
 
     def published(self) -> str:
-        rows = self._published_rows()
-        if not rows:
-            return "No published allocation of this problem is known, so nothing can be compared."
-        return " ".join(self._comparison(row) for row in rows[:1])
-
-    def _published_rows(self) -> list[dict[str, Any]]:
-        references = self.result.references
         printed = [str(label) for label in Documented.of(self.problem).references()]
-        if references.empty:
-            return []
-        rows = [{str(k): v for k, v in row.items()} for row in references.to_dict("records")]
-        return [row for row in rows if row["label"] in printed]
+        for row in self.result.references.to_dict("records"):
+            if row["label"] in printed:
+                return self._comparison({str(name): value for name, value in row.items()})
+        return "No published allocation of this problem is known, so nothing can be compared."
 
     def _comparison(self, row: dict[str, Any]) -> str:
         label, broken = str(row["label"]), str(row["violated_limits"]).split()
@@ -138,11 +122,9 @@ class Words:
                 return f"{published}, but breaks the limits ({values}): it cannot be compared."
             return f"{published}, but breaks the limits ({values}): at the same looser limits {gains}."
         gains = self._gains(row, "")
-        return (
-            f"{published} and keeps all limits: {gains}."
-            if gains
-            else (f"{published} and keeps all limits; no point of the front is as good in every other objective.")
-        )
+        if gains:
+            return f"{published} and keeps all limits: {gains}."
+        return f"{published} and keeps all limits; no point of the front is as good in every other objective."
 
     def _limit(self, name: str) -> Limit:
         return next(limit for limit in self.problem.limits if limit.name == name)
@@ -156,13 +138,10 @@ class Words:
                 if self.names == [COST]:
                     side = "lower" if value >= 0.0 else "higher"
                     return f"the least cost that was found is {distance_words(abs(value))} {side}"
-                at = (
-                    "the same cost"
-                    if name != COST
-                    else ("equal " + " and ".join(words(n) for n in self.names if n != COST))
-                )
-                what = "an allocation that costs" if name == COST else f"a {words(name)} that is"
-                parts.append(f"{what} {distance_words(abs(value))} {side} at {at}")
+                others = " and ".join(words(n) for n in self.names if n != COST)
+                at = f"equal {others}" if name == COST else "the same cost"
+                subject = "an allocation that costs" if name == COST else f"a {words(name)} that is"
+                parts.append(f"{subject} {distance_words(abs(value))} {side} at {at}")
         return "there is " + ", or ".join(parts) if parts else ""
 
     def of_limits(self) -> str:
@@ -238,9 +217,8 @@ class Words:
             return f"How far the points are from the optimum is not proven ({reason(proven)})."
         if not informative(proven, gap):
             return (
-                "How far the points are from the optimum is not known: the proven bound is not "
-                "informative, because it leaves out limits that hold them back "
-                f"({proven.statement})."
+                "How far the points are from the optimum is not known: the proven bound is not informative, because it "
+                f"leaves out limits that hold them back ({proven.statement})."
             )
         middle, most = float(np.nanmedian(gap)), float(np.nanmax(gap))
         if len(gap) == 1 and most < EXACT:
@@ -253,9 +231,8 @@ class Words:
         if most < EXACT:
             return f"Proven: every point of the front is optimal ({proven.statement})."
         return (
-            "Proven: no allocation of equal other objectives costs less than "
-            f"{percent(middle)} below a point of the front in the median, {percent(most)} at "
-            f"most ({proven.statement})."
+            f"Proven: no allocation of equal other objectives costs less than {percent(middle)} below a point of the "
+            f"front in the median, {percent(most)} at most ({proven.statement})."
         )
 
 

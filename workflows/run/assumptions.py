@@ -20,7 +20,6 @@ from ...records import RunResult
 from .units import NEAR, shown_point
 
 Array = NDArray[np.float64]
-COLUMNS = ("assumption", "value", "cost", "change_percent", "remark")
 INFEASIBLE = "no allocation found that keeps the limits at this grade"
 RIGID = "backlash_"
 """Prefix of the outputs that are searched within a fraction of a second."""
@@ -39,8 +38,7 @@ def with_assumptions(
 
     def phase(fraction: float) -> None:
         if progress is not None and history:
-            now = replace(history[-1], phase="what assumptions cost", share=fraction, remaining=None)
-            progress(now)
+            progress(replace(history[-1], phase="what assumptions cost", share=fraction, remaining=None))
 
     point = result.front.iloc[[chosen[0]]]
     level = _aim(point, problem)
@@ -49,8 +47,7 @@ def with_assumptions(
     more = np.zeros(len(unit))
     if level is not None and level[0] in problem.objectives:
         more[problem.objectives.index(level[0])] = level[1] - float(point[level[0]].iloc[0])
-    design = designs_of(problem, point)[0]
-    table = assumptions_cost(problem, design, unit, more, phase)
+    table = assumptions_cost(problem, designs_of(problem, point)[0], unit, more, phase)
     if table is None:
         return result
     summary = {**result.summary, "assumptions_at": _held_outputs(point, problem, level)}
@@ -106,7 +103,7 @@ def assumptions_cost(
                 return None
     except KeyboardInterrupt:
         pass
-    return pd.DataFrame(rows, columns=list(COLUMNS)) if len(rows) > 1 else None
+    return pd.DataFrame(rows) if len(rows) > 1 else None
 
 
 def _applicable(problem: ToleranceProblem) -> bool:

@@ -13,6 +13,30 @@ from ..choice.decide import Decisions
 from .plan import RunPlan
 from .proofs import Exact, exact_table
 
+TABLES = {
+    "front": "front.csv",
+    "references": "references.csv",
+    "convergence": "convergence.csv",
+    "before": "front_without_effects.csv",
+    "moved": "allocation_moved.csv",
+    "choices": "choices.csv",
+    "choice_sensitivity": "choice_sensitivity.csv",
+    "allocation": "allocation.csv",
+    "contributions": "contributions.csv",
+    "exact_front": "exact_front.csv",
+    "overlays": "overlays.csv",
+    "unit_turn": "unit_turn.csv",
+    "population": "population.csv",
+    "assumptions_cost": "assumptions_cost.csv",
+    "requirements": "requirements.csv",
+    "drivers": "drivers.csv",
+    "prices": "prices.csv",
+    "relaxed": "relaxed.csv",
+    "promise": "promise.csv",
+    "next_parts": "next_parts.csv",
+    "capability": "capability.csv",
+}
+"""The files of the tables of a `RunResult`, by its field; `overlays` holds several fronts."""
 FORMAT = 1
 """Version of the files of a run: `summary.json` names it; a reader refuses what is newer."""
 
@@ -41,6 +65,12 @@ def with_choices(result: RunResult, decisions: Decisions, plan: RunPlan, exact: 
     )
 
 
+def chosen_point(result: RunResult) -> int:
+    """Row of the knee of a front, or of its only point."""
+    choices = result.choices
+    return 0 if choices is None or choices.empty else int(choices["point"].iloc[0])
+
+
 def _mechanism(problem: ToleranceProblem) -> dict[str, object]:
     """The stated properties of the mechanism; empty where nothing but its name is stated."""
     known = Page.of(problem).mechanism()
@@ -49,10 +79,10 @@ def _mechanism(problem: ToleranceProblem) -> dict[str, object]:
 
 def _short(choices: pd.DataFrame, problem: ToleranceProblem) -> dict[str, object]:
     """By rule: the row of the front, its objectives, and what rounding does to them."""
-    kept = ["point", "meaning", *problem.objectives, "rounded_feasible", "unchanged_percent"]
-    kept += [f"rounded_{name}" for name in problem.objectives]
-    kept += ["model"] if "model" in choices else []
-    return {str(row["choice"]): {name: row[name] for name in kept} for row in choices.to_dict("records")}
+    columns = ["point", "meaning", *problem.objectives, "rounded_feasible", "unchanged_percent"]
+    columns += [f"rounded_{name}" for name in problem.objectives]
+    columns += ["model"] if "model" in choices else []
+    return {str(row["choice"]): {name: row[name] for name in columns} for row in choices.to_dict("records")}
 
 
 def _rounding(decisions: Decisions, plan: RunPlan) -> list[dict[str, str]]:

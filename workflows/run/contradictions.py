@@ -54,9 +54,8 @@ def _below_half(problem: ToleranceProblem) -> list[Fault]:
     return [
         Fault(
             f"limits.{limit.name}",
-            f"asks for {limit.low:g} % of the units: a quantile below "
-            "one half is not convex and cannot be proven; ask for 50 % or more, or take another "
-            "algorithm than exact, whose run is not proven",
+            f"asks for {limit.low:g} % of the units: a quantile below one half is not convex and cannot be proven; ask "
+            "for 50 % or more, or take another algorithm than exact, whose run is not proven",
         )
         for limit in problem.limits
         if limit.name in lawful and 0.0 < limit.low < HALF
@@ -65,17 +64,17 @@ def _below_half(problem: ToleranceProblem) -> list[Fault]:
 
 def _too_expensive(form: Form, limits: Array, most: float, bound: float) -> list[Fault]:
     """Faults of the limit on the cost, and of the limits on requirements that it contradicts."""
-    forms = [_single_output_form(form, at) for at in range(len(limits))]
+    forms = [restricted(form, np.arange(len(limits)) == at) for at in range(len(limits))]
     least_costs = [float(least_cost(alone, limits[None, at : at + 1]).bound[0]) for at, alone in enumerate(forms)]
     rows = [at for at, cost in enumerate(least_costs) if cost > most] or list(range(len(limits)))
     names = list(dict.fromkeys(form.outputs[at] for at in rows))
-    kept = ", ".join(f"limits.{name}" for name in names)
+    requirements = ", ".join(f"limits.{name}" for name in names)
     least = max([bound, *(least_costs[at] for at in rows)])
     faults = [
         Fault(
             "limits.cost",
-            f"at most {most:g} and {kept} contradict each other: with them "
-            f"kept the least cost is {least:.6g}; raise the one or the other",
+            f"at most {most:g} and {requirements} contradict each other: with them "
+            f"kept the least cost is {least:.6g}; raise one of them",
         )
     ]
     for name in names:
@@ -90,10 +89,6 @@ def _too_expensive(form: Form, limits: Array, most: float, bound: float) -> list
     return faults
 
 
-def _single_output_form(form: Form, at: int) -> Form:
-    return restricted(form, np.arange(len(form.outputs)) == at)
-
-
 def _reached(form: Form, most: float) -> float:
     """The least value of a requirement within a cost, without all other requirements."""
     low, high = float(tightest(form)[0]), float(tightest(form)[0])
@@ -102,8 +97,8 @@ def _reached(form: Form, most: float) -> float:
         high, step = high + step, 2.0 * step
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
-        kept = least_cost(form, np.array([[middle]])).cost[0] <= most
-        low, high = (low, middle) if kept else (middle, high)
+        affordable = least_cost(form, np.array([[middle]])).cost[0] <= most
+        low, high = (low, middle) if affordable else (middle, high)
     return high
 
 

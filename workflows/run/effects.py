@@ -38,8 +38,8 @@ def moved(problem: ToleranceProblem, before: pd.DataFrame, after: pd.DataFrame) 
     rows = []
     for level in _levels(before, after, names):
         old, new = (_cheapest(front, names, level) for front in (before, after))
-        kept = Accuracy.of(problem).reported().frame(designs_of(problem, old)).reindex(columns=before.columns)
-        for label, row in (("before", old), ("kept", kept), ("after", new)):
+        unchanged = Accuracy.of(problem).reported().frame(designs_of(problem, old)).reindex(columns=before.columns)
+        for label, row in (("before", old), ("kept", unchanged), ("after", new)):
             rows.append(row.assign(level=level, allocation=label))
     if not rows:
         return pd.DataFrame()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -79,6 +80,21 @@ def knee(values: Array) -> NDArray[np.bool_]:
     return marked
 
 
+def middle_point(front: pd.DataFrame) -> pd.Series[Any]:
+    """The point in the middle of a front by cost."""
+    order = front["cost"].astype(float).argsort(kind="stable")
+    return front.iloc[int(order.iloc[len(front) // 2])]
+
+
+def labelled(fronts: Mapping[str, pd.DataFrame | None]) -> pd.DataFrame | None:
+    """Fronts below each other, each with its label; None without any."""
+    frames = [front.assign(label=label) for label, front in fronts.items() if front is not None]
+    if not frames:
+        return None
+    joined = pd.concat(frames, ignore_index=True)
+    return joined[["label", *(name for name in joined if name != "label")]]
+
+
 def with_references(
     front: pd.DataFrame, references: pd.DataFrame, problem: ToleranceProblem
 ) -> tuple[pd.DataFrame, int, int]:
@@ -97,13 +113,13 @@ def with_references(
     eligible = eligible.drop(columns=["label", "feasible", "violated_limits"], errors="ignore")
     eligible = eligible.assign(knee=False)
     merged = pd.concat([front, eligible]) if len(front) else eligible
-    kept = nondominated(merged[names].to_numpy())
-    joined = int(kept[len(front) :].sum())
-    merged = merged[kept].sort_values(names, kind="stable").reset_index(drop=True)
+    remaining = nondominated(merged[names].to_numpy())
+    joined = int(remaining[len(front) :].sum())
+    merged = merged[remaining].sort_values(names, kind="stable").reset_index(drop=True)
     whole = {v.name: "int64" for v in problem.variables if v.integer and not v.labels}
     merged = merged.astype(whole)
     merged["knee"] = knee(merged[names].to_numpy())
-    return merged, len(front) - int(kept[: len(front)].sum()), joined
+    return merged, len(front) - int(remaining[: len(front)].sum()), joined
 
 
 def inside(references: pd.DataFrame, problem: ToleranceProblem) -> NDArray[np.bool_]:

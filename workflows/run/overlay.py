@@ -80,10 +80,8 @@ def notes(front: pd.DataFrame, label: str, other: pd.DataFrame, names: list[str]
     lowest, other_lowest = front[second].min(), other[second].min()
     middle, most = distance_words(np.median(distance)), distance_words(np.max(distance))
     sentences = [
-        "nothing is proven for this problem; compared with the best known front, its own joined "
-        "with "
-        f"that of {label}, the points cost {middle} more in the median and {most} at most at "
-        f"equal {second}"
+        f"nothing is proven for this problem; compared with the best known front, its own joined with that of {label}, "
+        f"the points cost {middle} more in the median and {most} at most at equal {second}"
     ]
     best = front[["cost", second]].to_numpy(dtype=float)
     behind = [

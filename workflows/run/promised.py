@@ -12,6 +12,7 @@ from ...problems.interfaces import Checks
 from ...problems.tolerance_problem import ToleranceProblem
 from ...records import RunResult
 from ..promise.limits import promised_limits
+from .choices import chosen_point
 
 Array = NDArray[np.float64]
 
@@ -44,8 +45,7 @@ def with_promise(result: RunResult, problem: ToleranceProblem) -> RunResult:
         return result
     from ..promise.outcome import promise_outcome  # its statistics take long to import
 
-    choices = result.choices
-    point = 0 if choices is None or choices.empty else int(choices["point"].iloc[0])
+    point = chosen_point(result)
     outcome = promise_outcome(problem, result.front, point, _rounded(result, problem, point))
     if outcome is None:
         return result

@@ -24,7 +24,7 @@ from .plan import RunPlan
 POINTS = 4000
 """Points of the exact front that a hypervolume is measured by."""
 SOLVED = 256
-"""Points that are solved where each takes a programme of its own; the others lie between them."""
+"""Points that are solved where each needs its own programme; the others lie between them."""
 DRAWN = 400
 """Points of the exact front that are drawn."""
 CHECKED = 50
@@ -65,7 +65,7 @@ def with_bounds(
     """The frame with `bound` and `gap_percent`, and the proof of its feasible points.
 
     Both are NaN in rows that are marked as not feasible, or that are not `within` the search space
-    (n,). Where a point disproves its bound all are NaN and the statement says so: one is wrong.
+    (n,). Where a point disproves its bound all are NaN and the statement says so.
     Where a run was `interrupted`, proofs that take long are left out.
     """
     frame = frame.assign(bound=np.nan, gap_percent=np.nan)
@@ -73,19 +73,19 @@ def with_bounds(
     frame = frame[[name for name in frame if name != "knee"] + ["knee"] * ("knee" in frame)]
     if interrupted and takes_long(problem):
         return frame, Proof(nothing, INTERRUPTED)
-    kept = frame[frame["feasible"].astype(bool)] if "feasible" in frame else frame
-    kept = kept if within is None else kept[within[frame.index.isin(kept.index)]]
+    eligible = frame[frame["feasible"].astype(bool)] if "feasible" in frame else frame
+    eligible = eligible if within is None else eligible[within[frame.index.isin(eligible.index)]]
     form = Provable.of(problem).form()
-    rows = () if form is None else tuple(name for name in form.stands if name in kept)
+    rows = () if form is None else tuple(name for name in form.stands if name in eligible)
     names = dict.fromkeys((*problem.objectives, *rows))
-    values = {name: kept[name].to_numpy(dtype=float) for name in names}
+    values = {name: eligible[name].to_numpy(dtype=float) for name in names}
     try:
-        bounds = proof(problem, values, len(kept))
+        bounds = proof(problem, values, len(eligible))
     except ModelError as error:
         return frame, Proof(nothing, f"nothing is proven: {error}; please report it")
-    if len(kept) and "cost" in values:
-        frame.loc[kept.index, "bound"] = bounds.bound
-        frame.loc[kept.index, "gap_percent"] = bounds.gap_percent(values["cost"])
+    if len(eligible) and "cost" in values:
+        frame.loc[eligible.index, "bound"] = bounds.bound
+        frame.loc[eligible.index, "gap_percent"] = bounds.gap_percent(values["cost"])
     return frame, bounds
 
 
@@ -135,7 +135,7 @@ def exact_table(problem: ToleranceProblem, exact: Exact | None) -> pd.DataFrame 
 
 
 def _objectives(problem: ToleranceProblem, x: np.ndarray) -> np.ndarray:
-    """Objectives (k, objectives) of search vectors."""
+    """Objectives (k, objectives) of search vectors (k, variables)."""
     return problem.objective_values(problem.outputs_of(problem.complete(x), searching=True))
 
 

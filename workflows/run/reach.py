@@ -66,8 +66,7 @@ def _fault(problem: ToleranceProblem, limit: Limit) -> Fault | None:
 def _least(problem: ToleranceProblem, name: str) -> tuple[float, Array]:
     """The least value of an output with interference and geometry held, and its full design."""
     held = {n: b for n, b in problem.settings.limits.items() if n not in problem.declaration.performance}
-    settings = replace(problem.given, objectives=(name,), limits=held)
-    alone = type(problem)(settings)
+    alone = type(problem)(replace(problem.given, objectives=(name,), limits=held))
     run = Run(alone, Budget(), seed=0)
     branch = Branch(run, alone.xl.copy(), scale_of(alone))
     none = np.full(1, np.inf)

@@ -74,7 +74,7 @@ def documents(problem: ToleranceProblem) -> pd.DataFrame:
 
 
 def side_searches(plan: RunPlan, printed: pd.DataFrame) -> tuple[SideSearch, ...]:
-    """The searches that the references need, each with a seed of its own."""
+    """The searches that the references need, each with its own seed."""
     problem, searches = plan.problem, []
     seeds = iter(np.random.SeedSequence(plan.seed).generate_state(1 + len(printed)).tolist())
     optimum = Documented.of(problem).least_cost()

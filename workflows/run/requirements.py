@@ -45,8 +45,7 @@ def requirements_of(problem: ToleranceProblem, front: pd.DataFrame) -> tuple[pd.
     form = Provable.of(problem).form()
     if front.empty or form is None or len(set(form.outputs)) < 2 or reason(problem, form):
         return None
-    knee = front["knee"].to_numpy(dtype=bool) if "knee" in front else np.zeros(len(front), bool)
-    at = int(np.argmax(knee))
+    at = int(np.argmax(front["knee"].to_numpy(dtype=bool) if "knee" in front else np.zeros(len(front), bool)))
     limits = _limits(problem, form, front.iloc[at])
     used = np.isfinite(limits)
     if not np.any(used):
@@ -55,8 +54,8 @@ def requirements_of(problem: ToleranceProblem, front: pd.DataFrame) -> tuple[pd.
     optimum = least_cost(form, limits[None, :])
     if not np.isfinite(optimum.cost[0]):
         return None
-    table = _table(problem, form, limits, optimum)
-    return table, _drivers(form, optimum)
+    combination = Combination(form, tuple(optimum.chosen[0].tolist()))
+    return _table(problem, limits, optimum, combination), _drivers(form, optimum, combination)
 
 
 def _limits(problem: ToleranceProblem, form: Form, point: pd.Series) -> Array:
@@ -66,18 +65,18 @@ def _limits(problem: ToleranceProblem, form: Form, point: pd.Series) -> Array:
     return np.minimum(wide, row_limits(problem, form))
 
 
-def _table(problem: ToleranceProblem, form: Form, limits: Array, optimum: Optimum) -> pd.DataFrame:
+def _table(problem: ToleranceProblem, limits: Array, optimum: Optimum, combination: Combination) -> pd.DataFrame:
     """A row for each requirement: its limit, value, multiplier, and the saving at 10 % more."""
-    combination = Combination(form, tuple(optimum.chosen[0].tolist()))
+    form = combination.form
     values, multiplier = combination.values(optimum.t)[0], optimum.multiplier[0]
     units = {o.name: o.unit for o in problem.outputs}
-    least, most = _savings(form, limits, optimum)
-    shares = _shares(form, optimum)
+    least, most = _savings(form, limits, optimum, combination)
+    fractions = _fractions(optimum, combination)
     rows = []
     for at, name in enumerate(form.outputs):
         unit = "" if np.isfinite(form.own_limits[at]) else units.get(name, "")
-        top = [int(j) for j in np.argsort(-shares[at])[:DRIVEN] if shares[at, j] > 0.0]
-        names = [f"{form.features[j].variable} {100.0 * shares[at, j]:.0f} %" for j in top]
+        top = [int(j) for j in np.argsort(-fractions[at])[:DRIVEN] if fractions[at, j] > 0.0]
+        names = [f"{form.features[j].variable} {100.0 * fractions[at, j]:.0f} %" for j in top]
         rows.append(
             {
                 "requirement": name,
@@ -94,41 +93,37 @@ def _table(problem: ToleranceProblem, form: Form, limits: Array, optimum: Optimu
     return pd.DataFrame(rows)
 
 
-def _savings(form: Form, limits: Array, optimum: Optimum) -> tuple[Array, Array]:
+def _savings(form: Form, limits: Array, optimum: Optimum, combination: Combination) -> tuple[Array, Array]:
     """What relaxing each limit alone saves at least and at most (r,): 0 where it does not bind.
 
-    At least the saving of the same ways, solved again; at most that of the bound by the best
-    multipliers, which holds for any choice of ways (`Ascent`).
+    At least the saving with the same processes, solved again; at most that of the bound by the best
+    multipliers, which holds for any choice of processes (`Ascent`).
     """
-    combination = Combination(form, tuple(optimum.chosen[0].tolist()))
     most_parts = largest_parts(form) if form.quantiles else None
     least, most = np.zeros(len(limits)), np.zeros(len(limits))
     for at in np.flatnonzero(optimum.multiplier[0] > 0.0):
         relaxed = limits.copy()
         relaxed[at] += LOOSER * abs(limits[at])
         same = Programme(combination).least_cost(relaxed[None, :])
-        s = combination.parts(same.t)
-        dual = Ascent(form, relaxed, spread_of(form, s, most_parts))
+        dual = Ascent(form, relaxed, spread_of(form, combination.parts(same.t), most_parts))
         bound = dual.value(dual.multipliers(same.multiplier[0]))[0]
         least[at] = max(float(optimum.bound[0] - same.cost[0]), 0.0)
         most[at] = max(float(optimum.cost[0]) - bound, least[at])
     return least, most
 
 
-def _shares(form: Form, optimum: Optimum) -> Array:
+def _fractions(optimum: Optimum, combination: Combination) -> Array:
     """Fraction (r, features) of each part in the value of a requirement: t dV/dt over their sum."""
-    combination = Combination(form, tuple(optimum.chosen[0].tolist()))
     along = np.abs(combination.gradients(optimum.t)[0] * optimum.t[0])
     whole = along.sum(axis=1, keepdims=True)
     return np.asarray(np.divide(along, whole, out=np.zeros_like(along), where=whole > 0.0))
 
 
-def _drivers(form: Form, optimum: Optimum) -> pd.DataFrame:
+def _drivers(form: Form, optimum: Optimum, combination: Combination) -> pd.DataFrame:
     """By part, the fraction [%] of each requirement in what limits its tolerance.
 
     At the least cost -dC/dt is the sum of multiplier times dV/dt over the requirements.
     """
-    combination = Combination(form, tuple(optimum.chosen[0].tolist()))
     push = optimum.multiplier[0][:, None] * combination.gradients(optimum.t)[0]
     whole = np.abs(push).sum(axis=0)
     percent = 100.0 * np.divide(push, whole, out=np.zeros_like(push), where=whole > 0.0)

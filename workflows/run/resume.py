@@ -16,13 +16,13 @@ from .plan import RunPlan
 CHECKPOINT = "checkpoint.npz"
 CONFIGURATION = "config.toml"
 BUDGET = frozenset(f"algorithm.{name}" for name in ("generations", "evaluations", "time_limit_s"))
-"""The keys that may differ between a run and what goes on with it."""
+"""The keys that may differ between a run and the command that resumes it."""
 AFTERWARDS = ("choice.", "rounding.")
-"""Tables that say what is done with the front, not how it is searched."""
+"""Tables of what is done with the front after the search."""
 
 
 def opened(plan: RunPlan, place: Ownership, resume: bool) -> Checkpoint:
-    """The checkpoint of a run: the one in its directory where it is to go on, else a new one.
+    """The checkpoint of a run: the stored one where the run is resumed, else a new one.
 
     Raises InputError where what is there is not the same run, or has no checkpoint.
     """
@@ -30,8 +30,8 @@ def opened(plan: RunPlan, place: Ownership, resume: bool) -> Checkpoint:
     if not resume or place.blank:
         return Checkpoint(path, plan.configuration)
     if not path.is_file():
-        text = f"{place.folder} holds no {CHECKPOINT} of a run; name another directory, or "
-        raise refuse("--resume", f"{text}--overwrite")
+        text = f"{place.folder} holds no {CHECKPOINT} of a run; name another directory, or --overwrite"
+        raise refuse("--resume", text)
     checkpoint = Checkpoint.read(path)
     raise_all(_faults(checkpoint, plan))
     checkpoint.identity = plan.configuration
@@ -62,7 +62,8 @@ def _faults(checkpoint: Checkpoint, plan: RunPlan) -> list[Fault]:
         for key in dict.fromkeys([*new, *old])
         if not key.startswith(AFTERWARDS) and key not in BUDGET and new.get(key) != old.get(key)
     ]
-    return faults + (_shrunk(checkpoint, plan.budget) if checkpoint.saved() else _smaller(old, new))
+    state = checkpoint.saved()
+    return faults + (_smaller(old, new) if state is None else _shrunk(state, plan.budget))
 
 
 def _smaller(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[Fault]:
@@ -74,11 +75,8 @@ def _smaller(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[Fault]:
     ]
 
 
-def _shrunk(checkpoint: Checkpoint, budget: Budget) -> list[Fault]:
+def _shrunk(state: Mapping[str, Any], budget: Budget) -> list[Fault]:
     """A budget that is less than what has been used."""
-    state = checkpoint.saved()
-    if state is None:
-        return []
     used = {"generations": len(state["run.history"]), "evaluations": int(state["run.counts"][0])}
     return [
         Fault(

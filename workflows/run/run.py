@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import platform
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
 from importlib.metadata import version
 from pathlib import Path
@@ -30,12 +30,12 @@ from .answers import answers
 from .assumptions import with_assumptions
 from .choices import with_choices
 from .designs import Designs
-from .front import inside, nearest_miss, reported_front, with_references
-from .kept import REDUCERS, keep
+from .front import inside, labelled, nearest_miss, reported_front, with_references
 from .plan import RunOutcome, RunPlan
 from .promised import with_capability, with_promise
 from .proofs import Exact, end_notes, exact_front, measures, proof_notes, solved_front, takes_long, with_bounds
 from .reach import searchable
+from .reducer_fronts import REDUCERS, store_reducer_fronts
 from .references import compare, documents, side_searches, table
 from .requirements import with_requirements
 from .resume import CHECKPOINT, CONFIGURATION, notes_of, opened, seconds_before
@@ -55,17 +55,16 @@ def run(
     resume: bool = False,
     overwrite: bool = True,
 ) -> RunOutcome:
-    """Run `plan` and write its files to `out`; with `resume` go on with the run that `out` holds.
+    """Run `plan` and write its files to `out`; with `resume` continue the run that `out` holds.
 
-    The result does not depend on `workers`: side searches have seeds of their own and run in other
+    The result does not depend on `workers`: side searches have their own seeds and run in other
     processes where there are some. An interrupt ends the search; its results so far are written.
     Raises InputError where nothing is free to be searched, where limits are missing or out of
     reach, where another process works in `out`, or where it holds something that is not to be
     replaced (`overwrite`); RunError where the disk is full.
     """
     if not plan.problem.free:
-        text = "every variable is fixed: there is nothing to optimise; use `tolevo evaluate`"
-        raise refuse("problem", text)
+        raise refuse("problem", "every variable is fixed: there is nothing to optimise; use `tolevo evaluate`")
     searchable(plan.problem)
     with owned(out, "run", resume, overwrite) as place, pinned():
         return _run(plan, place, workers, progress, resume)
@@ -75,14 +74,14 @@ def _run(
     plan: RunPlan, place: Ownership, workers: Execution | int, progress: Callable[[Progress], None] | None, resume: bool
 ) -> RunOutcome:
     checkpoint, out = opened(plan, place, resume), place.folder
-    start, resume_notes = (time.monotonic() - seconds_before(checkpoint), notes_of(checkpoint, resume))
+    start, resume_notes = time.monotonic() - seconds_before(checkpoint), notes_of(checkpoint, resume)
     printed = documents(plan.problem) if plan.references else pd.DataFrame()
     searches = side_searches(plan, printed) if plan.references else ()
     searches += effects.side_search(plan) + overlay.side_search(plan)
     place.begin(keep=(CONFIGURATION, CHECKPOINT, REDUCERS) if resume else (CONFIGURATION,))
     write_text(out / CONFIGURATION, plan.configuration)
     checkpoint.write()
-    keep(plan.problem, out)
+    store_reducer_fronts(plan.problem, out)
     search_result, fronts = _searched(plan, checkpoint, Sides(searches, workers, checkpoint), progress)
     searched = reported_front(plan.problem, search_result)
     exact = exact_front(plan.problem, solved_front(plan, search_result))
@@ -94,8 +93,7 @@ def _run(
     overlays = {s.label: o for s, o in fronts.items() if s.overlay and o is not None}
     relaxed = {side.label: side_front for side, side_front in fronts.items() if side.relaxed}
     if len(references):
-        within = inside(references, plan.problem)
-        references, _ = with_bounds(references, plan.problem, within, stopped)
+        references, _ = with_bounds(references, plan.problem, inside(references, plan.problem), stopped)
         references = compare(references, searched, relaxed, plan.problem)
     incomplete = search_result.interrupted or any(side_front is None for side_front in fronts.values())
     status = "interrupted" if incomplete else "done" if len(front) else "no_feasible_point"
@@ -110,15 +108,15 @@ def _run(
     remarks = (*Page.of(plan.problem).remarks(front), *sentences(alternative_costs))
     notes = (*warned, *remarks, *resume_notes, *_notes(references, dropped, joined))
     decisions = decide(plan.problem, front, plan.choice)
-    notes = (*notes, *decisions.notes)
-    proven = (*proof_notes(front, front_proof), *end_notes(plan.problem, front), *notes)
+    proven = (*proof_notes(front, front_proof), *end_notes(plan.problem, front), *notes, *decisions.notes)
     summary = _summary(plan, search_result, front, status, proven, time.monotonic() - start)
     summary |= measures(search_result, front, front_proof, exact)
     summary |= drawn(plan.problem, front) | ({"alternatives": alternative_costs} if alternative_costs else {})
     result = _result(plan, search_result, front, references, summary, proven, exact)
-    result = replace(with_choices(result, decisions, plan, exact), overlays=overlays, relaxed=_concatenated(relaxed))
-    answered = answers(result, plan.problem, front_proof)
-    result = replace(result, summary={**result.summary, "answers": answered})
+    looser = labelled(relaxed)
+    looser = None if looser is None or looser.empty else looser
+    result = replace(with_choices(result, decisions, plan, exact), overlays=overlays, relaxed=looser)
+    result = replace(result, summary={**result.summary, "answers": answers(result, plan.problem, front_proof)})
     result = _with_more(result, plan.problem, search_result, incomplete, progress)
     if before is not None:
         result = replace(result, before=before, moved=effects.moved(plan.problem, before, front))
@@ -127,8 +125,7 @@ def _run(
     write(result, out)
     if not incomplete:
         place.complete(status)
-    lines = _lines(result, status, out, proof_notes(front, front_proof))
-    return RunOutcome(status, out, lines, result)
+    return RunOutcome(status, out, _lines(result, status, out, proof_notes(front, front_proof)), result)
 
 
 def _with_more(
@@ -150,7 +147,6 @@ def _with_more(
 def _searched(
     plan: RunPlan, checkpoint: Checkpoint, searches: Sides, progress: Callable[[Progress], None] | None
 ) -> tuple[SearchResult, Fronts]:
-    """The result of the search, and the fronts of the side searches."""
     with searches as sides, Designs(plan.problem, sides.where, sides.free) as designs:
 
         def report(state: Progress) -> None:
@@ -202,7 +198,7 @@ def _costs(problem: ToleranceProblem) -> dict[str, object]:
 
 
 def _model(problem: ToleranceProblem) -> dict[str, object]:
-    """The one of several models that the numbers come from; empty where there is only one."""
+    """The model that the numbers come from; empty where there is only one."""
     if not problem.declaration.model_statement:
         return {}
     return {"model": problem.declaration.model_name, "model_statement": problem.declaration.model_statement}
@@ -235,13 +231,6 @@ def _result(
     )
 
 
-def _concatenated(relaxed: Mapping[str, pd.DataFrame | None]) -> pd.DataFrame | None:
-    """The fronts with relaxed limits, one below the other, each under its label."""
-    frames = [front.assign(label=label) for label, front in relaxed.items() if front is not None]
-    joined = pd.concat(frames, ignore_index=True) if frames else pd.DataFrame()
-    return joined[["label", *(n for n in joined if n != "label")]] if len(joined) else None
-
-
 def described(problem: ToleranceProblem) -> str:
     """The title of a problem: the first line of its description."""
     if not type(problem).__module__.startswith("tolevo."):
@@ -265,17 +254,11 @@ def _notes(references: pd.DataFrame, dropped: int, joined: int) -> list[str]:
     ]
     if joined:
         notes.append(
-            f"{joined} of the references were added to the front, because the search had found "
-            f"nothing as good; {dropped} points that they dominate were removed. The gains in the "
-            "table of "
-            "references are those of the search's own front"
+            f"{joined} of the references were added to the front, because the search had found nothing as good; "
+            f"{dropped} points that they dominate were removed. The gains in the table of references are those of the "
+            "search's own front"
         )
     return notes
-
-
-def _of_cost(axis: Axis) -> str:
-    """The unit of a cost."""
-    return f" {axis.unit}" if axis.name == "cost" and axis.unit else ""
 
 
 def _lines(result: RunResult, status: str, out: Path, proof_lines: Sequence[str]) -> tuple[str, ...]:
@@ -287,9 +270,12 @@ def _lines(result: RunResult, status: str, out: Path, proof_lines: Sequence[str]
     lines += [*mechanism_lines(result.summary), *model_lines(result.summary)]
     lines += result.answers.values()
     for row in result.references.to_dict("records"):
-        kept = "meets all limits" if row["feasible"] else f"breaks {row['violated_limits']}"
-        values = ", ".join(f"{axis.name} {row[axis.name]:.4g}" + _of_cost(axis) for axis in result.objectives)
-        lines.append(f"reference {row['label']}: {values}; {kept}")
+        compliance = "meets all limits" if row["feasible"] else f"breaks {row['violated_limits']}"
+        values = ", ".join(
+            f"{axis.name} {row[axis.name]:.4g} {axis.unit if axis.name == 'cost' else ''}".rstrip()
+            for axis in result.objectives
+        )
+        lines.append(f"reference {row['label']}: {values}; {compliance}")
     answered = proof_lines if "proof" in result.answers else ()
     lines += [f"note: {note}" for note in result.notes if note not in answered]
     if status == "no_feasible_point":

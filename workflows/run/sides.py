@@ -32,8 +32,8 @@ def front_of(task: SideTask) -> pd.DataFrame | None:
 class Sides(Closing):
     """Runs side searches during the main one; each finished front is kept in the checkpoint.
 
-    One of the `workers` is the process of the main search, which then makes the fronts that no
-    other has begun. Searches that still run when the context is left are ended at once.
+    One of the `workers` is the process of the main search, which then computes the fronts
+    that no other has begun. Searches that still run when the context is left are ended at once.
     """
 
     def __init__(self, searches: tuple[SideSearch, ...], workers: Execution | int, checkpoint: Checkpoint) -> None:
@@ -44,44 +44,44 @@ class Sides(Closing):
         self._open = deque(
             SideTask(f"{name}-{at}", side) for at, side in enumerate(searches) if side.key not in checkpoint.tables
         )
-        self._beside: Background[SideTask, pd.DataFrame | None] | None = None
+        self._background: Background[SideTask, pd.DataFrame | None] | None = None
         self.where = workers if isinstance(workers, Execution) else Execution(workers)
         self._others = min((self.where.workers or 1) - 1, len(self._open))
         if self._open and (self.where.dask or self._others):
             # a single process is in addition to this one
             executor = executor_of(self.where) if self.where.dask else Processes(self._others)
-            self._beside = Background(executor, front_of, partial(next_of, self._open))
+            self._background = Background(executor, front_of, partial(next_of, self._open))
 
     def free(self) -> int:
         """Processes in addition to this one that have no side search to work on."""
-        busy = self._beside is not None and not self._beside.over
+        busy = self._background is not None and not self._background.over
         return (self.where.workers or 1) - 1 - (self._others if busy else 0)
 
     def close(self) -> None:
         """End what still runs at once."""
-        if self._beside is not None:
-            self._beside.close()
+        if self._background is not None:
+            self._background.close()
 
     def collect(self) -> None:
-        """Keep the fronts finished since; the front of a lost process is made again."""
-        for task, front in self._beside.taken() if self._beside else ():
+        """Keep the fronts that have ended since; that of a lost process is computed again."""
+        for task, front in self._background.taken() if self._background else ():
             if isinstance(front, Lost):
                 self._open.append(task)
             else:
                 self._keep(task.side, front)
 
     def finish(self) -> None:
-        """Make or wait for all fronts; an interrupt leaves out what has not been made."""
+        """Compute or wait for all fronts; an interrupt leaves out what has not been computed."""
         try:
-            self._make()
-            if self._beside is not None:
-                self._beside.wait()
+            self._compute()
+            if self._background is not None:
+                self._background.wait()
                 self.collect()
-                self._make()  # what was lost
+                self._compute()  # what was lost
         except KeyboardInterrupt:
             self.collect()
 
-    def _make(self) -> None:
+    def _compute(self) -> None:
         while self._open:
             try:
                 side = self._open.pop().side
@@ -91,7 +91,7 @@ class Sides(Closing):
             self.collect()
 
     def fronts(self) -> Fronts:
-        """The front of each side search, None where it has not been made."""
+        """The front of each side search, None where it has not been computed."""
         return {side: self.checkpoint.tables.get(side.key) for side in self.searches}
 
     def _keep(self, side: SideSearch, front: pd.DataFrame | None) -> None:

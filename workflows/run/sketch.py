@@ -9,6 +9,7 @@ import pandas as pd
 
 from ...problems.interfaces import Page
 from ...problems.tolerance_problem import ToleranceProblem
+from .front import middle_point
 
 
 def drawn(problem: ToleranceProblem, front: pd.DataFrame) -> dict[str, Any]:
@@ -18,11 +19,9 @@ def drawn(problem: ToleranceProblem, front: pd.DataFrame) -> dict[str, Any]:
     sketch = Page.of(problem).sketch()
     if front.empty or not sketch:
         return {}
-    order = front["cost"].astype(float).argsort(kind="stable")
-    row = front.iloc[int(order.iloc[len(front) // 2])]
+    row = middle_point(front)
     parts = []
     for part in sketch["parts"]:
-        shares = [float(row[name]) for name in part["shares"]]
-        parts.append({**part, "shares": None, "share": round(float(np.sum(shares)), 2)})
-    parts = [{key: value for key, value in part.items() if value is not None} for part in parts]
+        stated = {key: value for key, value in part.items() if key != "shares" and value is not None}
+        parts.append(stated | {"share": round(float(np.sum([float(row[name]) for name in part["shares"]])), 2)})
     return {"machine": {"parts": parts, "poses": sketch["poses"], "cost": float(row["cost"])}}

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import hashlib
 from pathlib import Path
-from typing import Any
-
-import pandas as pd
 
 from ...csv_text import csv_text
 from ...files import write_bytes, write_text
 from ...records import RunResult
-from ..as_json import as_json
+from ..as_json import as_json, records
+from .choices import TABLES
+from .front import labelled
 
 
 def write(result: RunResult, folder: Path) -> None:
@@ -28,7 +27,7 @@ def write(result: RunResult, folder: Path) -> None:
     for name, text in texts.items():
         write_text(folder / name, text)
     write_bytes(folder / "front.parquet", result.front.to_parquet(index=False))
-    write_text(folder / "front.json", as_json(_records(result.front)))
+    write_text(folder / "front.json", as_json(records(result.front)))
     if sheet is not None:
         write_bytes(folder / "allocation.xlsx", sheet)
     for name, content in pictures(result).items():
@@ -47,43 +46,9 @@ def digest(text: str) -> str:
 
 def _texts(result: RunResult) -> dict[str, str]:
     """The files from which the page can be rebuilt, by name."""
-    tables = {
-        "front.csv": result.front,
-        "references.csv": result.references,
-        "convergence.csv": result.convergence,
-        "front_without_effects.csv": result.before,
-        "allocation_moved.csv": result.moved,
-        "choices.csv": result.choices,
-        "choice_sensitivity.csv": result.choice_sensitivity,
-        "allocation.csv": result.allocation,
-        "contributions.csv": result.contributions,
-        "exact_front.csv": result.exact_front,
-        "overlays.csv": _overlays(result),
-        "unit_turn.csv": result.unit_turn,
-        "population.csv": result.population,
-        "assumptions_cost.csv": result.assumptions_cost,
-        "requirements.csv": result.requirements,
-        "drivers.csv": result.drivers,
-        "prices.csv": result.prices,
-        "relaxed.csv": result.relaxed,
-        "promise.csv": result.promise,
-        "next_parts.csv": result.next_parts,
-        "capability.csv": result.capability,
-    }
+    tables = {name: getattr(result, field) for field, name in TABLES.items()}
+    tables[TABLES["overlays"]] = labelled(result.overlays)
     texts = {n: csv_text(frame) for n, frame in tables.items() if frame is not None}
     if result.tolerances:
         texts["tolerances.json"] = as_json(list(result.tolerances))
     return {"config.toml": result.configuration} | texts
-
-
-def _overlays(result: RunResult) -> pd.DataFrame | None:
-    """The fronts of other algorithms, one below the other, each under its label."""
-    frames = [frame.assign(label=label) for label, frame in result.overlays.items()]
-    if not frames:
-        return None
-    joined = pd.concat(frames, ignore_index=True)
-    return joined[["label", *(name for name in joined if name != "label")]]
-
-
-def _records(frame: pd.DataFrame) -> list[dict[str, Any]]:
-    return [{str(k): v for k, v in row.items()} for row in frame.to_dict("records")]

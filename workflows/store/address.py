@@ -31,7 +31,7 @@ def read_address(text: str) -> Address:
         secret = parts.password is not None or any(key in SECRETS for key, _ in query)
         _ = parts.port
     except ValueError:
-        raise ValueError(f"is no address of a database: write {FORM}") from None
+        raise ValueError(f"is not the address of a database: write {FORM}") from None
     if parts.scheme not in SCHEMES:
         raise ValueError(f"must begin with postgresql://: write {FORM}")
     if secret:
@@ -47,5 +47,4 @@ def read_address(text: str) -> Address:
     base = urlunsplit(parts._replace(query=urlencode(others)))
     if not parts.netloc:  # a socket: urlunsplit would leave out the slashes
         base = f"{parts.scheme}://{base.removeprefix(f'{parts.scheme}:').removeprefix('//')}"
-    shown = f"{base}{'&' if others else '?'}schema={schema}"
-    return Address(base, schema, shown)
+    return Address(base, schema, f"{base}{'&' if others else '?'}schema={schema}")

@@ -31,8 +31,8 @@ class Backend(ABC):
     engine: Engine
     clock: ClassVar[ColumnElement[float]]
     """Seconds since 1970 by the clock of the database."""
-    anew: ClassVar[str]
-    """How to begin anew there."""
+    restart: ClassVar[str]
+    """How to start again there."""
     alternative: ClassVar[str]
     """What to name instead of a database that is in use for something else."""
 
@@ -50,11 +50,15 @@ class Backend(ABC):
 
     @abstractmethod
     def lock(self, connection: Connection) -> None:
-        """Let no other process make or change tables before this transaction has ended."""
+        """Prevent other processes from changing tables before this transaction has ended."""
 
     @abstractmethod
     def hindrance(self, error: BaseException) -> tuple[str, str] | None:
-        """Why a sound database cannot be opened or written, and what helps; None for damage."""
+        """Why a sound database cannot be opened or written, and the remedy; None for damage."""
+
+    def explained(self, error: BaseException) -> tuple[str, str]:
+        """Why the database cannot be used, and the remedy."""
+        return self.hindrance(error) or (reason(error), "mend that")
 
     def transient(self, error: DBAPIError) -> bool:
         """Whether the same transaction may succeed in a moment."""
@@ -64,7 +68,7 @@ class Backend(ABC):
         """Raises DatabaseError where the tables or their pages are damaged."""
 
     def close(self) -> None:
-        """Let go of all connections."""
+        """Close all connections."""
         self.engine.dispose()
 
 

@@ -12,8 +12,8 @@ if TYPE_CHECKING:
 
 
 def store_faults(address: str, place: str, look: bool = True) -> list[Fault]:
-    """An address that is none or has a password, a driver that is missing and, where the store is
-    looked at, a server that does not answer, or tables that are not ours or of a newer version.
+    """An address that is not valid or has a password, a driver that is missing and, where the store is
+    looked at, a server that does not answer, or tables of another program or a newer version.
     """
     try:
         known = read_address(address)
@@ -22,7 +22,7 @@ def store_faults(address: str, place: str, look: bool = True) -> list[Fault]:
     if not look:
         return []
     try:
-        from .backend import DAMAGE, Foreign, Newer, reason
+        from .backend import DAMAGE, Foreign, Newer
         from .postgresql import PostgreSQL
         from .store import Store
     except ImportError as error:
@@ -33,15 +33,15 @@ def store_faults(address: str, place: str, look: bool = True) -> list[Fault]:
     except (Newer, Foreign) as error:
         return [Fault(place, f"{backend.display_name} {not_ours(error, backend)}")]
     except DAMAGE as error:
-        why, remedy = backend.hindrance(error) or (reason(error), "mend that")
+        why, remedy = backend.explained(error)
         return [Fault(place, f"{backend.display_name}: {why}; {remedy}")]
     return []
 
 
 def not_ours(error: Newer | Foreign, backend: Backend) -> str:
-    """Why tables cannot be used, and what helps."""
+    """Why tables cannot be used, and the remedy."""
     if not error.args:
-        return f"is no database of a study; {backend.alternative}"
+        return f"is not the database of a study; {backend.alternative}"
     from .tables import FORMAT
 
     return (

@@ -20,7 +20,7 @@ PATIENCE = 8
 LOCKED_MS = 5000
 """Milliseconds that a statement waits for a lock; the transaction is then done again."""
 IDLE_MS = 60_000
-"""Milliseconds after which the server ends a transaction whose machine says nothing more."""
+"""Milliseconds after which the server ends a transaction whose machine is silent."""
 OPTIONS = f"-c lock_timeout={LOCKED_MS} -c idle_in_transaction_session_timeout={IDLE_MS}"
 AGAIN = ("40001", "40P01", "55P03", "57P01", "57P02", "57P03")
 """SQLSTATE of transactions that may be done again: conflicts, locks, a server that restarts."""
@@ -29,10 +29,10 @@ VERSION = "format"
 
 
 class PostgreSQL(Backend):
-    """The schema of an address; it is made where it is missing."""
+    """The schema of an address; it is created where it is missing."""
 
     clock = literal_column("CAST(EXTRACT(EPOCH FROM clock_timestamp()) AS double precision)", Double())
-    anew = alternative = "name another schema of that database (?schema=NAME)"
+    restart = alternative = "name another schema of that database (?schema=NAME)"
 
     def __init__(self, address: Address) -> None:
         self.display_name = address.shown
@@ -77,8 +77,8 @@ class PostgreSQL(Backend):
         connection.execute(text(f'CREATE SCHEMA IF NOT EXISTS "{self._address.schema}"'))
 
     def check(self, connection: Connection, version: int) -> None:
-        there = set(inspect(connection).get_table_names(self._address.schema))
-        if missing := set(METADATA.tables) - there:
+        existing = set(inspect(connection).get_table_names(self._address.schema))
+        if missing := set(METADATA.tables) - existing:
             error = psycopg.DatabaseError(f"tables are missing: {', '.join(sorted(missing))}")
             raise DBAPIError(None, None, error)
 

@@ -20,7 +20,7 @@ from .migrations import NAMES
 from .tables import FORMAT
 
 APPLICATION = 0x746C7374
-"""SQLite's mark of whose file it is."""
+"""SQLite's mark of the program that owns a file."""
 BUSY_S = 60.0
 """Seconds to wait for another process's transaction."""
 HINDRANCES = {
@@ -37,10 +37,10 @@ HINDRANCES = {
 
 
 class SqliteFile(Backend):
-    """The file at `path`, with a write-ahead log; made where it is to be written and is missing."""
+    """The file at `path`, with a write-ahead log; created where it is missing and is written."""
 
     clock = literal_column("((julianday('now') - 2440587.5) * 86400.0)", Double())
-    anew = "start again with --overwrite"
+    restart = "start again with --overwrite"
     alternative = "name another directory"
 
     def __init__(self, path: Path, reading: bool = False) -> None:

@@ -11,7 +11,7 @@ from ..study.records import RESPONSES
 FORMAT = 3
 """Version of the tables; a newer one is refused, an older one is brought up to it."""
 STUDY, TABLE = "configuration", "about"
-"""Keys of `meta` that say what a store belongs to: a study, or a computed table."""
+"""Keys of `meta` for what a store belongs to: a study, or a computed table."""
 METADATA = MetaData()
 WHOLE = BigInteger().with_variant(Integer(), "sqlite")
 NUMBER: TypeEngine[float] = REAL().with_variant(DOUBLE_PRECISION(), "postgresql")
@@ -40,7 +40,7 @@ CLAIMS = Table(
     Column("owner", Text, nullable=False),
     Column("expires", NUMBER, nullable=False),
 )
-"""What somebody is at work on: a run or a block by its number, a reference by a negative one.
+"""What processes are at work on: a run or a block by its number, a reference by a negative number.
 
 `expires` [s] is a time of the database's own clock, since 1970.
 """

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from ..execution import Executor, executor_of
 from .plan import StudyOutcome, StudyPlan, StudyProgress
 from .study import study
 
-__all__ = ["Executor", "StudyOutcome", "StudyPlan", "StudyProgress", "executor_of", "study"]
+__all__ = ["StudyOutcome", "StudyPlan", "StudyProgress", "study"]

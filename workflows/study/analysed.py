@@ -1,4 +1,4 @@
-"""The statistics of a finished study, made once."""
+"""The statistics of a finished study, computed once."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from .records import StudyData, StudySettings
 
 STREAM = (0, 1)
 """Spawn key of the generator of the resampling."""
-SAID = "study.json"
-FILES = (SAID, LEADERS, "sensitivity.csv", "tests.csv", "medians.csv", "report.html", page_data.NAME)
+RECORD = "study.json"
+FILES = (RECORD, LEADERS, "sensitivity.csv", "tests.csv", "medians.csv", "report.html", page_data.NAME)
 
 
 def analysed(settings: StudySettings, data: StudyData, out: Path) -> tuple[str, ...]:
@@ -33,14 +33,12 @@ def analysed(settings: StudySettings, data: StudyData, out: Path) -> tuple[str, 
     from .statistics.runs import runs_of
     from .write import lines, study_record, write
 
-    seed = np.random.SeedSequence(settings.seed, spawn_key=STREAM)
-    result = analyse(settings, data, np.random.default_rng(seed))
+    result = analyse(settings, data, np.random.default_rng(np.random.SeedSequence(settings.seed, spawn_key=STREAM)))
     write(result, out)
     costs = [runs_of(data.table, name, len(data.design)).costs() for name in settings.responses]
-    keys = [factor.key for factor in settings.factors]
-    write_text(out / LEADERS, csv_text(leaders(data.design[keys], costs)))
+    write_text(out / LEADERS, csv_text(leaders(data.design[[factor.key for factor in settings.factors]], costs)))
     terminal_lines = lines(result)
-    write_text(out / SAID, study_record(result, {"digest": digest, "lines": list(terminal_lines)}))
+    write_text(out / RECORD, study_record(result, {"digest": digest, "lines": list(terminal_lines)}))
     return terminal_lines
 
 
@@ -52,11 +50,11 @@ def _digest(settings: StudySettings, data: StudyData) -> str:
 
 
 def known_lines(settings: StudySettings, data: StudyData, out: Path) -> tuple[str, ...] | None:
-    """The lines of statistics of the same runs that are there already, None where they are not."""
+    """The lines of the statistics of the same runs that `out` holds already, else None."""
     if not all((out / name).is_file() for name in FILES):
         return None
     try:
-        record = json.loads((out / SAID).read_text(encoding="utf-8"))
+        record = json.loads((out / RECORD).read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return None
     if not isinstance(record, dict) or record.get("digest") != _digest(settings, data):

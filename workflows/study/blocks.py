@@ -18,7 +18,7 @@ SIZE = 2**20
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """One block: a sample of its own, from a seed of its own, for all designs of `total`."""
+    """A block: an independent sample, from a seed by its number, for all designs of `total`."""
 
     key: str
     number: int
@@ -43,11 +43,9 @@ def monte_carlo(
     if count < 2:
         raise ValueError(f"samples must be more than one block of {size}, got {samples}")
     name = hashlib.sha256(pickle.dumps((total, coverage, limit, samples, seed, size))).hexdigest()
-    blocks = iter(
-        [
-            Block(f"{name[:24]}-{at}", at, part, size, total, coverage, limit)
-            for at, part in enumerate(np.random.SeedSequence(seed).spawn(count))
-        ]
+    blocks = (
+        Block(f"{name[:24]}-{at}", at, part, size, total, coverage, limit)
+        for at, part in enumerate(np.random.SeedSequence(seed).spawn(count))
     )
     by_number: dict[int, Propagated] = {}
     with executor:

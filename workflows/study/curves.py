@@ -63,12 +63,6 @@ def curves_of(runs: Sequence[RunRecord]) -> pd.DataFrame:
     """The frame of the curves of runs."""
     lengths = [len(run.curve) for run in runs]
     values = np.concatenate([np.empty((0, len(CURVE))), *(run.curve for run in runs)])
-    frame = pd.DataFrame(
-        {
-            "point": np.repeat([run.point for run in runs], lengths),
-            "replicate": np.repeat([run.replicate for run in runs], lengths),
-        }
-    )
-    for place, name in enumerate(CURVE):
-        frame[name] = values[:, place]
+    identity = {name: np.repeat([getattr(run, name) for run in runs], lengths) for name in ("point", "replicate")}
+    frame = pd.DataFrame(identity | dict(zip(CURVE, values.T, strict=True)))
     return frame.astype(dict.fromkeys(WHOLE, np.int64))

@@ -66,6 +66,6 @@ def leaders(design: pd.DataFrame, costs: Sequence[Array]) -> pd.DataFrame:
     """The settings (rows of `design`) that are behind in none or not every response, by their ranks
     in the first; a run that was not made counts as the worst.
     """
-    kept = ~trailing_settings(costs, np.ones(len(design), dtype=bool), 1)
+    leading = ~trailing_settings(costs, np.ones(len(design), dtype=bool), 1)
     order = np.argsort(rankdata(costs[0], axis=0).mean(axis=1), kind="stable")
-    return design.iloc[[row for row in order if kept[row]]].drop_duplicates()
+    return design.iloc[[row for row in order if leading[row]]].drop_duplicates()

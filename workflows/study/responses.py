@@ -26,14 +26,6 @@ class Ended:
     measure: Yardstick
 
 
-def _hypervolume(run: Ended) -> float:
-    return run.measure.box.hypervolume(run.course.front)
-
-
-def _hypervolume_ratio(run: Ended) -> float:
-    return _hypervolume(run) / run.measure.value
-
-
 def _gap(value: float, bound: float) -> float:
     """Distance of a cost from its bound [%], NaN where there is none."""
     return 100.0 * max(value - bound, 0.0) / abs(bound) if value == value and bound else nan
@@ -51,26 +43,14 @@ def _gap_percent(run: Ended) -> float:
     return float(np.nanmedian(gap)) if not np.isnan(gap).all() else nan
 
 
-def _evaluations_to_99(run: Ended) -> float:
-    return run.course.reached_at[0]
-
-
-def _cpu_s_to_99(run: Ended) -> float:
-    return run.course.reached_at[1]
-
-
-def _feasible_fraction(run: Ended) -> float:
-    return run.course.feasible / run.course.evaluations if run.course.evaluations else nan
-
-
 FORMULAS: MappingProxyType[str, Callable[[Ended], float]] = MappingProxyType(
     {
-        "hypervolume_ratio": _hypervolume_ratio,
-        "hypervolume": _hypervolume,
+        "hypervolume_ratio": lambda run: run.measure.box.hypervolume(run.course.front) / run.measure.value,
+        "hypervolume": lambda run: run.measure.box.hypervolume(run.course.front),
         "gap_percent": _gap_percent,
-        "evaluations_to_99": _evaluations_to_99,
-        "cpu_s_to_99": _cpu_s_to_99,
-        "feasible_fraction": _feasible_fraction,
+        "evaluations_to_99": lambda run: run.course.reached_at[0],
+        "cpu_s_to_99": lambda run: run.course.reached_at[1],
+        "feasible_fraction": lambda run: run.course.feasible / (run.course.evaluations or nan),
     }
 )
 
@@ -115,7 +95,7 @@ def unknown(name: str, measure: Yardstick) -> str:
 
 
 def _no_exact_front(problem: ToleranceProblem) -> str:
-    """Why the exact front is not known, as far as that shows without solving for it."""
+    """Why the exact front is not known, as far as this is known without solving for it."""
     if problem.n_obj > 2:
         return "that of three or more objectives is not known"
     form = closed_form(problem)

@@ -33,7 +33,7 @@ TABLE = "study.csv"
 STATE = KINDS["study"].state
 """The database, whose rows carry checksums of their own."""
 KEPT = (CONFIGURATION, *STATE)
-"""What a study that goes on keeps of the one before."""
+"""The files of the earlier command that a study needs to continue."""
 
 
 def study(
@@ -48,7 +48,7 @@ def study(
     """Do every run of `plan` that the database in `out` does not have, then write the files.
 
     With an address of a `store` that is shared, the runs are there, and other machines may be at
-    work on them, each with a directory of its own.
+    work on them, each with its own directory.
 
     `study.csv` does not depend on the executor, on breaks, or on how many processes share the
     study: with `resume` others may be at work on it, and the last one through writes the files. An
@@ -76,13 +76,15 @@ def _study(
     except Unopened as error:
         raise place.unwritten(*error.args) from error
     with database:
-        finished = place.standing.complete and not notes and _has_all(database, plan)
+        finished = place.standing.complete and not notes and not database.missing(plan.total)
+        finished = finished and len(database.yardsticks()) == len(plan.problems)
         if not finished:
             if not place.begun:
                 _begin(plan, place)
             place.share()
         try:
-            measures = _done(Work(plan, database, executor, progress))
+            with executor:
+                measures = Work(plan, database, executor, progress).finish()
             data = gathered(plan, database, measures, notes)
         except KeyboardInterrupt:
             return StudyOutcome("interrupted", place.folder, (_saved(database, plan, site),))
@@ -96,23 +98,13 @@ def _study(
 
 
 def _begin(plan: StudyPlan, place: Ownership) -> None:
-    """Retire the files of an older ending; the database stays."""
+    """Retire the files of an earlier end; the database stays."""
     place.begin(keep=KEPT)
     write_text(place.folder / CONFIGURATION, plan.settings.configuration)
 
 
-def _has_all(database: Database, plan: StudyPlan) -> bool:
-    """Whether all runs have ended and all references are known."""
-    return not database.missing(plan.total) and len(database.yardsticks()) == len(plan.problems)
-
-
-def _done(work: Work) -> Mapping[int, Yardstick]:
-    with work.executor:
-        return work.finish()
-
-
 def _saved(database: Database, plan: StudyPlan, site: Site) -> str:
-    return f"{_count(database, plan, site)}; {GO_ON} to go on"
+    return f"{_count(database, plan, site)}; {GO_ON} to continue"
 
 
 def _count(database: Database, plan: StudyPlan, site: Site) -> str:
@@ -149,7 +141,7 @@ def gathered(
 
 
 def _written(plan: StudyPlan, data: StudyData, place: Ownership, finished: bool) -> StudyOutcome:
-    """Write the files of a study all of whose runs have ended, where nobody has done so before."""
+    """Write the files of a study whose runs have all ended, where no other process has done so."""
     out, table = place.folder, csv_text(data.table)
     failed = data.table[data.table["status"] == "failed"]
     lines = [f"done: {len(data.table)} runs of {len(plan.points)} settings, {len(failed)} failed"]
@@ -182,12 +174,11 @@ def _written(plan: StudyPlan, data: StudyData, place: Ownership, finished: bool)
 
 
 def _check_same(plan: StudyPlan, out: Path) -> None:
-    """Raises RunError where what stands there finished is another study."""
+    """Raises RunError where the finished study in `out` is another one."""
     from .storage.opening import differences
 
     try:
-        there = (out / CONFIGURATION).read_text(encoding="utf-8")
-        faults = differences(there, plan.settings.configuration)
+        faults = differences((out / CONFIGURATION).read_text(encoding="utf-8"), plan.settings.configuration)
     except (OSError, ValueError):
         faults = [Fault("", "")]
     if faults:

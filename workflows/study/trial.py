@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import nan
-from types import TracebackType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,7 +48,7 @@ class Chunk:
 
 @dataclass(frozen=True, slots=True)
 class Surveying:
-    """The task of finding the yardstick of a pickled problem."""
+    """The task of computing the yardstick of a pickled problem."""
 
     key: str
     version: str
@@ -72,86 +71,42 @@ class RunRecord:
     curve: NDArray[np.float64]
 
 
-class Guarded:
-    """A context in which any error is caught and kept in `reason`; an interrupt is not."""
-
-    def __init__(self) -> None:
-        self.reason = ""
-
-    def __enter__(self) -> Guarded:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> bool:
-        if not isinstance(error, Exception):
-            return False
-        lines = str(error).strip().splitlines()
-        self.reason = f"{type(error).__name__}: {lines[0]}" if lines else type(error).__name__
-        return True
-
-
 def done(task: Chunk | Surveying) -> tuple[RunRecord, ...] | Yardstick:
-    """The result of a task of a study."""
-    return perform(task) if isinstance(task, Chunk) else survey(task)
-
-
-def perform(chunk: Chunk) -> tuple[RunRecord, ...]:
-    """Run the jobs of a chunk, one after the other, on one thread."""
-    check_version(chunk.version)
-    with pinned():
-        problem: ToleranceProblem = built(chunk.problem)
-        return tuple(run_one(job, problem, chunk) for job in chunk.jobs)
-
-
-def survey(task: Surveying) -> Yardstick:
-    """The yardstick of a problem."""
+    """The yardstick of a problem, or the runs of a chunk one after the other, on one thread."""
     check_version(task.version)
     with pinned():
-        return yardstick(built(task.problem))
+        problem: ToleranceProblem = built(task.problem)
+        if isinstance(task, Surveying):
+            return yardstick(problem)
+        return tuple(_completed(job, problem, task) for job in task.jobs)
 
 
-def run_one(job: Job, problem: ToleranceProblem, chunk: Chunk) -> RunRecord:
-    """One run; whatever goes wrong in it is its reason to have failed."""
-    start = time.thread_time()
+def _completed(job: Job, problem: ToleranceProblem, chunk: Chunk) -> RunRecord:
+    """A run to its end; any error in it is the reason why it failed, but an interrupt is not."""
+    start, reason = time.thread_time(), ""
     course = Course(chunk.measure.box, chunk.measure.level)
     curve, responses = np.empty((0, len(CURVE))), dict.fromkeys(chunk.responses, nan)
-    with Guarded() as guard:
+    try:
         watch(problem, job.algorithm, job.budget, job.seed, course, job.engine, chunk.limit_s)
         curve = course.curve()
-        ended = Ended(problem, course, chunk.measure)
-        responses = {name: float(FORMULAS[name](ended)) for name in chunk.responses}
-    return RunRecord(
-        job.point,
-        job.replicate,
-        job.seed,
-        "failed" if guard.reason else "done",
-        guard.reason,
-        course.evaluations,
-        time.thread_time() - start,
-        responses,
-        curve,
+        run = Ended(problem, course, chunk.measure)
+        responses = {name: float(FORMULAS[name](run)) for name in chunk.responses}
+    except Exception as error:
+        lines = str(error).strip().splitlines()
+        reason = f"{type(error).__name__}: {lines[0]}" if lines else type(error).__name__
+    return replace(
+        ended(job, "failed" if reason else "done", reason, chunk.responses),
+        evaluations=course.evaluations,
+        cpu_s=time.thread_time() - start,
+        responses=responses,
+        curve=curve,
     )
-
-
-def crash_record(job: Job, reason: str, responses: tuple[str, ...]) -> RunRecord:
-    """The record of a run that took its process with it."""
-    return ended(job, "failed", reason, responses)
 
 
 def ended(job: Job, status: str, reason: str, responses: tuple[str, ...]) -> RunRecord:
     """The record of a run of which only the reason of its end is known."""
-    return RunRecord(
-        job.point,
-        job.replicate,
-        job.seed,
-        status,
-        reason,
-        0,
-        nan,
-        dict.fromkeys(responses, nan),
-        np.empty((0, len(CURVE))),
-    )
+    unknown, curve = dict.fromkeys(responses, nan), np.empty((0, len(CURVE)))
+    return RunRecord(job.point, job.replicate, job.seed, status, reason, 0, nan, unknown, curve)
 
 
 def response_of(name: str, run: RunRecord, measure: Yardstick) -> float:

@@ -1,4 +1,4 @@
-"""The runs of a study as tasks: handed out in chunks, taken in as they end."""
+"""The runs of a study as tasks: handed out in chunks, recorded as they end."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from .plan import Point, StudyPlan, StudyProgress
 from .racing import STOPPED, looks, trailing_settings
 from .records import LARGER_IS_BETTER
 from .responses import needs_level, unknown
-from .trial import Chunk, Job, RunRecord, Surveying, crash_record, done, ended, response_of
+from .trial import Chunk, Job, RunRecord, Surveying, done, ended, response_of
 from .yardstick import Yardstick, box_alone
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ CHUNK_S = 0.5
 MOST = 500
 """Runs of a chunk at most."""
 POLL_S = 0.2
-"""Seconds between two looks at what other processes have done."""
+"""Seconds between two queries of what other processes have done."""
 
 Report = Callable[[StudyProgress], None]
 
@@ -48,13 +48,13 @@ class Work:
         self._identity = hashlib.sha256(plan.settings.configuration.encode()).hexdigest()[:16]
         self._version = version("tolevo")
         self._todo: deque[int] = deque()
-        self._alone: deque[Chunk] = deque()
+        self._single: deque[Chunk] = deque()
         self._measures: dict[int, Yardstick] = {}
         self._boxes: dict[int, Yardstick] = {}
         self._surveys: deque[int] = deque()
         self._surveying = 0
         self._running = 0
-        self._own = 0
+        self._ended = 0
         self._cpu_s = 0.0
         self._start = time.monotonic()
 
@@ -78,21 +78,21 @@ class Work:
         return self._measures
 
     def _unmeasured(self) -> list[int]:
-        """Problems whose references nobody has measured yet."""
+        """Problems whose references are not measured yet."""
         self._measures = dict(self.database.yardsticks())
         return [n for n in range(len(self._problems)) if n not in self._measures]
 
     def _until(self, total: int) -> None:
-        """Do the runs of the first `total` numbers, and what references are missing."""
+        """Do the runs of the first `total` numbers, and compute the references that are missing."""
         while True:
             missing, unknown = self.database.missing(total), self._unmeasured()
             if not missing and not unknown:
                 return
             self._todo, self._surveys = deque(self.database.free(missing)), deque(unknown)
-            before = self._own, len(self._measures)
+            before = self._ended, len(self._measures)
             self._work(lambda: self._survey() or self._next())
-            if before == (self._own, len(self._measures)):
-                self._report_progress("another process has begun what is left: waiting for it")
+            if before == (self._ended, len(self._measures)):
+                self._report_progress("another process has begun the remaining runs: waiting for it")
                 time.sleep(POLL_S)
 
     def _race(self) -> None:
@@ -107,12 +107,12 @@ class Work:
             self._until(seeds * points)
             runs = list(self.database.runs(seeds * points))
             costs = [self._costs(name, runs, seeds) for name in self._responses]
-            out = trailing_settings(costs, racing, look)
-            racing &= ~out
+            trailing = trailing_settings(costs, racing, look)
+            racing &= ~trailing
             reason = f"behind beyond chance after {seeds} seeds"
             stopped = [
                 ended(self._job(replicate * points + int(point)), STOPPED, reason, self._responses)
-                for point in np.flatnonzero(out)
+                for point in np.flatnonzero(trailing)
                 for replicate in range(seeds, self.plan.settings.seeds)
             ]
             self.database.record(stopped)
@@ -137,7 +137,7 @@ class Work:
         for task, result in self.executor.completed(function, tasks):
             if isinstance(task, Chunk):
                 assert isinstance(result, Lost | tuple)
-                self._take(task, result)
+                self._record(task, result)
             else:
                 assert not isinstance(result, tuple)
                 self._measured(task, result)
@@ -174,9 +174,9 @@ class Work:
         return self._boxes[problem]
 
     def _next(self) -> Chunk | None:
-        """The next chunk of runs that nobody else does."""
-        if self._alone:
-            chunk = self._alone.popleft()
+        """The next chunk of runs that no other process does."""
+        if self._single:
+            chunk = self._single.popleft()
             self._running += len(chunk.jobs)
             return chunk
         while self._todo:
@@ -191,9 +191,9 @@ class Work:
     def _batch(self) -> list[int]:
         """The next runs of one problem that take about `CHUNK_S` together."""
         size = 1
-        if self._own and self._cpu_s > 0.0:
+        if self._ended and self._cpu_s > 0.0:
             fair = len(self._todo) // (2 * max(1, self.executor.workers))
-            size = min(int(CHUNK_S * self._own / self._cpu_s), MOST, fair)
+            size = min(int(CHUNK_S * self._ended / self._cpu_s), MOST, fair)
         batch = [self._todo.popleft()]
         while self._todo and len(batch) < size:
             if self._point(self._todo[0]).problem != self._point(batch[0]).problem:
@@ -216,23 +216,22 @@ class Work:
     def _job(self, number: int) -> Job:
         replicate, point = divmod(number, len(self.plan.points))
         at = self.plan.points[point]
-        seed = self.plan.seeds[replicate]
-        return Job(point, replicate, seed, at.algorithm, at.budget, at.engine)
+        return Job(point, replicate, self.plan.seeds[replicate], at.algorithm, at.budget, at.engine)
 
     def _point(self, number: int) -> Point:
         return self.plan.points[number % len(self.plan.points)]
 
-    def _take(self, chunk: Chunk, result: tuple[RunRecord, ...] | Lost) -> None:
+    def _record(self, chunk: Chunk, result: tuple[RunRecord, ...] | Lost) -> None:
         """Write what has ended. The runs of a chunk that was lost are tried one by one."""
         self._running -= len(chunk.jobs)
         if isinstance(result, Lost) and len(chunk.jobs) > 1:
             numbers = [job.replicate * len(self.plan.points) + job.point for job in chunk.jobs]
-            self._alone.extend(self._chunk([number]) for number in numbers)
+            self._single.extend(self._chunk([number]) for number in numbers)
             return
         if isinstance(result, Lost):
-            result = tuple(crash_record(job, result.reason, chunk.responses) for job in chunk.jobs)
+            result = tuple(ended(job, "failed", result.reason, chunk.responses) for job in chunk.jobs)
         self.database.record(result)
-        self._own += len(result)
+        self._ended += len(result)
         self._cpu_s += sum(run.cpu_s for run in result if not isnan(run.cpu_s))
         self._report_progress()
 
@@ -245,8 +244,7 @@ class Work:
             return
         done, failed = self.database.count(self.plan.total)
         seconds = time.monotonic() - self._start
-        waiting = self.plan.total - done - failed
-        remaining = seconds * waiting / self._own if self._own else None
+        remaining = seconds * (self.plan.total - done - failed) / self._ended if self._ended else None
         if self._surveying and not note:
             note = "measuring what the runs are compared with"
         self._report(StudyProgress(done, self._running, failed, self.plan.total, seconds, remaining, note))

@@ -51,8 +51,7 @@ def yardstick(problem: ToleranceProblem) -> Yardstick:
     if exact is not None and problem.n_obj > 1:
         value = exact.hypervolume
     elif exact is not None:
-        outputs = problem.outputs_of(exact.designs[:1], searching=True)
-        value = float(problem.objective_values(outputs)[0, 0])
+        value = float(problem.objective_values(problem.outputs_of(exact.designs[:1], searching=True))[0, 0])
     if problem.n_obj == 1:
         bound = _bound(problem)
     return replace(box_alone(problem), value=value, bound=bound)

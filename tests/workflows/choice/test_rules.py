@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from tolevo.workflows.choice.knees import best_trade_off, farthest_from_chord, largest_product, sharpest_bend
-from tolevo.workflows.choice.rules import Points, chosen
+from tolevo.workflows.choice.rule import Points
+from tolevo.workflows.choice.rules import chosen
 from tolevo.workflows.choice.sensitivity import sensitivity
 from tolevo.workflows.choice.weighted import by_pseudo_weights, by_topsis, closeness
 

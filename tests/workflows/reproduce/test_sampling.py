@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from tolevo.workflows.reproduce.calculations.ga_settings import _share
+from tolevo.workflows.reproduce.calculations.ga_settings import _fraction
 from tolevo.workflows.reproduce.recipes.by_model import Statistic
 from tolevo.workflows.reproduce.sampling import share_error
 
@@ -31,6 +31,6 @@ def test_shares_of_a_model(name: str, limit: float) -> None:
 
 def test_shares_of_settings() -> None:
     won = np.ones(10, dtype=bool)
-    found = _share(won, ~won)
+    found = _fraction(won, ~won)
     assert found.value == 100.0
     assert found.standard_error == pytest.approx(100.0 * np.sqrt(11) / 12**1.5)

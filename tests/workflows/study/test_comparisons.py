@@ -15,9 +15,9 @@ from tolevo.workflows.study.records import Factor, Hypothesis, StudyData, StudyS
 from tolevo.workflows.study.statistics import analyse
 from tolevo.workflows.study.statistics.anova import level_test, surface_tests
 from tolevo.workflows.study.statistics.contrasts import Contrast, contrasts
+from tolevo.workflows.study.statistics.hypotheses import verdicts
 from tolevo.workflows.study.statistics.medians import interval_of_median, medians
 from tolevo.workflows.study.statistics.pairs import friedman_tests, least_p, pairs_needed, wilcoxon_tests
-from tolevo.workflows.study.statistics.readings import verdicts
 from tolevo.workflows.study.statistics.recommendation import recommendation
 from tolevo.workflows.study.statistics.runs import Runs, runs_of
 
@@ -280,7 +280,7 @@ def test_a_study_says_what_failed_and_what_it_cannot_tell(synthetic: Any) -> Non
     result = analyse(settings, data, rng())
     notes = "\n".join(result.notes)
     assert "1 of 20 runs failed" in notes
-    assert "gap_percent: 1 of 20 runs did not get there within the budget" in notes
+    assert "gap_percent: 1 of 20 runs did not reach it within the budget" in notes
     assert "5 seeds cannot show a difference" in notes and "8 can" in notes
     assert result.sensitivity.empty
     pairs = result.tests[result.tests["kind"] == "wilcoxon"]

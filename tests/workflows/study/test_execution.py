@@ -26,9 +26,9 @@ from tests.dask_daemons import LOOPBACK, cluster, wait_until
 from tolevo.cli import app
 from tolevo.configuration.study import read_study
 from tolevo.errors import InputError, RunError
-from tolevo.workflows.execution import InProcess, Lost, Processes, dask_cluster
+from tolevo.workflows.execution import InProcess, Lost, Processes, dask_cluster, executor_of
 from tolevo.workflows.execution.executor import Result, TaskT
-from tolevo.workflows.study import StudyPlan, StudyProgress, executor_of, study
+from tolevo.workflows.study import StudyPlan, StudyProgress, study
 from tolevo.workflows.study.storage.names import DATABASE
 from tolevo.workflows.study.trial import Chunk
 

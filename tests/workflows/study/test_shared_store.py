@@ -148,7 +148,7 @@ def test_a_configuration_may_name_it(config: Path, postgres: Server, schema: str
         ("postgresql://me:secret@host/db", "has a password in it: take it out"),
         ("postgresql://host/db?password=secret", "has a password in it: take it out"),
         ("mysql://host/db", "must begin with postgresql://"),
-        ("postgresql://host:port/db", "is no address of a database"),
+        ("postgresql://host:port/db", "is not the address of a database"),
         ("postgresql://host/db?schema=A-b", 'schema must be small letters, digits and _, got "A-b"'),
         ("postgresql://127.0.0.1:1/db", "it cannot be reached (connection failed"),
     ],
@@ -195,7 +195,7 @@ def test_a_newer_store_and_that_of_another_study_are_refused(
     postgres.ask(schema, "DROP TABLE meta")
     foreign = command(config, tmp_path / "c", *words)
     assert foreign.exit_code == 2
-    assert "is no database of a study; name another schema" in foreign.stderr
+    assert "is not the database of a study; name another schema" in foreign.stderr
 
 
 def test_a_changed_row_is_done_again(
@@ -225,9 +225,9 @@ def test_a_lease_is_renewed_taken_over_and_a_late_result_counts_once(
         assert two.free([0, 1, 2, 3]) == [3]
         time.sleep(0.8)  # longer than a lease, but it was renewed
         assert two.claim_runs([0, 1]) == []
-        assert one._renewing is not None
+        assert one._renewal is not None
         one._ended.set()  # its machine is gone
-        one._renewing.join()
+        one._renewal.join()
         time.sleep(0.5)
         assert two.claim_runs([0]) == [0]
         assert one.record([run]) == 1  # it was not gone, only late

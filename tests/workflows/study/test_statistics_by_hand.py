@@ -17,8 +17,8 @@ from tolevo.workflows.study.statistics import analyse, morris, resampling
 from tolevo.workflows.study.statistics.anova import level_test, model
 from tolevo.workflows.study.statistics.contrasts import Contrast
 from tolevo.workflows.study.statistics.courses import COLUMNS, courses
+from tolevo.workflows.study.statistics.hypotheses import verdicts
 from tolevo.workflows.study.statistics.pairs import friedman_tests, wilcoxon_tests
-from tolevo.workflows.study.statistics.readings import verdicts
 from tolevo.workflows.study.statistics.resampling import DRAWS, _spread, over_settings, random_settings
 from tolevo.workflows.study.statistics.runs import Runs, runs_of
 from tolevo.workflows.study.statistics.sensitivity import sensitivity

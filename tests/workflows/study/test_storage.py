@@ -202,7 +202,7 @@ def test_a_newer_database_is_refused(config: Path, out: Path) -> None:
 def test_a_database_of_something_else_is_refused(config: Path, tmp_path: Path) -> None:
     (tmp_path / "out").mkdir()
     changed(tmp_path / "out", "CREATE TABLE runs (x)")
-    assert "is no database of a study" in refused(config, tmp_path / "out")
+    assert "is not the database of a study" in refused(config, tmp_path / "out")
 
 
 def test_a_directory_that_holds_a_study_is_refused(config: Path, out: Path) -> None:

@@ -14,6 +14,7 @@ from ....models.assembly.transmission import ECCENTRICS, AngleMapping, Transmiss
 from ....records import Axis
 from ....units import ARCSEC
 from ..calculation import Calculation, Computed, ComputedTable, Quantity
+from .results import assumed, parameter
 
 LABELS = ("q0", "q5", "q10", "ideal")
 """The rows: precision weight 0, 5, 10, infinite."""
@@ -27,6 +28,10 @@ def _unit(name: str) -> str:
     return UNITS[name.rpartition("_")[2]]
 
 
+def _choice(name: str, choices: tuple[str, ...], meaning: str) -> Parameter:
+    return parameter(name, choices[0], meaning, "document A", choices=choices)
+
+
 class AssemblyAdjustment(Calculation):
     """Final errors, transmission error and force of document A's parts at Q = 0, 5, 10, infinity.
 
@@ -38,36 +43,18 @@ class AssemblyAdjustment(Calculation):
     reference = "document A, table of precision weights"
     sampled = False
     parameters = (
-        Parameter("reading", READINGS[0], "", "what the weight Q weighs", "document A", choices=READINGS),
-        Parameter(
-            "insertion",
-            INSERTIONS[0],
-            "",
-            "whether a step adjusts before or after its part is put in",
-            "document A",
-            choices=INSERTIONS,
-        ),
-        Parameter(
+        _choice("reading", READINGS, "what the weight Q weighs"),
+        _choice("insertion", INSERTIONS, "whether a step adjusts before or after its part is put in"),
+        assumed(
             "eccentrics",
             ECCENTRICS[0],
-            "",
             "crankshafts 1 and 2 act on eccentrics of one crank, or of a crank of their own",
             _FIT,
-            assumed=True,
             choices=ECCENTRICS,
         ),
-        Parameter(
-            "absorption", 1.0, "", "share of an angle that reaches the contact", _FIT, assumed=True, low=0.0, high=10.0
-        ),
-        Parameter(
-            "floor_arcsec",
-            0.0,
-            "arcsec",
-            "amplitude of the transmission error that is not due to these angles",
-            _FIT,
-            assumed=True,
-            low=0.0,
-            high=1e3,
+        assumed("absorption", 1.0, "share of an angle that reaches the contact", _FIT, 0.0, 10.0),
+        assumed(
+            "floor_arcsec", 0.0, "amplitude of the transmission error that is not due to these angles", _FIT, 0.0, 1e3
         ),
     )
     outputs = tuple(

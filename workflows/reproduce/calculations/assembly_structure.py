@@ -7,13 +7,14 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from ....declarations import Output, Parameter, Value, number
+from ....declarations import Output, Value, number
 from ....models.assembly.chain import AdjustmentWeights, DatumFlowChain
 from ....models.assembly.process import plane_process
 from ....models.assembly.regulator import gains, terminal_weight
 from ....problems.rv_transmission_error import RvTransmissionError
 from ....records import Axis
 from ..calculation import Calculation, Computed, ComputedTable, Quantity
+from .results import output, parameter
 
 Array = NDArray[np.float64]
 STEPS = range(1, 5)
@@ -28,16 +29,15 @@ class AssemblyStructure(Calculation):
     reference = "document A, case study and general example"
     sampled = False
     parameters = (
-        Parameter("precision_weight", 10.0, "", "weight Q of the gains", "document A", low=0.0, high=1e9),
-        Parameter(
+        parameter("precision_weight", 10.0, "weight Q of the gains", "document A", 0.0, 1e9),
+        parameter(
             "absent_weight",
             1000.0,
-            "",
             "weight of adjusting a part that is not there",
             "document A",
-            low=0.0,
+            0.0,
+            1e12,
             open_low=True,
-            high=1e12,
         ),
     )
     outputs = (
@@ -50,11 +50,7 @@ class AssemblyStructure(Calculation):
             for b in (1, 2)
         ),
         *(Output(f"observed_{a}_{b}", "1", f"C, row {a}, column {b}") for a in (1, 2) for b in STEPS),
-        Output(
-            "absent_share_percent",
-            "percent",
-            "largest gain of a part that is not there yet, of the largest gain of its step",
-        ),
+        output("absent_share_percent", "largest gain of a part that is not there yet, of the largest gain of its step"),
         Output("tolerances", "1", "number of tolerances of the four parts"),
     )
 

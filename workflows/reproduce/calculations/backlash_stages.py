@@ -6,13 +6,13 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ....declarations import READING, Output, Parameter, Value, number
+from ....declarations import READING, Value, number
 from ....models.propagation.sums import total_cumulants
 from ....models.rv_reducer import declared
 from ....models.rv_reducer.reading import PRINTED
-from ....records import Axis
 from ....units import ARCMIN
-from ..calculation import Calculation, Computed, ComputedTable, Quantity
+from ..calculation import Calculation, Computed
+from .results import output, parameter, quantities, tabulated
 
 STAGES = ("involute", "cycloid", "output")
 
@@ -29,32 +29,23 @@ class BacklashStages(Calculation):
     reference = "document B, backlash calculation"
     sampled = False
     parameters = (
-        Parameter(
+        parameter(
             "crank_bearing_um",
             2.0,
-            "um",
             "clearance c of the crank-arm bearings, zone [0, c]",
             "document B: 2 in its table, 20 in its Monte Carlo",
-            low=0.0,
-            high=1e3,
-        ),
-        Parameter(
-            "stagger_arcmin",
             0.0,
-            "arcmin",
-            "turn of each disc, one ahead and one back",
-            "document B",
-            low=0.0,
-            high=60.0,
+            1e3,
         ),
+        parameter("stagger_arcmin", 0.0, "turn of each disc, one ahead and one back", "document B", 0.0, 60.0),
     )
     outputs = tuple(
         declaration
         for stage in STAGES
         for declaration in (
-            Output(f"{stage}_mean_arcmin", "arcmin", f"mean of the {stage} stage"),
-            Output(f"{stage}_std_arcmin", "arcmin", f"standard deviation of the {stage} stage"),
-            Output(f"{stage}_variance_percent", "percent", f"share of the {stage} stage in the variance of the sum"),
+            output(f"{stage}_mean_arcmin", f"mean of the {stage} stage"),
+            output(f"{stage}_std_arcmin", f"standard deviation of the {stage} stage"),
+            output(f"{stage}_variance_percent", f"share of the {stage} stage in the variance of the sum"),
         )
     )
 
@@ -68,20 +59,17 @@ class BacklashStages(Calculation):
         parts = [total_cumulants(terms) for terms in ((involute,), total.clipped, (output,))]
         mean, variance = np.array([[float(part[k][0]) for part in parts] for k in (0, 1)])
         columns = {
-            "mean_arcmin": ("arcmin", mean / ARCMIN),
-            "std_arcmin": ("arcmin", np.sqrt(variance) / ARCMIN),
-            "variance_percent": ("percent", 100.0 * variance / variance.sum()),
+            "mean_arcmin": mean / ARCMIN,
+            "std_arcmin": np.sqrt(variance) / ARCMIN,
+            "variance_percent": 100.0 * variance / variance.sum(),
         }
-        quantities = {
-            f"{stage}_{name}": Quantity(float(column[row]), unit)
-            for name, (unit, column) in columns.items()
+        numbers = {
+            f"{stage}_{name}": float(column[row])
+            for name, column in columns.items()
             for row, stage in enumerate(STAGES)
         }
-        table = ComputedTable(
-            "stages",
+        meaning = (
             f"Backlash by stage; crank-arm bearings 0..{parameters['crank_bearing_um']} um, "
-            f"stagger {parameters['stagger_arcmin']} arcmin",
-            (Axis("stage", ""), *(Axis(name, unit) for name, (unit, _) in columns.items())),
-            (np.array(STAGES), *(column for _, column in columns.values())),
+            f"stagger {parameters['stagger_arcmin']} arcmin"
         )
-        return Computed(quantities, (table,))
+        return Computed(quantities(numbers), (tabulated("stages", meaning, {"stage": STAGES, **columns}),))

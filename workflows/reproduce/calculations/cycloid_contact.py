@@ -9,14 +9,15 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from ....declarations import Output, Parameter, Value, number
+from ....declarations import Output, Value, number
 from ....models.rv_reducer.contact.contact import LoadedContact
 from ....models.rv_reducer.contact.errors import PartErrors
 from ....models.rv_reducer.contact.geometry import ContactGeometry
 from ....models.rv_reducer.contact.performance import backlash
 from ....records import Axis
 from ....units import MM, UM
-from ..calculation import Calculation, Computed, ComputedTable, Quantity
+from ..calculation import Calculation, Computed, ComputedTable
+from .results import assumed, parameter, quantities
 
 Array = NDArray[np.float64]
 PHASES = 72
@@ -81,26 +82,20 @@ class CycloidContact(Calculation):
     sampled = False
     outputs = tuple(Output(name, "1", meaning) for name, meaning in MEANINGS.items())
     parameters = (
-        Parameter("dr_rp_mm", -0.040, "mm", "equidistance modification", "document B"),
-        Parameter("dr_p_mm", -0.070, "mm", "shift modification", "document B"),
-        Parameter(
+        parameter("dr_rp_mm", -0.040, "equidistance modification", "document B"),
+        parameter("dr_p_mm", -0.070, "shift modification", "document B"),
+        assumed(
             "step_um",
             0.1,
-            "um",
             "size of the error in the central differences",
             "assumed: far below the modification",
-            assumed=True,
-            low=0.0,
+            0.0,
+            10.0,
             open_low=True,
-            high=10.0,
         ),
-        Parameter("angles", 40, "", "crank angles over a pin pitch", "assumed", assumed=True, low=1, high=1000),
-        Parameter(
-            "true_levers",
-            True,
-            "",
-            "lever arms of the modified profile; otherwise those of the unmodified one",
-            "geometry",
+        assumed("angles", 40, "crank angles over a pin pitch", low=1, high=1000),
+        parameter(
+            "true_levers", True, "lever arms of the modified profile; otherwise those of the unmodified one", "geometry"
         ),
     )
 
@@ -113,7 +108,7 @@ class CycloidContact(Calculation):
             (Axis("error", ""), Axis("exact", "1", "by exact contact")),
             (np.array(list(sensitivities)), np.array(list(sensitivities.values()))),
         )
-        return Computed({name: Quantity(value, "1") for name, value in sensitivities.items()}, (table,))
+        return Computed(quantities(sensitivities), (table,))
 
 
 def _finite(values: Mapping[str, Value]) -> Finite:

@@ -15,7 +15,7 @@ from ....algorithms.nsga2 import NSGA2
 from ....algorithms.settings import Budget, Crossover, Mutation
 from ....algorithms.watched import watch
 from ....csv_text import read_own_csv
-from ....declarations import Output, Parameter, Value, number
+from ....declarations import Output, Value, number
 from ....directory import not_whole
 from ....errors import Fault, InputError, raise_all, refuse
 from ....problems.pose_accuracy import PoseAccuracy
@@ -24,6 +24,7 @@ from ....records import Axis
 from ...study.yardstick import Yardstick, yardstick
 from ..calculation import Calculation, Computed, ComputedTable, Quantity
 from ..sampling import share_error
+from .results import assumed, output, parameter
 
 Array = NDArray[np.float64]
 KEYS = {
@@ -48,35 +49,31 @@ class GaSettings(Calculation):
     about = "Two settings of the genetic algorithm against each other, on common seeds."
     reference = "document M, figures 9 to 11"
     parameters = (
-        Parameter("setting", "population", "", "what differs", "document M", choices=tuple(KEYS)),
-        Parameter("a", 80.0, "", "its value", "document M", low=0.0, high=1e6),
-        Parameter("b", 20.0, "", "the other value", "document M", low=0.0, high=1e6),
-        Parameter("generations", 400, "", "generations of a run", "document M", low=1, high=100000),
-        Parameter("seeds", 10, "", "number of seeds", "assumed", assumed=True, low=2, high=10000),
-        Parameter("study", "", "", "directory of a study whose runs are taken instead", ""),
+        parameter("setting", "population", "what differs", "document M", choices=tuple(KEYS)),
+        parameter("a", 80.0, "its value", "document M", 0.0, 1e6),
+        parameter("b", 20.0, "the other value", "document M", 0.0, 1e6),
+        parameter("generations", 400, "generations of a run", "document M", 1, 100000),
+        assumed("seeds", 10, "number of seeds", low=2, high=10000),
+        parameter("study", "", "directory of a study whose runs are taken instead", ""),
     )
     outputs = (
-        Output("a_gap_percent", "percent", "median distance to the optimum with a"),
-        Output("b_gap_percent", "percent", "median distance to the optimum with b"),
+        output("a_gap_percent", "median distance to the optimum with a"),
+        output("b_gap_percent", "median distance to the optimum with b"),
         Output("a_evaluations", "1", "median of the evaluations until 99 %, with a"),
         Output("b_evaluations", "1", "the same with b"),
-        Output("a_nearer_percent", "percent", "share of the seeds with which a ends nearer"),
-        Output("a_slower_percent", "percent", "share of the seeds with which a takes more evaluations to 99 %"),
+        output("a_nearer_percent", "share of the seeds with which a ends nearer"),
+        output("a_slower_percent", "share of the seeds with which a takes more evaluations to 99 %"),
         Output("seeds", "1", "number of seeds"),
     )
 
     def faults(self, values: Mapping[str, Value]) -> list[Fault]:
-        problems = (
-            []
-            if values["study"]
-            else [fault for name in "ab" for fault in _misplaced(str(values["setting"]), name, values)]
-        )
+        if not values["study"]:
+            return [fault for name in "ab" for fault in _misplaced(str(values["setting"]), name, values)]
         try:
-            if values["study"]:
-                _of_study(values)
+            _of_study(values)
         except InputError as error:
-            problems += error.faults
-        return problems
+            return list(error.faults)
+        return []
 
     def compute(self, values: Mapping[str, Value], rng: np.random.Generator) -> Computed:
         parameters = self.completed(values)
@@ -87,14 +84,14 @@ class GaSettings(Calculation):
 
 def _quantities(a: Array, b: Array) -> dict[str, Quantity]:
     """Medians and shares of runs (seeds, responses); what was never reached is infinite."""
-    gap, evaluations = ([a[:, at], b[:, at]] for at in (0, 1))
     numbers = {"seeds": Quantity(float(len(a)), "1")}
-    for name, values in zip("ab", gap, strict=True):
-        numbers[f"{name}_gap_percent"] = Quantity(float(np.median(values)), "percent", _error(values))
-    for name, values in zip("ab", evaluations, strict=True):
-        numbers[f"{name}_evaluations"] = Quantity(float(np.median(values)), "1", _error(values))
-    numbers["a_nearer_percent"] = _share(gap[0] < gap[1], gap[0] == gap[1])
-    numbers["a_slower_percent"] = _share(evaluations[0] > evaluations[1], evaluations[0] == evaluations[1])
+    for at, (response, unit) in enumerate((("gap_percent", "percent"), ("evaluations", "1"))):
+        for name, runs in (("a", a), ("b", b)):
+            values = runs[:, at]
+            numbers[f"{name}_{response}"] = Quantity(float(np.median(values)), unit, _error(values))
+    (gap_a, evaluations_a), (gap_b, evaluations_b) = a.T, b.T
+    numbers["a_nearer_percent"] = _fraction(gap_a < gap_b, gap_a == gap_b)
+    numbers["a_slower_percent"] = _fraction(evaluations_a > evaluations_b, evaluations_a == evaluations_b)
     return numbers
 
 
@@ -104,7 +101,7 @@ def _error(values: Array) -> float:
     return float(1.2533 * np.std(known, ddof=1) / np.sqrt(len(known))) if len(known) > 1 else 0.0
 
 
-def _share(won: NDArray[np.bool_], even: NDArray[np.bool_]) -> Quantity:
+def _fraction(won: NDArray[np.bool_], even: NDArray[np.bool_]) -> Quantity:
     fraction = float(np.mean(won + 0.5 * even))
     return Quantity(100.0 * fraction, "percent", 100.0 * share_error(fraction, len(won)))
 

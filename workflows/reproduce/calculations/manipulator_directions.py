@@ -7,13 +7,13 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from ....declarations import Output, Value
+from ....declarations import Value
 from ....models.manipulator import declared
 from ....models.manipulator.indices import grid
 from ....models.manipulator.maps import first_order
 from ....models.manipulator.sources import NAMES
-from ....records import Axis
-from ..calculation import Calculation, Computed, ComputedTable, Quantity
+from ..calculation import Calculation, Computed
+from .results import output, quantities, tabulated
 
 Array = NDArray[np.float64]
 POSES, AZIMUTHS = 5, 24
@@ -39,9 +39,9 @@ class ManipulatorDirections(Calculation):
     sampled = False
     parameters = declared.PARAMETERS
     outputs = (
-        *(Output(f"{group}_percent", "percent", f"sources fixed to the {group}, one by one") for group in GROUPS),
-        Output("all_percent", "percent", "all sources, one by one"),
-        Output("base_together_percent", "percent", "base-fixed errors along x and y of one size together"),
+        *(output(f"{group}_percent", f"sources fixed to the {group}, one by one") for group in GROUPS),
+        output("all_percent", "all sources, one by one"),
+        output("base_together_percent", "base-fixed errors along x and y of one size together"),
     )
 
     def compute(self, values: Mapping[str, Value], rng: np.random.Generator) -> Computed:
@@ -59,13 +59,9 @@ class ManipulatorDirections(Calculation):
         pairs = [(NAMES.index(f"origin_{i}_x_um"), NAMES.index(f"origin_{i}_y_um")) for i in (1, 2, 3)]
         together = np.stack([np.hypot(sizes[..., a], sizes[..., b]) for a, b in pairs], axis=-1)
         largest["base_together_percent"] = float(_change(together).max())
-        table = ComputedTable(
-            "change",
-            "Change of the effect of each error source over a full circle",
-            (Axis("source", ""), Axis("change_percent", "percent")),
-            (np.array(NAMES), change),
-        )
-        return Computed({k: Quantity(float(v), "percent") for k, v in largest.items()}, (table,))
+        meaning = "Change of the effect of each error source over a full circle"
+        table = tabulated("change", meaning, {"source": NAMES, "change_percent": change})
+        return Computed(quantities(largest), (table,))
 
 
 def _sizes(maps: object) -> Array:

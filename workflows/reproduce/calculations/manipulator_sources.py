@@ -13,9 +13,9 @@ from ....models.manipulator.indices import INDICES, grid, sensitivity
 from ....models.manipulator.maps import Maps, first_order
 from ....models.manipulator.sources import NAMES, matrix, orientation_combinations, position_sources
 from ....problems.pose_accuracy.grouping import NINE
-from ....records import Axis
 from ....units import MM, MRAD
 from ..calculation import Calculation, Computed, ComputedTable, Quantity
+from .results import quantities, tabulated
 
 Array = NDArray[np.float64]
 POSES = 9
@@ -70,7 +70,8 @@ class ManipulatorSources(Calculation):
         mean = index if index in INDICES else INDICES[0]
         weight = sensitivity(machine, ring, mean, turning)
         slopes = np.stack([weight.squareness, weight.yaw], axis=1)  # per metre or radian
-        effect = slopes * _steps(names)[:, None] / MRAD
+        steps = np.array([ANGLE if name.startswith("joint_line") else LENGTH for name in names])
+        effect = slopes * steps[:, None] / MRAD
         numbers = _counts(maps, names) | _slopes(names, slopes) | _ranking(names, effect)
         return Computed(numbers, (_table(names, effect),))
 
@@ -84,7 +85,7 @@ def _counts(maps: Maps, names: list[str]) -> dict[str, Quantity]:
     squareness = np.hypot(turn[:, 0], turn[:, 1]).max(axis=0)
     third = [at for at, name in enumerate(names) if "_3" in name]
     first, last = (names.index(f"joint_distance_{chain}") for chain in (1, 3))
-    counts = {
+    counts: dict[str, float] = {
         "orientation_sources": len(names),
         "orientation_acting": np.sum(size > NOTHING * size.max()),
         "orientation_rank": np.linalg.matrix_rank(turn.reshape(-1, len(names))),
@@ -94,7 +95,7 @@ def _counts(maps: Maps, names: list[str]) -> dict[str, Quantity]:
         "chain_3_squareness": squareness[third].max() / squareness.max(),
         "joint_distance_3": size[last] / size[first],
     }
-    return {name: Quantity(float(value), "1") for name, value in counts.items()}
+    return quantities(counts)
 
 
 def _slopes(names: list[str], slopes: Array) -> dict[str, Quantity]:
@@ -106,13 +107,9 @@ def _slopes(names: list[str], slopes: Array) -> dict[str, Quantity]:
     }
 
 
-def _steps(names: list[str]) -> Array:
-    return np.array([ANGLE if name.startswith("joint_line") else LENGTH for name in names])
-
-
 def _ranking(names: list[str], effect: Array) -> dict[str, Quantity]:
     """Place and lead of the relative rod length, each kind by its largest source or by its rss."""
-    numbers = {}
+    numbers: dict[str, float] = {}
     for column, output in enumerate(("squareness", "yaw")):
         effects_by_kind = {kind: effect[[name.startswith(kind) for name in names], column] for kind in KINDS}
         sizes = {
@@ -121,16 +118,11 @@ def _ranking(names: list[str], effect: Array) -> dict[str, Quantity]:
         }
         for how, kinds in sizes.items():
             rod = kinds.pop("rod_length")
-            place = 1 + sum(size > rod for size in kinds.values())
-            numbers[f"{output}_{how}rank"] = Quantity(float(place), "1")
-            numbers[f"{output}_{how}lead"] = Quantity(rod / max(kinds.values()), "1")
-    return numbers
+            numbers[f"{output}_{how}rank"] = 1 + sum(size > rod for size in kinds.values())
+            numbers[f"{output}_{how}lead"] = rod / max(kinds.values())
+    return quantities(numbers)
 
 
 def _table(names: list[str], effect: Array) -> ComputedTable:
-    return ComputedTable(
-        "effects",
-        "Effect of 10 um or 0.1 mrad of each orientation source, mean over the task ring",
-        (Axis("source", ""), Axis("squareness_mrad", "mrad"), Axis("yaw_mrad", "mrad")),
-        (np.array(names), effect[:, 0], effect[:, 1]),
-    )
+    meaning = "Effect of 10 um or 0.1 mrad of each orientation source, mean over the task ring"
+    return tabulated("effects", meaning, {"source": names, "squareness_mrad": effect[:, 0], "yaw_mrad": effect[:, 1]})

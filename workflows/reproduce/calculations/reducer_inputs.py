@@ -15,6 +15,7 @@ from ....models.propagation import ClippedSum
 from ....models.rv_reducer import declared
 from ....models.rv_reducer.backlash import BacklashModel
 from ....models.rv_reducer.reading import PRINTED
+from .results import assumed
 
 PLAIN = ("uniform", "triangular", "trapezoid", "normal", "truncated_normal", "rayleigh")
 """Distributions whose parameters all have defaults."""
@@ -24,33 +25,22 @@ RANDOM = tuple(v for v in declared.VARIABLES if v.random)
 
 
 def _of_variable(variable: Variable) -> Parameter:
-    assumed, low = bool(variable.assumed), variable.valid_low
     kind = "" if variable.kind is Kind.NOMINAL else f" ({variable.kind.value.split(' of ')[0]})"
-    default = float(variable.document or 0.0)
-    source = variable.assumed or "document B"
     return Parameter(
         variable.name,
-        default,
+        float(variable.document or 0.0),
         variable.unit,
         variable.meaning + kind,
-        source,
-        assumed,
-        low=low,
-        high=variable.valid_high,
+        variable.assumed or "document B",
+        bool(variable.assumed),
+        variable.valid_low,
+        variable.valid_high,
     )
 
 
 def _of_law(variable: Variable) -> Parameter:
     name = f"{stem(variable.name)}_distribution"
-    return Parameter(
-        name,
-        SAME,
-        "",
-        f"distribution over units of {variable.meaning}",
-        "assumed",
-        assumed=True,
-        choices=(SAME, *PLAIN),
-    )
+    return assumed(name, SAME, f"distribution over units of {variable.meaning}", choices=(SAME, *PLAIN))
 
 
 def stem(name: str) -> str:
@@ -64,22 +54,17 @@ PARAMETERS: tuple[Parameter, ...] = (
         for parameter in declared.PARAMETERS
     ),
     *(_of_variable(variable) for variable in declared.VARIABLES),
-    Parameter(
+    assumed(
         COMMON,
         "uniform",
-        "",
         "distribution of every error over units, where it has none of its own",
         "assumed: document B names none",
-        assumed=True,
         choices=PLAIN,
     ),
-    Parameter(
+    assumed(
         "cp",
         1.0,
-        "",
         "process capability of the distributions that have one (normal, truncated normal, Rayleigh)",
-        "assumed",
-        assumed=True,
         low=0.0,
         open_low=True,
     ),

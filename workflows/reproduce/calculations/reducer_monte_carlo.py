@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ....declarations import Parameter, Value, number
+from ....declarations import Value, number
 from ....errors import refuse
 from ....models.propagation import Convolution, Propagated
 from ....models.propagation.power_sums import Stated, share
@@ -15,7 +15,7 @@ from ....models.rv_reducer.stages import Batch, batch
 from ....units import ARCMIN
 from ..calculation import Calculation, Chart, Computed, ComputedTable
 from . import reducer_inputs
-from .results import output, quantities, tabulated
+from .results import assumed, output, parameter, quantities, tabulated
 
 COVERAGE = 0.9973
 SPREAD = 6.0
@@ -56,33 +56,29 @@ class ReducerMonteCarlo(Calculation):
     outputs = OUTPUTS
     parameters = (
         *reducer_inputs.PARAMETERS,
-        Parameter("units", 1000, "", "units drawn", "document B", low=2, high=1e9),
-        Parameter(
+        parameter("units", 1000, "units drawn", "document B", 2, 1e9),
+        assumed(
             "lower_limit_arcmin",
             0.0,
-            "arcmin",
             "lower limit in Cp and Cpk: no unit has less than none",
             "assumed: document B names none",
-            assumed=True,
-            low=-1e4,
-            high=1e4,
+            -1e4,
+            1e4,
         ),
-        Parameter("bins", 50, "", "bins of the histogram", "assumed", assumed=True, low=1, high=10_000),
+        assumed("bins", 50, "bins of the histogram", low=1, high=10_000),
     )
 
     def compute(self, values: Mapping[str, Value], rng: np.random.Generator) -> Computed:
         parameters = self.completed(values)
         total = reducer_inputs.total_of(reducer_inputs.model_of(parameters), parameters)
         if float(total_cumulants(total.free)[1][0]) == 0.0:
-            text = "gears and bearings do not vary, so that Cp may not exist; open a tolerance"
-            raise refuse("parameters", text)
+            raise refuse("parameters", "gears and bearings do not vary, so that Cp may not exist; open a tolerance")
         limit = number(parameters["backlash_limit_arcmin"]) * ARCMIN
         exact = Convolution().propagate(total, COVERAGE, limit)
         edges = _edges(total, exact, int(number(parameters["bins"])))
         drawn = batch(total, int(number(parameters["units"])), limit, edges, rng)
         numbers = _spread(drawn) | _capability(drawn, parameters) | _proportions(drawn) | _exact(exact)
-        tables = (_histogram(drawn, parameters), _compared(numbers))
-        return Computed(quantities(numbers), tables)
+        return Computed(quantities(numbers), (_histogram(drawn, parameters), _compared(numbers)))
 
 
 def _edges(total: ClippedSum, exact: Propagated, bins: int) -> np.ndarray:
@@ -112,8 +108,7 @@ def _spread(drawn: Batch) -> dict[str, Stated]:
 
 def _capability(drawn: Batch, parameters: Mapping[str, Value]) -> dict[str, Stated]:
     sums = drawn.sums["backlash"]
-    names = ("lower_limit_arcmin", "backlash_limit_arcmin")
-    lower, upper = (number(parameters[name]) * ARCMIN for name in names)
+    lower, upper = (number(parameters[name]) * ARCMIN for name in ("lower_limit_arcmin", "backlash_limit_arcmin"))
     return {"cp": sums.cp(lower, upper), "cpk": sums.cpk(lower, upper), "cpk_upper": sums.to_limit(upper, 1)}
 
 

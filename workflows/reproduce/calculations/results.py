@@ -3,15 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from math import inf
 from typing import Any
 
 import numpy as np
 
-from ....declarations import Output
+from ....declarations import Output, Parameter, Value
 from ....models.propagation.power_sums import Stated
 from ....records import Axis
 from ....units import split_unit
 from ..calculation import Chart, ComputedTable, Quantity
+
+
+def parameter(
+    name: str, default: Value, meaning: str, source: str, low: float = -inf, high: float = inf, **more: Any
+) -> Parameter:
+    """An input of a calculation; its unit is what the name ends with."""
+    return Parameter(name, default, split_unit(name)[1], meaning, source, low=low, high=high, **more)
+
+
+def assumed(
+    name: str, default: Value, meaning: str, source: str = "assumed", low: float = -inf, high: float = inf, **more: Any
+) -> Parameter:
+    """An input whose default no document prints."""
+    return parameter(name, default, meaning, source, low, high, assumed=True, **more)
 
 
 def output(name: str, meaning: str) -> Output:

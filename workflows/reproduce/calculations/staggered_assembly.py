@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from ....declarations import Parameter, Value, number
+from ....declarations import Value, number
 from ....models.propagation import Convolution, Propagated
 from ....models.propagation.sums import ClippedSum
 from ....models.rv_reducer import stagger
@@ -20,12 +20,12 @@ from ....models.rv_reducer.geometry import RvGeometry
 from ....units import ARCMIN, MM, MRAD, UM
 from ..calculation import Calculation, Chart, Computed, ComputedTable
 from . import reducer_inputs
-from .results import output, quantities, tabulated
+from .results import assumed, output, parameter, quantities, tabulated
 
 Array = NDArray[np.float64]
 COVERAGE = 0.9973
 ANGLES = 40
-"""Crank angles over a pin pitch at which the contact model is asked."""
+"""Crank angles over a pin pitch at which the contact model is evaluated."""
 
 
 STATISTICS = {
@@ -70,27 +70,16 @@ class StaggeredAssembly(Calculation):
     outputs = OUTPUTS
     parameters = (
         *(parameter for parameter in reducer_inputs.PARAMETERS if parameter.name != "stagger_arcmin"),
-        Parameter(
+        parameter(
             "stagger_arcmin",
             0.2,
-            "arcmin",
             "turn of each disc, one ahead and one back, for the quantities",
             "document B: twice its delta'",
-            low=0.0,
-            high=60.0,
+            0.0,
+            60.0,
         ),
-        Parameter(
-            "stagger_most_arcmin",
-            0.6,
-            "arcmin",
-            "end of the sweep",
-            "assumed",
-            assumed=True,
-            low=0.0,
-            high=60.0,
-            open_low=True,
-        ),
-        Parameter("points", 31, "", "points of the sweep", "assumed", assumed=True, low=2, high=10_000),
+        assumed("stagger_most_arcmin", 0.6, "end of the sweep", low=0.0, high=60.0, open_low=True),
+        assumed("points", 31, "points of the sweep", low=2, high=10_000),
     )
 
     def compute(self, values: Mapping[str, Value], rng: np.random.Generator) -> Computed:
@@ -99,14 +88,13 @@ class StaggeredAssembly(Calculation):
         limit = number(parameters["backlash_limit_arcmin"]) * ARCMIN
         at = np.array([0.0, number(parameters["stagger_arcmin"])])
         total = reducer_inputs.total_of(model, parameters, stagger_arcmin=at)
-        propagated = Convolution().propagate(total, COVERAGE, limit)
-        numbers = _outcome(propagated, total, limit, model)
-        numbers |= _parts(model.geometry, at[1] * ARCMIN)
+        numbers = _outcome(Convolution().propagate(total, COVERAGE, limit), total, limit, model)
+        numbers |= {name: float(column[1]) for name, column in _dimensions(model.geometry, at).items()}
         numbers |= _contact(model.geometry, parameters, at[1] * ARCMIN)
         sweep = np.linspace(0.0, number(parameters["stagger_most_arcmin"]), int(number(parameters["points"])))
         swept = reducer_inputs.total_of(model, parameters, stagger_arcmin=sweep)
         table = _sweep(sweep, Convolution().propagate(swept, COVERAGE, limit))
-        return Computed(quantities(numbers), (table, _ways(sweep, model.geometry)))
+        return Computed(quantities(numbers), (table, _mountings(sweep, model.geometry)))
 
 
 def _most(total: ClippedSum) -> tuple[Array, Array]:
@@ -140,13 +128,8 @@ def _statistics(propagated: Propagated) -> dict[str, Array]:
     }
 
 
-def _parts(geometry: RvGeometry, turn: float) -> dict[str, float]:
-    """What one disc is turned by, and each way to do it; the other disc takes the opposite."""
-    dimensions = _dimensions(geometry, np.array([turn / ARCMIN]))
-    return {name: float(column[0]) for name, column in dimensions.items()}
-
-
 def _dimensions(geometry: RvGeometry, staggers: Array) -> dict[str, Array]:
+    """What a disc is turned by, and each alternative to do it; the other disc is the opposite."""
     parts = stagger.parts(geometry, staggers * ARCMIN)
     return {
         "turn_of_disc_arcmin": staggers,
@@ -163,14 +146,14 @@ def _contact(geometry: RvGeometry, parameters: Mapping[str, Value], turn: float)
     dr_rp, dr_p = (number(parameters[name]) * MM for name in ("dr_rp_mm", "dr_p_mm"))
     contact = LoadedContact(ContactGeometry(geometry, dr_rp, dr_p), exact=True)
     phase = float(stagger.parts(geometry, np.array([turn])).journal_phase[0])
-    ways = {
+    mountings = {
         "": PartErrors(),
         "contact_by_turn_arcmin": PartErrors(angle=np.array([[turn, -turn]])),
         "contact_by_journals_arcmin": PartErrors(crank_phase=np.array([[[-phase, phase]]])),
     }
     angles = 2.0 * np.pi / geometry.pins * np.arange(ANGLES) / ANGLES
     ratio = contact.geometry.output_ratio / ARCMIN
-    play = {name: backlash(contact, errors, angles).mean() * ratio for name, errors in ways.items()}
+    play = {name: backlash(contact, errors, angles).mean() * ratio for name, errors in mountings.items()}
     return {name: float(play[""] - value) for name, value in play.items() if name}
 
 
@@ -181,10 +164,10 @@ def _sweep(sweep: Array, propagated: Propagated) -> ComputedTable:
     return tabulated("sweep", meaning, columns, chart)
 
 
-def _ways(sweep: Array, geometry: RvGeometry) -> ComputedTable:
+def _mountings(sweep: Array, geometry: RvGeometry) -> ComputedTable:
     columns = {"stagger_arcmin": sweep} | _dimensions(geometry, sweep)
     meaning = (
-        "Three ways to the stagger, each alone, of either disc (the other one opposite): bearing "
+        "Three mountings to the stagger, each alone, of either disc (the other one opposite): bearing "
         "holes offset along their circle, blank turned to its holes, journals of all cranks ahead"
     )
     return tabulated("ways", meaning, columns)

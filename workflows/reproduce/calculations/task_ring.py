@@ -6,12 +6,13 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ....declarations import Output, Value
+from ....declarations import Value
 from ....models.manipulator import declared
 from ....models.manipulator.indices import grid
 from ....models.manipulator.inverse import reach
 from ....units import MM
-from ..calculation import Calculation, Computed, Quantity
+from ..calculation import Calculation, Computed
+from .results import output, quantities
 
 
 class TaskRingFigures(Calculation):
@@ -23,21 +24,20 @@ class TaskRingFigures(Calculation):
     sampled = False
     parameters = declared.PARAMETERS
     outputs = (
-        Output("inner_radius_mm", "mm", "distance of the rectangle from the axis"),
-        Output("length_mm", "mm", "its length along the radius"),
-        Output("height_mm", "mm", "its height"),
-        Output("reached_percent", "percent", "share of its poses that all chains reach"),
+        output("inner_radius_mm", "distance of the rectangle from the axis"),
+        output("length_mm", "its length along the radius"),
+        output("height_mm", "its height"),
+        output("reached_percent", "share of its poses that all chains reach"),
     )
 
     def compute(self, values: Mapping[str, Value], rng: np.random.Generator) -> Computed:
         parameters = self.completed(values)
         machine, ring = declared.manipulator(parameters), declared.task_ring(parameters)
         inside = np.all(np.abs(reach(machine, *grid(ring))) <= 1.0, axis=-1)
-        return Computed(
-            {
-                "inner_radius_mm": Quantity(ring.r[0] / MM, "mm"),
-                "length_mm": Quantity((ring.r[1] - ring.r[0]) / MM, "mm"),
-                "height_mm": Quantity((ring.z[1] - ring.z[0]) / MM, "mm"),
-                "reached_percent": Quantity(100.0 * float(np.mean(inside)), "percent"),
-            }
-        )
+        numbers = {
+            "inner_radius_mm": ring.r[0] / MM,
+            "length_mm": (ring.r[1] - ring.r[0]) / MM,
+            "height_mm": (ring.z[1] - ring.z[0]) / MM,
+            "reached_percent": 100.0 * float(np.mean(inside)),
+        }
+        return Computed(quantities(numbers))

@@ -6,11 +6,12 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ....declarations import Output, Parameter, Value, number
+from ....declarations import Output, Value, number
 from ....problems.rv_transmission_error.declared import AXES, DOCUMENT_MRAD, PARTS
 from ....problems.rv_transmission_error.implied import COMPOSITES, implied_costs, optimal_allocation, sensitivities
 from ....records import Axis
-from ..calculation import Calculation, Computed, ComputedTable, Quantity
+from ..calculation import Calculation, Computed, ComputedTable
+from .results import assumed, quantities
 
 
 class ToleranceRatio(Calculation):
@@ -24,26 +25,14 @@ class ToleranceRatio(Calculation):
     reference = "document A, optimal tolerance allocation"
     sampled = False
     parameters = (
-        Parameter(
+        assumed(
             "composite",
             COMPOSITES[0],
-            "",
             "composite error: sum of the four final angles, or their root sum of squares",
             "assumed: not printed",
-            assumed=True,
             choices=COMPOSITES,
         ),
-        Parameter(
-            "exponent",
-            1.0,
-            "",
-            "b of the cost a/v^b",
-            "assumed: not printed",
-            assumed=True,
-            low=0.0,
-            open_low=True,
-            high=10.0,
-        ),
+        assumed("exponent", 1.0, "b of the cost a/v^b", "assumed: not printed", 0.0, 10.0, open_low=True),
     )
     outputs = (
         Output("equal_costs", "1", "crankshaft over gear tolerance at equal costs"),
@@ -68,4 +57,4 @@ class ToleranceRatio(Calculation):
             (Axis("tolerance", ""), Axis("printed_mrad", "mrad"), Axis("implied_cost", "1"), Axis("influence", "1")),
             (np.array([f"{part} {axis}" for part in PARTS for axis in AXES]), printed, costs, influence),
         )
-        return Computed({name: Quantity(value, "1") for name, value in numbers.items()}, (table,))
+        return Computed(quantities(numbers), (table,))

@@ -16,7 +16,7 @@ from ....models.rv_reducer.reading import PRINTED
 from ....models.rv_reducer.zone_optimum import ERRORS, Bounds, Stage, ZoneOptimum, equal_shares, least, least_clipped
 from ....units import ARCMIN, MM, UM
 from ..calculation import Calculation, Computed, ComputedTable
-from .results import output, quantities, tabulated
+from .results import assumed, output, parameter, quantities, tabulated
 
 INITIAL_UM: Mapping[str, tuple[float, float]] = {
     "pin_circle_radius": (-5.0, 5.0),
@@ -56,16 +56,7 @@ _SIZES = (
 def _zone(error: str) -> Parameter:
     text = f"initial bounds of the {error.replace('_', ' ')} error"
     most = declared.MAX_ECCENTRICITY_UM if error == "eccentricity" else 1000.0
-    return Parameter(
-        f"{error}_zone_um",
-        INITIAL_UM[error],
-        "um",
-        text,
-        "assumed: the document prints none",
-        assumed=True,
-        low=-most,
-        high=most,
-    )
+    return assumed(f"{error}_zone_um", INITIAL_UM[error], text, "assumed: the document prints none", -most, most)
 
 
 OUTPUTS = (
@@ -97,8 +88,8 @@ class ToleranceZones(Calculation):
     outputs = OUTPUTS
     parameters = (
         *(parameter for parameter in declared.PARAMETERS if parameter.name in _SIZES),
-        Parameter("dr_rp_mm", -0.040, "mm", "equidistance modification", "document B", low=-1.0, high=1.0),
-        Parameter("dr_p_mm", -0.070, "mm", "shift modification", "document B", low=-1.0, high=1.0),
+        parameter("dr_rp_mm", -0.040, "equidistance modification", "document B", -1.0, 1.0),
+        parameter("dr_p_mm", -0.070, "shift modification", "document B", -1.0, 1.0),
         *(_zone(error) for error in ERRORS),
     )
 
@@ -108,8 +99,7 @@ class ToleranceZones(Calculation):
         stage, bounds = _stage(model, parameters), _bounds(parameters)
         optimum, clipped = least(stage, bounds), least_clipped(stage, bounds)
         numbers = _optimum(stage, optimum, clipped) | _printed(stage, optimum)
-        table = _table(stage, bounds, optimum, clipped)
-        return Computed(quantities(numbers), (table,))
+        return Computed(quantities(numbers), (_table(stage, bounds, optimum, clipped),))
 
 
 def _stage(model: BacklashModel, parameters: Mapping[str, Value]) -> Stage:
@@ -181,14 +171,12 @@ def _towards(optimum: ZoneOptimum) -> np.ndarray:
     middle = np.array([sum(PRINTED_UM[error]) for error in LINEAR_ERRORS])
     side = middle * np.array([optimum.errors[error] for error in LINEAR_ERRORS])
     at_end = np.array([0.0 in PRINTED_UM[e] and optimum.errors[e] == 0.0 for e in LINEAR_ERRORS])
-    text = np.where(middle == 0.0, "centred", np.where((side > 0.0) | at_end, "yes", "no"))
-    return np.asarray(text)
+    return np.asarray(np.where(middle == 0.0, "centred", np.where((side > 0.0) | at_end, "yes", "no")))
 
 
 def _table(stage: Stage, bounds: Bounds, optimum: ZoneOptimum, clipped: ZoneOptimum) -> ComputedTable:
     """One row per error; empty (NaN) where the document prints nothing."""
-    total = float(_shares(stage).sum()) * ARCMIN
-    equal = equal_shares(stage, total)
+    equal = equal_shares(stage, float(_shares(stage).sum()) * ARCMIN)
     ends = np.array([PRINTED_UM.get(error, (np.nan, np.nan)) for error in ERRORS])
     gains = [coefficients(stage.geometry).get(error, np.nan) for error in ERRORS]
     columns = {

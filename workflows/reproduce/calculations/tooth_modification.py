@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....declarations import Parameter, Value, number
-from ....errors import Fault, InputError
+from ....errors import raise_all, refuse
 from ....models.rv_reducer import clearance_targets as targets
 from ....models.rv_reducer.clearance_targets import Target
 from ....models.rv_reducer.geometry import RvGeometry
@@ -21,7 +21,7 @@ from ....problems.tooth_modification import ToothModification
 from ....problems.tooth_modification import declared as loaded
 from ....units import ARCMIN, MM, UM
 from ..calculation import Calculation, Chart, Computed, ComputedTable
-from .results import output, quantities, tabulated
+from .results import assumed, output, parameter, quantities, tabulated
 
 Array = NDArray[np.float64]
 FILMS = ((1.0, 30.0, 45.0), (1.9, 20.0, 60.0), (3.5, 20.0, 90.0), (6.1, 0.0, 180.0))
@@ -30,9 +30,8 @@ TABLE_STEP_DEG = 10.0
 TARGETS = ("film", "near_conjugate", "table")
 
 
-def _assumed(name: str, default: Value, unit: str, meaning: str, high: float) -> Parameter:
-    source = "assumed: the document prints neither target nor band"
-    return Parameter(name, default, unit, meaning, source, assumed=True, low=0.0, high=high)
+def _of_target(name: str, default: Value, meaning: str, high: float) -> Parameter:
+    return assumed(name, default, meaning, "assumed: the document prints neither target nor band", 0.0, high)
 
 
 CURVES = {
@@ -76,35 +75,26 @@ class ToothModificationTargets(Calculation):
     outputs = OUTPUTS
     parameters = (
         *loaded.PARAMETERS,
-        Parameter("printed_dr_rp_mm", -0.040, "mm", "printed optimum, equidistance", "document B", low=-1.0, high=0.0),
-        Parameter("printed_dr_p_mm", -0.070, "mm", "printed optimum, shift", "document B", low=-1.0, high=0.0),
-        Parameter(
-            "radial_gap_mm", 0.03, "mm", "gap at tip and root, dr_rp - dr_p", "document B", low=0.0, high=LARGEST / MM
-        ),
-        Parameter("radial_gap", "fixed", "", "whether the radial gap is kept", "document B", choices=("fixed", "free")),
-        Parameter(
+        parameter("printed_dr_rp_mm", -0.040, "printed optimum, equidistance", "document B", -1.0, 0.0),
+        parameter("printed_dr_p_mm", -0.070, "printed optimum, shift", "document B", -1.0, 0.0),
+        parameter("radial_gap_mm", 0.03, "gap at tip and root, dr_rp - dr_p", "document B", 0.0, LARGEST / MM),
+        parameter("radial_gap", "fixed", "whether the radial gap is kept", "document B", choices=("fixed", "free")),
+        assumed(
             "clearance",
             "raw",
-            "",
             "raw: in the nominal position; after_contact: once the disc has turned to first contact",
             "the printed form is garbled",
-            assumed=True,
             choices=tuple(CLEARANCES),
         ),
-        Parameter("intervals", 360, "", "n: intervals of phi in [0, pi]", "assumed", assumed=True, low=2, high=20_000),
-        Parameter(
-            "target", "film", "", "what the clearance should be", "assumed: not printed", assumed=True, choices=TARGETS
-        ),
-        _assumed("film_um", 1.0, "um", "lubrication film, over the band", 1000.0),
-        _assumed("band_deg", (30.0, 45.0), "deg", "band of phi in which the film counts", 180.0),
-        _assumed("rotation_arcmin", 0.05, "arcmin", "near_conjugate: turn of the rotation-modified profile", 60.0),
-        _assumed(
-            "working_deg", (20.0, 120.0), "deg", "near_conjugate: flank between the reliefs at root and tip", 180.0
-        ),
-        _assumed(
+        assumed("intervals", 360, "n: intervals of phi in [0, pi]", low=2, high=20_000),
+        assumed("target", "film", "what the clearance should be", "assumed: not printed", choices=TARGETS),
+        _of_target("film_um", 1.0, "lubrication film, over the band", 1000.0),
+        _of_target("band_deg", (30.0, 45.0), "band of phi in which the film counts", 180.0),
+        _of_target("rotation_arcmin", 0.05, "near_conjugate: turn of the rotation-modified profile", 60.0),
+        _of_target("working_deg", (20.0, 120.0), "near_conjugate: flank between the reliefs at root and tip", 180.0),
+        _of_target(
             "table_um",
             (30.0, 5.0, *(0.0,) * 11, 1.0, 3.0, 7.0, 13.0, 20.0, 30.0),
-            "um",
             "table: clearance at phi = 0, 10, .. 180 deg",
             1000.0,
         ),
@@ -114,8 +104,7 @@ class ToothModificationTargets(Calculation):
         case = _case(self.completed(values))
         fitted = _fitted(case, case.target(str(case.values["target"])), case.gap)
         numbers = _optimum(case, fitted) | _printed(case)
-        tables = (_targets(case), _as_printed(case), _profile(case, fitted))
-        return Computed(quantities(numbers), tables)
+        return Computed(quantities(numbers), (_targets(case), _as_printed(case), _profile(case, fitted)))
 
 
 @dataclass(frozen=True)
@@ -143,9 +132,8 @@ class Case:
     @property
     def printed(self) -> tuple[Array, Array]:
         """The printed optimum [m]."""
-        pair = (self.number(f"printed_{name}_mm") * MM for name in ("dr_rp", "dr_p"))
-        first, second = (np.array(modification) for modification in pair)
-        return first, second
+        dr_rp, dr_p = (np.array(self.number(f"printed_{name}_mm") * MM) for name in ("dr_rp", "dr_p"))
+        return dr_rp, dr_p
 
     def number(self, name: str) -> float:
         """A parameter."""
@@ -156,8 +144,7 @@ class Case:
         value = self.values[name]
         low, high = value if isinstance(value, tuple) else (0.0, number(value))
         if not low < high:
-            text = f"the first angle must be below the second, got [{low:g}, {high:g}]"
-            raise InputError([Fault(f"parameters.{name}", text)])
+            raise refuse(f"parameters.{name}", f"the first angle must be below the second, got [{low:g}, {high:g}]")
         return float(np.radians(low)), float(np.radians(high))
 
     def target(self, kind: str) -> Target:
@@ -180,19 +167,16 @@ class Case:
 def _case(parameters: Mapping[str, Value]) -> Case:
     """Raises InputError where the geometry is undercut."""
     names = {parameter.name for parameter in loaded.PARAMETERS}
-    problem = ToothModification(
-        Settings(parameters={name: value for name, value in parameters.items() if name in names})
-    )
-    if faults := problem.faults():
-        raise InputError(faults)
+    geometry = {name: value for name, value in parameters.items() if name in names}
+    problem = ToothModification(Settings(parameters=geometry))
+    raise_all(problem.faults())
     return Case(parameters, problem)
 
 
 def _fitted(case: Case, target: Target, gap: float | None, kind: str = "") -> Fit:
     """Raises InputError where no angle counts: the band lies between two of them."""
     if not np.any(target.weight):
-        text = "no angle lies in it: widen it, or raise intervals"
-        raise InputError([Fault("parameters.band_deg", text)])
+        raise refuse("parameters.band_deg", "no angle lies in it: widen it, or raise intervals")
     return fit(case.geometry, target, gap, kind or str(case.values["clearance"]))
 
 
@@ -244,8 +228,7 @@ def _curves(case: Case) -> dict[str, Array]:
 def _cases(case: Case) -> Iterator[tuple[str, Target]]:
     for film, low, high in FILMS:
         band = float(np.radians(low)), float(np.radians(high))
-        text = f"film {film:g} um over {low:g} .. {high:g} deg"
-        yield text, targets.film(case.phi, film * UM, band)
+        yield f"film {film:g} um over {low:g} .. {high:g} deg", targets.film(case.phi, film * UM, band)
     yield "no clearance anywhere", targets.film(case.phi, 0.0, (0.0, np.pi))
     yield "near_conjugate", case.target("near_conjugate")
     yield "table", case.target("table")
@@ -256,8 +239,8 @@ def _targets(case: Case) -> ComputedTable:
     """The optimum of every target on either clearance, with the radial gap fixed and free."""
     gap = case.number("radial_gap_mm") * MM
     rows = [
-        (text, kind, kept, _fitted(case, target, gap if kept == "fixed" else None, kind))
-        for kept in ("fixed", "free")
+        (text, kind, radial_gap, _fitted(case, target, gap if radial_gap == "fixed" else None, kind))
+        for radial_gap in ("fixed", "free")
         for kind in CLEARANCES
         for text, target in _cases(case)
     ]

@@ -11,7 +11,7 @@ import numpy as np
 from ....declarations import Scalar, Value, number
 from ....errors import Fault, nearest, raise_all
 from ..calculation import Calculation, Computed
-from .recipe import Recipe, Recomputed
+from .recipe import Recipe, Recomputed, continuous
 
 KEPT = 64
 """Results of calculations without chance that a process keeps."""
@@ -33,7 +33,7 @@ class ByCalculation(Recipe):
         raise_all(
             Fault(
                 self.place,
-                f'"{name}" is no quantity of {self.kind.name}{nearest(name, known)}; it computes {", ".join(known)}',
+                f'"{name}" is not a quantity of {self.kind.name}{nearest(name, known)}; it computes {", ".join(known)}',
             )
             for name in self.quantities
             if name not in known
@@ -50,16 +50,8 @@ class ByCalculation(Recipe):
     def by(self) -> str:
         return f"calculation {self.kind.name}"
 
-    def shiftable(self) -> tuple[str, ...]:
-        return tuple(
-            parameter.name
-            for parameter in self.kind.parameters
-            if isinstance(parameter.default, float) and not isinstance(parameter.default, bool)
-        )
-
-    def unit_of(self, name: str) -> str | None:
-        units = {parameter.name: parameter.unit for parameter in self.kind.parameters}
-        return units[name] if name in self.shiftable() else None
+    def shift_units(self) -> dict[str, str | None]:
+        return continuous(self.kind.parameters)
 
     def shifted(self, name: str, step: float) -> ByCalculation:
         values = self.kind().completed(dict(self.parameters))

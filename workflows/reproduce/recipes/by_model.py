@@ -16,12 +16,12 @@ from ....models.inputs.distribution import Distribution
 from ....models.measurable import MeasurableModel
 from ..calculation import Quantity
 from ..sampling import share_error
-from .recipe import Recipe, Recomputed
+from .recipe import Recipe, Recomputed, continuous
 
 Array = NDArray[np.float64]
 STATISTICS = ("value", "mean", "std", "min", "max", "range", "quantile", "fraction_above", "fraction_below")
 """`value` is that of a single row; `quantile` needs a level, a fraction a threshold."""
-SHARES = ("fraction_above", "fraction_below")
+FRACTIONS = ("fraction_above", "fraction_below")
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +33,7 @@ class Statistic:
 
     def unit(self, unit: str) -> str:
         """Unit of the statistic of an output in `unit`."""
-        return "1" if self.name in SHARES else unit
+        return "1" if self.name in FRACTIONS else unit
 
     def of(self, values: Array) -> float:
         """The statistic of values (n,)."""
@@ -81,7 +81,7 @@ class ByModel(Recipe):
     """A statistic of outputs of a model, set up from parameters, designs and distributions.
 
     `at` holds the operating points: columns (n,), or one value for all rows. `drawn` rows are a
-    sample (each with random numbers of its own), 0 where nothing is drawn.
+    sample (each with its own random numbers), 0 where nothing is drawn.
     """
 
     name: str
@@ -96,7 +96,7 @@ class ByModel(Recipe):
     drawn: int = 0
 
     def model(self) -> MeasurableModel:
-        """The model; raises InputError with what only its physics can tell."""
+        """The model; raises InputError with the faults that only its physics shows."""
         return self.kind(parameters=self.parameters, designs=self.designs, inputs=self.inputs)
 
     def table(self) -> dict[str, NDArray[Any]]:
@@ -128,26 +128,16 @@ class ByModel(Recipe):
     def by(self) -> str:
         return f"model {self.name}"
 
-    def shiftable(self) -> tuple[str, ...]:
-        return (*self.at, *self._variables(), *self._parameters())
-
-    def _variables(self) -> dict[str, str]:
-        return {variable.name: variable.unit for variable in self.kind.variables}
-
-    def _parameters(self) -> dict[str, str]:
-        return {p.name: p.unit for p in self.kind.parameters if isinstance(p.default, float)}
-
-    def unit_of(self, name: str) -> str | None:
-        columns = {column.name: column.unit for column in self.kind.columns if column.name in self.at}
-        return (columns | self._variables() | self._parameters()).get(name)
+    def shift_units(self) -> dict[str, str | None]:
+        columns = {column.name: column.unit for column in self.kind.columns}
+        variables = {variable.name: variable.unit for variable in self.kind.variables}
+        return {name: columns.get(name) for name in self.at} | variables | continuous(self.kind.parameters)
 
     def shifted(self, name: str, step: float) -> ByModel:
         if name in self.at:
-            moved = tuple(value + step for value in self.at[name])
-            return replace(self, at=dict(self.at) | {name: moved})
-        if name in self._variables():
-            document = {variable.name: float(variable.document or 0.0) for variable in self.kind.variables}
-            current = (document | dict(self.designs))[name]
-            return replace(self, designs=dict(self.designs) | {name: current + step})
+            return replace(self, at=dict(self.at) | {name: tuple(value + step for value in self.at[name])})
+        document = {variable.name: float(variable.document or 0.0) for variable in self.kind.variables}
+        if name in document:
+            return replace(self, designs=dict(self.designs) | {name: (document | dict(self.designs))[name] + step})
         value = number(completed(self.kind.parameters, self.parameters)[name]) + step
         return replace(self, parameters=dict(self.parameters) | {name: value})

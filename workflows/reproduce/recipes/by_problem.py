@@ -10,7 +10,7 @@ from ....declarations import number
 from ....problems.interfaces import Accuracy
 from ....problems.tolerance_problem import ToleranceProblem
 from ..calculation import Quantity
-from .recipe import Recipe, Recomputed
+from .recipe import Recipe, Recomputed, continuous
 
 
 @dataclass(frozen=True)
@@ -39,22 +39,14 @@ class ByProblem(Recipe):
     def by(self) -> str:
         return f"problem {self.name}"
 
-    def _parameters(self) -> dict[str, str]:
-        return {p.name: p.unit for p in self.problem.declaration.parameters if isinstance(p.default, float)}
-
-    def shiftable(self) -> tuple[str, ...]:
-        return (*self.problem.names, *self._parameters())
-
-    def unit_of(self, name: str) -> str | None:
+    def shift_units(self) -> dict[str, str | None]:
         variables = {variable.name: variable.unit for variable in self.problem.variables}
-        return (self._parameters() | variables).get(name)
+        return variables | continuous(self.problem.declaration.parameters)
 
     def shifted(self, name: str, step: float) -> ByProblem:
         if name in self.problem.names:
             at = self.problem.names.index(name)
-            moved = (*self.design[:at], self.design[at] + step, *self.design[at + 1 :])
-            return replace(self, design=moved)
+            return replace(self, design=(*self.design[:at], self.design[at] + step, *self.design[at + 1 :]))
         settings = self.problem.given
-        value = number(self.problem.settings.parameters[name]) + step
-        parameters = dict(settings.parameters) | {name: value}
+        parameters = dict(settings.parameters) | {name: number(self.problem.settings.parameters[name]) + step}
         return replace(self, problem=type(self.problem)(replace(settings, parameters=parameters)))

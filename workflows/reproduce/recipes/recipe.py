@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from ....claim_records import ComputedTable
+from ....declarations import Parameter
 from ..calculation import Quantity
 
 
@@ -32,14 +33,23 @@ class Recipe(ABC):
     def by(self) -> str:
         """What it computes by, in words."""
 
+    def shift_units(self) -> Mapping[str, str | None]:
+        """The unit of every input that a derivative may be taken by, None where it is not known."""
+        return {}
+
     def unit_of(self, name: str) -> str | None:
         """Unit of the input `name` that can be shifted, None where there is no such input."""
-        return None
+        return self.shift_units().get(name)
 
     def shiftable(self) -> tuple[str, ...]:
         """Every input that a derivative may be taken by."""
-        return ()
+        return tuple(self.shift_units())
 
     def shifted(self, name: str, step: float) -> Recipe:
         """The same recipe with an input moved by `step`, in its unit."""
         raise NotImplementedError(f"{type(self).__name__} has no input {name}")
+
+
+def continuous(parameters: Iterable[Parameter]) -> dict[str, str | None]:
+    """The units of the parameters that are real numbers, by name."""
+    return {parameter.name: parameter.unit for parameter in parameters if isinstance(parameter.default, float)}

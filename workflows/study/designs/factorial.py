@@ -17,7 +17,7 @@ from ..records import Design, Factor, Level
 from .needs import column, level_faults, replicate_faults
 
 MOST = 100_000
-"""Settings at most; more are a slip of the pen."""
+"""Settings at most; more are probably a mistake."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,8 +31,7 @@ class Factorial(Design):
         issues = level_faults(factors, self.kind)
         count = self.size(factors)
         if count > MOST and not is_forced():
-            text = f"has {count} settings, {MOST} at most: give fewer levels, use sobol, or add "
-            text += "--force"
+            text = f"has {count} settings, {MOST} at most: give fewer levels, use sobol, or add --force"
             issues.append(Fault("kind", text))
         return issues + replicate_faults(seeds, "shares of variance")
 

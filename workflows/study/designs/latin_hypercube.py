@@ -32,9 +32,7 @@ class LatinHypercube(Design):
     samples: int = field(default=64, metadata={"low": 2, "need": SETTINGS})
 
     def faults(self, factors: tuple[Factor, ...], seeds: int) -> list[Fault]:
-        statistic = "an analysis of variance needs twice its terms,"
-        least = 2 * terms(factors)
-        issues = small("samples", self.samples, least, statistic)
+        issues = small("samples", self.samples, 2 * terms(factors), "an analysis of variance needs twice its terms,")
         return issues + replicate_faults(seeds, "shares of variance")
 
     def size(self, factors: tuple[Factor, ...]) -> int:

@@ -12,7 +12,7 @@ import pandas as pd
 from ....counts import SETTINGS
 from ....errors import Fault
 from ..records import Design, Factor, Level
-from .needs import frame_of, replicate_faults, small
+from .needs import frame_of, replicate_faults, small, unit_cube
 
 LEAST = 10
 """Trajectories from which on the intervals of the statistics are reliable."""
@@ -30,11 +30,9 @@ class Morris(Design):
     levels: int = field(default=4, metadata={"low": 2})
 
     def faults(self, factors: tuple[Factor, ...], seeds: int) -> list[Fault]:
-        statistic = "intervals of elementary effects need"
-        issues = small("trajectories", self.trajectories, LEAST, statistic)
+        issues = small("trajectories", self.trajectories, LEAST, "intervals of elementary effects need")
         if self.levels % 2:
-            text = f"is {self.levels}: steps of half the grid need an even number of levels"
-            issues.append(Fault("levels", text))
+            issues.append(Fault("levels", f"is {self.levels}: steps of half the grid need an even number of levels"))
         return issues + replicate_faults(seeds, "elementary effects")
 
     def size(self, factors: tuple[Factor, ...]) -> int:
@@ -44,9 +42,8 @@ class Morris(Design):
         """Columns `_share_<key>` hold the place of each key in the grid."""
         from SALib.sample.morris import sample
 
-        shares = sample(
-            _unit_cube(factors), self.trajectories, num_levels=self.levels, seed=rng
-        )  # a generator: SALib takes the seed 0 for none
+        # A generator: SALib takes the seed 0 for none.
+        shares = sample(unit_cube(factors), self.trajectories, num_levels=self.levels, seed=rng)
         named = pd.DataFrame(shares, columns=[SHARE + factor.key for factor in factors])
         return frame_of(factors, self._places(factors, shares)).join(named)
 
@@ -54,9 +51,3 @@ class Morris(Design):
         """Ranges keep both ends; a list is entered in the middle of each step, so none is rare."""
         middles = (np.rint(shares * (self.levels - 1)) + 0.5) / self.levels
         return np.where([factor.ranged for factor in factors], shares, middles)
-
-
-def _unit_cube(factors: tuple[Factor, ...]) -> dict[str, object]:
-    """The keys as SALib describes them, each from 0 to 1."""
-    names = [factor.key for factor in factors]
-    return {"num_vars": len(names), "names": names, "bounds": [[0.0, 1.0]] * len(names)}

@@ -37,6 +37,12 @@ def small(name: str, value: int, least: int, statistic: str) -> list[Fault]:
     return [] if value >= least else [Fault(name, f"is {value}: {statistic} at least {least}")]
 
 
+def unit_cube(factors: tuple[Factor, ...]) -> dict[str, object]:
+    """The keys as SALib describes them, each from 0 to 1."""
+    names = [factor.key for factor in factors]
+    return {"num_vars": len(names), "names": names, "bounds": [[0.0, 1.0]] * len(names)}
+
+
 def frame_of(factors: tuple[Factor, ...], shares: NDArray[np.float64]) -> pd.DataFrame:
     """The values of the factors at `shares` (n, factors), each in [0, 1]."""
     columns = zip(factors, shares.T.tolist(), strict=True)

@@ -35,5 +35,4 @@ class OneAtATime(Design):
             for level in factor.grid()
             if level != base[factor.key]
         ]
-        rows = [base_levels, *varied]
-        return pd.DataFrame({key: column(row[key] for row in rows) for key in base_levels})
+        return pd.DataFrame({key: column(row[key] for row in [base_levels, *varied]) for key in base_levels})

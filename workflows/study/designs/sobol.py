@@ -12,7 +12,7 @@ import pandas as pd
 from ....counts import SETTINGS
 from ....errors import Fault
 from ..records import Design, Factor, Level
-from .needs import frame_of, replicate_faults, small
+from .needs import frame_of, replicate_faults, small, unit_cube
 
 LEAST = 128
 """Base samples from which on the intervals of the indices are reliable."""
@@ -47,11 +47,7 @@ class Sobol(Design):
         """Row `block * (keys + 2) + at`: at 0 is A, 1 to keys is A with that key from B, then B."""
         from SALib.sample.sobol import sample
 
-        cube = {
-            "num_vars": len(factors),
-            "names": [factor.key for factor in factors],
-            "bounds": [[0.0, 1.0]] * len(factors),
-        }
+        cube = unit_cube(factors)
         # A generator: SALib takes the seed 0 for none.
         parts = [sample(cube, self.samples // PARTS, calc_second_order=False, seed=rng) for _ in range(PARTS)]
         return frame_of(factors, np.concatenate(parts))

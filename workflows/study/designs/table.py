@@ -44,10 +44,8 @@ class Table(Design):
         typed, faults = parsed(raw, self.file, [factor.key for factor in factors], text=names)
         known = [factor for factor in factors if factor.key in typed]
         for factor in known:
-            bad = _bad_cells(factor, typed[factor.key])
-            faults += cell_faults(self.file, factor.key, bad)
-        values = {factor.key: column(_levels(factor, typed[factor.key])) for factor in known}
-        return pd.DataFrame(values), faults
+            faults += cell_faults(self.file, factor.key, _bad_cells(factor, typed[factor.key]))
+        return pd.DataFrame({factor.key: column(_levels(factor, typed[factor.key])) for factor in known}), faults
 
 
 def _bad_cells(factor: Factor, cells: pd.Series) -> dict[Any, str]:

@@ -11,9 +11,9 @@ from ....records import Response, StudyResult, Varied
 from ..records import LARGER_IS_BETTER, StudyData, StudySettings
 from .contrasts import contrasts
 from .courses import courses
+from .hypotheses import verdicts
 from .medians import medians
 from .pairs import ALPHA, pairs_needed
-from .readings import verdicts
 from .recommendation import recommendation
 from .runs import Runs, runs_of
 from .sensitivity import sensitivity
@@ -22,10 +22,9 @@ from .tested import tests
 BEST = MappingProxyType({"hypervolume_ratio": 1.0, "gap_percent": 0.0, "feasible_fraction": 1.0})
 """The best value of a response that there can be."""
 FAILED = (
-    "{failed} of {total} runs failed. A failed run is left out together with the runs of its seed "
-    "that it would be compared with: in a test the pair, in Friedman's and the analysis of "
-    "variance the seed, in a Sobol block or a Morris step the seed in that block or step; a "
-    "recommendation counts it as the worst"
+    "{failed} of {total} runs failed. A failed run is left out together with the runs of its seed that it would be "
+    "compared with: in a test the pair, in Friedman's and the analysis of variance the seed, in a Sobol block or a "
+    "Morris step the seed in that block or step; a recommendation counts it as the worst"
 )
 
 
@@ -78,10 +77,9 @@ def _notes(settings: StudySettings, table: pd.DataFrame, all_runs: list[Runs], t
     for runs in all_runs:
         if not runs.reached:
             count = int(np.isinf(runs.array).sum())
-            text = f"{runs.response}: {count} of {runs.array.size} runs did not get there within the"
             notes.append(
-                f"{text} budget of their setting; they count as worse than all others in "
-                "ranks, and the response has no variance to be shared out"
+                f"{runs.response}: {count} of {runs.array.size} runs did not reach it within the budget of their "
+                "setting; they count as worse than all others in ranks, and the response has no variance to divide"
             )
     if settings.seeds < 2:
         notes.append("one seed per setting: noise and effects are confounded, and nothing is tested")
@@ -89,6 +87,6 @@ def _notes(settings: StudySettings, table: pd.DataFrame, all_runs: list[Runs], t
     counts = pairs.groupby("response").size() if len(pairs) else pd.Series(dtype=int)
     needed = max((pairs_needed(int(count)) for count in counts), default=0)
     if settings.seeds < needed:
-        text = f"{settings.seeds} seeds cannot show a difference at p = {ALPHA}"
-        notes.append(f"{text} among so many comparisons: {needed} can")
+        text = f"{settings.seeds} seeds cannot show a difference at p = {ALPHA} among so many comparisons"
+        notes.append(f"{text}: {needed} can")
     return notes

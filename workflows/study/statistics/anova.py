@@ -37,16 +37,16 @@ def level_test(values: Array, contrast: Contrast) -> dict[str, Any]:
     table = contrast.table(values)
     table = table[~np.isnan(table).any(axis=1)]
     seeds, levels = table.shape
-    out = {"key": contrast.key, "statistic": np.nan, "p": np.nan, "n": seeds}
+    result = {"key": contrast.key, "statistic": np.nan, "p": np.nan, "n": seeds}
     if seeds < 2 or levels < 2 or np.ptp(table, axis=1).max() == 0.0:
-        return out
+        return result
     freedom = levels - 1, (levels - 1) * (seeds - 1)
     by_level, by_seed = table.mean(axis=0), table.mean(axis=1, keepdims=True)
     between = seeds * np.sum((by_level - table.mean()) ** 2) / freedom[0]
     within = np.sum((table - by_level - by_seed + table.mean()) ** 2) / freedom[1]
     with np.errstate(divide="ignore"):  # no noise at all: F is infinite
         statistic = float(np.divide(between, within))
-    return out | {"statistic": statistic, "p": float(scipy.stats.f.sf(statistic, *freedom))}
+    return result | {"statistic": statistic, "p": float(scipy.stats.f.sf(statistic, *freedom))}
 
 
 def model(design: pd.DataFrame, factors: tuple[Factor, ...]) -> Array:
@@ -55,10 +55,10 @@ def model(design: pd.DataFrame, factors: tuple[Factor, ...]) -> Array:
     for factor in factors:
         cells = design[factor.key]
         if not factor.ranged:
-            kept = [level for level in factor.levels if (cells == level).any()][1:]
+            levels = [level for level in factor.levels if (cells == level).any()][1:]
             blocks.append(
-                np.column_stack([(cells == level).astype(float) for level in kept])
-                if kept
+                np.column_stack([(cells == level).astype(float) for level in levels])
+                if levels
                 else np.empty((len(design), 0))
             )
             continue

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import pandas as pd
 from scipy.stats import bootstrap
@@ -9,7 +11,9 @@ from scipy.stats import bootstrap
 from .resampling import LEVEL, Array
 from .runs import Runs
 
-RESAMPLES = 2000
+percentile_bootstrap = partial(
+    bootstrap, vectorized=True, n_resamples=2000, confidence_level=LEVEL, method="percentile"
+)
 BATCH = 2_000_000
 """Resampled values held at a time, so that thousands of settings fit into memory."""
 
@@ -41,17 +45,7 @@ def interval_of_median(values: Array, rng: np.random.Generator) -> Array:
             low, high = np.full((2, len(values)), np.nan)
         else:
             batch = max(1, BATCH // values.size)
-            interval = bootstrap(
-                (values,),
-                np.median,
-                axis=1,
-                vectorized=True,
-                n_resamples=RESAMPLES,
-                batch=batch,
-                confidence_level=LEVEL,
-                method="percentile",
-                rng=rng,
-            ).confidence_interval
+            interval = percentile_bootstrap((values,), np.median, axis=1, batch=batch, rng=rng).confidence_interval
             low, high = np.asarray(interval.low), np.asarray(interval.high)
         stacked = np.column_stack([middle, low, high])
     return np.where(np.isfinite(stacked), stacked, np.nan)

@@ -5,6 +5,8 @@ No significance is claimed where the number of seeds cannot give it.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from itertools import combinations
 from math import factorial
 from typing import Any
@@ -55,7 +57,7 @@ def wilcoxon_tests(runs: Runs, contrasts: list[Contrast], rng: np.random.Generat
         for i, j in combinations(range(len(contrast.levels)), 2):
             pair = paired(values[:, i], values[:, j], rng)
             rows.append({"key": contrast.key, "a": contrast.levels[i], "b": contrast.levels[j]} | pair)
-    return _corrected(runs.response, "wilcoxon", rows, pairs_needed)
+    return corrected(runs.response, "wilcoxon", rows, partial(_reason, needed=pairs_needed))
 
 
 def paired(a: Array, b: Array, rng: np.random.Generator) -> dict[str, Any]:
@@ -65,23 +67,15 @@ def paired(a: Array, b: Array, rng: np.random.Generator) -> dict[str, Any]:
     with np.errstate(invalid="ignore"):
         difference = np.where(a == b, 0.0, a - b)  # two runs that did not get there are equal
     moved = difference[difference != 0.0]
-    out: dict[str, Any] = {
-        "n": len(a),
-        "differ": len(moved),
-        "statistic": np.nan,
-        "p": 1.0,
-        "effect": 0.0,
-        "seeds": len(a),
-    }
+    result: dict[str, Any] = {"n": len(a), "differ": len(moved), "statistic": np.nan, "p": 1.0, "effect": 0.0}
     if len(a):
-        middle = interval_of_median(difference[None], rng)[0]
-        out |= dict(zip(("difference", "low", "high"), middle, strict=True))
+        result |= dict(zip(("difference", "low", "high"), interval_of_median(difference[None], rng)[0], strict=True))
     if len(moved):
         test = wilcoxon(moved)
         ranks = rankdata(np.abs(moved))
         effect = float((np.sign(moved) * ranks).sum() / ranks.sum())
-        out |= {"statistic": float(test.statistic), "p": float(test.pvalue), "effect": effect}
-    return out | {"least": least_p(len(moved))}
+        result |= {"statistic": float(test.statistic), "p": float(test.pvalue), "effect": effect}
+    return result | {"least": least_p(len(moved))}
 
 
 def least_p(pairs: int) -> float:
@@ -101,7 +95,7 @@ def friedman_tests(runs: Runs, contrasts: list[Contrast]) -> pd.DataFrame:
         for contrast in contrasts
         if len(contrast.levels) > 2
     ]
-    return _corrected(runs.response, "friedman", rows, None)
+    return corrected(runs.response, "friedman", rows, _reason)
 
 
 def _friedman(values: Array) -> dict[str, Any]:
@@ -110,39 +104,31 @@ def _friedman(values: Array) -> dict[str, Any]:
     seeds, levels = whole.shape
     ranks = rankdata(whole, axis=1) if seeds else whole
     same = bool(np.all(ranks == ranks[:, :1]))
-    flat = seeds < 2 or same
-    out = {
-        "n": seeds,
-        "differ": 0 if same else seeds,
-        "statistic": np.nan,
-        "p": 1.0,
-        "effect": 0.0,
-        "seeds": seeds,
-        "least": min(1.0, float(factorial(levels)) ** (1 - seeds)),
-    }
-    if not flat:
+    result = {"n": seeds, "differ": 0 if same else seeds, "statistic": np.nan, "p": 1.0, "effect": 0.0}
+    if seeds >= 2 and not same:
         test = friedmanchisquare(*ranks.T)
-        out |= {
-            "statistic": float(test.statistic),
-            "p": float(test.pvalue),
-            "effect": float(test.statistic) / (seeds * (levels - 1)),
-        }
-    return out
+        effect = float(test.statistic) / (seeds * (levels - 1))
+        result |= {"statistic": float(test.statistic), "p": float(test.pvalue), "effect": effect}
+    return result | {"least": min(1.0, float(factorial(levels)) ** (1 - seeds))}
 
 
-def _corrected(response: str, kind: str, rows: list[dict[str, Any]], needed: Any) -> pd.DataFrame:
-    """The rows as a table, corrected by Holm; what cannot be significant says why."""
+def corrected(
+    response: str, kind: str, rows: list[dict[str, Any]], reason: Callable[[dict[Any, Any], int], str]
+) -> pd.DataFrame:
+    """The rows as a table, corrected by Holm; NaN as p counts as 1.
+
+    `reason` states why a row of so many tests cannot be significant, empty where it can be.
+    """
     if not rows:
         return pd.DataFrame(columns=list(COLUMNS))
     frame = pd.DataFrame(rows).assign(response=response, kind=kind)
-    frame["p_holm"] = multipletests(frame["p"], method="holm")[1]
-    tests = len(frame)
-    frame["reason"] = [_reason(row, tests, needed) for row in frame.to_dict("records")]
+    frame["p_holm"] = multipletests(frame["p"].fillna(1.0), method="holm")[1]
+    frame["reason"] = [reason(row, len(frame)) for row in frame.to_dict("records")]
     frame["significant"] = (frame["p_holm"] <= ALPHA) & (frame["reason"] == "")
     return frame.reindex(columns=list(COLUMNS))
 
 
-def _reason(row: dict[Any, Any], tests: int, needed: Any) -> str:
+def _reason(row: dict[Any, Any], tests: int, needed: Callable[[int], int] | None = None) -> str:
     """Why no significance can be claimed; empty where it can."""
     if row["n"] == 0:
         return "no seed has a run on both sides that did not fail"

@@ -10,13 +10,12 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from scipy.stats import bootstrap
 
 from ....records import Recommendation, Response
 from ..records import Level
-from .medians import RESAMPLES
+from .medians import percentile_bootstrap
 from .pairs import ALPHA, paired, pairs_needed
-from .resampling import LEVEL, Array
+from .resampling import Array
 from .runs import Runs
 
 UNKNOWN = (np.nan, np.nan, np.nan)
@@ -42,7 +41,7 @@ def recommendation(
     keys = [name for name in map(str, design.columns) if not name.startswith("_")]
     settings = {key: design[key].iloc[best] for key in keys}
     if np.isinf(np.median(chosen[best])):
-        text = f"{response.name}: at no setting do more than half of the runs get there."
+        text = f"{response.name}: at most half of the runs of any setting reach it."
         return Recommendation(response.name, best, settings, False, UNKNOWN, text)
     if best == reference:
         text = f"{named} is the best of {len(design)}; nothing is to be changed"
@@ -69,17 +68,7 @@ def _recovered(
         return np.asarray(np.divide(gained, missed, out=np.zeros_like(gained), where=missed > 0.0))
 
     pair = (best[both], reference[both])
-    around = bootstrap(
-        pair,
-        recovered_fraction,
-        paired=True,
-        vectorized=True,
-        n_resamples=RESAMPLES,
-        confidence_level=LEVEL,
-        method="percentile",
-        rng=rng,
-    )
-    low, high = around.confidence_interval
+    low, high = percentile_bootstrap(pair, recovered_fraction, paired=True, rng=rng).confidence_interval
     return float(recovered_fraction(pair[0][None], pair[1][None])[0]), float(low), float(high)
 
 
@@ -92,7 +81,8 @@ def _sentence(
     shown: bool,
     recovered: tuple[float, float, float],
 ) -> str:
-    what = ", ".join(f"{key} = {_value_text(value)}" for key, value in settings.items())
+    texts = {key: f"{value:.4g}" if isinstance(value, float) else str(value) for key, value in settings.items()}
+    what = ", ".join(f"{key} = {text}" for key, text in texts.items())
     half = f"{test['n']} seeds that did not choose it"
     if not test["n"]:
         return f"{response.name}: {what} is the best observed; there is no other seed to test it with."
@@ -119,7 +109,3 @@ def _sentence(
         f"{text} and recovers {100 * recovered[0]:.0f} % [{100 * recovered[1]:.0f}, "
         f"{100 * recovered[2]:.0f}] of what that misses of the best possible."
     )
-
-
-def _value_text(value: Any) -> str:
-    return f"{value:.4g}" if isinstance(value, float) else str(value)

@@ -63,6 +63,11 @@ def over_settings(values: Array, weights: Array) -> Array:
     return np.where(total > 0, summed / np.where(total > 0, total, 1.0), np.nan)
 
 
+def fraction_of(parts: Array, total: Array) -> Array:
+    """Parts (draws, statistics) over totals (draws,), 0 where nothing varies."""
+    return np.divide(parts, total[:, None], out=np.zeros_like(parts), where=total[:, None] > 0.0)
+
+
 def random_settings(
     statistic: Statistic, settings: int, replicates: int, rng: np.random.Generator, parts: int = 0, level: float = LEVEL
 ) -> Estimates:
@@ -73,7 +78,8 @@ def random_settings(
     value, flat = _value(statistic, settings, replicates)
     all_runs = np.ones((1, 1, replicates))
     if parts:
-        rows = _jackknifed(statistic(_without_a_part(settings, parts), all_runs))
+        leave_one_out = np.repeat(1.0 - np.eye(parts), settings // parts, axis=1)
+        rows = np.asarray((parts - 1) * statistic(leave_one_out, all_runs).var(axis=0))
     else:
         rows = _spread(lambda n: statistic(rng.exponential(size=(n, settings)), all_runs), settings)
     seeds = _spread(lambda n: statistic(flat, rng.exponential(size=(n, 1, replicates))), replicates)
@@ -82,20 +88,7 @@ def random_settings(
         replicates,
         max(1, BLOCK // (settings * replicates)),
     )
-    freedom = parts - 1 if parts else settings - 1
-    return _around(value, rows + np.maximum(seeds - runs, 0.0), freedom, level)
-
-
-def _without_a_part(settings: int, parts: int) -> Array:
-    """Weights (parts, settings) that leave out one part each."""
-    weights = np.ones((parts, parts, settings // parts))
-    weights[np.arange(parts), np.arange(parts)] = 0.0
-    return weights.reshape(parts, settings)
-
-
-def _jackknifed(estimates: Array) -> Array:
-    """Variance (statistics,) of an estimate, from those without a part (parts, statistics)."""
-    return np.asarray((len(estimates) - 1) * estimates.var(axis=0))
+    return _around(value, rows + np.maximum(seeds - runs, 0.0), (parts or settings) - 1, level)
 
 
 def fixed_settings(statistic: Statistic, replicates: int, rng: np.random.Generator) -> Estimates:

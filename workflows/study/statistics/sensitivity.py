@@ -42,8 +42,7 @@ def sensitivity(
     elif complete(values).shape[1] >= 2:
         rows += _variances(values, design, settings, contrasts, rng)
     group = {"sobol": len(keys) + 2, "morris": len(keys) + 1, "latin_hypercube": 1}.get(kind, 0)
-    some = _ends(values, group) if kind == "sobol" else values
-    noise = noise_share(some, 2 if kind == "sobol" else group, rng)
+    noise = noise_share(_ends(values, group), 2, rng) if kind == "sobol" else noise_share(values, group, rng)
     rows += _rows([("", "noise_share")], noise, len(values))
     frame = pd.DataFrame(rows).assign(response=runs.response)
     frame["distinct"] = frame["low"] > 0.0

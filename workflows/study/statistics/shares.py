@@ -15,14 +15,13 @@ from ..records import Factor
 from .anova import model
 from .contrasts import Contrast
 from .noise import variance
-from .resampling import Array, Estimates, crossed, fixed_settings
+from .resampling import Array, Estimates, crossed, fixed_settings, fraction_of
 from .runs import complete
 
 
 def effect_of(values: Array, weights: Array) -> Array:
     """Variance of the levels (levels, replicates) without the noise; shape (draws,)."""
-    centred = values - values.mean(axis=0)
-    return np.asarray(crossed(centred, centred, weights).mean(-1))
+    return _squares(values - values.mean(axis=0), weights)
 
 
 def key_shares(values: Array, contrast: Contrast, rng: np.random.Generator) -> Estimates:
@@ -31,7 +30,7 @@ def key_shares(values: Array, contrast: Contrast, rng: np.random.Generator) -> E
 
     def statistic(rows: Array, weights: Array) -> Array:
         effect = effect_of(levels, weights)
-        return _share(effect[:, None], effect + variance(levels, weights).mean(-1))
+        return fraction_of(effect[:, None], effect + variance(levels, weights).mean(-1))
 
     return fixed_settings(statistic, levels.shape[1], rng)
 
@@ -50,10 +49,9 @@ def factorial_shares(values: Array, contrasts: list[Contrast], rng: np.random.Ge
     def statistic(rows: Array, weights: Array) -> Array:
         between = effect_of(whole, weights)
         parts = np.stack([_squares(effect, weights) for effect in effects.values()], axis=-1)
-        return _share(parts, between + variance(whole, weights).mean(-1))
+        return fraction_of(parts, between + variance(whole, weights).mean(-1))
 
-    names = [" x ".join(keys) for keys in effects]
-    return names, fixed_settings(statistic, whole.shape[1], rng)
+    return [" x ".join(keys) for keys in effects], fixed_settings(statistic, whole.shape[1], rng)
 
 
 def _means(values: Array, members: tuple[np.ndarray, ...]) -> Array:
@@ -81,24 +79,13 @@ def surface_shares(
 ) -> Estimates:
     """Latin hypercube: shares of every key by a line and a curve (a list: by its levels)."""
     whole = complete(values)
-    parts = [_projections(design, factors, without) for without in (None, *factors)]
+    models = [model(design, tuple(other for other in factors if other is not omitted)) for omitted in (None, *factors)]
+    parts = [np.linalg.qr(columns)[0] for columns in models]
 
     def statistic(rows: Array, weights: Array) -> Array:
         between = effect_of(whole, weights)
         explained = [crossed(q.T @ whole, q.T @ whole, weights).sum(-1) for q in parts]
         gains = np.stack([explained[0] - part for part in explained[1:]], axis=-1) / len(whole)
-        return _share(gains, between + variance(whole, weights).mean(-1))
+        return fraction_of(gains, between + variance(whole, weights).mean(-1))
 
     return fixed_settings(statistic, whole.shape[1], rng)
-
-
-def _projections(design: pd.DataFrame, factors: tuple[Factor, ...], without: Factor | None) -> Array:
-    """Orthonormal columns of the model without one key."""
-    columns = model(design, tuple(factor for factor in factors if factor is not without))
-    return np.linalg.qr(columns)[0]
-
-
-def _share(parts: Array, total: Array) -> Array:
-    """Parts (draws, statistics) of totals (draws,), 0 where nothing varies."""
-    wide = np.broadcast_to(total[:, None], parts.shape)
-    return np.divide(parts, wide, out=np.zeros_like(parts), where=wide > 0.0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..designs.sobol import PARTS
-from .resampling import Array, Estimates, crossed, over_settings, random_settings
+from .resampling import Array, Estimates, crossed, fraction_of, over_settings, random_settings
 
 SOBOL_LEVEL = 0.90
 """Level of the intervals: the one at which they are calibrated."""
@@ -35,18 +35,12 @@ def indices(values: Array, keys: int, rng: np.random.Generator) -> Estimates:
         first = [over_settings(crossed(b, mix - a, weights), rows) for mix in mixed]
         last = [over_settings(crossed(a - mix, a - mix, weights), rows) / 2 for mix in mixed]
         rest = [over_settings(crossed(b - mix, b - mix, weights), rows) / 2 for mix in mixed]
-        small, whole_share, others = (_shares(parts, total) for parts in (first, last, rest))
+        small, whole_share, others = (fraction_of(np.stack(parts, axis=-1), total) for parts in (first, last, rest))
         weight = np.clip(whole_share, 0.0, 1.0)
         large = np.where(total[:, None] > 0.0, 1.0 - others, 0.0)
         return np.concatenate([(1.0 - weight) * small + weight * large, whole_share], axis=-1)
 
     return random_settings(statistic, len(blocks), values.shape[1], rng, PARTS, SOBOL_LEVEL)
-
-
-def _shares(parts: list[Array], total: Array) -> Array:
-    """Variances as shares of the whole, (draws, keys); 0 where there is none."""
-    variances = np.stack(parts, axis=-1)
-    return np.divide(variances, total[:, None], out=np.zeros_like(variances), where=total[:, None] > 0.0)
 
 
 def _mean_of_seeds(ends: Array) -> Array:

@@ -6,12 +6,11 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from statsmodels.stats.multitest import multipletests
 
 from ..records import StudySettings
 from .anova import level_test, surface_tests
 from .contrasts import Contrast
-from .pairs import ALPHA, COLUMNS, friedman_tests, wilcoxon_tests
+from .pairs import COLUMNS, corrected, friedman_tests, wilcoxon_tests
 from .runs import Runs, complete
 
 
@@ -37,11 +36,5 @@ def _variances(runs: Runs, design: pd.DataFrame, settings: StudySettings, contra
         rows = surface_tests(runs.array, design, settings.factors)
     elif settings.design.analysis != "latin_hypercube":
         rows = [level_test(runs.array, contrast) for contrast in contrasts]
-    if not rows:
-        return pd.DataFrame()
-    frame = pd.DataFrame(rows).assign(response=runs.response, kind="anova")
-    refused = frame["p"].isna()
-    frame["reason"] = np.where(refused, "nothing is left to compare with", "")
-    frame["p_holm"] = multipletests(frame["p"].fillna(1.0), method="holm")[1]
-    frame["significant"] = (frame["p_holm"] <= ALPHA) & ~refused
-    return frame.reindex(columns=list(COLUMNS))
+    unknown = "nothing is left to compare with"
+    return corrected(runs.response, "anova", rows, lambda row, _: unknown if np.isnan(row["p"]) else "")

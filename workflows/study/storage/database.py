@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Sequence
+from dataclasses import asdict
 from functools import partial
 from typing import Any
 
@@ -45,8 +46,8 @@ class Database(Store):
     def count(self, total: int) -> tuple[int, int]:
         """Runs done and failed of the first `total` numbers."""
         failed = func.count().filter(RUNS.c.status == "failed")
-        text = select(func.count(), failed).where(RUNS.c.number < total)
-        ended, wrong = self.read(lambda connection: connection.execute(text).one())
+        statement = select(func.count(), failed).where(RUNS.c.number < total)
+        ended, wrong = self.read(lambda connection: connection.execute(statement).one())
         return ended - wrong, wrong
 
     def missing(self, total: int) -> list[int]:
@@ -56,7 +57,7 @@ class Database(Store):
         return sorted(open_numbers, key=lambda number: (number % self.points, number // self.points))
 
     def free(self, numbers: Sequence[int]) -> list[int]:
-        """The numbers from the first one on that nobody has done or is at work on."""
+        """The numbers, from the first free one on, that no process has done or is at work on."""
         for at in range(0, len(numbers), WINDOW):
             some = numbers[at : at + WINDOW]
             taken = self.claimed(some) | self.read(partial(self.present, table=RUNS, numbers=some))
@@ -87,20 +88,20 @@ class Database(Store):
             records += self._records(ALL.where(some))
         return sorted(records, key=lambda run: run.replicate)
 
-    def _records(self, text: Select[Any]) -> list[RunRecord]:
-        rows = self.read(lambda connection: [tuple(row) for row in connection.execute(text)])
+    def _records(self, statement: Select[Any]) -> list[RunRecord]:
+        rows = self.read(lambda connection: [tuple(row) for row in connection.execute(statement)])
         return [record_of(row) for row in rows]
 
     def row(self, number: int) -> Row | None:
         """The row of a run as it is, None where there is none."""
-        text = ALL.where(RUNS.c.number == number)
-        stored = self.read(lambda connection: connection.execute(text).one_or_none())
+        statement = ALL.where(RUNS.c.number == number)
+        stored = self.read(lambda connection: connection.execute(statement).one_or_none())
         return None if stored is None else tuple(stored)
 
     # what is to be done
 
     def claim_runs(self, numbers: Iterable[int]) -> list[int]:
-        """Those of the runs that nobody has done and no living process has begun: now ours."""
+        """Claim the runs that have not ended and that no living process has begun; returns them."""
         return self.claim(numbers, RUNS)
 
     def record(self, runs: Iterable[RunRecord]) -> int:
@@ -108,20 +109,20 @@ class Database(Store):
 
         Returns how many are new.
         """
-        return self.insert([row_of(self._number(run), run, self.responses) for run in runs])
+        return self.insert([row_of(run.replicate * self.points + run.point, run, self.responses) for run in runs])
 
     def insert(self, rows: Sequence[Row]) -> int:
         """Write rows, those of another database as well; returns how many are new."""
         numbers = [row[0] for row in rows]
         values: list[dict[str, Any]] = [dict(zip(NAMES, row, strict=True)) for row in sorted(rows)]
-        text = self.backend.insert(RUNS).on_conflict_do_nothing()
+        statement = self.backend.insert(RUNS).on_conflict_do_nothing()
 
         def work(connection: Connection) -> int:
-            there = self.present(connection, RUNS, numbers)
+            stored = self.present(connection, RUNS, numbers)
             if values:
-                connection.execute(text, values)
+                connection.execute(statement, values)
             self.finished(connection, numbers)
-            return len(set(numbers) - there)
+            return len(set(numbers) - stored)
 
         added = self.write(work)
         self.let_go(numbers)
@@ -129,8 +130,8 @@ class Database(Store):
 
     def forget(self, numbers: Iterable[int]) -> None:
         """Drop rows, so that the runs are done again."""
-        text = delete(RUNS).where(RUNS.c.number.in_(list(numbers)))
-        self.write(lambda connection: connection.execute(text))
+        statement = delete(RUNS).where(RUNS.c.number.in_(list(numbers)))
+        self.write(lambda connection: connection.execute(statement))
 
     # yardsticks
 
@@ -139,8 +140,8 @@ class Database(Store):
 
         One that is not as it was written is left out, and computed again.
         """
-        text = select(YARDSTICKS.c.problem, YARDSTICKS.c.value)
-        rows = self.read(lambda connection: connection.execute(text).all())
+        statement = select(YARDSTICKS.c.problem, YARDSTICKS.c.value)
+        rows = self.read(lambda connection: connection.execute(statement).all())
         measures = {number: _yardstick(value, number) for number, value in rows}
         return {number: measure for number, measure in measures.items() if measure is not None}
 
@@ -150,25 +151,17 @@ class Database(Store):
 
     def keep_yardstick(self, problem: int, yardstick: Yardstick) -> None:
         """Keep the yardstick of a problem."""
-        record = {
-            "ideal": yardstick.box.ideal,
-            "nadir": yardstick.box.nadir,
-            "value": yardstick.value,
-            "bound": yardstick.bound,
-        }
+        record = asdict(yardstick.box) | {"value": yardstick.value, "bound": yardstick.bound}
         value = json.dumps(sealed_record(record, of=str(problem))).encode()
         row = self.backend.insert(YARDSTICKS).values(problem=problem, value=value)
-        text = row.on_conflict_do_update(index_elements=[YARDSTICKS.c.problem], set_={"value": row.excluded.value})
+        statement = row.on_conflict_do_update(index_elements=[YARDSTICKS.c.problem], set_={"value": row.excluded.value})
 
         def work(connection: Connection) -> None:
-            connection.execute(text)
+            connection.execute(statement)
             self.finished(connection, [_of(problem)])
 
         self.write(work)
         self.let_go([_of(problem)])
-
-    def _number(self, run: RunRecord) -> int:
-        return run.replicate * self.points + run.point
 
 
 def _of(problem: int) -> int:
@@ -176,10 +169,9 @@ def _of(problem: int) -> int:
     return -1 - problem
 
 
-def _yardstick(text: bytes | str, problem: int) -> Yardstick | None:
+def _yardstick(content: bytes | str, problem: int) -> Yardstick | None:
     try:
-        record = unsealed_record(loads(text), of=str(problem))
+        record = unsealed_record(loads(content), of=str(problem))
     except (TypeError, ValueError):
         return None
-    box = Box(tuple(record["ideal"]), tuple(record["nadir"]))
-    return Yardstick(box, record["value"], record["bound"])
+    return Yardstick(Box(tuple(record["ideal"]), tuple(record["nadir"])), record["value"], record["bound"])

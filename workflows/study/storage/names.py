@@ -1,4 +1,4 @@
-"""Names of what a study keeps its runs in."""
+"""Names of the files in which a study stores its runs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Opens the store of a study: a new one, that of a broken study, or what is whole of a file."""
+"""Opens the store of a study: a new one, that of an interrupted study, or a damaged file."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import tomllib
 from itertools import count
 from pathlib import Path
 
-from ....errors import Fault, raise_all, refuse
+from ....errors import Fault, InputError, raise_all, refuse
 from ....section import flat
 from ...store.backend import DAMAGE, Backend, Foreign, Newer, reason
 from ...store.faults import not_ours
@@ -25,15 +25,15 @@ digest of both.
 SEALED = 2
 """Version of the tables from which on there is such a digest."""
 GROWS = "seeds"
-"""The one key of the runs that may differ between a study and what goes on with it, upwards."""
-SAID = "reading"
-"""What is only tested on the runs."""
+"""The only key of the runs that may differ in the command that resumes a study, upwards."""
+HYPOTHESES = "reading"
+"""The key of what is only tested on the runs."""
 SHOWN = 12
 """Lost runs that are named one by one."""
 
 
 class Unopened(Exception):
-    """A database that may be sound cannot be opened: its path, why, and what helps."""
+    """A database that may be sound cannot be opened: its path, the cause, and the remedy."""
 
 
 def opened(plan: StudyPlan, backend: Backend, alone: bool, prefix: str = "") -> tuple[Database, tuple[str, ...]]:
@@ -41,7 +41,7 @@ def opened(plan: StudyPlan, backend: Backend, alone: bool, prefix: str = "") -> 
 
     Where this process is `alone`, claims of earlier ones whose names begin with `prefix` are
     dropped. Raises InputError where it belongs to another study, was written by a newer version,
-    or where nothing of it can be read, Unopened where the disk is full, nobody answers, or it
+    or where nothing of it can be read, Unopened where the disk is full, no server answers, or it
     cannot be written for another reason.
     """
     try:
@@ -52,8 +52,7 @@ def opened(plan: StudyPlan, backend: Backend, alone: bool, prefix: str = "") -> 
         if why := backend.hindrance(error):
             raise Unopened(backend.display_name, *why) from error
         if not isinstance(backend, SqliteFile):
-            text = f"cannot be read: {reason(error)}; {backend.anew}"
-            raise refuse(backend.display_name, text) from error
+            raise _unreadable(backend, reason(error)) from error
         database, notes = _recovered(backend, plan, reason(error))
     try:
         while not _taken(database, plan):
@@ -62,12 +61,15 @@ def opened(plan: StudyPlan, backend: Backend, alone: bool, prefix: str = "") -> 
             database.drop_claims(prefix)
     except DAMAGE as error:
         database.close()
-        text = f"cannot be read: {reason(error)}; {backend.anew}"
-        raise refuse(backend.display_name, text) from error
+        raise _unreadable(backend, reason(error)) from error
     except BaseException:
         database.close()
         raise
     return database, notes
+
+
+def _unreadable(backend: Backend, why: str) -> InputError:
+    return refuse(backend.display_name, f"cannot be read: {why}; {backend.restart}")
 
 
 def _sound(backend: Backend, plan: StudyPlan, prefix: str) -> tuple[Database, tuple[str, ...]]:
@@ -96,19 +98,17 @@ def identity_faults(database: Database, plan: StudyPlan) -> list[Fault]:
     if database.meta(TABLE):
         raise refuse(backend.display_name, f"holds a computed table; {backend.alternative}")
     if not _seal_fits(database):
-        text = f"cannot be read: what it says of its study is damaged; {backend.anew}"
-        raise refuse(backend.display_name, text)
+        raise _unreadable(backend, "the identity of its study is damaged")
     if old and old != new:
         try:
-            faults = differences(old, new, backend.anew)
+            faults = differences(old, new, backend.restart)
         except tomllib.TOMLDecodeError as error:
-            text = f"cannot be read: its configuration is damaged ({error})"
-            raise refuse(backend.display_name, f"{text}; {backend.anew}") from None
+            raise _unreadable(backend, f"its configuration is damaged ({error})") from None
         if faults:
             return faults
     if database.meta(POINTS) not in ("", _points(plan)):
         text = "its points are not those of the study to resume: the table, or the version of what "
-        return [Fault("design", f"{text}draws them, has changed; {backend.anew}")]
+        return [Fault("design", f"{text}draws them, has changed; {backend.restart}")]
     return []
 
 
@@ -123,8 +123,7 @@ def _taken(database: Database, plan: StudyPlan) -> bool:
     new, points = plan.settings.configuration, _points(plan)
     if (old, database.meta(POINTS)) == (new, points) and database.meta(SEAL):
         return True
-    record = {IDENTITY: new, POINTS: points, SEAL: _digest(new, points)}
-    return database.set_meta(record, IDENTITY, old)
+    return database.set_meta({IDENTITY: new, POINTS: points, SEAL: _digest(new, points)}, IDENTITY, old)
 
 
 def _points(plan: StudyPlan) -> str:
@@ -143,17 +142,16 @@ def _digest(identity: str, points: str) -> str:
     return hashlib.sha256(f"{identity}\n{points}".encode()).hexdigest()
 
 
-def differences(before: str, after: str, anew: str = SqliteFile.anew) -> list[Fault]:
+def differences(before: str, after: str, restart: str = SqliteFile.restart) -> list[Fault]:
     """What makes a configuration (TOML) that of another study than one before."""
     old, new = (flat(tomllib.loads(text)) for text in (before, after))
     faults = []
     for key in dict.fromkeys([*new, *old]):
         was, now = old.get(key, "unset"), new.get(key, "unset")
-        if was == now or key == SAID or (key == GROWS and now > was):
+        if was == now or key == HYPOTHESES or (key == GROWS and now > was):
             continue
         hint = "it may only grow" if key == GROWS else "only seeds may grow"
-        text = f"is {now}, but the study to resume has {was}: {hint}; undo the change, or {anew}"
-        faults.append(Fault(key, text))
+        faults.append(Fault(key, f"is {now}, but the study to resume has {was}: {hint}; undo the change, or {restart}"))
     return faults
 
 
@@ -162,7 +160,7 @@ def _recovered(backend: SqliteFile, plan: StudyPlan, error: str) -> tuple[Databa
     path = backend.path
     identity, rows, holes = _salvaged(path, plan)
     if not rows:
-        raise refuse(str(path), f"is damaged ({error}) and none of its runs can be read: {backend.anew}")
+        raise refuse(str(path), f"is damaged ({error}) and none of its runs can be read: {backend.restart}")
     identity = identity or _stored_configuration(path)
     aside = _put_aside(path)
     database = _database(SqliteFile(path), plan)
@@ -199,13 +197,10 @@ def _salvaged(path: Path, plan: StudyPlan) -> tuple[str, list[Row], list[int]]:
             try:
                 row = database.row(number)
             except DAMAGE:
-                holes.append(number)
-                continue
-            if row is None:
-                continue
-            if is_intact(row):
+                row = ()
+            if row is not None and is_intact(row):
                 rows.append(row)
-            else:
+            elif row is not None:
                 holes.append(number)
     return identity, rows, holes
 
@@ -218,7 +213,7 @@ def _stored_configuration(path: Path) -> str:
 
 
 def _put_aside(path: Path) -> Path:
-    """Move a damaged database to a name of its own, with its log."""
+    """Rename a damaged database, with its log."""
     aside = next(name for k in count(1) if not (name := path.with_name(f"{path.name}.damaged-{k}")).exists())
     path.rename(aside)
     for tail in ("-wal", "-shm"):

@@ -23,18 +23,8 @@ def row_of(number: int, run: RunRecord, wanted: tuple[str, ...]) -> Row:
     values = [_null(run.responses[name]) if name in wanted else None for name in RESPONSES]
     curve = zlib.compress(np.ascontiguousarray(run.curve, dtype="<f8").tobytes(), 1)
     reason = run.reason.encode("utf-8", "replace").decode().replace("\0", "\ufffd")
-    row = (
-        number,
-        run.point,
-        run.replicate,
-        run.seed,
-        run.status,
-        reason,
-        run.evaluations,
-        _null(run.cpu_s),
-        *values,
-        curve,
-    )
+    identity = (number, run.point, run.replicate, run.seed, run.status, reason)
+    row = (*identity, run.evaluations, _null(run.cpu_s), *values, curve)
     return (*row, checksum(row))
 
 
@@ -47,20 +37,11 @@ def is_intact(row: Row) -> bool:
 
 
 def record_of(row: Row) -> RunRecord:
-    """The run of a row that is `whole`."""
-    named = dict(zip(COLUMNS, row[1:-1], strict=True))
-    curve = np.frombuffer(zlib.decompress(named["curve"]), dtype="<f8").reshape(-1, len(CURVE))
-    return RunRecord(
-        point=named["point"],
-        replicate=named["replicate"],
-        seed=named["seed"],
-        status=named["status"],
-        reason=named["reason"],
-        evaluations=named["evaluations"],
-        cpu_s=_number(named["cpu_s"]),
-        responses={name: _number(named[name]) for name in RESPONSES},
-        curve=curve,
-    )
+    """The run of a row that is intact."""
+    _, point, replicate, seed, status, reason, evaluations, cpu_s, *values, compressed, _ = row
+    responses = {name: _number(value) for name, value in zip(RESPONSES, values, strict=True)}
+    curve = np.frombuffer(zlib.decompress(compressed), dtype="<f8").reshape(-1, len(CURVE))
+    return RunRecord(point, replicate, seed, status, reason, evaluations, _number(cpu_s), responses, curve)
 
 
 def checksum(row: Row) -> int:

@@ -1,4 +1,4 @@
-"""Where the runs of a study are kept: in a file of its directory, or in a store elsewhere."""
+"""Where the runs of a study are stored: in a file of its directory, or in a shared store."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from ....errors import Fault, InputError, refuse
 from ....sealed import read_record, write_record
+from ...store.address import read_address
 from .names import DATABASE, PLACE
 
 if TYPE_CHECKING:
@@ -28,35 +29,33 @@ class Site:
 
     @property
     def location(self) -> str:
-        """Where the runs are, in the words of messages."""
-        return _shown(self.address) if self.address else str(self.folder)
+        """Where the runs are, as messages state it."""
+        return read_address(self.address).shown if self.address else str(self.folder)
 
     def begin(self) -> None:
         """Write to the directory where the runs are, and a token that marks its claims.
 
-        Who resumes the study here knows by it which claims are of processes that are gone.
+        It tells a resumed study which claims belong to processes that are gone.
         """
         if self.address:
-            record = {STORE: self.location, TOKEN: secrets.token_hex(8)}
-            write_record(self.folder / PLACE, record)
+            write_record(self.folder / PLACE, {STORE: self.location, TOKEN: secrets.token_hex(8)})
 
     def check(self) -> None:
         """Raises InputError where the directory does not hold a study that is kept there."""
-        there, file = _placed(self.folder), (self.folder / DATABASE).is_file()
-        if there is None and not file:
-            text = f"{self.folder} holds no {DATABASE} of a study; name another directory, or"
-            raise refuse("--resume", f"{text} --overwrite")
-        if there is None and self.address:
+        placed, file = _placed(self.folder), (self.folder / DATABASE).is_file()
+        if placed is None and not file:
+            text = f"{self.folder} holds no {DATABASE} of a study; name another directory, or --overwrite"
+            raise refuse("--resume", text)
+        if placed is None and self.address:
             text = f"the runs of {self.folder} are in its {DATABASE}: leave out --store, or"
             raise refuse("--store", f"{text} {ANOTHER}")
-        if there is not None and there[STORE] != (self.location if self.address else ""):
-            text = f"the runs of {self.folder} are in {there[STORE]}: name that, or"
+        if placed is not None and placed[STORE] != (self.location if self.address else ""):
+            text = f"the runs of {self.folder} are in {placed[STORE]}: name that, or"
             raise refuse("--store", f"{text} {ANOTHER}")
 
     def backend(self, reading: bool = False) -> Backend:
         """The database."""
         if self.address:
-            from ...store.address import read_address
             from ...store.postgresql import PostgreSQL
 
             return PostgreSQL(read_address(self.address))
@@ -67,17 +66,17 @@ class Site:
     @property
     def prefix(self) -> str:
         """Beginning of the names under which processes of this directory claim runs."""
-        there = _placed(self.folder)
-        return f"{there[TOKEN]}-" if there is not None else ""
+        placed = _placed(self.folder)
+        return f"{placed[TOKEN]}-" if placed is not None else ""
 
 
 def site_of(folder: Path) -> Site:
     """Where the runs of a study that was begun in a directory are."""
     try:
-        there = _placed(folder)
+        placed = _placed(folder)
     except InputError:
-        there = None
-    return Site(folder, "" if there is None else there[STORE])
+        placed = None
+    return Site(folder, "" if placed is None else placed[STORE])
 
 
 def other_study(plan: StudyPlan, address: str, place: str) -> list[Fault]:
@@ -106,9 +105,3 @@ def _placed(folder: Path) -> dict[str, str] | None:
         text = f"cannot be read: {error}; start again with --overwrite"
         raise refuse(f"{folder}/{PLACE}", text) from error
     return None if record is None else {key: str(record[key]) for key in (STORE, TOKEN)}
-
-
-def _shown(address: str) -> str:
-    from ...store.address import read_address
-
-    return read_address(address).shown

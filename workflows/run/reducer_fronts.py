@@ -1,4 +1,4 @@
-"""Results that take long and do not depend on the search, kept in the run's directory."""
+"""The fronts of reducers, which do not depend on the search, stored in the directory of the run."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ...problems.tolerance_problem import ToleranceProblem
 REDUCERS = "reducers.npz"
 
 
-def keep(problem: ToleranceProblem, folder: Path) -> None:
+def store_reducer_fronts(problem: ToleranceProblem, folder: Path) -> None:
     """Read the fronts of reducers from the directory where they belong to this configuration, else
     compute and write them.
     """
@@ -28,6 +28,6 @@ def keep(problem: ToleranceProblem, folder: Path) -> None:
             pass  # a file that cannot be read is written anew
     arrays = Stored.of(problem).kept()
     if arrays:
-        text = io.BytesIO()
-        np.savez(text, allow_pickle=False, **arrays)
-        write_bytes(path, text.getvalue())
+        content = io.BytesIO()
+        np.savez(content, allow_pickle=False, **arrays)
+        write_bytes(path, content.getvalue())

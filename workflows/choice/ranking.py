@@ -12,27 +12,27 @@ from ...problems.limits import limits_of
 from ...problems.settings import Bound
 from ...problems.tolerance_problem import ToleranceProblem
 from .neighbours import SLACK
-from .rules import COST
+from .rule import COST
 
 Array = NDArray[np.float64]
 BATCH = 64
 """Designs that are evaluated at once: every output of each is held meanwhile."""
 
 
-class Judge:
+class Ranking:
     """Ranks designs: limits first, then the objectives but the cost, then the cost.
 
-    The outputs with a bound of `kept` are requested as well: the problem may leave them out
+    The outputs of `bounds` are requested as well: the problem may leave them out
     otherwise.
     """
 
-    def __init__(self, problem: ToleranceProblem, design: Array, searching: bool, kept: Mapping[str, Bound]) -> None:
+    def __init__(self, problem: ToleranceProblem, design: Array, searching: bool, bounds: Mapping[str, Bound]) -> None:
         self.problem = problem
         known = {COST, *problem.names, *problem.objectives, *(limit.name for limit in problem.limits)}
-        more = {name: bound for name, bound in kept.items() if name not in known}
+        more = {name: bound for name, bound in bounds.items() if name not in known}
         self.extended = problem.relaxed(more) if more else problem
         self.searching = searching
-        self.limits = limits_of(kept, problem.outputs, problem.variables)
+        self.limits = limits_of(bounds, problem.outputs, problem.variables)
         self.reference = self._outputs(design[None])
         self.correction: Array | float = 0.0
 
@@ -51,8 +51,8 @@ class Judge:
         use, cost = zip(*map(self._use, parts), strict=True)
         return np.concatenate(use) + self.correction, np.concatenate(cost)
 
-    def learn(self, other: Judge, design: Array) -> None:
-        """Correct `use` from now on by the excess of another judge's at a full design (all,)."""
+    def learn(self, other: Ranking, design: Array) -> None:
+        """Correct `use` from now on by the excess of `other.use` at a full design (all,)."""
         missing = other.use(design[None])[0][0] - self.use(design[None])[0][0]
         self.correction = self.correction + np.where(np.isfinite(missing), missing, 0.0)
 
