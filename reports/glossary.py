@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from html import escape
 
 TERMS: Mapping[str, str] = {
-    "front": "The allocations that none of the others beats in every objective at once.",
+    "front": "The allocations to which no other is superior in every objective at once.",
     "bound": "A cost that no allocation of equal or better other objectives can be below: proven, not searched.",
     "gap": "By how much the cost of a point lies above its proven bound.",
     "knee": "The point of the front that lies farthest from the line between its ends.",
@@ -35,7 +35,7 @@ TERMS: Mapping[str, str] = {
 
 
 def link(text: str) -> str:
-    """A heading in words, linked to the explanation of the first term that it has."""
+    """A heading, linked to the explanation of the first term that it contains."""
     lowered = text.lower()
     for term in TERMS:
         if term.lower() in lowered:

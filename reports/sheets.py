@@ -26,7 +26,7 @@ COLUMNS = (
 
 
 def drawing_page(result: RunResult) -> str | None:
-    """The pages, None where nothing was chosen."""
+    """The pages, None where nothing is chosen."""
     allocations = orders(result)
     if not allocations:
         return None
