@@ -10,11 +10,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .arrays import Array, Flags, Integers
 from .indicators import hypervolume, nondominated
 
-Array = NDArray[np.float64]
 CURVE = ("generation", "evaluations", "cpu_s", "value", "feasible_fraction")
 """Columns of a curve."""
 PER_OCTAVE = {1: 64}
@@ -24,7 +23,7 @@ BLOCK = 20_000
 """Feasible values after which a front takes their place, so that memory is bounded."""
 
 
-Batch = tuple[int, int, float, float, NDArray[np.int64], Array]
+Batch = tuple[int, int, float, float, Integers, Array]
 """Generation, evaluations so far, CPU time so far, feasible fraction, the evaluations at which its
 feasible designs came, their objectives."""
 
@@ -69,7 +68,7 @@ class Course:
         self._waiting = 0
         self._per_octave = PER_OCTAVE.get(self.objectives, FEW)
 
-    def add(self, f: Array, feasible: NDArray[np.bool_], cpu_s: float) -> None:
+    def add(self, f: Array, feasible: Flags, cpu_s: float) -> None:
         """Take in a batch: objectives (n, objectives), feasible (n,), CPU time used so far [s]."""
         self.batches += 1
         rows = np.flatnonzero(feasible)

@@ -5,8 +5,9 @@ from __future__ import annotations
 import time
 
 from ..problems.tolerance_problem import ToleranceProblem
+from .arrays import Array
 from .course import Course
-from .run import Array, Run
+from .run import Run
 from .search import drive
 from .settings import AlgorithmSettings, Budget, Solver
 

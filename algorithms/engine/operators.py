@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array, Integers
 from .base import Space
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 CROSSED = 0.5
 """Probability per variable that simulated binary crossover changes it, as pymoo has it."""
 CLOSE = 1e-14
@@ -17,7 +15,7 @@ OUTWARD = np.array([[-2.0], [2.0]])
 """Twice the senses in which the smaller and the larger of two children lie from their middle."""
 
 
-def tournament(f: Array, v: Array, rank: Indices, crowding: Array, count: int, rng: np.random.Generator) -> Indices:
+def tournament(f: Array, v: Array, rank: Integers, crowding: Array, count: int, rng: np.random.Generator) -> Integers:
     """Winners (count,) of binary tournaments in which every point takes part equally often.
 
     The smaller violation wins; of two feasible points the one that dominates, else the less
@@ -117,7 +115,7 @@ def mutate(x: Array, space: Space, probability: float, eta: float, rng: np.rando
     return mutated
 
 
-def different(n: int, count: int, rng: np.random.Generator) -> Indices:
+def different(n: int, count: int, rng: np.random.Generator) -> Integers:
     """For each of n points `count` others (n, count), all different, uniformly drawn."""
     taken = np.arange(n)[:, None]
     for drawn in range(1, count + 1):

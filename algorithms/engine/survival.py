@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array, Integers
 from .ordering import lowest_ranks_in_order
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 
 def violation_of(g: Array) -> Array:
@@ -18,7 +15,7 @@ def violation_of(g: Array) -> Array:
     return np.asarray(np.maximum(g, 0.0).sum(axis=1))
 
 
-def crowding_distances(f: Array, rank: Indices) -> Array:
+def crowding_distances(f: Array, rank: Integers) -> Array:
     """Crowding distance (n,) within each rank (Deb et al. 2002) of points `in_order`, as pymoo's.
 
     The sum over the objectives of the gap between the two neighbours, divided by the range of the
@@ -66,7 +63,7 @@ def _crowding(f: Array) -> Array:
     return distances
 
 
-def survivors(f: Array, v: Array, count: int, rng: np.random.Generator) -> tuple[Indices, Indices, Array]:
+def survivors(f: Array, v: Array, count: int, rng: np.random.Generator) -> tuple[Integers, Integers, Array]:
     """Rows of the best `count` points, their ranks and crowding distances.
 
     Feasible points by rank, the last rank that fits in part by crowding with ties drawn at random;
@@ -92,7 +89,7 @@ def survivors(f: Array, v: Array, count: int, rng: np.random.Generator) -> tuple
     return rows, level, crowding
 
 
-def _best(f: Array, count: int, rng: np.random.Generator) -> tuple[Indices, Indices, Array]:
+def _best(f: Array, count: int, rng: np.random.Generator) -> tuple[Integers, Integers, Array]:
     """`survivors` where all points are feasible; all of them where there are no more."""
     sequence = np.lexsort(f.T[::-1])
     f = f.take(sequence, axis=0)

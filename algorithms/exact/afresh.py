@@ -10,12 +10,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..run import Run
 from .branch import Branch
 
-Array = NDArray[np.float64]
 ROUNDS, ALONE, SPARE = 3, 6, 4
 """Times that a point of a front, or a single one, is solved with its limits moved, and times more
 that it is pushed inside them where it is not."""

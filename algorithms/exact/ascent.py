@@ -12,13 +12,12 @@ from typing import Any
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from ...problems.forms import Form
 from ...problems.spread import Spread
+from ..arrays import Array
 from .prices import Prices, only_roots
 
-Array = NDArray[np.float64]
 STEPS = 200
 """Evaluations of the dual at most."""
 

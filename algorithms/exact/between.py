@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from ...problems.forms import Form
 from ...problems.spread import Spread, largest_parts, spread_of
+from ..arrays import Array
 from .choices import Optimum, least_cost
 from .prices import ROUNDING, Prices
 
-Array = NDArray[np.float64]
 FIRST, SOLVED = 12, 48
 """Sets of limits that are solved first where there are more, and at most."""
 LOST = 5e-4

@@ -6,18 +6,17 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...errors import ModelError
 from ...problems.forms import Feature, Form, Way
 from ...problems.interfaces import Provable
 from ...problems.least import least_values
 from ...problems.tolerance_problem import ToleranceProblem
+from ..arrays import Array, Flags
 from .between import least_bounds
 from .choices import cost_range
 from .pieces import convex_pieces
 
-Array = NDArray[np.float64]
 LOOSER, LOOSER_SHARE = 1e-11, 1e-9
 """Relative widening of a limit, so that a point always keeps its own values; that of a fraction of
 units, whose rounding is magnified by an edge far out in the tail."""
@@ -107,7 +106,7 @@ def _bound(form: Form, limits: Array) -> Array:
     return bound
 
 
-def within_reach(form: Form, limits: Array) -> NDArray[np.bool_]:
+def within_reach(form: Form, limits: Array) -> Flags:
     """Whether limits (n, r) are not proven to contradict each other at once."""
     possible = np.ones(len(limits), dtype=bool)
     every = range(len(form.outputs) if form.quantiles else 0)
@@ -157,7 +156,7 @@ def _values_if_required(
     return np.asarray(values[name]) if is_asked else np.full(points, np.inf)
 
 
-def restricted(form: Form, used: NDArray[np.bool_]) -> Form:
+def restricted(form: Form, used: Flags) -> Form:
     """The form with some of its requirements only."""
     kept = np.flatnonzero(used).tolist()
     surpluses = tuple(form.surpluses[i] for i in kept) if form.surpluses else ()

@@ -6,15 +6,14 @@ from typing import Any
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from ...problems.interfaces import Differentiable
+from ..arrays import Array
 from ..indicators import nondominated
 from ..run import Run
 from .slsqp import slsqp
 from .smooth import Smooth
 
-Array = NDArray[np.float64]
 STARTS, TRIES = 32, 3
 """Random designs per set of integers, and how many of them a search is begun from at most."""
 RESTORED, NEARLY = 4, 1e-3

@@ -13,10 +13,10 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...problems.forms import Feature, Form
 from ...problems.spread import Spread, largest_parts, spread_of
+from ..arrays import Array, Flags, Integers
 from .ascent import Ascent
 from .combination import Combination
 from .combination import Optimum as Optimum
@@ -28,7 +28,6 @@ from .prices import ROUNDING, Prices
 from .programme import Programme
 from .separable import Squares, least_leaf, separable, separable_but_for_doubt
 
-Array = NDArray[np.float64]
 GRID = np.unique(np.concatenate([np.geomspace(0.02, 50.0, 15), np.geomspace(0.7, 1.4, 13)]))
 """Prices at which nodes are bounded, in units of the best known allocation's own."""
 PASSES = 8
@@ -141,7 +140,7 @@ class _Search:
     form: Form
     limits: Array
     leaves: int = 0
-    solved: dict[tuple[int, ...], NDArray[np.bool_]] = field(default_factory=dict)
+    solved: dict[tuple[int, ...], Flags] = field(default_factory=dict)
     tables: list[Array] = field(default_factory=list)
     open_: list[Array] = field(default_factory=list)
     received: Array = field(default_factory=lambda: np.empty(0))
@@ -159,7 +158,7 @@ class _Search:
         self.alike = _alike(self.form)
         self.least = None if compensating(self.form) else _Least.of(self.form)
 
-    def leaf(self, chosen: tuple[int, ...], alive: NDArray[np.bool_]) -> None:
+    def leaf(self, chosen: tuple[int, ...], alive: Flags) -> None:
         """Solve one combination at the limits `alive`, each once."""
         done = self.solved.setdefault(chosen, np.zeros(len(self.limits), dtype=bool))
         rows = np.flatnonzero(alive & ~done)
@@ -248,7 +247,7 @@ class _Search:
                 self.ascended = kept
                 return
 
-    def _pick(self, at: NDArray[np.int64]) -> bool:
+    def _pick(self, at: Integers) -> bool:
         """Solve the ways chosen by the prices `at` each limit and the next; whether that helped.
 
         The ways at the best prices may break a limit that they keep on average.
@@ -261,7 +260,7 @@ class _Search:
                 self.leaf(tuple(picked), np.ravel(owner) == index)
         return bool(np.any(self.cost < before))
 
-    def node(self, ways: tuple[int, ...], alive: NDArray[np.bool_], decided: Array, bounds: Array) -> None:
+    def node(self, ways: tuple[int, ...], alive: Flags, decided: Array, bounds: Array) -> None:
         """Enter a node at the limits where it may hold something cheaper, best child first."""
         known = np.where(np.isfinite(self.cost), self.cost, 0.0)
         enter = alive & (bounds < self.cost - CLOSE * np.abs(known)) & (self.leaves < LEAVES)
@@ -313,7 +312,7 @@ class _Least:
             rest.insert(0, (rest[0][0] + terms.min(axis=0), rest[0][1] + squares.min(axis=0)))
         return cls(form, linear, square, tuple(rest))
 
-    def keeps(self, ways: tuple[int, ...], limits: Array) -> NDArray[np.bool_]:
+    def keeps(self, ways: tuple[int, ...], limits: Array) -> Flags:
         """Which limits (n, r) may be kept with the first features made in `ways`."""
         rest, further = self.following[len(ways)]
         linear = rest + sum((self.linear[at][way] for at, way in enumerate(ways)), np.zeros(1))
@@ -368,7 +367,7 @@ def cost_range(form: Form) -> tuple[float, float]:
     return float(form.base + ends[0]), float(form.base + ends[1])
 
 
-def _spread(form: Form, chosen: NDArray[np.int64]) -> Array:
+def _spread(form: Form, chosen: Integers) -> Array:
     """a (n, r, features) of the chosen ways."""
     columns = [
         np.array([way.spread for way in feature.ways])[chosen[:, at]] for at, feature in enumerate(form.features)

@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from ...models.costs.joint import Joint
 from ...problems.forms import Form, Way
 from ...problems.spread import Spread, spread_of
+from ..arrays import Array, Integers
 from .prices import Prices
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +34,7 @@ class Solved:
 class Optimum:
     """Least cost at n sets of r limits: a `Solved` with the ways `chosen` (n, features)."""
 
-    chosen: NDArray[np.int64]
+    chosen: Integers
     t: Array
     cost: Array
     bound: Array

@@ -8,13 +8,12 @@ left out.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array, Flags
 from ..run import Run
 from .afresh import tested_afresh
 from .branch import NEARLY, Branch, joint
 
-Array = NDArray[np.float64]
 RATIO = 0.75
 """Ratio of neighbouring levels of the coarse front."""
 BEATEN = 0.02
@@ -111,7 +110,7 @@ def _coarse(run: Run, branches: list[Branch]) -> Levels:
     return {level: np.array([_solved(b, level) for b in branches]) for level in levels}
 
 
-def _promising(values: Array) -> NDArray[np.bool_]:
+def _promising(values: Array) -> Flags:
     """Which sets of integers (n,) are good enough at a level; one not tried there is not."""
     return np.asarray(values <= (1.0 + BEATEN) * np.min(values))
 

@@ -10,11 +10,11 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...problems.forms import Form
 from ...problems.interfaces import Provable
 from ...problems.least import least_value
+from ..arrays import Array, Flags, Integers
 from ..run import Run
 from .bounds import row_limits
 from .choices import Optimum, least_cost
@@ -23,7 +23,6 @@ from .designs import search_vectors
 from .path import arc_length
 from .programme import Programme
 
-Array = NDArray[np.float64]
 COARSE = 24
 """Levels of a coarse front, by which the points are spread."""
 FIRST = 5e-4
@@ -63,7 +62,7 @@ class Corrected:
     form: Form
     _moved: Array | None = field(default=None, init=False)
     _start: Array | None = field(default=None, init=False)
-    _apart: NDArray[np.int64] | None = field(default=None, init=False)
+    _apart: Integers | None = field(default=None, init=False)
 
     def best(self, ways: tuple[int, ...], limit: Array) -> Point | None:
         """The cheapest allocation that keeps limits (r,), by `ways` (features,) and those near.
@@ -152,7 +151,7 @@ class Corrected:
             self._start = best.t
         return best
 
-    def _active(self, limit: Array, t: Array, ways: tuple[int, ...]) -> NDArray[np.bool_]:
+    def _active(self, limit: Array, t: Array, ways: tuple[int, ...]) -> Flags:
         """Which limits (r,) hold an allocation back."""
         values, real = self._values(ways, t), np.isfinite(limit)
         level = np.where(real, limit, 0.0)
@@ -231,7 +230,7 @@ def _ends(form: Form, limits: Array, row: int) -> tuple[tuple[float, float], tup
 
 def _levels(
     run: Run, form: Form, limits: Array, row: int, ends: tuple[float, float], points: int
-) -> tuple[Array, NDArray[np.int64]]:
+) -> tuple[Array, Integers]:
     """Limits (n, r) spread by the arc length of a coarse front, and ways (n, features) for each."""
     low, high = ends
     steps = np.linspace(0.0, 1.0, max(2, min(COARSE, points))) ** 2

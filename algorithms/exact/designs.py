@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...problems.forms import Form
 from ...problems.interfaces import Provable
 from ...problems.tolerance_problem import ToleranceProblem
+from ..arrays import Array
 from .choices import Optimum
-
-Array = NDArray[np.float64]
 
 
 def search_vectors(problem: ToleranceProblem, form: Form, optimum: Optimum) -> Array:

@@ -10,13 +10,12 @@ back within the limits, and the best counts.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...problems.forms import Form
+from ..arrays import Array
 from .combination import Combination, Optimum
 from .separable import Leaf, Squares, least_leaf
 
-Array = NDArray[np.float64]
 STEPS = 40
 """Times the weights are renewed at most."""
 GAP = 1e-10

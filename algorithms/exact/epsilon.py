@@ -12,16 +12,15 @@ from __future__ import annotations
 import itertools
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...errors import refuse
 from ...problems.tolerance_problem import ToleranceProblem
+from ..arrays import Array
 from ..indicators import nondominated
 from ..run import Run
 from .branch import Branch, joint_front
 from .continuation import sampled_front
 
-Array = NDArray[np.float64]
 SETS = 64
 """Sets of integers that are enumerated at most."""
 COARSE = 5

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..indicators import nondominated
 from ..run import BudgetSpent, Run
 from ..settings import Budget
@@ -12,7 +12,6 @@ from .afresh import feasible_afresh
 from .branch import Branch
 from .epsilon import scale_of
 
-Array = NDArray[np.float64]
 POINTS = 40
 """Points of a front that are tested on fresh units at most."""
 

@@ -6,23 +6,20 @@ from dataclasses import replace
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from ...problems.forms import Form
+from ..arrays import Array, Flags
 from .choices import Optimum, contributions, least_cost
 from .combination import Combination
 from .path import Path, arc_length
 from .pieces import convex_pieces
 from .programme import Programme
 
-Array = NDArray[np.float64]
 COARSE = 128
 """Limits at which the course of a front with alternatives is found first."""
 
 
-def front(
-    form: Form, points: int, upper: Array, swept: NDArray[np.bool_] | None = None, most: float = np.inf
-) -> Optimum:
+def front(form: Form, points: int, upper: Array, swept: Flags | None = None, most: float = np.inf) -> Optimum:
     """About `points` allocations along the front of cost and the swept requirements.
 
     `upper` (r,) are limits that all of them keep, inf where there is none, `most` is one on the
@@ -56,7 +53,7 @@ def _followed(form: Form) -> bool:
     return all(f.ways[0].curve.smooth for f in form.features)
 
 
-def _by_limits(form: Form, points: int, rows: NDArray[np.bool_], coarse: Array, upper: Array, most: float) -> Optimum:
+def _by_limits(form: Form, points: int, rows: Flags, coarse: Array, upper: Array, most: float) -> Optimum:
     """The optima at limits of the requirements `rows`, spread by arc length of a coarse front."""
 
     def limits(values: Array) -> Array:

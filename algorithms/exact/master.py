@@ -19,11 +19,11 @@ from numpy.typing import NDArray
 
 from ...problems.forms import Feature, Form
 from ...problems.spread import largest_parts, spread_of
+from ..arrays import Array, Flags
 from .combination import Combination
 from .prices import ROUNDING
 from .programme import Programme
 
-Array = NDArray[np.float64]
 GAP = 1e-4
 """Relative gap at which the search ends."""
 NODES, ROUNDS = 60, 60
@@ -170,7 +170,7 @@ class Master:
     def _index(self, at: int, way: int) -> int:
         return int(np.searchsorted(self._owner, at)) + way
 
-    def _programme(self, open_: NDArray[np.bool_]) -> tuple[list[int], Array, Array]:
+    def _programme(self, open_: Flags) -> tuple[list[int], Array, Array]:
         """Columns, their weights, and the prices (cuts,) of the linear programme of a node."""
         used = [i for i, (at, way, _, _) in enumerate(self._columns) if open_[self._index(at, way)]]
         owner = np.array([self._columns[i][0] for i in used])
@@ -211,7 +211,7 @@ class Master:
         room = (self.limit - self.form.offset)[which] - least
         return which, slope.reshape(len(which), len(self.form.features)), room
 
-    def _lagrangian(self, prices: Array, open_: NDArray[np.bool_]) -> tuple[float, Array]:
+    def _lagrangian(self, prices: Array, open_: Flags) -> tuple[float, Array]:
         """The bound at prices of the cuts, and the t of every open way there."""
         which, slope, room = self._cut_arrays()
         linear = np.zeros(len(self._ways))

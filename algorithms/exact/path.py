@@ -17,12 +17,11 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...models.roots import bracketed_roots
+from ..arrays import Array
 from .combination import Combination, Solved
 
-Array = NDArray[np.float64]
 DECADES = 40.0
 """Prices are searched from 1e-40 to 1e40 of the units of cost and requirement."""
 COARSE = 128

@@ -7,12 +7,11 @@ choices, which prices of the squares cannot separate under doubt of their scatte
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...problems.forms import Feature, Form
+from ..arrays import Array
 from .combination import Optimum
 
-Array = NDArray[np.float64]
 MOST = 300_000
 """Choices of ways that are computed at most."""
 

@@ -16,17 +16,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...problems.forms import Feature, Form, Way
 from ...problems.spread import Spread
+from ..arrays import Array, Flags
 
-Array = NDArray[np.float64]
 ROUNDING = 1e-13
 """Relative allowance for rounding in a bound."""
 
 
-def only_roots(form: Form) -> NDArray[np.bool_]:
+def only_roots(form: Form) -> Flags:
     """Which requirements (r,) are priced by their square: roots, no linear part or correlation."""
     ways = [way for feature in form.features for way in feature.ways]
     nothing = (0.0,) * len(form.outputs)

@@ -12,13 +12,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array, Flags
 from .combination import Combination, Solved
 from .prices import ROUNDING
 from .slsqp import ascend, slsqp
 
-Array = NDArray[np.float64]
 GAP, GAP_QUANTILE = 1e-10, 1e-8
 """Relative gap from which on the multipliers are improved; that of quantiles, which take longer."""
 TOLERANCE, TOLERANCE_QUANTILE = 1e-15, 1e-10
@@ -243,7 +242,7 @@ class Programme:
         t = whole(solution.x)[0]
         return (t if inner is None else self._moved_within_limits(t, limit, inner)), multiplier
 
-    def _steps(self, start: Array, movable: NDArray[np.bool_]) -> tuple[Array, float]:
+    def _steps(self, start: Array, movable: Flags) -> tuple[Array, float]:
         """Units of ln t (movable,) and of the cost in which the Lagrangian bends by one all round.
 
         For C = b/t^k its second derivative in ln t is k C in addition to that of the priced

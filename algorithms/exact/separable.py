@@ -22,13 +22,12 @@ from typing import Any
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from ...models.costs import Reciprocal
 from ...problems.forms import Form
+from ..arrays import Array, Flags
 from .prices import ROUNDING, only_roots
 
-Array = NDArray[np.float64]
 STEPS = 60
 CLOSE = 1e-13
 """Relative distance of a square from its limit that counts as none."""
@@ -188,7 +187,7 @@ class _Choice:
                     t, cost = candidate, candidate_cost
         return Leaf(self.chosen, t, cost, min(bound, cost), mu)
 
-    def _newton(self, room: Array, asked: NDArray[np.bool_], first: Array | None) -> Array:
+    def _newton(self, room: Array, asked: Flags, first: Array | None) -> Array:
         """Prices (r,) at which every square meets its room or its price is zero."""
         scale = self.cost(self.low) / np.where(asked, room, 1.0)
         start = 1e-2 * scale if first is None else np.maximum(first, LEAST * scale)
@@ -218,7 +217,7 @@ class _Choice:
                 active = active & (y >= floor)
         return np.where(active, np.exp(y), 0.0)
 
-    def _ascended(self, room: Array, asked: NDArray[np.bool_]) -> Array:
+    def _ascended(self, room: Array, asked: Flags) -> Array:
         """Prices by L-BFGS-B (Byrd, Lu, Nocedal & Zhu 1995), where Newton's method fails: the dual
         is concave in them, and has a slope also where a price is zero.
         """

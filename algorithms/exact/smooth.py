@@ -5,13 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...problems.interfaces import Differentiable
 from ...problems.tolerance_problem import ToleranceProblem
+from ..arrays import Array
 from ..run import Run
 
-Array = NDArray[np.float64]
 STEP = 1e-4
 """Finite difference in scaled coordinates: above the noise of a propagation, below its bends."""
 

@@ -6,12 +6,12 @@ from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...counts import POINTS
 from ...problems.forms import Form
 from ...problems.interfaces import Provable
 from ...problems.tolerance_problem import ToleranceProblem
+from ..arrays import Array, Flags
 from ..run import Run
 from ..settings import Solver
 from .bounds import reason, restricted, row_limits, upper_limit
@@ -22,7 +22,6 @@ from .epsilon import epsilon_front
 from .front import front, tightest
 from .pieces import convex_pieces
 
-Array = NDArray[np.float64]
 TIGHTER, TIGHTER_SHARE = 1e-12, 2e-10
 """Relative tightening of a limit, so that rounding does not break it; that of a fraction of units,
 whose rounding is magnified by an edge far out in the tail."""
@@ -142,7 +141,7 @@ def _cheapest(problem: ToleranceProblem, form: Form, upper: Array) -> Array:
     return x
 
 
-def _in_truth(problem: ToleranceProblem, form: Form, x: Array, upper: Array) -> tuple[NDArray[np.bool_], Array]:
+def _in_truth(problem: ToleranceProblem, form: Form, x: Array, upper: Array) -> tuple[Flags, Array]:
     """Which search vectors (k, variables) keep all limits, and by what each breaks those of the
     form (k, r), 0 where it does not.
     """
