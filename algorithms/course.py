@@ -1,8 +1,8 @@
-"""The course of a search: when which value was reached, computed cheaply after it has ended.
+"""The course of a search: its value by generation, and the evaluations at which it reached a level.
 
-A hypervolume in every generation costs as much as an array engine itself. Values are kept as they
-come; hypervolumes are computed at few generations and, where a level was passed between two of
-them, by bisection, as the hypervolume of all that was evaluated never falls.
+A hypervolume in every generation would cost as much as an array engine itself. Values are collected;
+hypervolumes are computed at few generations and, where a level was passed between two of them, by
+bisection, because the hypervolume of all evaluated designs never falls.
 """
 
 from __future__ import annotations
@@ -17,11 +17,10 @@ from .indicators import hypervolume, nondominated
 CURVE = ("generation", "evaluations", "cpu_s", "value", "feasible_fraction")
 """Columns of a curve."""
 PER_OCTAVE = {1: 64}
-"""Generations of a curve between g and 2 g, by the number of objectives: a least value is free."""
+"""Generations of a curve between g and 2 g by the number of objectives, where a value is cheap."""
 FEW = 4
 BLOCK = 20_000
-"""Feasible values after which a front takes their place, so that memory is bounded."""
-
+"""Feasible values after which their front replaces them, so that memory is bounded."""
 
 Batch = tuple[int, int, float, float, Integers, Array]
 """Generation, evaluations so far, CPU time so far, feasible fraction, the evaluations at which its
@@ -41,17 +40,17 @@ class Box:
 
 
 def charted(generation: int, per_octave: int) -> bool:
-    """Whether a generation (from 1) belongs to a curve, wherever the curve ends."""
+    """Whether a generation (from 1) belongs to a curve, at any end of the curve."""
     step = 1 << max(0, generation.bit_length() - per_octave.bit_length())
     return generation % step == 0
 
 
 class Course:
-    """Takes in the batches of one search.
+    """The course of one search, by its batches.
 
-    The value of a curve is, of one objective, the least feasible one so far (NaN before the first),
-    else the hypervolume of all feasible ones. `level` is the value at which the search has arrived:
-    from above for one objective, from below for a hypervolume; NaN where there is none.
+    The value of a curve is, with one objective, the least feasible value so far (NaN before the
+    first), else the hypervolume of all feasible values. `level` is the value that the search is to
+    reach: from above with one objective, from below for a hypervolume; NaN where there is none.
     """
 
     def __init__(self, box: Box, level: float) -> None:

@@ -37,7 +37,7 @@ NO_METADATA = {"Date": None, "Creator": None, "Format": None, "Type": None}
 
 @dataclass(frozen=True, slots=True)
 class Named:
-    """A figure, the stem of its files, its caption, and the key that it is of, where it is of one."""
+    """A figure, the stem of its files, its caption, and its key of a study, if it has any."""
 
     name: str
     figure: Figure
@@ -85,7 +85,7 @@ def style_axes(axes: Axes, legend: bool = False) -> None:
     axes.spines[["top", "right"]].set_visible(False)
     for spine in axes.spines.values():
         spine.set_in_layout(False)  # as large as the panel, which costs as much as its labels
-    # Ticks of numbers are made when they are drawn: to ask for their labels makes them once more.
+    # Ticks of numbers are created when they are drawn; access to their labels would create them twice.
     fixed_locators = (FixedLocator, StrCategoryLocator)
     labelled = [axis for axis in (axes.xaxis, axes.yaxis) if isinstance(axis.get_major_locator(), fixed_locators)]
     ticks = [text for axis in labelled for text in axis.get_ticklabels()]

@@ -198,8 +198,9 @@ def _contributions(contributions: pd.DataFrame | None, result: RunResult) -> lis
 def _prices(prices: pd.DataFrame | None) -> list[dict[str, Any]]:
     if prices is None or prices.empty:
         return []
+    columns = {"rows": "point", "price": "price", "source": "source"}
     return [
-        {"output": output, "rows": some["point"].tolist()} | some[["price", "source"]].to_dict("list")
+        {"output": output} | {key: some[name].tolist() for key, name in columns.items()}
         for output, some in _by_output(prices)
     ]
 

@@ -23,7 +23,7 @@ DRIVEN = (
 
 
 def requirement_sections(result: RunResult) -> tuple[str, ...]:
-    """The section on requirements, none where there is one or nothing is proven."""
+    """The section on requirements, none for a single requirement or without proven bounds."""
     if result.requirements is None or result.drivers is None:
         return ()
     binding = [float(value) > 0.0 for value in result.requirements["multiplier_cost_per_unit"]]

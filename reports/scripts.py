@@ -36,7 +36,7 @@ class Script:
 
 
 def package_scripts(*names: str) -> Script:
-    """Scripts of this package by the names of their files, joined to one."""
+    """The joined scripts of this package with these file names."""
     folder = files("tolevo.reports") / "assets"
     return Script("\n".join((folder / name).read_text(encoding="utf-8") for name in names))
 

@@ -55,7 +55,7 @@ class Space:
 
 
 class ArrayEngine(ABC):
-    """A population search on arrays: `ask` for points, `tell` their values, again and again.
+    """A population search on arrays: alternately `ask` for points and `tell` their values.
 
     The population is x (n, variables), f (n, objectives) and the total violation v (n,), the sum of
     the positive constraints; it is empty before the first `tell`. The arrays are replaced, never
@@ -92,7 +92,7 @@ class ArrayEngine(ABC):
 
     @abstractmethod
     def _select(self, x: Array, f: Array, v: Array) -> Integers:
-        """Replace the population by the best of it and the points asked for; see `tell`."""
+        """Replace the population by the best of it and the new points; see `tell`."""
 
     def _keep_best(self, candidates: Integers | slice, x: Array, f: Array, v: Array) -> Integers:
         """Make the best of some rows of the population and new points the population."""

@@ -12,8 +12,8 @@ from .operators import differential
 class GDE3Engine(ArrayEngine):
     """GDE3 (Kukkonen & Lampinen 2005): differential evolution for several objectives.
 
-    A trial point takes the place of its parent where it dominates it, is dropped where the parent
-    dominates it, and else joins the population, which is then pruned by rank and crowding.
+    A trial point replaces its parent where it dominates it, is dropped where the parent dominates
+    it, and otherwise joins the population, which is then pruned by rank and crowding.
     """
 
     def __init__(
@@ -39,7 +39,7 @@ class GDE3Engine(ArrayEngine):
 
 
 def _duel(f: Array, v: Array, trial_f: Array, trial_v: Array) -> tuple[Flags, Flags]:
-    """Which parents and which trial points stay; of equal ones the trial does."""
+    """Which parents and which trial points stay; of equal points the trial point stays."""
     feasible = (v <= 0.0) & (trial_v <= 0.0)
     better = np.where(feasible, (trial_f <= f).all(axis=1), trial_v < v)
     worse = np.where(feasible, (f <= trial_f).all(axis=1), v < trial_v)

@@ -10,13 +10,14 @@ from numpy.typing import NDArray
 from ..arrays import Array, Flags, Integers
 
 PASSES = 16
-"""Ranks that are looked for one after the other; where more are asked for, all are computed."""
+"""Ranks that are computed one after the other; where more are needed, all are computed at once."""
 
 
 def in_order(*keys: NDArray[Any]) -> Integers:
     """Rows (n,) ordered by the first key (n,), where it is equal by the next ones, then by row.
 
-    It is `np.lexsort` of the reversed keys, several times as fast where the first seldom repeats.
+    The order is that of `np.lexsort` of the reversed keys, several times as fast where values of the
+    first key seldom repeat.
     """
     order = keys[0].argsort()
     value = keys[0].take(order)
@@ -60,10 +61,10 @@ def lowest_ranks_in_order(f: Array, enough: int) -> Integers:
 
 
 def _lowest(first: Array, second: Array) -> Flags:
-    """Which points in order, of two objectives (n,) each, none of them dominates.
+    """Which of the points in order, of two objectives (n,) each, are not dominated.
 
-    The second objective is less than that of all points before, or the point equals the last one of
-    which that is true.
+    The second objective is less than that of all points before, or the point equals the last point
+    for which that is true.
     """
     least = np.minimum.accumulate(second)
     lower = np.ones(len(first), dtype=bool)

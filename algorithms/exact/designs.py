@@ -8,7 +8,7 @@ from ...problems.forms import Form
 from ...problems.interfaces import Provable
 from ...problems.tolerance_problem import ToleranceProblem
 from ..arrays import Array
-from .choices import Optimum
+from .combination import Optimum
 
 
 def search_vectors(problem: ToleranceProblem, form: Form, optimum: Optimum) -> Array:
@@ -24,3 +24,10 @@ def search_vectors(problem: ToleranceProblem, form: Form, optimum: Optimum) -> A
     columns = Provable.of(problem).form_columns(columns)
     x = np.stack([columns[variable.name] for variable in problem.free], axis=1)
     return np.asarray(np.clip(x, problem.xl, problem.xu))
+
+
+def search_vector(problem: ToleranceProblem, form: Form, ways: tuple[int, ...], t: Array) -> Array:
+    """The search vector (1, free variables) of one allocation: ways and tolerances (features,)."""
+    nothing = np.zeros(1)
+    optimum = Optimum(np.array([ways]), t[None, :], nothing, nothing, nothing[:, None])
+    return search_vectors(problem, form, optimum)

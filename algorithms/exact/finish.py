@@ -17,11 +17,11 @@ POINTS = 40
 
 
 def finished(run: Run, polish: bool) -> None:
-    """Hand the run's front to it as its result, after its limits hold on fresh units.
+    """Make the front of the run its result, after its limits hold on fresh units.
 
     With `polish` every point is first improved by SLSQP at its own value of the other objectives,
-    within the budget of evaluations. Tests on fresh units, and the moves that they ask for, are no
-    evaluations of the search.
+    within the budget of evaluations. Tests on fresh units, and the moves that they require, do not
+    count as evaluations.
     """
     x = _front(run)
     aside = Run(run.problem, Budget(evaluations=run.evaluations_left), seed=0)

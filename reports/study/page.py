@@ -10,9 +10,10 @@ import pandas as pd
 
 from ...records import StudyResult
 from ..document import about, bullets, document, folded, picture, section
+from ..drawing import Named
 from ..scripts import data, package_scripts
 from ..tables import chosen, described, table
-from .figures import Named, figures
+from .figures import figures
 from .words import short
 
 KEYS, POINTS = 8, 300

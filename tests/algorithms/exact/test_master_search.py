@@ -80,7 +80,7 @@ class Tabled(Master):
         chosen = tuple(int(np.argmax(one)) for one in weight)
         cost = self.costs[chosen]
         if cost < (INF if self.best is None else self.best.cost):
-            self.best = Solution(chosen, np.ones(len(chosen)), cost, -INF, np.zeros(1))
+            self.best = Solution(chosen, np.ones(len(chosen)), cost, -INF)
 
 
 @pytest.mark.parametrize("nodes", [1, 2, 5, 1000])
