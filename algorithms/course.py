@@ -8,6 +8,7 @@ bisection, because the hypervolume of all evaluated designs never falls.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,9 +23,18 @@ FEW = 4
 BLOCK = 20_000
 """Feasible values after which their front replaces them, so that memory is bounded."""
 
-Batch = tuple[int, int, float, float, Integers, Array]
-"""Generation, evaluations so far, CPU time so far, feasible fraction, the evaluations at which its
-feasible designs came, their objectives."""
+
+class Batch(NamedTuple):
+    """A generation: evaluations and CPU time up to its end, its feasible fraction, and its feasible
+    designs, by the numbers of their evaluations (n,) and their objectives (n, objectives).
+    """
+
+    generation: int
+    evaluations: int
+    cpu_s: float
+    feasible_fraction: float
+    numbers: Integers
+    values: Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,11 +82,11 @@ class Course:
         self.batches += 1
         rows = np.flatnonzero(feasible)
         fraction = len(rows) / len(f) if len(f) else 0.0
-        at = (self.evaluations + rows + 1).astype(np.int64)
+        numbers = (self.evaluations + rows + 1).astype(np.int64)
         self.evaluations += len(f)
         self.feasible += len(rows)
         feasible_values = f if len(rows) == len(f) else f[rows]
-        self._open.append((self.batches, self.evaluations, cpu_s, fraction, at, feasible_values))
+        self._open.append(Batch(self.batches, self.evaluations, cpu_s, fraction, numbers, feasible_values))
         self._waiting += len(rows)
         if self._waiting > BLOCK:
             self._settle()
@@ -97,35 +107,35 @@ class Course:
         for batch in self._open:
             group.append(batch)
             end = last and batch is self._open[-1]
-            if end or charted(batch[0], self._per_octave):
+            if end or charted(batch.generation, self._per_octave):
                 self._chart(group)
                 group = []
         self._open = group
-        self._waiting = sum(len(batch[5]) for batch in group)
+        self._waiting = sum(len(batch.values) for batch in group)
 
     def _chart(self, group: list[Batch]) -> None:
         """Add the last batch of a group to the curve, after those before it."""
-        before, news = self.front, np.concatenate([batch[5] for batch in group])
+        before, news = self.front, np.concatenate([batch.values for batch in group])
         if len(news):
             merged = np.concatenate([before, news])
             self.front = merged[nondominated(merged)]
         value = self._value(self.front)
-        if np.isnan(self.reached_at[0]) and self._there(value):
+        if np.isnan(self.reached_at[0]) and self._reached(value):
             self.reached_at = self._passed(before, news, group)
-        generation, evaluations, cpu_s, fraction, *_ = group[-1]
-        self._rows.append((generation, evaluations, cpu_s, value, fraction))
+        last = group[-1]
+        self._rows.append((last.generation, last.evaluations, last.cpu_s, value, last.feasible_fraction))
 
     def _passed(self, before: Array, news: Array, group: list[Batch]) -> tuple[float, float]:
         """Evaluations, and CPU time at the end of their batch, at which the level was passed."""
         low, high = 0, len(news)
         while high - low > 1:
             middle = (low + high) // 2
-            there = self._there(self._value(np.concatenate([before, news[:middle]])))
-            low, high = (low, middle) if there else (middle, high)
-        evaluations = int(np.concatenate([batch[4] for batch in group])[high - 1])
-        return evaluations, next(batch[2] for batch in group if batch[1] >= evaluations)
+            reached = self._reached(self._value(np.concatenate([before, news[:middle]])))
+            low, high = (low, middle) if reached else (middle, high)
+        evaluations = int(np.concatenate([batch.numbers for batch in group])[high - 1])
+        return evaluations, next(batch.cpu_s for batch in group if batch.evaluations >= evaluations)
 
-    def _there(self, value: float) -> bool:
+    def _reached(self, value: float) -> bool:
         return bool(value <= self.level if self.objectives == 1 else value >= self.level)
 
     def _value(self, values: Array) -> float:

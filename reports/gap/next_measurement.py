@@ -66,20 +66,15 @@ def next_section(planned: NextMeasurement | None, pictures: str) -> str:
 
 
 def _pairs(planned: NextMeasurement) -> str:
-    rows = [
-        {
-            "rival": " + ".join(pair.names),
-            "of": " + ".join(pair.instead_of),
-            "discrimination now": pair.now,
-            "expected": pair.expected,
-            "probability that the right one fits better": pair.chance,
-            "with as many measurements like the present": pair.alike,
-            "probability that one effect remains": pair.alone,
-            "measurements for 0.95": pair.needed or None,
-        }
-        for pair in planned.pairs
-    ]
-    return table(pd.DataFrame(rows), caption="Discrimination: squared, in noise units.")
+    columns = (
+        "names: rival, instead_of: of, now: discrimination now, expected, "
+        "chance: probability that the right effect fits better, alike: with as many measurements like the present, "
+        "alone: probability that one effect remains, needed: measurements for 0.95"
+    )
+    rows = listed(planned.pairs, columns)
+    rows[["rival", "of"]] = rows[["rival", "of"]].map(" + ".join)
+    rows["measurements for 0.95"] = rows["measurements for 0.95"].mask(rows["measurements for 0.95"] == 0)
+    return table(rows, caption="Discrimination: squared, in noise units.")
 
 
 def _effects(planned: NextMeasurement) -> str:
