@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 import scipy
 
+from tolevo.algorithms.arrays import Array
 from tolevo.algorithms.exact import master
 from tolevo.algorithms.exact.choices import cost_range
 from tolevo.algorithms.exact.combination import Combination
-from tolevo.algorithms.exact.master import GAP, Array, Master, Solution
+from tolevo.algorithms.exact.master import GAP, Master, Solution
 from tolevo.algorithms.exact.programme import Programme
 from tolevo.models.costs import Reciprocal
 from tolevo.problems.forms import Feature, Form, Way
