@@ -109,7 +109,7 @@ class Hybrid(Solver):
             widest = max(branches, key=lambda branch: branch.widest()[0])
             if run.evaluations > 2 * start or not widest.halve():
                 break
-        run.phase("points between", 0.95)
+        run.phase("interpolated points", 0.95)
         for branch in branches:
             run.evaluate(branch.between(max(2, self.points // len(branches))))
 

@@ -53,7 +53,7 @@ def _front(run: Run, alive: list[Branch], points: int) -> None:
             branch.halve()
     alive = _contributing(alive)
     _fill(run, alive, max(2, min(SOLVED, points)))
-    run.phase("points between", 0.9)
+    run.phase("interpolated points", 0.9)
     for branch in alive:
         run.evaluate(branch.between(max(2, points // len(alive))))
 
