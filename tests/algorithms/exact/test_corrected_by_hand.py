@@ -36,7 +36,9 @@ class Told(Corrected):
         prices = [way.curve for way in form.features[0].ways]
         problem = Provable()
         vars(problem).update(
-            free=[SimpleNamespace(name="p"), SimpleNamespace(name="t")], xl=-np.inf, xu=np.inf,
+            free=[SimpleNamespace(name="p"), SimpleNamespace(name="t")],
+            xl=-np.inf,
+            xu=np.inf,
             form_columns=lambda columns: {"p": np.zeros(1)} | columns,
             complete=lambda x: x,
             outputs_of=lambda x, errors: {"cost": prices[int(x[0, 0])].cost(x[:, 1])},
