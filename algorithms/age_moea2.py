@@ -6,22 +6,18 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from ..counts import PAIRED
-from .settings import AlgorithmSettings, Crossover, Mutation
+from .settings import Genetic
 
 if TYPE_CHECKING:
     from ..problems.tolerance_problem import ToleranceProblem
 
 
 @dataclass(frozen=True, slots=True)
-class AGEMOEA2(AlgorithmSettings):
+class AGEMOEA2(Genetic):
     """AGE-MOEA-II for two or more objectives (Panichella 2022); needs the extra `fast`."""
 
-    many_objectives: ClassVar[bool] = True
     extras: ClassVar[tuple[str, ...]] = ("fast",)
     population: int = field(default=100, metadata={"low": 2, "need": PAIRED})
-    crossover: Crossover = Crossover()
-    mutation: Mutation = Mutation()
-    polish: bool = False
 
     def build(self, problem: ToleranceProblem) -> Any:
         from pymoo.algorithms.moo.age2 import AGEMOEA2 as PymooAGEMOEA2

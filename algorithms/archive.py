@@ -1,17 +1,12 @@
-"""What a search remembers: the best designs it evaluated, within bounded memory."""
+"""The archive of a search: the best designs that it evaluated, within bounded memory."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 import numpy as np
-from numpy.typing import NDArray
 
+from .arrays import Array, Integers, SavedState, State
 from .engine.ordering import in_order, lowest_ranks_in_order
 
-Array = NDArray[np.float64]
-State = dict[str, NDArray[Any]]
 ROOM = 1000
 """Feasible designs that are kept at least: as many as a report recomputes at full accuracy."""
 GROWTH = 4
@@ -21,9 +16,9 @@ GROWTH = 4
 class Archive:
     """The feasible designs of the lowest ranks, and the least violating design.
 
-    Every feasible non-dominated design is kept, and dominated ones by rank, the earlier first, up
-    to `room`. It is pruned when it has grown to four times that, so that a batch costs little; what
-    is kept depends on the batches alone.
+    Every feasible non-dominated design is kept, and dominated ones by rank, earlier ones first, up
+    to `room`. It is pruned when it has grown to four times that, so that a batch costs little; the
+    kept designs depend on the batches alone.
     """
 
     def __init__(self, variables: int, objectives: int, room: int = ROOM) -> None:
@@ -53,7 +48,7 @@ class Archive:
         return f
 
     def arrays(self) -> tuple[Array, Array]:
-        """Designs (n, variables) and objectives (n, objectives) of what is kept, oldest first."""
+        """Designs (n, variables) and objectives (n, objectives) in the archive, oldest first."""
         self._collect()
         return self.x, self.f
 
@@ -79,22 +74,20 @@ class Archive:
     def state(self) -> State:
         """Everything as arrays."""
         x, f = self.arrays()
-        numbers = np.array([self.violation, self.limit])
-        return {"x": x, "f": f, "miss": self.miss, "numbers": numbers}
+        return {"x": x, "f": f, "miss": self.miss, "numbers": np.array([self.violation, self.limit])}
 
-    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
-        """Go on from a `state()`."""
-        self.x, self.f = state["x"], state["f"]
-        self.miss = state["miss"]
+    def restore(self, state: SavedState) -> None:
+        """Continue from a `state()`."""
+        self.x, self.f, self.miss = state["x"], state["f"], state["miss"]
         self.violation, self.limit = float(state["numbers"][0]), int(state["numbers"][1])
         self._new.clear()
         self._count = len(self.x)
 
 
-def lowest_ranks(x: Array, f: Array, room: int) -> NDArray[np.int64]:
+def lowest_ranks(x: Array, f: Array, room: int) -> Integers:
     """Rows of the different designs of the lowest ranks, at least the non-dominated ones.
 
-    In the order of the rows; where a rank does not fit into `room`, its first ones.
+    They are in the order of the rows; of a rank that does not fit into `room`, the first rows count.
     """
     rows = _distinct(x, f)
     if len(rows) <= room:
@@ -107,14 +100,14 @@ def lowest_ranks(x: Array, f: Array, room: int) -> NDArray[np.int64]:
     return np.sort(np.concatenate([rows[rank < last], within]))
 
 
-def _distinct(x: Array, f: Array) -> NDArray[np.int64]:
+def _distinct(x: Array, f: Array) -> Integers:
     """The first row of each design, in the order of the objectives.
 
     Equal designs have equal objectives.
     """
     rows = in_order(*f.T, *x[:, :2].T)
-    near, before, value = rows[1:], rows[:-1], f[:, 0].take(rows)
+    later, value = rows[1:], f[:, 0].take(rows)
     same = value[1:] == value[:-1]
     ties = same.nonzero()[0]
-    same[ties] = (x.take(near[ties], axis=0) == x.take(before[ties], axis=0)).all(axis=1)
-    return np.concatenate([rows[:1], near[~same]])
+    same[ties] = (x.take(later[ties], axis=0) == x.take(rows[ties], axis=0)).all(axis=1)
+    return np.concatenate([rows[:1], later[~same]])

@@ -2,27 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .arrays import Array, Flags, Integers, SavedState, State
 from .engine.ordering import in_order
 from .indicators import REFERENCE, hypervolume, nondominated
 
-Array = NDArray[np.float64]
-State = dict[str, NDArray[Any]]
 TOGETHER = 16
-"""Batches that wait for each other at most."""
+"""Batches that wait at most for a common computation."""
 
 
 class Attained:
     """Front of all feasible objectives (n, objectives), and its hypervolume after each batch.
 
-    A sort per batch would cost as much as a step of an array engine: batches wait until a value is
-    asked for. The values do not depend on when that is. `box` gives ideal and nadir; it is asked
-    for the first feasible design.
+    A sort per batch would cost as much as a step of an array engine, so that batches wait until a
+    value is needed. The values do not depend on when that is. `box` returns ideal and nadir; it is
+    called after the first feasible design.
     """
 
     def __init__(self, objectives: int, box: Callable[[], tuple[Array, Array]]) -> None:
@@ -47,8 +44,8 @@ class Attained:
             return
         last = self._values[-1] if self._values else 0.0
         if len(self.front) or any(map(len, self._open)):
-            joined = joined_by_two if self.front.shape[1] == 2 else joined_by_any
-            front, values = joined(self.front, self._open, *self._box(), last)
+            join = joined_by_two if self.front.shape[1] == 2 else joined_by_any
+            front, values = join(self.front, self._open, *self._box(), last)
         else:
             front, values = self.front, [last] * len(self._open)
         self.front, self._open = front, []
@@ -58,8 +55,8 @@ class Attained:
         """Front and values."""
         return {"values": np.array(self.values()), "front": self.front}
 
-    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
-        """Go on from a `state()`."""
+    def restore(self, state: SavedState) -> None:
+        """Continue from a `state()`."""
         self.front = np.array(state["front"])
         self._values, self._open = state["values"].tolist(), []
 
@@ -87,24 +84,24 @@ def joined_by_two(
 ) -> tuple[Array, list[float]]:
     """`joined_by_any` of two objectives, the front sorted by the first: one sort for all batches.
 
-    Each point has the batch from which on it is present. It is in the front while no point that is
-    present and precedes it in the order of the first objective has as little of the second.
+    A point is present from its batch on. It is in the front while no present point that precedes it
+    in the order of the first objective has as little of the second.
     """
     points, since = _in_order(front, batches)
     batch = np.arange(len(batches))[:, None]
-    there = np.where(since <= batch, points[1], np.inf)
-    kept = there < np.inf
-    kept[:, 1:] &= there[:, 1:] < np.fmin.accumulate(there, axis=1)[:, :-1]
+    present = np.where(since <= batch, points[1], np.inf)
+    kept = present < np.inf
+    kept[:, 1:] &= present[:, 1:] < np.fmin.accumulate(present, axis=1)[:, :-1]
     joins = (kept & (since == batch)).any(axis=1)
     scaled = (points - ideal[:, None]) / (nadir - ideal)[:, None]
     counted = kept & (scaled < REFERENCE).all(axis=0)
     return points.compress(kept[-1], axis=1).T, _areas(scaled, counted, joins, value)
 
 
-def _areas(scaled: Array, counted: NDArray[np.bool_], joins: NDArray[np.bool_], value: float) -> list[float]:
+def _areas(scaled: Array, counted: Flags, joins: Flags, value: float) -> list[float]:
     """`area` of the points (2, n) that are `counted` (batches, n) after each batch (batches,).
 
-    Where none joins it is the one before, at first `value`.
+    Where no point joins it is that of the batch before, at first `value`.
     """
     ends = counted.sum(axis=1).cumsum()
     column = np.arange(scaled.shape[1])[None, :].repeat(len(counted), axis=0)
@@ -122,10 +119,10 @@ def _areas(scaled: Array, counted: NDArray[np.bool_], joins: NDArray[np.bool_], 
     return values
 
 
-def _in_order(front: Array, batches: Sequence[Array]) -> tuple[Array, NDArray[np.int64]]:
+def _in_order(front: Array, batches: Sequence[Array]) -> tuple[Array, Integers]:
     """Points (2, n) by the first objective, the second, and the batch (n,) they come with.
 
-    Points of the front come with -1; those that it dominates or equals are left out.
+    Points of the front have -1 as batch; points that it dominates or equals are omitted.
     """
     points = np.concatenate([front, *batches]).T.copy()
     since = np.arange(-1, len(batches)).repeat([len(front), *map(len, batches)])

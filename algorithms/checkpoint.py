@@ -1,7 +1,7 @@
-"""The file from which a broken search goes on: arrays in one .npz, whole, never a pickle.
+"""The file from which an interrupted search continues: arrays in one .npz file, never a pickle.
 
-The digest of the whole file follows them. It is checked before anything else, so that a damaged
-file is refused whatever the damage would have led to.
+The digest of the whole file follows the arrays. It is checked before anything else, so that every
+damaged file is refused.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import io
 import math
 import time
 import zipfile
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -21,17 +21,17 @@ from numpy.typing import NDArray
 from ..errors import refuse
 from ..files import write_bytes
 from ..sealed import sealed, unsealed
+from .arrays import SavedState, State, joined, part
 
-State = dict[str, NDArray[Any]]
 FORMAT = 3
 EVERY = 2.0
 """Least time between two saved states [s]."""
 
 
 class Checkpoint:
-    """State of one search, and tables that need not be made again, kept in the file `path`.
+    """State of one search, and finished tables of its run, in the file `path`.
 
-    `identity` is the text that says what run it belongs to. It is a `Keeper` for `search`.
+    `identity` is a text that identifies the run. A checkpoint is a `Keeper` for `search`.
     """
 
     def __init__(self, path: Path, identity: str, every: float = EVERY) -> None:
@@ -45,7 +45,7 @@ class Checkpoint:
 
     @classmethod
     def read(cls, path: Path, every: float = EVERY) -> Checkpoint:
-        """What `write` wrote. Raises InputError where the file is no checkpoint."""
+        """The checkpoint in a file of `write`. Raises InputError where the file has none."""
         try:
             with np.load(io.BytesIO(unsealed(path.read_bytes())), allow_pickle=False) as file:
                 content = {key: file[key] for key in file.files}
@@ -54,11 +54,10 @@ class Checkpoint:
             checkpoint = cls(path, str(content["identity"]), every)
             checkpoint.unsavable = bool(content["unsavable"])
             for at, name in enumerate(content["tables"].tolist()):
-                checkpoint.tables[name] = _table(content, f"table.{at}.")
+                checkpoint.tables[name] = _table(part(content, f"table.{at}."))
         except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
             raise refuse(str(path), f"cannot be read: {error}; start again with --overwrite") from error
-        prefix = "state."
-        checkpoint._state = {k[len(prefix) :]: v for k, v in content.items() if k.startswith(prefix)}
+        checkpoint._state = part(content, "state.")
         return checkpoint
 
     def due(self) -> bool:
@@ -71,12 +70,12 @@ class Checkpoint:
         self._last = time.monotonic()
         self.write()
 
-    def saved(self) -> Mapping[str, NDArray[Any]] | None:
-        """The state that was kept, None where there is none."""
+    def saved(self) -> SavedState | None:
+        """The saved state, None where there is none."""
         return self._state or None
 
     def cannot_save(self) -> None:
-        """The search has a state that is not made of arrays: it will start anew."""
+        """The state of the search does not consist of arrays: a later search starts from the beginning."""
         self._state, self.unsavable = {}, True
         self._last = time.monotonic()
         self.write()
@@ -87,38 +86,36 @@ class Checkpoint:
         self.write()
 
     def keep_only(self, names: Iterable[str]) -> None:
-        """Forget all other tables, those of a smaller budget; the file follows when it is due."""
+        """Remove all other tables, those of a smaller budget; the next `write` updates the file."""
         wanted = set(names)
         self.tables = {name: table for name, table in self.tables.items() if name in wanted}
 
     def write(self) -> None:
-        """Write all of it, in one step."""
+        """Write state and tables in one step."""
         content: State = {
             "format": np.array(FORMAT),
             "identity": np.array(self.identity),
             "unsavable": np.array(self.unsavable),
             "tables": np.array(list(self.tables), dtype=str),
         }
-        content |= {f"state.{key}": value for key, value in self._state.items()}
-        for at, table in enumerate(self.tables.values()):
-            content |= _arrays(table, f"table.{at}.")
+        tables = {f"table.{at}": _arrays(table) for at, table in enumerate(self.tables.values())}
+        content |= joined(state=self._state, **tables)
         file = io.BytesIO()
         np.savez(file, allow_pickle=False, **content)
         self.path.parent.mkdir(parents=True, exist_ok=True)
         write_bytes(self.path, sealed(file.getvalue()))
 
 
-def _arrays(table: pd.DataFrame, prefix: str) -> State:
-    columns = {f"{prefix}{at}": _column(table.iloc[:, at]) for at in range(table.shape[1])}
-    return columns | {f"{prefix}names": np.array(table.columns.tolist(), dtype=str)}
+def _arrays(table: pd.DataFrame) -> State:
+    columns = {str(at): _column(table.iloc[:, at]) for at in range(table.shape[1])}
+    return columns | {"names": np.array(table.columns.tolist(), dtype=str)}
 
 
 def _column(column: pd.Series[Any]) -> NDArray[Any]:
-    """Numbers as they are, text as text; an empty column without a type has no values to lose."""
+    """The values of a column; objects are stored as text."""
     values = column.to_numpy()
     return values.astype(str) if values.dtype == object else values
 
 
-def _table(content: Mapping[str, NDArray[Any]], prefix: str) -> pd.DataFrame:
-    names = content[f"{prefix}names"].tolist()
-    return pd.DataFrame({name: content[f"{prefix}{at}"] for at, name in enumerate(names)})
+def _table(arrays: SavedState) -> pd.DataFrame:
+    return pd.DataFrame({name: arrays[str(at)] for at, name in enumerate(arrays["names"].tolist())})

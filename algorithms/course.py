@@ -1,32 +1,40 @@
-"""The course of a search: when which value was reached, computed cheaply after it has ended.
+"""The course of a search: its value by generation, and the evaluations at which it reached a level.
 
-A hypervolume in every generation costs as much as an array engine itself. Values are kept as they
-come; hypervolumes are computed at few generations and, where a level was passed between two of
-them, by bisection, as the hypervolume of all that was evaluated never falls.
+A hypervolume in every generation would cost as much as an array engine itself. Values are collected;
+hypervolumes are computed at few generations and, where a level was passed between two of them, by
+bisection, because the hypervolume of all evaluated designs never falls.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .arrays import Array, Flags, Integers
 from .indicators import hypervolume, nondominated
 
-Array = NDArray[np.float64]
 CURVE = ("generation", "evaluations", "cpu_s", "value", "feasible_fraction")
 """Columns of a curve."""
 PER_OCTAVE = {1: 64}
-"""Generations of a curve between g and 2 g, by the number of objectives: a least value is free."""
+"""Generations of a curve between g and 2 g by the number of objectives, where a value is cheap."""
 FEW = 4
 BLOCK = 20_000
-"""Feasible values after which a front takes their place, so that memory is bounded."""
+"""Feasible values after which their front replaces them, so that memory is bounded."""
 
 
-Batch = tuple[int, int, float, float, NDArray[np.int64], Array]
-"""Generation, evaluations so far, CPU time so far, feasible fraction, the evaluations at which its
-feasible designs came, their objectives."""
+class Batch(NamedTuple):
+    """A generation: evaluations and CPU time up to its end, its feasible fraction, and its feasible
+    designs, by the numbers of their evaluations (n,) and their objectives (n, objectives).
+    """
+
+    generation: int
+    evaluations: int
+    cpu_s: float
+    feasible_fraction: float
+    numbers: Integers
+    values: Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,17 +50,17 @@ class Box:
 
 
 def charted(generation: int, per_octave: int) -> bool:
-    """Whether a generation (from 1) belongs to a curve, wherever the curve ends."""
+    """Whether a generation (from 1) belongs to a curve, at any end of the curve."""
     step = 1 << max(0, generation.bit_length() - per_octave.bit_length())
     return generation % step == 0
 
 
 class Course:
-    """Takes in the batches of one search.
+    """The course of one search, by its batches.
 
-    The value of a curve is, of one objective, the least feasible one so far (NaN before the first),
-    else the hypervolume of all feasible ones. `level` is the value at which the search has arrived:
-    from above for one objective, from below for a hypervolume; NaN where there is none.
+    The value of a curve is, with one objective, the least feasible value so far (NaN before the
+    first), else the hypervolume of all feasible values. `level` is the value that the search is to
+    reach: from above with one objective, from below for a hypervolume; NaN where there is none.
     """
 
     def __init__(self, box: Box, level: float) -> None:
@@ -69,16 +77,16 @@ class Course:
         self._waiting = 0
         self._per_octave = PER_OCTAVE.get(self.objectives, FEW)
 
-    def add(self, f: Array, feasible: NDArray[np.bool_], cpu_s: float) -> None:
+    def add(self, f: Array, feasible: Flags, cpu_s: float) -> None:
         """Take in a batch: objectives (n, objectives), feasible (n,), CPU time used so far [s]."""
         self.batches += 1
         rows = np.flatnonzero(feasible)
         fraction = len(rows) / len(f) if len(f) else 0.0
-        at = (self.evaluations + rows + 1).astype(np.int64)
+        numbers = (self.evaluations + rows + 1).astype(np.int64)
         self.evaluations += len(f)
         self.feasible += len(rows)
         feasible_values = f if len(rows) == len(f) else f[rows]
-        self._open.append((self.batches, self.evaluations, cpu_s, fraction, at, feasible_values))
+        self._open.append(Batch(self.batches, self.evaluations, cpu_s, fraction, numbers, feasible_values))
         self._waiting += len(rows)
         if self._waiting > BLOCK:
             self._settle()
@@ -99,35 +107,35 @@ class Course:
         for batch in self._open:
             group.append(batch)
             end = last and batch is self._open[-1]
-            if end or charted(batch[0], self._per_octave):
+            if end or charted(batch.generation, self._per_octave):
                 self._chart(group)
                 group = []
         self._open = group
-        self._waiting = sum(len(batch[5]) for batch in group)
+        self._waiting = sum(len(batch.values) for batch in group)
 
     def _chart(self, group: list[Batch]) -> None:
         """Add the last batch of a group to the curve, after those before it."""
-        before, news = self.front, np.concatenate([batch[5] for batch in group])
+        before, news = self.front, np.concatenate([batch.values for batch in group])
         if len(news):
             merged = np.concatenate([before, news])
             self.front = merged[nondominated(merged)]
         value = self._value(self.front)
-        if np.isnan(self.reached_at[0]) and self._there(value):
+        if np.isnan(self.reached_at[0]) and self._reached(value):
             self.reached_at = self._passed(before, news, group)
-        generation, evaluations, cpu_s, fraction, *_ = group[-1]
-        self._rows.append((generation, evaluations, cpu_s, value, fraction))
+        last = group[-1]
+        self._rows.append((last.generation, last.evaluations, last.cpu_s, value, last.feasible_fraction))
 
     def _passed(self, before: Array, news: Array, group: list[Batch]) -> tuple[float, float]:
         """Evaluations, and CPU time at the end of their batch, at which the level was passed."""
         low, high = 0, len(news)
         while high - low > 1:
             middle = (low + high) // 2
-            there = self._there(self._value(np.concatenate([before, news[:middle]])))
-            low, high = (low, middle) if there else (middle, high)
-        evaluations = int(np.concatenate([batch[4] for batch in group])[high - 1])
-        return evaluations, next(batch[2] for batch in group if batch[1] >= evaluations)
+            reached = self._reached(self._value(np.concatenate([before, news[:middle]])))
+            low, high = (low, middle) if reached else (middle, high)
+        evaluations = int(np.concatenate([batch.numbers for batch in group])[high - 1])
+        return evaluations, next(batch.cpu_s for batch in group if batch.evaluations >= evaluations)
 
-    def _there(self, value: float) -> bool:
+    def _reached(self, value: float) -> bool:
         return bool(value <= self.level if self.objectives == 1 else value >= self.level)
 
     def _value(self, values: Array) -> float:

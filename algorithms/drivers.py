@@ -1,11 +1,9 @@
-"""Population searches behind one interface: ask for designs, tell their values, save and resume."""
+"""One interface to all population searches: ask for designs, tell their values, save and resume."""
 
 from __future__ import annotations
 
 import json
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
-from functools import reduce
 from operator import attrgetter
 from typing import Any
 
@@ -15,20 +13,19 @@ from pymoo.core.population import Population
 from pymoo.core.termination import NoTermination
 
 from ..problems.tolerance_problem import ToleranceProblem
+from .arrays import Array, SavedState, State
 from .engine import Space
 from .settings import AlgorithmSettings
 
-Array = NDArray[np.float64]
-State = dict[str, NDArray[Any]]
 VALUES = ("X", "F", "G", "H")
 
 
 class Unsavable(Exception):
-    """The state of an algorithm is not made of arrays and numbers."""
+    """The state of an algorithm does not consist of arrays and numbers."""
 
 
 class Driver(ABC):
-    """A population search that is under way."""
+    """A population search in progress."""
 
     @abstractmethod
     def ask(self) -> Array:
@@ -36,21 +33,21 @@ class Driver(ABC):
 
     @abstractmethod
     def begin_with(self, x: Array) -> Array:
-        """Replace the first designs asked for by `x`, which has no more of them; all designs
-        (n, variables) that are asked for now.
+        """Replace the first of the designs that are asked for by `x`; all designs (n, variables) that
+        are asked for after that.
         """
 
     @abstractmethod
     def tell(self, f: Array, g: Array) -> None:
-        """Objectives and constraints of all designs that were asked for."""
+        """Take in objectives and constraints of all designs that were asked for."""
 
     @abstractmethod
     def state(self) -> State:
-        """What the next `ask` depends on. Raises Unsavable."""
+        """Everything that the next `ask` depends on. Raises Unsavable."""
 
     @abstractmethod
-    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
-        """Go on from a `state()`. Raises Unsavable where it does not fit."""
+    def restore(self, state: SavedState) -> None:
+        """Continue from a `state()`. Raises Unsavable where it does not fit."""
 
 
 def driver(problem: ToleranceProblem, settings: AlgorithmSettings, seed: int, engine: str) -> Driver:
@@ -64,9 +61,7 @@ class ArrayDriver(Driver):
     """A search by an array engine."""
 
     def __init__(self, problem: ToleranceProblem, settings: AlgorithmSettings, seed: int) -> None:
-        integer = np.array([v.integer for v in problem.free])
-        space = Space(problem.xl, problem.xu, integer, problem.n_obj)
-        self.engine = settings.engine(space, np.random.default_rng(seed))
+        self.engine = settings.engine(Space.of(problem), np.random.default_rng(seed))
         self.asked = np.empty((0, problem.n_var))
 
     def ask(self) -> Array:
@@ -83,7 +78,7 @@ class ArrayDriver(Driver):
     def state(self) -> State:
         return self.engine.state()
 
-    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+    def restore(self, state: SavedState) -> None:
         self.engine.restore(state)
 
 
@@ -116,12 +111,11 @@ class PymooDriver(Driver):
     def state(self) -> State:
         algorithm = self.algorithm
         saved: State = {"begun": np.array(algorithm.is_initialized)}
-        generator = algorithm.random_state.bit_generator.state
-        saved["rng"] = np.array(json.dumps(generator))
+        saved["rng"] = np.array(json.dumps(algorithm.random_state.bit_generator.state))
         if not algorithm.is_initialized:
             return saved
         saved["iteration"] = np.array(algorithm.n_iter)
-        population, optimum = list(algorithm.pop), list(_or_empty(algorithm.opt))
+        population, optimum = list(algorithm.pop), list(() if algorithm.opt is None else algorithm.opt)
         everyone = list({id(individual): individual for individual in (*population, *optimum)}.values())
         place = {id(individual): at for at, individual in enumerate(everyone)}
         saved["population"] = np.array([place[id(individual)] for individual in population], dtype=np.int64)
@@ -139,7 +133,7 @@ class PymooDriver(Driver):
                 saved[f"attribute.{name}"] = _numeric_array(value)
         return saved
 
-    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+    def restore(self, state: SavedState) -> None:
         algorithm = self.algorithm
         if bool(state["begun"]):
             everyone = Population.new(**{key: state[key] for key in VALUES})
@@ -155,7 +149,7 @@ class PymooDriver(Driver):
                 self._set(name, state)
         algorithm.random_state.bit_generator.state = json.loads(str(state["rng"]))
 
-    def _set(self, name: str, state: Mapping[str, NDArray[Any]]) -> None:
+    def _set(self, name: str, state: SavedState) -> None:
         if f"set.{name}" not in state:
             raise Unsavable(name)
         owner, _, last = name.rpartition(".")
@@ -164,12 +158,8 @@ class PymooDriver(Driver):
         setattr(target, last, value.item() if value is not None and not value.shape else value)
 
 
-def _or_empty(population: Any) -> Any:
-    return () if population is None else population
-
-
 def _numeric_array(value: Any) -> NDArray[Any]:
-    """An array of numbers. Raises Unsavable where it is none."""
+    """The value as an array of numbers. Raises Unsavable where it cannot be one."""
     try:
         array = np.array(value)
     except ValueError as error:  # ragged
@@ -182,13 +172,13 @@ def _numeric_array(value: Any) -> NDArray[Any]:
 def _attribute(owner: Any, name: str) -> Any:
     """A dotted attribute. Raises Unsavable where there is none."""
     try:
-        return reduce(lambda target, part: attrgetter(part)(target), name.split("."), owner)
+        return attrgetter(name)(owner)
     except AttributeError as error:
         raise Unsavable(str(error)) from error
 
 
-def _restore_data(everyone: Any, state: Mapping[str, NDArray[Any]]) -> None:
-    """Put back what is stored with each individual."""
+def _restore_data(everyone: Any, state: SavedState) -> None:
+    """Restore the data that are stored with every individual."""
     for key in state:
         if key.startswith("data."):
             name = key.removeprefix("data.")

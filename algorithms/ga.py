@@ -1,26 +1,21 @@
-"""Single-objective genetic algorithm, as the documents use it."""
+"""The genetic algorithm for one objective, as the documents use it."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from ..counts import INDIVIDUALS
-from .settings import AlgorithmSettings, Crossover, Mutation
+from .settings import Genetic
 
 if TYPE_CHECKING:
     from ..problems.tolerance_problem import ToleranceProblem
 
 
 @dataclass(frozen=True, slots=True)
-class GA(AlgorithmSettings):
+class GA(Genetic):
     """Genetic algorithm for one objective: tournament selection, SBX, polynomial mutation."""
 
     many_objectives: ClassVar[bool] = False
-    population: int = field(default=100, metadata={"low": 2, "need": INDIVIDUALS})
-    crossover: Crossover = Crossover()
-    mutation: Mutation = Mutation()
-    polish: bool = False
 
     def build(self, problem: ToleranceProblem) -> Any:
         from pymoo.algorithms.soo.nonconvex.ga import GA as PymooGA

@@ -56,7 +56,7 @@ class GDE3(AlgorithmSettings):
             survival=RankAndCrowding(),
             repair=repair(problem),
         )
-        algorithm.mating.repair = repair(problem)  # pymoo hands the repair to the sampling alone
+        algorithm.mating.repair = repair(problem)  # pymoo passes the repair to the sampling alone
         return algorithm
 
     def engine(self, space: Space, rng: np.random.Generator) -> ArrayEngine:

@@ -1,4 +1,4 @@
-"""`hybrid`: evolution begun from exact solutions of the convex part, then polished by gradients."""
+"""`hybrid`: evolution from exact solutions of the convex part, then an improvement by gradients."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..counts import INDIVIDUALS, POINTS
 from ..problems.interfaces import Provable
+from .arrays import Array
 from .engine import GDE3Engine, Space
 from .exact.bounds import restricted, upper_limit
 from .exact.branch import Branch
@@ -23,24 +23,23 @@ from .indicators import nondominated
 from .run import Run
 from .settings import Solver
 
-Array = NDArray[np.float64]
 EVOLVED = 0.5
 """Fraction of an evaluation budget that evolution may use."""
 GENERATIONS = 100
-"""Generations of the evolution where the budget names none."""
+"""Generations of the evolution where the budget states none."""
 RELAXED = 24
-"""Seeds from a relaxation: they need not be many, for evolution moves them."""
+"""Seeds from a relaxation: few suffice, because evolution moves them."""
 SETS = 12
 """Sets of integers that are polished at most."""
 
 
 @dataclass(frozen=True, slots=True)
 class Hybrid(Solver):
-    """Evolution (GDE3) from exact seeds, local polish by SLSQP, filling of thin places.
+    """Evolution (GDE3) from exact seeds, local improvement by SLSQP, points in the largest gaps.
 
-    For problems that are mixed, not convex or limited in yield. `population` per generation;
-    `polish` is the number of points that gradients improve per set of integers, in as many
-    evaluations as the evolution took at most.
+    For problems that are mixed, not convex or limited in yield. `population` is per generation;
+    `polish` is the number of points that gradients improve per set of integers, within as many
+    evaluations as the evolution took.
     """
 
     many_objectives: ClassVar[bool] = True
@@ -64,10 +63,8 @@ class Hybrid(Solver):
                 run.choose(np.vstack([seeds, run.archive.arrays()[0]]))
 
     def _evolve(self, run: Run, seeds: Array) -> None:
-        """GDE3 on plain arrays, until generations or its part of the evaluations are used."""
-        problem, remaining = run.problem, run.evaluations_left
-        integer = np.array([v.integer for v in problem.free])
-        space = Space(problem.xl, problem.xu, integer, problem.n_obj)
+        """GDE3 on arrays, until the generations or its part of the evaluations are used up."""
+        space, remaining = Space.of(run.problem), run.evaluations_left
         engine = GDE3Engine(space, self.population, run.rng)
         drawn = space.draw(max(self.population - len(seeds) // 2, self.population // 2), run.rng)
         first = np.vstack([seeds, drawn])
@@ -83,9 +80,8 @@ class Hybrid(Solver):
             engine.tell(x, *run.evaluate(x))
 
     def _polish_best(self, run: Run) -> None:
-        """One objective: from the best design, at its integers and at each set that differs in one.
-
-        Further moves are tried from each improvement, until none is left.
+        """One objective: minimise from the best design, at its integers and at all sets of integers
+        that differ from them in one; then the same from every improvement.
         """
         unit, free, tried = scale_of(run.problem), np.array([np.inf]), set[bytes]()
         start, best = _best(run)
@@ -101,7 +97,7 @@ class Hybrid(Solver):
                 start, best = _best(run)
 
     def _polish_front(self, run: Run) -> None:
-        """Two objectives: gradients where the front has its largest gaps, then points between."""
+        """Two objectives: gradients where the front has its largest gaps, then interpolated points."""
         x, f = run.archive.arrays()
         if not len(x):
             return
@@ -113,7 +109,7 @@ class Hybrid(Solver):
             widest = max(branches, key=lambda branch: branch.widest()[0])
             if run.evaluations > 2 * start or not widest.halve():
                 break
-        run.phase("points between", 0.95)
+        run.phase("interpolated points", 0.95)
         for branch in branches:
             run.evaluate(branch.between(max(2, self.points // len(branches))))
 
@@ -121,8 +117,8 @@ class Hybrid(Solver):
 def seed_vectors(run: Run, count: int) -> Array:
     """Search vectors (k, variables) from the convex form, exact or a relaxation; none without one.
 
-    What a relaxation has settled is drawn anew for half of the seeds: the limits that it leaves
-    out may forbid the value that is best for it.
+    Variables that a relaxation settles are drawn at random for half of the seeds: the limits that
+    it omits may forbid the value that is best for it.
     """
     problem, form = run.problem, Provable.of(run.problem).guide()
     if form is None or "cost" not in problem.objectives:
@@ -144,7 +140,7 @@ def seed_vectors(run: Run, count: int) -> Array:
 def branches_of(run: Run, x: Array, f: Array, most: int) -> list[Branch]:
     """A branch per set of integers on a front (n, variables), those with most points first.
 
-    Each adopts some of its points, evenly along the front.
+    Every branch adopts some of its points, evenly along the front.
     """
     integer = np.array([v.integer for v in run.problem.free])
     _, owner, counts = np.unique(x[:, integer], axis=0, return_inverse=True, return_counts=True)

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from .arrays import Array, Flags
+
 REFERENCE = 1.1
 """Reference point of the normalised hypervolume, in every objective."""
 
 
-def nondominated(values: Array) -> NDArray[np.bool_]:
+def nondominated(values: Array) -> Flags:
     """Which rows of (n, objectives) no other row dominates; the first of equal rows is kept."""
     if values.shape[1] == 1:
         best = np.zeros(len(values), dtype=bool)

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from ..counts import INDIVIDUALS
-from .settings import AlgorithmSettings, Crossover, Mutation
+from .settings import Genetic
 
 if TYPE_CHECKING:
     import numpy as np
@@ -16,15 +15,10 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class NSGA2(AlgorithmSettings):
+class NSGA2(Genetic):
     """NSGA-II for two or more objectives (Deb, Pratap, Agarwal & Meyarivan 2002)."""
 
-    many_objectives: ClassVar[bool] = True
     array_engine: ClassVar[bool] = True
-    population: int = field(default=100, metadata={"low": 2, "need": INDIVIDUALS})
-    crossover: Crossover = Crossover()
-    mutation: Mutation = Mutation()
-    polish: bool = False
 
     def build(self, problem: ToleranceProblem) -> Any:
         from pymoo.algorithms.moo.nsga2 import NSGA2 as PymooNSGA2

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ..counts import PAIRED
 from ..errors import Fault, raise_all
+from .arrays import Array
 from .settings import AlgorithmSettings, Crossover, Mutation
 
 if TYPE_CHECKING:
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class NSGA3(AlgorithmSettings):
-    """NSGA-III for three or more objectives (Deb & Jain 2014); takes two as well.
+    """NSGA-III for three or more objectives (Deb & Jain 2014); two are possible too.
 
     The directions are those of Das & Dennis (1998): `partitions` of every axis, or, at 0, as many
     as the population holds (population 100: 99 for two objectives, 12 for three, 6 for four).
@@ -44,7 +45,7 @@ class NSGA3(AlgorithmSettings):
         if count <= self.population:
             return []
         text = (
-            f"{self.partitions} of {objectives} axes are {count} reference directions, more "
+            f"{self.partitions} partitions of {objectives} axes give {count} reference directions, more "
             f"than the population of {self.population}: raise population to {count}, or give "
             "fewer partitions (0: as many as the population holds)"
         )
@@ -66,10 +67,10 @@ class NSGA3(AlgorithmSettings):
             **operators(problem, self.crossover, self.mutation),
         )
 
-    def _directions(self, objectives: int) -> NDArray[np.float64]:
+    def _directions(self, objectives: int) -> Array:
         """Reference directions (k, objectives).
 
-        Not spread by energy: those differ from process to process (anyoptimization/pymoo#638).
+        Directions by energy would differ from process to process (anyoptimization/pymoo#638).
         """
         from pymoo.util.reference_direction import das_dennis, get_partition_closest_to_points
 
@@ -80,8 +81,8 @@ class NSGA3(AlgorithmSettings):
 def less_violation(pop: Any, pairs: NDArray[np.int_], random_state: np.random.Generator, **_: Any) -> NDArray[np.int_]:
     """Winner (n, 1) of each pair (n, 2): the lesser constraint violation, by chance where equal.
 
-    pymoo's own comparison leaves the generator out where violations tie, so that equal seeds give
-    different runs (anyoptimization/pymoo#794).
+    The comparison of pymoo does not use the generator where violations are equal, so that equal
+    seeds give different runs (anyoptimization/pymoo#794).
     """
     violation = pop.get("CV")[:, 0][pairs]
     chance = random_state.random(len(pairs)) < 0.5
@@ -89,8 +90,8 @@ def less_violation(pop: Any, pairs: NDArray[np.int_], random_state: np.random.Ge
     return np.where(second, pairs[:, 1], pairs[:, 0])[:, None]
 
 
-def _survival(directions: NDArray[np.float64]) -> Any:
-    """pymoo's survival, which else turns every warning of the process off."""
+def _survival(directions: Array) -> Any:
+    """The survival of pymoo, which alone would turn off every warning of the process."""
     from pymoo.algorithms.moo.nsga3 import ReferenceDirectionSurvival
 
     class QuietSurvival(ReferenceDirectionSurvival):

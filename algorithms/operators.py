@@ -1,11 +1,10 @@
-"""pymoo operators, built freshly for every run: its defaults are shared between algorithms."""
+"""pymoo operators, built anew for every run, because its defaults are shared between algorithms."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 from pymoo.core.crossover import Crossover as PymooCrossover
 from pymoo.core.mutation import Mutation as PymooMutation
 from pymoo.core.repair import Repair
@@ -16,6 +15,7 @@ from pymoo.operators.mutation.gauss import GaussianMutation
 from pymoo.operators.mutation.pm import PM
 from pymoo.operators.sampling.rnd import FloatRandomSampling
 
+from .arrays import Array, Flags
 from .settings import Crossover, Mutation
 
 if TYPE_CHECKING:
@@ -25,23 +25,23 @@ if TYPE_CHECKING:
 class RoundIntegers(Repair):
     """Rounds the integer variables, leaves the others."""
 
-    def __init__(self, integer: NDArray[np.bool_]) -> None:
+    def __init__(self, integer: Flags) -> None:
         super().__init__()
         self.integer = integer
 
-    def _do(self, problem: Any, X: NDArray[np.float64], **kwargs: Any) -> NDArray[np.float64]:
+    def _do(self, problem: Any, X: Array, **kwargs: Any) -> Array:
         return np.where(self.integer, np.rint(X), X)
 
 
 def repair(problem: ToleranceProblem) -> Repair:
-    """Rounds what is a whole number in `problem`."""
+    """A repair that rounds the integer variables of `problem`."""
     return RoundIntegers(np.array([v.integer for v in problem.free]))
 
 
 def operators(problem: ToleranceProblem, crossover: Crossover, mutation: Mutation) -> dict[str, Any]:
     """Keyword arguments of a pymoo genetic algorithm.
 
-    The duplicate check is off: it costs a fifth of a run and buys nothing on continuous tolerances.
+    The duplicate check is off: it takes a fifth of a run and has no use for continuous tolerances.
     """
     return {
         "sampling": FloatRandomSampling(),

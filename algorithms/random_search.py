@@ -1,4 +1,4 @@
-"""Random search: the baseline that every algorithm has to beat."""
+"""Random search: the baseline of every algorithm."""
 
 from __future__ import annotations
 

@@ -1,35 +1,31 @@
-"""A search under way: it evaluates, counts, remembers, and stops when the budget is used."""
+"""A search in progress: it evaluates, counts, records, and stops when the budget is used up."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..problems.tolerance_problem import ToleranceProblem
 from .archive import Archive
+from .arrays import Array, SavedState, State, joined, part
 from .attained import Attained
 from .engine.survival import violation_of
 from .settings import Budget
 
-Array = NDArray[np.float64]
-State = dict[str, NDArray[Any]]
-
 
 class BudgetSpent(Exception):
-    """The budget is used up; `search` ends the search where this is raised."""
+    """The budget is used up; `search` then ends the search."""
 
 
 @dataclass(frozen=True, slots=True)
 class Progress:
     """State of a search after a generation, or after a batch of a solver.
 
-    `phase` and `share` are a solver's own: what it does, and the fraction that is done.
+    A solver states its `phase`, and the fraction of its work that is done as `share`.
     """
 
     generation: int
@@ -46,8 +42,6 @@ class Progress:
 
 Row = tuple[int, float, float, str, float | None]
 """Evaluations, seconds, feasible fraction, phase and fraction done of a batch."""
-
-
 Values = tuple[Array, Array]
 """Objectives (n, objectives) and constraints (n, constraints) of n designs."""
 
@@ -60,12 +54,12 @@ def values_of(problem: ToleranceProblem, x: Array) -> Values:
 
 
 class Run:
-    """What an algorithm works with: the problem, the budget, a generator, and `evaluate`.
+    """The problem, the budget, a generator, and `evaluate` for an algorithm.
 
     The budget of evaluations is honoured exactly. A budget of generations counts batches, and only
-    where `counts_generations` says so. A batch is computed in parts of as many designs as the
-    problem's declaration says (`grain`) or a few more, by `values` where it is given; the parts do
-    not depend on who computes them.
+    with `counts_generations`. A batch is computed in parts of `grain` designs, as the problem's
+    declaration states, or a few more, by the function `values` where it is given; the parts do not
+    depend on that function.
     """
 
     def __init__(
@@ -103,7 +97,7 @@ class Run:
 
     @property
     def seconds(self) -> float:
-        """Time used, that before an interruption included."""
+        """Time used, including that before an interruption."""
         return time.monotonic() - self._start
 
     @property
@@ -126,7 +120,7 @@ class Run:
         """Objectives (n, objectives) and constraints (n, constraints) of search vectors.
 
         Raises BudgetSpent where the budget does not cover all of `x`; the rows that it covers are
-        evaluated and remembered before.
+        evaluated and recorded before.
         """
         if self.spent:
             raise BudgetSpent
@@ -174,11 +168,11 @@ class Run:
         )
 
     def choose(self, x: Array) -> None:
-        """Add search vectors (n, variables) to those that the algorithm gives as its result."""
+        """Add search vectors (n, variables) to those that the algorithm returns as its result."""
         self.chosen = np.vstack([self.chosen, x])
 
     def phase(self, name: str, share: float | None = None) -> None:
-        """State what is being done, and the fraction of the whole that is done."""
+        """State the present phase of the work, and the fraction of the whole that is done."""
         self._phase = name, share
 
     def _remaining(self, at: int) -> float | None:
@@ -202,19 +196,13 @@ class Run:
             "history": np.array(table, dtype=float).reshape(-1, 5),
             "counts": np.array([self.evaluations, self.seconds]),
         }
-        parts = {"archive": self.archive.state(), "attained": self.attained.state()}
-        return arrays | {f"{part}.{key}": value for part, state in parts.items() for key, value in state.items()}
+        return arrays | joined(archive=self.archive.state(), attained=self.attained.state())
 
-    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
-        """Go on from a `state()`; the clock goes on from its seconds."""
+    def restore(self, state: SavedState) -> None:
+        """Continue from a `state()`, with the clock at its seconds."""
         self._rows = [(int(n), s, fraction, "", None) for _, n, s, _, fraction in state["history"].tolist()]
         evaluations, seconds = state["counts"].tolist()
         self.evaluations = int(evaluations)
         self._start = time.monotonic() - seconds
         self.archive.restore(part(state, "archive."))
         self.attained.restore(part(state, "attained."))
-
-
-def part(state: Mapping[str, NDArray[Any]], prefix: str) -> State:
-    """The entries of a state whose names have a prefix, named without it."""
-    return {key[len(prefix) :]: value for key, value in state.items() if key.startswith(prefix)}

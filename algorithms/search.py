@@ -1,36 +1,32 @@
 """The search loop over any algorithm, with a bounded archive of the best designs.
 
-pymoo's own loop overshoots an evaluation budget and forgets what left the population; this one asks
-and tells, evaluates exactly what the budget allows, and keeps what is good. It can be saved between
-two generations and goes on to the same result.
+The loop of pymoo exceeds an evaluation budget and loses designs that leave the population; this one
+evaluates exactly as many designs as the budget allows, and archives the best. It can be saved between
+two generations, and continues to the same result.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import Protocol
 
 from ..problems.tolerance_problem import ToleranceProblem
+from .arrays import Array, SavedState, State, joined, part
 from .drivers import Driver, Unsavable, driver
 from .exact.finish import finished
-from .run import BudgetSpent, Progress, Run, Values, part
+from .run import BudgetSpent, Progress, Run, Values
 from .settings import AlgorithmSettings, Budget, Solver
 
-Array = NDArray[np.float64]
-State = dict[str, NDArray[Any]]
 __all__ = ["Keeper", "Progress", "SearchResult", "State", "search"]
 
 
 @dataclass(frozen=True, slots=True)
 class SearchResult:
-    """What a search found: designs and objectives of the archive (all feasible), and its course.
+    """The result of a search: designs and objectives of the archive (all feasible), and its history.
 
     `miss` is the least violating design (one row, none where nothing was evaluated). `chosen` are
-    the designs that the algorithm itself gives as its result, none where that is the archive.
+    the designs that the algorithm itself returns as its result, none where that is the archive.
     """
 
     x: Array
@@ -43,22 +39,22 @@ class SearchResult:
 
 
 class Keeper(Protocol):
-    """Keeps the state of a search, so that it can go on after a break."""
+    """Saves the state of a search, so that it can continue after an interruption."""
 
     def due(self) -> bool:
         """Whether it is time to save."""
         ...
 
     def save(self, state: State) -> None:
-        """Keep a state, in place of the one before."""
+        """Save a state in place of the one before."""
         ...
 
-    def saved(self) -> Mapping[str, NDArray[Any]] | None:
-        """The state to go on from, None for a start from the beginning."""
+    def saved(self) -> SavedState | None:
+        """The state to continue from, None for a start from the beginning."""
         ...
 
     def cannot_save(self) -> None:
-        """Called when the algorithm's state cannot be saved: it will start anew."""
+        """Called when the algorithm's state cannot be saved: a later search starts from the beginning."""
         ...
 
 
@@ -72,12 +68,12 @@ def search(
     keeper: Keeper | None = None,
     values: Callable[[Sequence[Array]], Sequence[Values]] | None = None,
 ) -> SearchResult:
-    """Search until the budget is used; an interrupt ends it with what has been found.
+    """Search until the budget is used up; an interrupt ends it with the result so far.
 
     `seed` is any integer >= 0. The result depends on problem, settings, evaluation or generation
-    budget, seed and `engine` ("pymoo" or "array") alone, and not on breaks, nor on who computes the
-    parts of a batch: `values`, where it is given. A `Solver` starts from its beginning after a
-    break and takes no budget of generations.
+    budget, seed and `engine` ("pymoo" or "array") alone: neither on interruptions, nor on the
+    function `values` that computes the parts of a batch, where it is given. A `Solver` starts from
+    its beginning after an interruption and takes no budget of generations.
     """
     solver = isinstance(settings, Solver)
     run = Run(problem, budget, seed, report, counts_generations=not solver, values=values)
@@ -92,7 +88,7 @@ def search(
 
 
 def drive(run: Run, settings: AlgorithmSettings, seed: int, engine: str, keeper: Keeper | None = None) -> None:
-    """Let the algorithm that `settings` describe evaluate by `run` until its budget is used."""
+    """Run the algorithm that `settings` describe, which evaluates by `run` until its budget is used up."""
     try:
         if isinstance(settings, Solver):
             settings.solve(run)
@@ -106,10 +102,10 @@ def drive(run: Run, settings: AlgorithmSettings, seed: int, engine: str, keeper:
 
 
 def _evolve(run: Run, fresh: Callable[[], Driver], keeper: Keeper | None) -> None:
-    """Generation after generation, until the budget is used.
+    """Evaluate generation after generation, until the budget is used up.
 
-    A state is saved before a generation begins. Where the budget cuts through a generation, the
-    state before that is the one to go on from: with a larger budget it is asked for again, whole.
+    A state is saved before a generation begins. Where the budget ends within a generation, a search
+    with a larger budget continues from the state before it.
     """
     population, size = _begun(run, fresh, keeper), 0
     while not run.spent:
@@ -126,7 +122,7 @@ def _evolve(run: Run, fresh: Callable[[], Driver], keeper: Keeper | None) -> Non
 
 
 def _begun(run: Run, fresh: Callable[[], Driver], keeper: Keeper | None) -> Driver:
-    """The population search, from the state that was kept where there is one."""
+    """The population search, from the saved state where there is one."""
     population = fresh()
     state = None if keeper is None else keeper.saved()
     if keeper is None or state is None:
@@ -146,5 +142,4 @@ def _save(keeper: Keeper, run: Run, population: Driver) -> None:
     except Unsavable:
         keeper.cannot_save()
         return
-    state = {f"run.{key}": value for key, value in run.state().items()}
-    keeper.save(state | {f"driver.{key}": value for key, value in driven.items()})
+    keeper.save(joined(run=run.state(), driver=driven))

@@ -6,6 +6,7 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from ..counts import INDIVIDUALS
 from ..errors import Fault
 
 if TYPE_CHECKING:
@@ -64,33 +65,44 @@ class AlgorithmSettings(ABC):
     """Whether `engine` builds an array engine of it."""
     state: ClassVar[tuple[str, ...]] = ()
     """Attributes of the pymoo algorithm (dotted names; arrays, numbers or None) that its next
-    generation depends on, besides the population, what is stored with each individual, and the
-    generator: a resumed run is bit-equal where these are all."""
+    generation depends on, in addition to the population, the data of every individual, and the
+    generator: a resumed run is equal to the bit where these are all."""
     extras: ClassVar[tuple[str, ...]] = ()
     """Extras of the distribution that must be installed for it."""
 
     def faults(self, objectives: int) -> list[Fault]:
-        """What is wrong with the settings as a whole; the place of a fault is the key."""
+        """The faults of the settings as a whole; the place of a fault is the key."""
         return []
 
     @abstractmethod
     def build(self, problem: ToleranceProblem) -> Any:
-        """A pymoo `Algorithm` with operators of its own, not yet set up."""
+        """A pymoo `Algorithm` with its own operators, not yet set up."""
 
     def engine(self, space: Space, rng: np.random.Generator) -> ArrayEngine:
-        """The algorithm on plain arrays, where `array_engine` says that there is one."""
+        """The algorithm on plain arrays, where `array_engine` states that it exists."""
         raise TypeError(f"{type(self).__name__} has no array engine")
 
 
+@dataclass(frozen=True, slots=True)
+class Genetic(AlgorithmSettings):
+    """A genetic algorithm for two or more objectives; `polish` improves its result by gradients."""
+
+    many_objectives: ClassVar[bool] = True
+    population: int = field(default=100, metadata={"low": 2, "need": INDIVIDUALS})
+    crossover: Crossover = Crossover()
+    mutation: Mutation = Mutation()
+    polish: bool = False
+
+
 class Solver(AlgorithmSettings):
-    """An algorithm that is no population search: it drives the evaluations itself."""
+    """An algorithm that is not a population search: it evaluates designs itself."""
 
     @abstractmethod
     def solve(self, run: Run) -> None:
-        """Evaluate designs by `run.evaluate` until the front is found; these are the result.
+        """Evaluate designs by `run.evaluate` until the front is complete; they are the result.
 
-        It must depend on `run` alone: a broken run is resumed from its beginning.
+        It must depend on `run` alone: an interrupted run is resumed from its beginning.
         """
 
     def build(self, problem: ToleranceProblem) -> Any:
-        raise TypeError(f"{type(self).__name__} is no pymoo algorithm: it drives the evaluations")
+        raise TypeError(f"{type(self).__name__} is not a pymoo algorithm: it evaluates designs itself")

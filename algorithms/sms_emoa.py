@@ -2,29 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
-from ..counts import INDIVIDUALS
-from .settings import AlgorithmSettings, Crossover, Mutation
+from .settings import Genetic
 
 if TYPE_CHECKING:
     from ..problems.tolerance_problem import ToleranceProblem
 
 
 @dataclass(frozen=True, slots=True)
-class SMSEMOA(AlgorithmSettings):
+class SMSEMOA(Genetic):
     """SMS-EMOA for two or three objectives (Beume, Naujoks & Emmerich 2007).
 
-    A generation has as many offspring as the population; the paper's has one. More objectives are
-    taken, but the hypervolume is expensive there.
+    A generation has as many offspring as the population, in the paper only one. More objectives are
+    accepted, but their hypervolume is expensive.
     """
-
-    many_objectives: ClassVar[bool] = True
-    population: int = field(default=100, metadata={"low": 2, "need": INDIVIDUALS})
-    crossover: Crossover = Crossover()
-    mutation: Mutation = Mutation()
-    polish: bool = False
 
     def build(self, problem: ToleranceProblem) -> Any:
         from pymoo.algorithms.moo.sms import SMSEMOA as PymooSMSEMOA

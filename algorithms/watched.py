@@ -1,22 +1,23 @@
-"""A search that keeps its course and nothing else: one of the many runs of a study."""
+"""A search that records its course alone, as one of the many runs of a study."""
 
 from __future__ import annotations
 
 import time
 
 from ..problems.tolerance_problem import ToleranceProblem
+from .arrays import Array
 from .course import Course
-from .run import Array, Run
+from .run import Run
 from .search import drive
 from .settings import AlgorithmSettings, Budget, Solver
 
 
 class OverTime(Exception):
-    """A run has used more time than it is given."""
+    """A run has exceeded its time limit."""
 
 
 class WatchedRun(Run):
-    """A run without archive (but for solvers, which read it) and without progress reports.
+    """A run without progress reports, and with an archive only for solvers, which read it.
 
     Raises OverTime after the batch in which `limit_s` seconds of wall time have passed.
     """
@@ -54,6 +55,6 @@ def watch(
     engine: str = "pymoo",
     limit_s: float | None = None,
 ) -> None:
-    """Search as `search` does, with the same designs, and put what is found into `course`."""
+    """Search as `search` does, with the same designs, and record them in `course`."""
     run = WatchedRun(problem, budget, seed, course, isinstance(settings, Solver), limit_s)
     drive(run, settings, seed, engine)

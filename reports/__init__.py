@@ -1,4 +1,4 @@
-"""Pages, figures and tables from results; nothing is computed here."""
+"""Pages, figures and tables of results; nothing is computed here."""
 
 from . import plotting  # before anything else of matplotlib
 from .figure import front_figure

@@ -1,53 +1,47 @@
-"""The chosen points of a run: what they are, what rounding does, and how sure the choice is."""
+"""The chosen points of a run, their rounded values, and how sensitive the choices are to costs."""
 
 from __future__ import annotations
-
-from html import escape
 
 import pandas as pd
 
 from ..records import RunResult
 from .document import folded, section
 from .orders import orders
-from .tables import chosen, table
+from .tables import chosen, described
 
 CHOICES = (
-    "Points of the front by named rules; [choice] in the configuration sets weights, limits and a "
-    "budget. rounded_...: the same point with every value rounded to what can be ordered, computed "
-    "again by the full model; rounding_loss_...: what that changes. unchanged_percent: in how many "
+    "Points of the front that are chosen by rules; [choice] in the configuration sets weights, limits and a "
+    "budget. rounded_... is the same point with every value rounded to one that can be ordered, computed "
+    "again by the full model, and rounding_loss_... the change by it. unchanged_percent states in how many "
     "of the cases with one cost curve 20 % lower or higher the same point is chosen."
 )
-SURE = (
-    "What each rule would choose with one cost curve 20 % lower or higher, among the points of "
-    "this front: what that point, and the choice of the run, cost then. Cases that change nothing "
-    "are left out."
+SENSITIVITY = (
+    "The choices of the rules among the points of this front with one cost curve 20 % lower or "
+    "higher, with the costs of that point and of the choice of the run in that case. Cases that "
+    "change nothing are omitted."
 )
 ROUNDED = (
-    "How each variable was rounded. What the configuration does not set under [rounding] is an "
-    "assumption: grades of ISO 286 where the nominal size is known, else preferred numbers."
+    "The rules by which the variables are rounded. A rule that the configuration does not set under "
+    "[rounding] is an assumption: grades of ISO 286 where the nominal size is known, else preferred numbers."
 )
 
 
 def choice_sections(result: RunResult) -> tuple[str, ...]:
-    """The sections on choices, none where nothing was chosen."""
+    """The sections on choices, none where nothing is chosen."""
     if result.choices is None:
         return ()
-    axes = [axis.name for axis in result.objectives]
     names = ["choice", "meaning", "point"]
-    for name in axes:
+    for name in (axis.name for axis in result.objectives):
         names += [name, f"rounded_{name}", f"rounding_loss_{name}_percent"]
     names += ["rounded_feasible", "rounded_violated_limits", "unchanged_percent", "model"]
-    parts = [f"<p>{escape(CHOICES)}</p>\n{table(chosen(result.choices, names))}"]
+    parts = [described(CHOICES, chosen(result.choices, names))]
     if result.choice_sensitivity is not None:
         moved = result.choice_sensitivity[~result.choice_sensitivity["same"].astype(bool)]
-        shown = table(moved.drop(columns="same"))
-        parts.append(folded("With other costs", f"<p>{escape(SURE)}</p>\n{shown}"))
+        parts.append(folded("With other costs", described(SENSITIVITY, moved.drop(columns="same"))))
     if result.allocation is not None:
-        rules = pd.DataFrame(list(result.summary.get("rounding") or ()))
-        text = f"<p>{escape(ROUNDED)}</p>\n{table(rules)}"
         parts += [
-            folded(f"For the drawing: {order.title}", f"<p>{escape(order.note)}</p>\n{table(order.table)}")
-            for order in orders(result)
+            folded(f"For the drawing: {order.title}", described(order.note, order.table)) for order in orders(result)
         ]
-        parts.append(folded("Rounding", text))
+        rules = pd.DataFrame(list(result.summary.get("rounding") or ()))
+        parts.append(folded("Rounding", described(ROUNDED, rules)))
     return (section("Choices", "\n".join(parts)),)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from matplotlib.figure import Figure
 
 from ..records import RunResult
-from .drawing import COLOURS, new_figure, style_axes
-from .tolerances import bar_places, first_choice, words
+from .drawing import COLOURS, new_figure, style_axes, words
+from .tolerances import bar_places, first_choice
 
 HEIGHT = 0.24
 """Height [inch] of a bar with its distance from the next."""
@@ -15,8 +15,8 @@ HEIGHT = 0.24
 def contributions_figure(result: RunResult) -> Figure | None:
     """Shares of every free tolerance at the first choice, one panel per objective but the cost.
 
-    Bars that reach to the left are tolerances that are better when wider. None where nothing is
-    known.
+    A bar that reaches to the left is of a tolerance that is better when wider. None where the run
+    has no choice or no contributions.
     """
     point, contributions = first_choice(result), result.contributions
     if point is None or contributions is None or contributions.empty:

@@ -1,4 +1,4 @@
-"""Control charts of measured parts: single values in the order of their making."""
+"""Control charts of measured parts: single values in the order in which the parts were made."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from .drawing import COLOURS, new_figure, style_axes
+from .drawing import COLOURS, new_figure, style_axes, with_unit
 
 COLUMNS = 3
 CHARTS = 12
@@ -47,6 +47,6 @@ def _chart(axes: Axes, name: str, unit: str, values: Sequence[float]) -> None:
     axes.axhline(mean, color="#555555", linewidth=0.8)
     for side in (-1.0, 1.0):
         axes.axhline(mean + side * reach, color=COLOURS[1], linewidth=0.8, linestyle="--")
-    axes.set_title(f"{name} [{unit}]" if unit else name, fontsize="small")
+    axes.set_title(with_unit(name, unit), fontsize="small")
     axes.tick_params(labelsize="x-small")
     style_axes(axes)

@@ -12,7 +12,7 @@ RATIO = "hypervolume_ratio"
 
 
 def convergence_figure(table: pd.DataFrame) -> Figure:
-    """Hypervolume (its ratio to the exact front where known) and feasible share, by evaluations."""
+    """Hypervolume (its ratio to the exact front where known) and feasible fraction, by evaluations."""
     figure = new_figure(height=3.6)
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=[2, 1])
     name = drawn_column(table)
@@ -22,7 +22,7 @@ def convergence_figure(table: pd.DataFrame) -> Figure:
         if name == RATIO:
             upper.axhline(1.0, color="black", linestyle="--", linewidth=1.0)
     upper.set_ylabel(name.replace("_", " "))
-    lower.set_ylabel("feasible share")
+    lower.set_ylabel("feasible fraction")
     lower.set_ylim(-0.05, 1.05)
     lower.set_xlabel("evaluations")
     for axes in (upper, lower):

@@ -1,27 +1,29 @@
-"""What all pages share: one document, its sections and drawings, every outside text escaped."""
+"""What all pages share: the document, its sections and drawings, with every outside text escaped."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from html import escape
+from typing import Any
 
 from matplotlib.figure import Figure
 
+from ..records import mechanism_lines
 from .drawing import as_svg
 from .glossary import terms
 from .scripts import Script
 from .style import STYLE
 
 RENEWED = 5
-"""Seconds after which a browser loads the page of a result that is being made again."""
+"""Seconds after which a browser reloads the page of a result that is being computed."""
 
 
-def document(title: str, body: str, scripts: Sequence[Script] = (), head: str = "") -> str:
-    """The whole page of that title; `scripts` run at its end, and nothing else can.
-
-    `head` (HTML) stands below the title, before all sections; the terms are explained at the end.
+def document(title: str, parts: Iterable[str], scripts: Sequence[Script] = (), head: str = "") -> str:
+    """The whole page: its title, `head` (HTML), all `parts` (HTML) that are not empty, and the
+    explanations of the terms. Only `scripts` can run, at its end.
     """
+    body = "\n".join(filter(None, parts))
     name, explained = escape(title), terms(body)
     policy = "default-src 'none'; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'"
     if scripts:
@@ -38,7 +40,7 @@ def document(title: str, body: str, scripts: Sequence[Script] = (), head: str = 
 
 
 def renewed(text: str) -> str:
-    """A page that the browser loads again by itself, for its result is being made."""
+    """A page that the browser loads again by itself, because its result is being computed."""
     return text.replace("<title>", f'<meta http-equiv="refresh" content="{RENEWED}">\n<title>', 1)
 
 
@@ -50,11 +52,8 @@ def section(title: str, body: str) -> str:
 def picture(name: str, figure: Figure, caption: str) -> str:
     """A drawing with its caption, which is its text alternative too; `name` is unique."""
     drawing = as_svg(figure).decode()
-    drawing = drawing[drawing.index("<svg") :]
     # Two drawings on one page must not share identifiers.
-    drawing = re.sub(r'\bid="', f'id="{name}-', drawing)
-    drawing = re.sub(r'href="#', f'href="#{name}-', drawing)
-    drawing = drawing.replace("url(#", f"url(#{name}-")
+    drawing = re.sub(r'(\bid="|href="#|url\(#)', rf"\g<1>{name}-", drawing[drawing.index("<svg") :])
     drawing = drawing.replace("<svg ", f'<svg role="img" aria-label="{escape(caption)}" ', 1)
     return f"<figure>{drawing}<figcaption>{escape(caption)}</figcaption></figure>"
 
@@ -67,8 +66,13 @@ def bullets(notes: Sequence[str]) -> str:
 
 
 def folded(title: str, body: str) -> str:
-    """A part that opens when it is asked for; `body` is HTML."""
+    """A part that opens on a click on its title; `body` is HTML."""
     return f"<details><summary>{escape(title)}</summary>\n{body}</details>"
+
+
+def about(summary: Mapping[str, Any]) -> str:
+    """The paragraphs on the mechanism of a result, by its summary."""
+    return "".join(f"<p>{escape(line)}</p>\n" for line in mechanism_lines(summary))
 
 
 def remarked(remarks: Sequence[str]) -> tuple[str, ...]:

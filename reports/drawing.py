@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from io import BytesIO, StringIO
 from typing import Any
 from weakref import WeakKeyDictionary
@@ -34,6 +35,16 @@ _AS_SVG: WeakKeyDictionary[Figure, bytes] = WeakKeyDictionary()
 NO_METADATA = {"Date": None, "Creator": None, "Format": None, "Type": None}
 
 
+@dataclass(frozen=True, slots=True)
+class Named:
+    """A figure, the stem of its files, its caption, and its key of a study, if it has any."""
+
+    name: str
+    figure: Figure
+    caption: str
+    key: str = ""
+
+
 def new_figure(height: float = SIZE[1]) -> Figure:
     """An empty figure that pyplot does not know."""
     figure = Figure(figsize=(SIZE[0], height), layout="constrained")
@@ -41,28 +52,45 @@ def new_figure(height: float = SIZE[1]) -> Figure:
     return figure
 
 
+def new_axes(height: float = SIZE[1]) -> tuple[Figure, Axes]:
+    """A `new_figure` with one panel."""
+    figure = new_figure(height)
+    return figure, figure.add_subplot()
+
+
+def words(name: Any) -> str:
+    """The name of a column as words, without its unit."""
+    return split_unit(str(name))[0].replace("_", " ")
+
+
+def with_unit(text: str, unit: str) -> str:
+    """A label with its unit in brackets, where it has one."""
+    return f"{text} [{unit}]" if unit else text
+
+
 def axis_label(axis: Axis) -> str:
     """`backlash_arcmin` in arcmin as "backlash [arcmin]"."""
-    stem, _ = split_unit(axis.name)
-    words = stem.replace("_", " ")
-    return f"{words} [{axis.unit}]" if axis.unit else words
+    return with_unit(words(axis.name), axis.unit)
 
 
-def style_axes(axes: Axes) -> None:
-    """A quiet frame and grid, and every text as it is: a dollar sign is no formula."""
+def style_axes(axes: Axes, legend: bool = False) -> None:
+    """A quiet frame and grid, and every text as it is: a dollar sign starts no formula.
+
+    With `legend`, the panel gets one without a frame first.
+    """
+    if legend:
+        axes.legend(frameon=False, fontsize="small")
     axes.grid(True, color="#dddddd", linewidth=0.6)
     axes.set_axisbelow(True)
     axes.spines[["top", "right"]].set_visible(False)
     for spine in axes.spines.values():
         spine.set_in_layout(False)  # as large as the panel, which costs as much as its labels
-    legend = axes.get_legend()
-    # Ticks of numbers are made when they are drawn: to ask for their labels makes them once more.
+    # Ticks of numbers are created when they are drawn; access to their labels would create them twice.
     fixed_locators = (FixedLocator, StrCategoryLocator)
-    words = [axis for axis in (axes.xaxis, axes.yaxis) if isinstance(axis.get_major_locator(), fixed_locators)]
-    ticks = [text for axis in words for text in axis.get_ticklabels()]
-    for text in (axes.xaxis.label, axes.yaxis.label, axes.title, *ticks):
-        text.set_parse_math(False)
-    for text in legend.get_texts() if legend else ():
+    labelled = [axis for axis in (axes.xaxis, axes.yaxis) if isinstance(axis.get_major_locator(), fixed_locators)]
+    ticks = [text for axis in labelled for text in axis.get_ticklabels()]
+    box = axes.get_legend()
+    for text in (axes.xaxis.label, axes.yaxis.label, axes.title, *ticks, *(box.get_texts() if box else ())):
         text.set_parse_math(False)
 
 
@@ -95,11 +123,10 @@ def as_svg(figure: Figure) -> bytes:
 
 @contextmanager
 def _fixed(figure: Figure) -> Iterator[None]:
-    """What every file of the figure is drawn with; its canvas and its dots per inch afterwards are
-    those from before.
+    """The settings with which every file of the figure is drawn; afterwards the figure has its
+    canvas and its dots per inch back.
 
-    The canvases print by themselves: `savefig` draws everything once more beforehand, for layouts
-    that move with the kind of file.
+    The canvases print by themselves, because `savefig` would draw everything once more before.
     """
     with mpl.rc_context(FIXED), warnings.catch_warnings():
         # A letter that the font lacks becomes a box; the page's tables still have it.
@@ -115,7 +142,7 @@ def _fixed(figure: Figure) -> Iterator[None]:
 
 
 def _laid_out(figure: Figure) -> None:
-    """Places the panels, once for every kind of file: it takes half as long as to draw them."""
+    """Place the panels, once for all kinds of files: it takes half as long as drawing them."""
     engine = figure.get_layout_engine()
     if engine is not None:
         engine.execute(figure)

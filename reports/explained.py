@@ -1,4 +1,4 @@
-"""What the page shows of a run in addition to its points: limits, units, laws, tolerances."""
+"""The data of a run's page in addition to its points: limits, units, distributions, tolerances."""
 
 from __future__ import annotations
 
@@ -13,14 +13,22 @@ from ..records import RunResult
 from ..units import split_unit
 
 CONTRIBUTED = ("point", "output", "explained", "along")
-"""Columns of `contributions.csv` that are no tolerance."""
+"""Columns of `contributions.csv` that are not those of tolerances."""
 NOT_INFORMATIVE = "not informative"
 NORMAL = 3.0
-"""Standard deviations of a root sum of squares: what `rss` is of a stack."""
+"""Standard deviations in the root sum of squares `rss` of a stack."""
+
+
+def configured(text: str) -> dict[str, Any]:
+    """The tables of a stored configuration, none where it is no TOML."""
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError:
+        return {}
 
 
 def words(name: str) -> str:
-    """A column as words, without its unit."""
+    """The name of a column as words, without its unit; `hub_t` is the tolerance of hub."""
     stem = split_unit(name)[0]
     stem = f"tolerance of {stem.removesuffix('_t')}" if stem.endswith("_t") else stem
     return stem.replace("_", " ").replace(".", " ")
@@ -68,48 +76,32 @@ def tolerance_records(result: RunResult) -> list[dict[str, Any]]:
 
 def limits_of(result: RunResult, kept: pd.DataFrame) -> list[dict[str, Any]]:
     """The limits of the configuration with the values of the points."""
-    try:
-        table = tomllib.loads(result.configuration).get("limits") or {}
-    except tomllib.TOMLDecodeError:
-        table = {}
+    table = configured(result.configuration).get("limits") or {}
     if not isinstance(table, Mapping):
         return []
     limits = []
     for key, bound in table.items():
         name = str(key)
         if name in kept:
-            ends: dict[str, object] = dict(bound) if isinstance(bound, Mapping) else _end(name, bound)
-            limits.append(
-                {
-                    "name": name,
-                    "label": words(name),
-                    "low": ends.get("min"),
-                    "high": ends.get("max"),
-                    "values": kept[name].tolist(),
-                }
-            )
+            side = "min" if name.endswith("yield_percent") else "max"
+            ends: Mapping[str, object] = bound if isinstance(bound, Mapping) else {side: bound}
+            low, high, values = ends.get("min"), ends.get("max"), kept[name].tolist()
+            limits.append({"name": name, "label": words(name), "low": low, "high": high, "values": values})
     return limits
 
 
-def _end(name: str, bound: object) -> dict[str, object]:
-    return {"min" if name.endswith("yield_percent") else "max": bound}
-
-
 def unit_columns(result: RunResult, kept: pd.DataFrame) -> list[dict[str, Any]]:
-    """Yields, probabilities and distributions of the units of each point, as the model has them."""
+    """Yields, probabilities and distributions of the units of each point, as the model computes them."""
     aims = {axis.name for axis in result.objectives}
     endings = ("yield_percent", "_probability", "_mean", "_std", "_mean_arcmin", "_std_arcmin")
     names = [
-        str(n)
-        for n in kept
-        if str(n).endswith(endings)
-        and str(n) not in aims
-        and not str(n).startswith("margin_")
-        and kept[n].notna().any()
+        name
+        for name in map(str, kept)
+        if name.endswith(endings) and name not in aims and not name.startswith("margin_") and kept[name].notna().any()
     ]
     return [
         {
-            "label": words(name) if not name.endswith("yield_percent") else words(name.removesuffix("_percent")),
+            "label": words(name.removesuffix("_percent") if name.endswith("yield_percent") else name),
             "unit": "%" if name.endswith("percent") else split_unit(name)[1],
             "values": kept[name].tolist(),
         }
@@ -134,15 +126,15 @@ def _stack_law(result: RunResult, kept: pd.DataFrame) -> dict[str, Any] | None:
     requirements = mechanism.get("requirements") if isinstance(mechanism, Mapping) else None
     if not requirements or len(requirements) != 1 or not isinstance(requirements[0], Mapping) or "rss" not in kept:
         return None
-    low, high = requirements[0].get("lower"), requirements[0].get("upper")
+    requirement = requirements[0]
+    low, high, centre = requirement.get("lower"), requirement.get("upper"), requirement.get("centre")
     ends = [float(end) for end in (low, high) if isinstance(end, int | float) and isfinite(end)]
-    centre = requirements[0].get("centre")
     if len(ends) < 2 and not isinstance(centre, int | float):
         return None
     mean = float(centre) if isinstance(centre, int | float) else sum(ends) / 2.0
     return {
-        "label": str(requirements[0].get("name") or "requirement"),
-        "unit": str(requirements[0].get("unit", "")),
+        "label": str(requirement.get("name") or "requirement"),
+        "unit": str(requirement.get("unit", "")),
         "low": low,
         "high": high,
         "mean": [mean] * len(kept),
@@ -171,9 +163,6 @@ def _column_law(result: RunResult, kept: pd.DataFrame) -> dict[str, Any] | None:
 
 def _upper(result: RunResult) -> float | None:
     """`[parameters] backlash_limit_arcmin`, by which the yield of a reducer is defined."""
-    try:
-        parameters = tomllib.loads(result.configuration).get("parameters", {})
-    except tomllib.TOMLDecodeError:
-        return None
+    parameters = configured(result.configuration).get("parameters")
     value = parameters.get("backlash_limit_arcmin") if isinstance(parameters, Mapping) else None
     return float(value) if isinstance(value, int | float) else None

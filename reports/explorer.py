@@ -1,8 +1,8 @@
-"""The front of a run to look into: its data, thinned by a stated rule, and its place."""
+"""The interactive front of a run: its data, thinned by a stated rule, and the part of the page."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from html import escape
 from typing import Any
 
@@ -19,9 +19,9 @@ MOST = 5000
 OTHERS = 400
 """Points of any other front on a page at most."""
 ROOM = 620_000
-"""Letters that the points may take: a page stays below 1.5 MB."""
+"""Characters of the points at most, so that a page stays below 1.5 MB."""
 SHARED = 250
-"""Points with contributions and prices on a page at most: others take those of the nearest."""
+"""Points with contributions and prices on a page at most; others show those of the nearest."""
 FILES = ("common.js", "chart.js", "parallel.js", "histogram.js", "model.js", "panel.js", "explorer.js")
 SKELETON = """<section id="work" class="work" aria-label="Front and selected allocation" hidden>
 <div class="left">
@@ -46,7 +46,7 @@ SKELETON = """<section id="work" class="work" aria-label="Front and selected all
 
 
 def interactive(result: RunResult) -> bool:
-    """Whether there is a front to look into."""
+    """Whether the run has a front to show."""
     return bool(len(result.front) and result.objectives)
 
 
@@ -63,24 +63,23 @@ def explorer(result: RunResult) -> str:
         content = content_of(result, max(1, int(len(content["rows"]) * ROOM / len(text))))
         text = data(content)
     count, whole = len(content["rows"]), len(result.front)
-    rule = (
-        f"All {whole} points."
-        if count == whole
-        else (
+    rule = f"All {whole} points."
+    if count != whole:
+        rule = (
             f"{count} of {whole} points: every choice, and others evenly along the front "
-            f"(at most {MOST}, and what fits into {ROOM // 1000} kB); front.csv has all."
+            f"(at most {MOST}, and as many as fit into {ROOM // 1000} kB); front.csv has all."
         )
-    )
     return SKELETON.format(rule=escape(rule)) + "\n" + text
 
 
 def content_of(result: RunResult, most: int) -> dict[str, Any]:
-    """What the scripts read, with at most `most` points in addition to the chosen ones."""
+    """The data that the scripts read, with at most `most` points in addition to the chosen ones."""
     names = [axis.name for axis in result.objectives]
     front = result.front.reset_index(drop=True)
     rows = thinned(front, names, _chosen_rows(result), most)
     kept = front.iloc[rows]
     variables = [axis for axis in result.variables if axis.name in front]
+    relaxed = {} if result.relaxed is None else dict(iter(result.relaxed.groupby("label", sort=False)))
     return {
         "objectives": [_axis(axis) | _unit(axis, result) for axis in result.objectives],
         "variables": [_axis(axis) for axis in variables],
@@ -99,7 +98,7 @@ def content_of(result: RunResult, most: int) -> dict[str, Any]:
         "prices": _prices(result.prices),
         "units": unit_columns(result, kept),
         "law": law_of(result, kept),
-        "relaxed": _fronts_of(_relaxed(result), names, most),
+        "relaxed": _fronts_of(relaxed, names, most),
         "contributions": _contributions(result.contributions, result),
         "exact": _exact(result, names),
         "overlays": _fronts_of(result.overlays, names, most),
@@ -170,9 +169,10 @@ def _references(result: RunResult, names: list[str], variables: list[Axis]) -> l
     ]
 
 
-def _some(table: pd.DataFrame) -> pd.DataFrame:
-    """At most `SHARED` rows of a table, evenly."""
-    return table.iloc[np.unique(np.linspace(0, len(table) - 1, SHARED).astype(int))]
+def _by_output(table: pd.DataFrame) -> Iterator[tuple[Any, pd.DataFrame]]:
+    """At most `SHARED` rows of a table for every output, evenly."""
+    for output, rows in table.groupby("output", sort=False):
+        yield output, rows.iloc[np.unique(np.linspace(0, len(rows) - 1, SHARED).astype(int))]
 
 
 def _contributions(contributions: pd.DataFrame | None, result: RunResult) -> list[dict[str, Any]]:
@@ -191,31 +191,18 @@ def _contributions(contributions: pd.DataFrame | None, result: RunResult) -> lis
             "along": some["along"].tolist(),
             "shares": [some[name].round(3).tolist() for name in names],
         }
-        for output, group in contributions.groupby("output", sort=False)
-        for some in (_some(group),)
+        for output, some in _by_output(contributions)
     ]
 
 
 def _prices(prices: pd.DataFrame | None) -> list[dict[str, Any]]:
     if prices is None or prices.empty:
         return []
+    columns = {"rows": "point", "price": "price", "source": "source"}
     return [
-        {
-            "output": output,
-            "rows": some["point"].tolist(),
-            "price": some["price"].tolist(),
-            "source": some["source"].tolist(),
-        }
-        for output, group in prices.groupby("output", sort=False)
-        for some in (_some(group),)
+        {"output": output} | {key: some[name].tolist() for key, name in columns.items()}
+        for output, some in _by_output(prices)
     ]
-
-
-def _relaxed(result: RunResult) -> dict[str, pd.DataFrame]:
-    """Fronts with relaxed limits by the label of the reference."""
-    if result.relaxed is None:
-        return {}
-    return {str(label): front for label, front in result.relaxed.groupby("label", sort=False)}
 
 
 def _exact(result: RunResult, names: list[str]) -> list[list[float]] | None:
@@ -225,7 +212,7 @@ def _exact(result: RunResult, names: list[str]) -> list[list[float]] | None:
     return [exact[name].tolist() for name in names]
 
 
-def _fronts_of(fronts: Mapping[str, pd.DataFrame], names: list[str], most: int) -> list[dict[str, Any]]:
+def _fronts_of(fronts: Mapping[Any, pd.DataFrame], names: list[str], most: int) -> list[dict[str, Any]]:
     """Other fronts in the order of the first objective, at most `most` points."""
     listed = []
     for label, front in fronts.items():

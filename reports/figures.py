@@ -1,4 +1,4 @@
-"""Every figure of a run for a paper, in one style."""
+"""The figures of a run for a paper, in a common style."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .units import population_figure, turn_figure
 
 
 def figures(result: RunResult) -> dict[str, Figure]:
-    """Figures by the stem of their files; those that there is nothing to draw of are left out."""
+    """Figures by the stem of their files; those without data are omitted."""
     drawn = {
         "front": front_figure(result) if result.objectives else None,
         "convergence": None if result.convergence.empty else convergence_figure(result.convergence),

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from html import escape
 
 TERMS: Mapping[str, str] = {
-    "front": "The allocations that none of the others beats in every objective at once.",
+    "front": "The allocations to which no other is superior in every objective at once.",
     "bound": "A cost that no allocation of equal or better other objectives can be below: proven, not searched.",
     "gap": "By how much the cost of a point lies above its proven bound.",
     "knee": "The point of the front that lies farthest from the line between its ends.",
@@ -17,7 +17,7 @@ TERMS: Mapping[str, str] = {
     "price": "What one unit less of a requirement (of a yield one more) adds to the least cost; of "
     "a tolerance, what changing it costs where all requirements are kept by changing the others.",
     "multiplier": "The price of a requirement at a proven optimum (Karush, Kuhn and Tucker).",
-    "relaxed": "Compared with a front whose broken limits are as loose as the reference's own.",
+    "relaxed": "Compared with a front whose broken limits are as loose as those of the reference.",
     "hypervolume": ("The fraction of the problem's box, from ideal to nadir, that the front dominates."),
     "rounding loss": "What changes where every value is rounded to what can be ordered.",
     "feasible": "Whether all limits of the run are kept.",
@@ -25,7 +25,7 @@ TERMS: Mapping[str, str] = {
     "yield": "The fraction of units that keep the limits of the requirement.",
     "Cpk": "The distance of the mean from the nearer limit, in three standard deviations.",
     "coverage": "The fraction of units that a quantile is stated for.",
-    "reference": "An allocation that a document prints or another method found, by the same model.",
+    "reference": "An allocation of a document or of another method, by the same model.",
     "half-width": "A tolerance t of the zone from mid - t to mid + t.",
     "held-out": "Of measurements that the fit did not use.",
     "verdict": "The result of comparing model and measurement, or a claim and its recomputation.",
@@ -35,7 +35,7 @@ TERMS: Mapping[str, str] = {
 
 
 def link(text: str) -> str:
-    """A heading in words, linked to the explanation of the first term that it has."""
+    """A heading, linked to the explanation of the first term that it contains."""
     lowered = text.lower()
     for term in TERMS:
         if term.lower() in lowered:

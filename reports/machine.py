@@ -23,7 +23,7 @@ READABLE = 0.35
 
 
 def machine_sections(summary: Mapping[str, Any]) -> tuple[str, ...]:
-    """The section with the picture, where a run has stored one."""
+    """The section with the picture, none where the run has stored no machine."""
     stored = summary.get("machine")
     if not isinstance(stored, Mapping):
         return ()
@@ -31,7 +31,7 @@ def machine_sections(summary: Mapping[str, Any]) -> tuple[str, ...]:
     caption = (
         f"The machine in the middle of its poses (dots), at cost {cost:.4g}: links and "
         "joints by their share of the squared position error, from pale (none) to red (the "
-        "largest). The shares in words are below."
+        "largest). The shares are listed below."
     )
     body = f"<figure>{_drawing(stored, caption)}<figcaption>{escape(caption)}</figcaption></figure>"
     return (section("Where the error is made", body + _listed(stored["parts"])),)
@@ -41,8 +41,8 @@ def _drawing(stored: Mapping[str, Any], caption: str) -> str:
     parts: Sequence[Mapping[str, Any]] = stored["parts"]
     lines = [_projected(part["points"]) for part in parts]
     poses = _projected(stored["poses"])
-    every = np.vstack([*lines, poses])
-    low, high = every.min(axis=0), every.max(axis=0)
+    points = np.vstack([*lines, poses])
+    low, high = points.min(axis=0), points.max(axis=0)
     scale = float(np.min((np.array([WIDTH, HEIGHT]) - 2.0 * EDGE) / np.maximum(high - low, 1e-9)))
     shift = 0.5 * (np.array([WIDTH, HEIGHT]) - scale * (low + high))
     most = max(float(part["share"]) for part in parts) or 1.0
@@ -94,7 +94,7 @@ def _colour(share: float) -> str:
 
 
 def _listed(parts: Sequence[Mapping[str, Any]]) -> str:
-    """The shares in words, the largest first, for readers who cannot rely on colours."""
+    """The shares as text, the largest first, for readers who cannot rely on colours."""
     ranked = sorted((part for part in parts if float(part["share"]) >= 0.05), key=lambda part: -float(part["share"]))
     words = ", ".join(f"{escape(str(part['name']))} {float(part['share']):.3g} %" for part in ranked)
     return f"<p>{words}.</p>"

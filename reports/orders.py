@@ -1,4 +1,4 @@
-"""The allocations to order: chosen points that round to the same are one."""
+"""The allocations to order: chosen points that round to the same values share an order."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ COLUMNS = {
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Order:
-    """One rounded allocation: the rules that choose it, the points of the front that round to it,
-    a row per tolerance, and what it comes to (a row of `choices.csv`).
+    """A rounded allocation: the rules that choose it, the points of the front that round to it,
+    a row per tolerance, and its cost and other values (a row of `choices.csv`).
     """
 
     rules: tuple[str, ...]
@@ -52,12 +52,12 @@ class Order:
 
     @property
     def note(self) -> str:
-        """All rules that come to it."""
+        """All rules that choose it, and the points of the front."""
         rules = ", ".join(rule.replace("_", " ") for rule in self.rules)
         if len(self.points) == 1:
             return f"Chosen by: {rules} (point {self.points[0]} of front.csv)."
         points = ", ".join(map(str, self.points))
-        return f"Chosen by: {rules}; points {points} of front.csv round to the same allocation, which is listed once."
+        return f"Chosen by: {rules}; the points {points} of front.csv round to this allocation."
 
 
 def orders(result: RunResult) -> list[Order]:
@@ -82,12 +82,12 @@ def _order(points: list[int], allocation: pd.DataFrame, choices: pd.DataFrame) -
 
 
 def _has_value(value: object) -> bool:
-    """Whether a cell has something in it."""
+    """Whether a cell is not empty."""
     return value is not None and value is not pd.NA and value == value and value != ""
 
 
 def comparison(result: RunResult, allocations: list[Order]) -> pd.DataFrame:
-    """The orders side by side: what each comes to, before and after rounding."""
+    """The orders side by side, with their values before and after rounding."""
     rows = []
     for at, order in enumerate(allocations, start=1):
         row: dict[str, object] = {

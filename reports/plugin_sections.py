@@ -1,4 +1,4 @@
-"""The sections of plugins on the page of a run; one that fails shows why."""
+"""The sections of plugins on the page of a run; a section that fails states the reason."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .document import section
 
 
 def plugin_sections(result: RunResult) -> tuple[str, ...]:
-    """The sections of plugins; one that fails shows its name and its reason."""
+    """The sections of plugins; a section that fails shows its name and the reason."""
     return tuple(html for name in SECTIONS if (html := _section(name, result)))
 
 
@@ -25,5 +25,5 @@ def _section(name: str, result: RunResult) -> str:
         reason = "; ".join(fault.message for fault in error.faults)
     except PLUGIN_FAULTS as error:
         reason = f"{type(error).__name__}: {error}"
-    text = f'The section "{name}" of {origin("pages", name)} is left out: {reason}'
+    text = f'The section "{name}" of {origin("pages", name)} is omitted: {reason}'
     return section(name, f"<p>{escape(text)}</p>")

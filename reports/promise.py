@@ -1,9 +1,7 @@
-"""What a run promises of its yield: cost by statement, what to measure next, what is known."""
+"""The promise of a run on its yield: cost by statement, the next measurements, the processes."""
 
 from __future__ import annotations
 
-import tomllib
-from html import escape
 from typing import Any
 
 from ..records import Bars, RunResult, unit_of_cost
@@ -11,28 +9,29 @@ from ..units import split_unit
 from .bars import bars_figure
 from .control import CHARTS, control_figure
 from .document import folded, picture, section
-from .tables import table
+from .explained import configured
+from .tables import described
 
 STATEMENTS = (
-    "The least cost that keeps the promise, by what the promise means. plug_in: the estimates of "
-    "the samples are taken for the truth. predictive: the expected yield, given the uncertainty "
+    "The least cost that keeps the promise, by the meaning of the promise. plug_in: the estimates of "
+    "the samples count as true. predictive: the expected yield counts, given the uncertainty "
     "of the samples. assured: the yield is kept with the confidence. assurance_percent is the "
-    "probability, over what is not known of the processes, that the promised share of units "
+    "probability, over what is not known of the processes, that the promised fraction of units "
     "conforms (20,000 draws of the posterior). promise.csv has this table."
 )
 NEXT = (
-    "Where twenty more parts lower the cost of the assured promise most. shadow_gain is by the "
-    "multiplier of the promise at the present tolerances; expected_gain, of the first three, is by "
-    "how much the expected least cost falls, over what the next sample may say. next_parts.csv has "
-    "this table."
+    "The processes of which twenty more measured parts lower the cost of the assured promise most. "
+    "shadow_gain is by the multiplier of the promise at the present tolerances; expected_gain, of the "
+    "first three, is the expected fall of the least cost over the possible results of the next sample. "
+    "next_parts.csv has this table."
 )
 CAPABILITY = (
-    "Every measured characteristic: Cp and Cpk with 95 % confidence limits, and the distribution "
-    "type of ISO 22514-2 as far as the tests show. capability.csv has this table."
+    "Cp and Cpk of every measured characteristic with 95 % confidence limits, and the distribution "
+    "type of ISO 22514-2 as far as the tests show it. capability.csv has this table."
 )
 CHARTED = (
-    "Single values in the order of their making, with mean and control limits 2.66 mean moving "
-    "ranges away; a cross lies beyond them."
+    "Single values in the order in which the parts were made, with their mean and the control limits at 2.66 mean "
+    "moving ranges from it; a cross marks a value beyond them."
 )
 
 
@@ -47,11 +46,11 @@ def promise_sections(result: RunResult) -> tuple[str, ...]:
     chosen = (result.summary.get("promise") or {}).get("statement")
     marked = [name == chosen for name in statements["statement"]]
     parts = [
-        f"<p>{escape(STATEMENTS)}</p>\n{table(statements, marked)}",
+        described(STATEMENTS, statements, marked),
         picture("promise", bars_figure(bars), "Cost of assurance: the least cost by statement."),
     ]
     if result.next_parts is not None:
-        parts.append(f"<p>{escape(NEXT)}</p>\n{table(result.next_parts)}")
+        parts.append(described(NEXT, result.next_parts))
     parts += _process_knowledge(result)
     return (section("Promise", "\n".join(parts)),)
 
@@ -60,8 +59,7 @@ def _process_knowledge(result: RunResult) -> list[str]:
     """What is known of the processes of measured parts, and their control charts."""
     parts = []
     if result.capability is not None:
-        known = f"<p>{escape(CAPABILITY)}</p>\n{table(result.capability)}"
-        parts.append(folded("What is known of the processes", known))
+        parts.append(folded("What is known of the processes", described(CAPABILITY, result.capability)))
     charts = measured_parts(result.configuration)
     if charts:
         more = f" The first {CHARTS} of {len(charts)}." if len(charts) > CHARTS else ""
@@ -71,10 +69,7 @@ def _process_knowledge(result: RunResult) -> list[str]:
 
 def measured_parts(configuration: str) -> list[tuple[str, str, list[float]]]:
     """Name, unit and values of every measured part or variable of a resolved configuration."""
-    try:
-        content: Any = tomllib.loads(configuration)
-    except tomllib.TOMLDecodeError:
-        return []
+    content: Any = configured(configuration)
     parts = content.get("part")
     owners = [
         (str(part.get("name", "")), part.get("unit"), part) for part in (parts if isinstance(parts, list) else ())

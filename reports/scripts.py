@@ -1,4 +1,4 @@
-"""The scripts of interactive pages, and the data they show."""
+"""The scripts of interactive pages, and the data that they show."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Script:
 
     @property
     def hash(self) -> str:
-        """As a content security policy states it."""
+        """The hash as a content security policy states it."""
         digest = hashlib.sha256(self.text.encode()).digest()
         return f"'sha256-{base64.b64encode(digest).decode()}'"
 
@@ -36,13 +36,13 @@ class Script:
 
 
 def package_scripts(*names: str) -> Script:
-    """Scripts of this package by the names of their files, joined to one."""
+    """The joined scripts of this package with these file names."""
     folder = files("tolevo.reports") / "assets"
     return Script("\n".join((folder / name).read_text(encoding="utf-8") for name in names))
 
 
 def data(content: Mapping[str, Any]) -> str:
-    """The element that holds what a page's script reads; no text in it can end it."""
+    """The element with the data that a page's script reads; no text in it can end it."""
     text = json.dumps(short(content), allow_nan=False, separators=(",", ":"), ensure_ascii=False)
     for letter in "<>&\u2028\u2029":
         text = text.replace(letter, f"\\u{ord(letter):04x}")

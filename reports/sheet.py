@@ -11,10 +11,10 @@ from .workbook import workbook
 
 def allocation_sheet(result: RunResult) -> bytes | None:
     """`allocation.xlsx`: a summary that compares the allocations, a sheet for each (those that
-    round to the same are one) with deviations as numbers, all of them in one table, choices with
-    their losses, the mechanism where the configuration describes it, how each variable is rounded.
+    round to the same values share a sheet) with deviations as numbers, a table of all, the choices
+    with their losses, the mechanism where the configuration describes it, the rules of rounding.
 
-    None where nothing was chosen.
+    None where nothing is chosen.
     """
     if result.allocation is None or result.choices is None:
         return None
@@ -23,7 +23,7 @@ def allocation_sheet(result: RunResult) -> bytes | None:
     sheets = {"Summary": together}
     for at, order in enumerate(allocations):
         sheets[str(together["sheet"].iloc[at])] = order.table
-    sheets["Allocation"] = _each_once(result.allocation, allocations)
+    sheets["Allocation"] = _without_repetitions(result.allocation, allocations)
     sheets["Choices"] = result.choices
     more = {"Promise": result.promise, "Next parts": result.next_parts, "Capability": result.capability}
     sheets |= {title: frame for title, frame in more.items() if frame is not None}
@@ -33,8 +33,8 @@ def allocation_sheet(result: RunResult) -> bytes | None:
     return workbook(sheets)
 
 
-def _each_once(allocation: pd.DataFrame, allocations: list[Order]) -> pd.DataFrame:
-    """The table of allocations without those that are the same as another, with all their rules."""
+def _without_repetitions(allocation: pd.DataFrame, allocations: list[Order]) -> pd.DataFrame:
+    """The table of allocations without those that equal an earlier one, with all their rules."""
     if not allocations or "choice" not in allocation:
         return allocation
     rules = {order.points[0]: " ".join(order.rules) for order in allocations}

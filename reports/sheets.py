@@ -1,4 +1,4 @@
-"""`drawing.html`: one page to print per chosen allocation, for the drawing office."""
+"""`drawing.html`: a page to print for every chosen allocation, for the drawing office."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ COLUMNS = (
 
 
 def drawing_page(result: RunResult) -> str | None:
-    """The pages, None where nothing was chosen."""
+    """The pages, None where nothing is chosen."""
     allocations = orders(result)
     if not allocations:
         return None
     lines = "".join(f"<p>{escape(line)}</p>" for line in mechanism_lines(result.summary))
-    body = "\n".join(_sheet(result, order) for order in allocations)
-    return document(f"{result.title}: for the drawing", body, head=lines)
+    sheets = (_sheet(result, order) for order in allocations)
+    return document(f"{result.title}: for the drawing", sheets, head=lines)
 
 
 def _sheet(result: RunResult, order: Order) -> str:

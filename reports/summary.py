@@ -24,11 +24,11 @@ ELSEWHERE = frozenset(
         "mechanism",
     }
 )
-"""What the page shows in other places, or needs for itself."""
+"""Keys that the page shows in other places, or uses itself."""
 
 
 def summary_table(summary: Mapping[str, Any]) -> str:
-    """`summary.json` by name and value, what is shown elsewhere aside."""
+    """`summary.json` by name and value, without the keys that are shown elsewhere."""
     rows = [(name, _flat(value)) for name, value in summary.items() if name not in ELSEWHERE]
     return table(pd.DataFrame(rows, columns=["name", "value"], dtype=object))
 

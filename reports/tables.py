@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from html import escape
 from math import isinf
 from numbers import Integral, Real
@@ -58,6 +58,20 @@ def table(frame: pd.DataFrame, marked: Sequence[bool] = (), caption: str = "") -
     )
 
 
+def described(text: str, frame: pd.DataFrame, marked: Sequence[bool] = ()) -> str:
+    """A paragraph, and below it the table that it explains."""
+    return f"<p>{escape(text)}</p>\n{table(frame, marked)}"
+
+
+def listed(records: Iterable[object], columns: str) -> pd.DataFrame:
+    """A row per record with its attributes `columns`, which are separated by commas; the column of
+    "low: from" has the attribute `low` under the name "from".
+    """
+    pairs = [column.partition(": ")[::2] for column in columns.split(", ")]
+    rows = [[getattr(record, attribute) for attribute, _ in pairs] for record in records]
+    return pd.DataFrame(rows, columns=[name or attribute for attribute, name in pairs])
+
+
 def chosen(frame: pd.DataFrame, names: Sequence[str]) -> pd.DataFrame:
     """The columns of `names` that the table has, in that order."""
     return frame[[name for name in dict.fromkeys(names) if name in frame]]
@@ -71,7 +85,7 @@ def heading(name: str) -> str:
 
 
 def _heads(frame: pd.DataFrame) -> list[str]:
-    """What each cell is called where a row becomes a card; none of a table that is too large."""
+    """The heads of the cells where a row becomes a card; none for a table that is too large."""
     if len(frame.columns) > CARDS or frame.size > CELLS:
         return []
     return [str(name).replace("_", " ") for name in frame.columns]

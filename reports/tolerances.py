@@ -1,4 +1,4 @@
-"""The figure of a chosen allocation in comparison with the documents' own."""
+"""The figure of a chosen allocation in comparison with the allocation of a document."""
 
 from __future__ import annotations
 
@@ -10,8 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ..records import RunResult
-from ..units import split_unit
-from .drawing import COLOURS, new_figure, style_axes
+from .drawing import COLOURS, new_axes, style_axes, words
 
 HEIGHT = 0.3
 """Height [inch] of a variable."""
@@ -22,11 +21,6 @@ def first_choice(result: RunResult) -> int | None:
     if result.choices is None or result.choices.empty:
         return None
     return int(result.choices["point"].iloc[0])
-
-
-def words(name: Any) -> str:
-    """A column as words, without its unit."""
-    return split_unit(str(name))[0].replace("_", " ")
 
 
 def bar_places(axes: Axes, labels: Sequence[str]) -> None:
@@ -51,8 +45,7 @@ def tolerances_figure(result: RunResult) -> Figure | None:
     if not kept:
         return None
     values = [float(row[axis.name]) for axis in kept]
-    figure = new_figure(height=1.1 + HEIGHT * len(kept))
-    axes = figure.add_subplot()
+    figure, axes = new_axes(height=1.1 + HEIGHT * len(kept))
     if reference is None:
         axes.barh(range(len(kept)), values, color=COLOURS[0], height=0.7)
         axes.set_xscale("log")

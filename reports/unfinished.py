@@ -1,4 +1,4 @@
-"""The page of a result that is not finished, as long as there is nothing to show of it."""
+"""The page of a result that is not finished and has no front yet."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ def unfinished_page(
     remarks: Sequence[str] = (),
     tables: Mapping[str, pd.DataFrame] = MappingProxyType({}),
 ) -> str:
-    """What a `tolevo <command>` has saved so far: in sentences, and `tables` by title."""
-    words = f"This result of `tolevo {command}` is unfinished."
+    """What `tolevo <command>` has saved so far: `facts` in sentences, and `tables` by title."""
+    message = f"This result of `tolevo {command}` is unfinished."
     body = (
         *remarked(remarks),
-        section("Unfinished", f"<p>{escape(words)}</p>\n{bullets(facts)}"),
+        section("Unfinished", f"<p>{escape(message)}</p>\n{bullets(facts)}"),
         *(section(name, table(frame)) for name, frame in tables.items()),
     )
-    return document(title, "\n".join(body))
+    return document(title, body)

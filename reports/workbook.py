@@ -1,6 +1,6 @@
 """Tables as an XLSX workbook (ECMA-376), the same bytes every time; text is never a formula.
 
-Only what these tables need: numbers, truth values and text, a bold first row that stays in sight,
+It has what these tables need: numbers, truth values and text, a bold first row that stays in sight,
 and widths of columns.
 """
 
@@ -22,7 +22,7 @@ ILLEGAL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
 FORBIDDEN = re.compile(r"[\\/*?:\[\]]")
 """Characters that the name of a sheet cannot have."""
 EPOCH = (1980, 1, 1, 0, 0, 0)
-"""The first moment that a ZIP file can name: the file has no time in it."""
+"""The first time that a ZIP file can state, so that the file does not depend on the clock."""
 LONGEST_NAME, LONGEST_TEXT = 31, 32_767
 """Characters of the name of a sheet, and of a cell, at most."""
 WIDEST = 44
@@ -72,13 +72,13 @@ def workbook(sheets: Mapping[str, pd.DataFrame]) -> bytes:
 
 
 def _names(wanted: list[str]) -> list[str]:
-    """Names that a workbook takes, each once whatever its case."""
+    """Names that a workbook accepts, which differ in more than their case."""
     names: list[str] = []
     for name in wanted:
-        known = {taken.lower() for taken in names}
+        used = {earlier.lower() for earlier in names}
         plain = FORBIDDEN.sub(" ", ILLEGAL.sub("", name)).strip("'")[:LONGEST_NAME] or "Sheet"
         free, at = plain, 2
-        while free.lower() in known:
+        while free.lower() in used:
             free, at = f"{plain[: LONGEST_NAME - 4]} {at}", at + 1
         names.append(free)
     return names

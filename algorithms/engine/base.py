@@ -1,32 +1,36 @@
-"""What every array engine has in common: the search space, ask and tell, its state."""
+"""The common part of all array engines: the search space, ask and tell, the state."""
 
 from __future__ import annotations
 
 import json
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array, Flags, Integers, SavedState, State
 from .survival import survivors, violation_of
 
-Array = NDArray[np.float64]
-State = dict[str, NDArray[Any]]
+if TYPE_CHECKING:
+    from ...problems.tolerance_problem import ToleranceProblem
 
 
 @dataclass(frozen=True, eq=False)
 class Space:
-    """A box: bounds (variables,), which variables are whole numbers, and how many objectives."""
+    """A box: bounds (variables,), which variables are integers, and the number of objectives."""
 
     low: Array
     high: Array
-    integer: NDArray[np.bool_]
+    integer: Flags
     objectives: int
     _tiled: Array = field(default_factory=lambda: np.empty((2, 0)), init=False)
+
+    @classmethod
+    def of(cls, problem: ToleranceProblem) -> Space:
+        """The search space of a problem."""
+        return cls(problem.xl, problem.xu, np.array([v.integer for v in problem.free]), problem.n_obj)
 
     @cached_property
     def ends(self) -> Array:
@@ -46,16 +50,16 @@ class Space:
         return self.repaired(x)
 
     def repaired(self, x: Array) -> Array:
-        """The points with whole numbers where the space has them."""
+        """The points, with their integer variables rounded."""
         return np.where(self.integer, np.rint(x), x) if np.count_nonzero(self.integer) else x
 
 
 class ArrayEngine(ABC):
-    """A population search on arrays: `ask` for points, `tell` their values, again and again.
+    """A population search on arrays: alternately `ask` for points and `tell` their values.
 
     The population is x (n, variables), f (n, objectives) and the total violation v (n,), the sum of
-    what each constraint is above 0; it is empty before the first `tell`. The arrays are replaced,
-    never changed, so a state that was taken stays as it was.
+    the positive constraints; it is empty before the first `tell`. The arrays are replaced, never
+    changed, so that an earlier state stays valid.
     """
 
     def __init__(self, space: Space, population: int, rng: np.random.Generator) -> None:
@@ -74,7 +78,7 @@ class ArrayEngine(ABC):
             return self.space.draw(self.population, self.rng)
         return self.space.repaired(self._offspring())
 
-    def tell(self, x: Array, f: Array, g: Array) -> NDArray[np.int64]:
+    def tell(self, x: Array, f: Array, g: Array) -> Integers:
         """Take in the points that were asked for: objectives f, constraints g (n, any number).
 
         Returns which rows of the old population and these points, one after the other, are the new
@@ -87,10 +91,10 @@ class ArrayEngine(ABC):
         """New points from the population."""
 
     @abstractmethod
-    def _select(self, x: Array, f: Array, v: Array) -> NDArray[np.int64]:
-        """Replace the population by the best of it and the points asked for; see `tell`."""
+    def _select(self, x: Array, f: Array, v: Array) -> Integers:
+        """Replace the population by the best of it and the new points; see `tell`."""
 
-    def _keep_best(self, candidates: NDArray[np.int64] | slice, x: Array, f: Array, v: Array) -> NDArray[np.int64]:
+    def _keep_best(self, candidates: Integers | slice, x: Array, f: Array, v: Array) -> Integers:
         """Make the best of some rows of the population and new points the population."""
         x, f = np.concatenate([self.x, x]), np.concatenate([self.f, f])
         v = np.concatenate([self.v, v])
@@ -110,8 +114,8 @@ class ArrayEngine(ABC):
             "rng": np.array(json.dumps(self.rng.bit_generator.state)),
         }
 
-    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
-        """Go on from a `state()`."""
+    def restore(self, state: SavedState) -> None:
+        """Continue from a `state()`."""
         self.x, self.f, self.v = state["x"], state["f"], state["v"]
         self.rank, self.crowding = state["rank"], state["crowding"]
         self.rng.bit_generator.state = json.loads(str(state["rng"]))

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from .base import Array, ArrayEngine, Space
+from ..arrays import Array, Integers
+from .base import ArrayEngine, Space
 from .operators import crossover, mutate, tournament
 
 
@@ -34,5 +34,5 @@ class NSGA2Engine(ArrayEngine):
         children = crossover(mated, self.space, *self.mating, self.rng)
         return mutate(children[: self.population], self.space, *self.mutation, self.rng)
 
-    def _select(self, x: Array, f: Array, v: Array) -> NDArray[np.int64]:
+    def _select(self, x: Array, f: Array, v: Array) -> Integers:
         return self._keep_best(slice(None), x, f, v)

@@ -1,14 +1,12 @@
-"""Genetic operators on whole populations, with the distributions of pymoo's."""
+"""Genetic operators on whole populations, with the distributions of those of pymoo."""
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array, Integers
 from .base import Space
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 CROSSED = 0.5
 """Probability per variable that simulated binary crossover changes it, as pymoo has it."""
 CLOSE = 1e-14
@@ -17,12 +15,11 @@ OUTWARD = np.array([[-2.0], [2.0]])
 """Twice the senses in which the smaller and the larger of two children lie from their middle."""
 
 
-def tournament(f: Array, v: Array, rank: Indices, crowding: Array, count: int, rng: np.random.Generator) -> Indices:
+def tournament(f: Array, v: Array, rank: Integers, crowding: Array, count: int, rng: np.random.Generator) -> Integers:
     """Winners (count,) of binary tournaments in which every point takes part equally often.
 
-    The smaller violation wins; of two feasible points the one that dominates, else the less
-    crowded one; of a tie the first, and which one that is, is drawn. None dominates another where
-    all ranks are 0.
+    The smaller violation wins; of two feasible points the dominating point, else the less crowded
+    point; of a tie the first, in random order. No point dominates another where all ranks are 0.
     """
     n = len(f)
     turns = np.arange(n)[None, :].repeat(-(-2 * count // n), axis=0)
@@ -43,8 +40,8 @@ def tournament(f: Array, v: Array, rank: Indices, crowding: Array, count: int, r
 def crossover(parents: Array, space: Space, probability: float, eta: float, rng: np.random.Generator) -> Array:
     """Simulated binary crossover (Deb & Agrawal 1995) of parents (2 k, variables), as a copy.
 
-    The first is mated with the one after the k-th, and so on. `probability` is that of a mating to
-    be crossed at all.
+    The first is mated with the (k + 1)-th, and so on. `probability` is that of a mating to be
+    crossed at all.
     """
     children = parents.copy()
     k, variables = len(parents) // 2, parents.shape[1]
@@ -117,7 +114,7 @@ def mutate(x: Array, space: Space, probability: float, eta: float, rng: np.rando
     return mutated
 
 
-def different(n: int, count: int, rng: np.random.Generator) -> Indices:
+def different(n: int, count: int, rng: np.random.Generator) -> Integers:
     """For each of n points `count` others (n, count), all different, uniformly drawn."""
     taken = np.arange(n)[:, None]
     for drawn in range(1, count + 1):

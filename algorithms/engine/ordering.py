@@ -7,16 +7,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
+from ..arrays import Array, Flags, Integers
+
 PASSES = 16
-"""Ranks that are looked for one after the other; where more are asked for, all are computed."""
+"""Ranks that are computed one after the other; where more are needed, all are computed at once."""
 
 
-def in_order(*keys: NDArray[Any]) -> Indices:
+def in_order(*keys: NDArray[Any]) -> Integers:
     """Rows (n,) ordered by the first key (n,), where it is equal by the next ones, then by row.
 
-    It is `np.lexsort` of the reversed keys, several times as fast where the first seldom repeats.
+    The order is that of `np.lexsort` of the reversed keys, several times as fast where values of the
+    first key seldom repeat.
     """
     order = keys[0].argsort()
     value = keys[0].take(order)
@@ -31,7 +32,7 @@ def in_order(*keys: NDArray[Any]) -> Indices:
     return order
 
 
-def ranks(f: Array) -> Indices:
+def ranks(f: Array) -> Integers:
     """Non-domination rank (n,) of objectives (n, m), the best is 0; equal points rank equally."""
     if f.shape[1] == 1:
         return np.unique(f[:, 0], return_inverse=True)[1].astype(np.int64)
@@ -40,7 +41,7 @@ def ranks(f: Array) -> Indices:
     return np.asarray(moocore.pareto_rank(f), dtype=np.int64)
 
 
-def lowest_ranks_in_order(f: Array, enough: int) -> Indices:
+def lowest_ranks_in_order(f: Array, enough: int) -> Integers:
     """`ranks` (n,) of points (n, m) that are `in_order` of their objectives, the lowest of them.
 
     Ranks after the one with which `enough` points are reached are not distinguished. With two
@@ -59,15 +60,15 @@ def lowest_ranks_in_order(f: Array, enough: int) -> Indices:
     return assigned
 
 
-def _lowest(first: Array, second: Array) -> NDArray[np.bool_]:
-    """Which points in order, of two objectives (n,) each, none of them dominates.
+def _lowest(first: Array, second: Array) -> Flags:
+    """Which of the points in order, of two objectives (n,) each, are not dominated.
 
-    The second objective is less than that of all points before, or the point equals the last one of
-    which that is true.
+    The second objective is less than that of all points before, or the point equals the last point
+    for which that is true.
     """
     least = np.minimum.accumulate(second)
     lower = np.ones(len(first), dtype=bool)
     np.less(second[1:], least[:-1], out=lower[1:])
     last = np.maximum.accumulate(np.where(lower, first, -np.inf))
-    lowest: NDArray[np.bool_] = (second == least) & (first == last)
+    lowest: Flags = (second == least) & (first == last)
     return lowest

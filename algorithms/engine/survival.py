@@ -1,24 +1,21 @@
-"""Who survives: feasible before infeasible, then rank, then crowding; on whole arrays."""
+"""Survival on whole arrays: feasible before infeasible points, then by rank, then by crowding."""
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array, Integers
 from .ordering import lowest_ranks_in_order
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 
 def violation_of(g: Array) -> Array:
-    """Total violation (n,) of constraints (n, any number): what is above 0, summed."""
+    """Total violation (n,) of constraints (n, any number): the sum of the positive ones."""
     if not g.shape[1]:
         return np.zeros(len(g))
     return np.asarray(np.maximum(g, 0.0).sum(axis=1))
 
 
-def crowding_distances(f: Array, rank: Indices) -> Array:
+def crowding_distances(f: Array, rank: Integers) -> Array:
     """Crowding distance (n,) within each rank (Deb et al. 2002) of points `in_order`, as pymoo's.
 
     The sum over the objectives of the gap between the two neighbours, divided by the range of the
@@ -66,12 +63,12 @@ def _crowding(f: Array) -> Array:
     return distances
 
 
-def survivors(f: Array, v: Array, count: int, rng: np.random.Generator) -> tuple[Indices, Indices, Array]:
+def survivors(f: Array, v: Array, count: int, rng: np.random.Generator) -> tuple[Integers, Integers, Array]:
     """Rows of the best `count` points, their ranks and crowding distances.
 
     Feasible points by rank, the last rank that fits in part by crowding with ties drawn at random;
-    then infeasible ones by total violation `v`. These carry the rank after the last feasible one
-    and no crowding.
+    then infeasible points by total violation `v`, with the rank after the last feasible one and a
+    crowding of 0.
     """
     kept = v <= 0.0
     if np.count_nonzero(kept) == len(kept):
@@ -92,12 +89,12 @@ def survivors(f: Array, v: Array, count: int, rng: np.random.Generator) -> tuple
     return rows, level, crowding
 
 
-def _best(f: Array, count: int, rng: np.random.Generator) -> tuple[Indices, Indices, Array]:
-    """`survivors` where all points are feasible; all of them where there are no more."""
+def _best(f: Array, count: int, rng: np.random.Generator) -> tuple[Integers, Integers, Array]:
+    """`survivors` where all points are feasible."""
     sequence = np.lexsort(f.T[::-1])
     f = f.take(sequence, axis=0)
     rank = lowest_ranks_in_order(f, count)
-    last = np.bincount(rank).cumsum().searchsorted(count)  # with this rank they are reached
+    last = np.bincount(rank).cumsum().searchsorted(count)  # the rank with which `count` is reached
     inside = (rank <= last).nonzero()[0]
     level = rank.take(inside)
     crowding = crowding_distances(f.take(inside, axis=0), level)

@@ -1,8 +1,8 @@
 """The end of a search on a sample: its points are tested on fresh units, and solved again.
 
 A search on one sample fits the chance in it: its limits hold there to the last digit, and on fresh
-units half of its points would break them. Each point is solved again with its limits moved by the
-excess on fresh units.
+units half of its points would break them. Therefore every point is solved again with its limits
+moved by the excess on fresh units.
 """
 
 from __future__ import annotations
@@ -10,18 +10,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..run import Run
 from .branch import Branch
 
-Array = NDArray[np.float64]
 ROUNDS, ALONE, SPARE = 3, 6, 4
-"""Times that a point of a front, or a single one, is solved with its limits moved, and times more
-that it is pushed inside them where it is not."""
+"""Times that a point of a front, or a single point, is solved with its limits moved, and further
+times that it is moved inside them where it is not."""
 BEYOND, MARGIN = 1.2, 3e-4
 """Factor and fraction of a limit by which it is moved farther than fresh units require, so that
-rounds come to an end."""
+few rounds suffice."""
 OF_TAIL = 0.02
 """Fraction of the distance from a lower limit on a percentage to 100, by which it is moved
 farther."""
@@ -50,16 +49,16 @@ def feasible_afresh(run: Run, branch: Branch, y: Array, f: Array, search: bool) 
     accepted: list[tuple[float, Array]] = []
     rounds = ALONE if run.problem.n_obj == 1 else ROUNDS
     for _ in range(rounds if search else 0):
-        excess = _noted(run, branch, y, accepted)
+        excess = _excess_afresh(run, branch, y, accepted)
         violation = branch.smooth.values(y)[1]
         moved = np.where(excess != violation, excess - violation + _farther(run), 0.0)
         y = branch.solved(0, branch.restored(y, moved, FAR), limit, moved)
-    _noted(run, branch, y, accepted)
+    _excess_afresh(run, branch, y, accepted)
     return min(accepted, key=lambda point: point[0])[1] if accepted else _pushed(run, branch, y)
 
 
-def _noted(run: Run, branch: Branch, y: Array, accepted: list[tuple[float, Array]]) -> Array:
-    """Violations (constraints,) on fresh units; where there are none the point joins `found`."""
+def _excess_afresh(run: Run, branch: Branch, y: Array, accepted: list[tuple[float, Array]]) -> Array:
+    """Violations (constraints,) on fresh units; a point without any joins `accepted`."""
     x = branch.smooth.vectors(y[None, :])
     values, excess = run.problem.tested(x)
     if not np.any(excess > 0.0):
@@ -68,7 +67,7 @@ def _noted(run: Run, branch: Branch, y: Array, accepted: list[tuple[float, Array
 
 
 def _pushed(run: Run, branch: Branch, y: Array) -> Array:
-    """The search vector (1, variables) of a point pushed inside its limits on fresh units."""
+    """The search vector (1, variables) of a point that is moved inside its limits on fresh units."""
     slack, farther = np.zeros(run.problem.n_ieq_constr), _farther(run)
     for _ in range(SPARE):
         x = branch.smooth.vectors(y[None, :])

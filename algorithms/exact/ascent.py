@@ -1,24 +1,22 @@
-"""The best multipliers of a form with alternatives still open: its Lagrangian at their maximum.
+"""The best multipliers of a form with open alternatives: the maximum of its Lagrangian dual.
 
-The dual is concave in the multipliers whatever is open. A single factor for all of them, as the
-search of `choices` tries, leaves a gap of percents where many requirements bind; its maximum by
-L-BFGS-B (Byrd, Lu, Nocedal & Zhu 1995) leaves only the duality gap.
+The dual is concave in the multipliers, with any alternatives open. A single factor for all of them,
+as the search of `choices` tries, causes a gap of percents where many requirements bind; the maximum
+by L-BFGS-B (Byrd, Lu, Nocedal & Zhu 1995) has only the duality gap.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-import scipy
-from numpy.typing import NDArray
 
 from ...problems.forms import Form
 from ...problems.spread import Spread
+from ..arrays import Array
 from .prices import Prices, only_roots
+from .slsqp import ascend
 
-Array = NDArray[np.float64]
 STEPS = 200
 """Evaluations of the dual at most."""
 
@@ -37,21 +35,12 @@ class Ascent:
         unit = np.where(first > 0.0, first, max(float(first.max(initial=0.0)), 1e-9) * 1e-2)
         scale = abs(self.value(first)[0]) or 1.0
 
-        def negative(y: Array) -> tuple[float, Array]:
+        def scaled(y: Array) -> tuple[float, Array]:
             value, slope = self.value(y * unit)
-            return -value / scale, -slope * unit / scale
+            return value / scale, slope * unit / scale
 
-        minimize: Any = scipy.optimize.minimize  # its stubs know arrays of one dimension only
-        bounds = scipy.optimize.Bounds(np.zeros(len(unit)), np.where(asked, np.inf, 0.0))
-        result = minimize(
-            negative,
-            np.where(asked, first / unit, 0.0),
-            jac=True,
-            bounds=bounds,
-            method="L-BFGS-B",
-            options={"maxfun": STEPS},
-        )
-        better = np.maximum(np.asarray(result.x, dtype=float), 0.0) * unit
+        start, high = np.where(asked, first / unit, 0.0), np.where(asked, np.inf, 0.0)
+        better = ascend(scaled, start, high, slopes=True, maxfun=STEPS) * unit
         return better if self.value(better)[0] >= self.value(first)[0] else first
 
     def value(self, multiplier: Array) -> tuple[float, Array]:
@@ -72,7 +61,7 @@ class Ascent:
         return bound, self._slope(linear, square)
 
     def _slope(self, linear: Array, square: Array) -> Array:
-        """The excess of each requirement over its limit, as it is priced."""
+        """The excess of every requirement over its limit, of the value or the square that has the price."""
         form, asked = self.form, np.isfinite(self.limit)
         value = self.spread.value[0]
         limit = np.where(asked, self.limit, 0.0)

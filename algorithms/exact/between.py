@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...problems.forms import Form
-from ...problems.spread import Spread, largest_parts, spread_of
+from ...problems.spread import largest_parts
+from ..arrays import Array
 from .choices import Optimum, least_cost
-from .prices import ROUNDING, Prices
+from .prices import less_rounding, spread_at, tabulated
 
-Array = NDArray[np.float64]
 FIRST, SOLVED = 12, 48
 """Sets of limits that are solved first where there are more, and at most."""
 LOST = 5e-4
@@ -27,8 +27,8 @@ def least_bounds(form: Form, limits: Array) -> Array:
     """Proven least costs (n,) at limits (n, r).
 
     Quantiles take long: at most `SOLVED` sets are solved for them. The others have the Lagrangian
-    bounds of their neighbours' prices, and no less than what is proven at wider limits. The loss of
-    a bound is estimated from the neighbours' costs: the set that may lose most is solved next.
+    bounds of their neighbours' prices, or the proven bound at wider limits where it is larger. The
+    loss of a bound is estimated from the neighbours' costs: the set that may lose most is solved next.
     """
     if not form.quantiles or len(limits) <= FIRST:
         return least_cost(form, limits).bound
@@ -97,27 +97,13 @@ class _Course:
 
 def _by(form: Form, near: Optimum, limits: Array) -> Array:
     """Lagrangian bounds (n,) at limits (n, r) by the tangents and multiples of prices of `near`."""
-    n, shape = len(limits), (len(GRID), len(limits))
-    spread = np.stack(
-        [
-            np.array([way.spread for way in feature.ways])[near.chosen[:, at]]
-            for at, feature in enumerate(form.features)
-        ],
-        axis=2,
-    )
-    once = spread_of(form, near.t[:, None, :] * spread, largest_parts(form))
-    every, grid = np.tile(np.arange(n), len(GRID)), np.repeat(GRID, n)[:, None]
-    tangent = Spread(once.value[every], once.direction[every], once.intercept[every])
-    prices = Prices.at(form, grid * near.multiplier[every], limits[every], tangent)
-    tables = [prices.ways(feature, at)[1].reshape(-1, *shape) for at, feature in enumerate(form.features)]
-    received = prices.received.reshape(shape)
-    total = _combined(tables)
-    slack = ROUNDING * (np.abs(total) + np.abs(received))
-    return np.asarray(form.base + np.max(total - received - slack, axis=1).min(axis=0))
+    spread = spread_at(form, near.chosen, near.t, largest_parts(form))
+    tables, received = tabulated(form, GRID, near.multiplier, limits, spread)
+    return np.asarray(form.base + np.max(less_rounding(_combined(tables), received), axis=1).min(axis=0))
 
 
 def _combined(tables: list[Array]) -> Array:
-    """Costs plus prices (combinations, g, n): every combination of ways, or the least of each."""
+    """Costs plus prices (combinations, g, n) of every combination of ways, or of the best ways alone."""
     count = int(np.prod([float(len(table)) for table in tables]))
     if count > PAIRS:
         tables = [table.min(axis=0, keepdims=True) for table in tables]

@@ -6,29 +6,28 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...errors import ModelError
 from ...problems.forms import Feature, Form, Way
 from ...problems.interfaces import Provable
 from ...problems.least import least_values
 from ...problems.tolerance_problem import ToleranceProblem
+from ..arrays import Array, Flags
 from .between import least_bounds
 from .choices import cost_range
 from .pieces import convex_pieces
 
-Array = NDArray[np.float64]
 LOOSER, LOOSER_SHARE = 1e-11, 1e-9
-"""Relative widening of a limit, so that a point always keeps its own values; that of a fraction of
-units, whose rounding is magnified by an edge far out in the tail."""
+"""Relative widening of a limit, so that a point always keeps its own values; and that of a fraction
+of units, whose rounding is magnified by a limit far out in the tail."""
 
 
 @dataclass(frozen=True, slots=True)
 class Proof:
-    """What is proven of n points: lower bounds (n,) of their cost, NaN where there is none.
+    """Proven lower bounds (n,) of the costs of n points, NaN where there is none.
 
-    `statement` says in words what the bound holds for, or why there is none; `omitted_limits`
-    names the limits that it does not keep.
+    `statement` states the problem for which the bound holds, or why there is none; `omitted_limits`
+    names the limits that it ignores.
     """
 
     bound: Array
@@ -72,15 +71,15 @@ def proof(problem: ToleranceProblem, values: Mapping[str, Array], points: int) -
         at = int(np.argmax(excess))
         raise ModelError(
             f"the proven bound {bound[at]} lies above a cost of {cost[at]}: the form "
-            f"of {type(problem).__name__} does not bound it"
+            f"of {type(problem).__name__} does not bound that cost"
         )
     return Proof(np.minimum(bound, cost), form.statement, form.relaxed)
 
 
 def _least_bound(form: Form, limits: Array) -> Array:
-    """Proven least costs (n,) of a form and of the forms of the designs that it leaves out.
+    """Proven least costs (n,) of a form and of the forms of the designs that it omits.
 
-    What costs too much at the widest limits does so at all of them.
+    A design that is too expensive at the widest limits is so at all of them.
     """
     bound = _bound(form, limits)
     for alternative in form.also:
@@ -107,8 +106,8 @@ def _bound(form: Form, limits: Array) -> Array:
     return bound
 
 
-def within_reach(form: Form, limits: Array) -> NDArray[np.bool_]:
-    """Whether limits (n, r) are not proven to contradict each other at once."""
+def within_reach(form: Form, limits: Array) -> Flags:
+    """Whether limits (n, r) are not proven to be contradictory by the least values alone."""
     possible = np.ones(len(limits), dtype=bool)
     every = range(len(form.outputs) if form.quantiles else 0)
     for row, least in zip(every, least_values(form, every, limits.max(axis=0)), strict=True):
@@ -129,7 +128,7 @@ def reason(problem: ToleranceProblem, form: Form | None) -> str:
         known = ", ".join(form.outputs)
         why = Provable.of(problem).unproven()
         return (
-            f"nothing is proven: no convex form of {', '.join(others)} (there is one of "
+            f"nothing is proven: no convex form of {', '.join(others)} is known (there is one of "
             f"{known}){f': {why}' if why else ''}"
         )
     return ""
@@ -148,16 +147,15 @@ def row_limits(problem: ToleranceProblem, form: Form) -> Array:
 def _values_if_required(
     problem: ToleranceProblem, form: Form, values: Mapping[str, Array], name: str, points: int
 ) -> Array:
-    """The points' own values of a requirement that is an objective, or that stands for an output
+    """The values at the points of a requirement that is an objective, or that represents an output
     which is an objective or limited; inf for others.
     """
-    stood_for = form.stands.get(name)
-    asked = {*problem.objectives, *(limit.name for limit in problem.limits)}
-    is_asked = name in problem.objectives or (stood_for is not None and stood_for in asked)
-    return np.asarray(values[name]) if is_asked else np.full(points, np.inf)
+    requested = {*problem.objectives, *(limit.name for limit in problem.limits)}
+    required = name in problem.objectives or form.stands.get(name) in requested
+    return np.asarray(values[name]) if required else np.full(points, np.inf)
 
 
-def restricted(form: Form, used: NDArray[np.bool_]) -> Form:
+def restricted(form: Form, used: Flags) -> Form:
     """The form with some of its requirements only."""
     kept = np.flatnonzero(used).tolist()
     surpluses = tuple(form.surpluses[i] for i in kept) if form.surpluses else ()

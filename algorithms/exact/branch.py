@@ -6,22 +6,21 @@ from typing import Any
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from ...problems.interfaces import Differentiable
+from ..arrays import Array
 from ..indicators import nondominated
 from ..run import Run
 from .slsqp import slsqp
 from .smooth import Smooth
 
-Array = NDArray[np.float64]
 STARTS, TRIES = 32, 3
 """Random designs per set of integers, and how many of them a search is begun from at most."""
 RESTORED, NEARLY = 4, 1e-3
 """Steps back to limits that SLSQP breaks, and the violation up to which they are taken."""
 RESTARTS, GAINED = 3, 1e-3
-"""Times that SLSQP begins again where it stopped on a sample, as long as it gains such a fraction:
-at a kink it stops early, and a fresh start leads on."""
+"""Times that SLSQP restarts where it stopped on a sample, as long as it gains such a fraction: at a
+kink it stops early, and a restart continues."""
 KEPT = 1e-6
 """Violation of a limit that counts as none."""
 ANALYTIC, NUMERIC, SAMPLED = (1e-7, 40), (1e-5, 15), (1e-5, 40, 50)
@@ -40,7 +39,7 @@ class Branch:
         self.barren: set[tuple[float, float]] = set()
 
     def minimise(self, objective: int, start: Array, limit: Array) -> Array | None:
-        """Objectives (m,) of the least `objective` with f <= limit; kept where it is feasible."""
+        """Objectives (m,) of the least `objective` with f <= limit; recorded where it is feasible."""
         sampled = self.smooth.run.problem.declaration.sampled
         y = self.solved(objective, start, limit, np.zeros(1))
         f, g = self.smooth.values(y)
@@ -95,7 +94,7 @@ class Branch:
     def restored(self, y: Array, slack: Array, most: float = NEARLY) -> Array:
         """A point near y that keeps the limits which SLSQP breaks by its tolerance.
 
-        A design that breaks a limit by the last digits is not feasible, and would be lost.
+        A design that breaks a limit by its last digits is not feasible, and would be discarded.
         """
         for _ in range(RESTORED):
             broken = (g := self.smooth.values(y)[1] + slack) > 0.0
@@ -110,9 +109,9 @@ class Branch:
         self.y, self.f = list(self.smooth.scaled(x)), list(f)
 
     def begin(self, run: Run) -> None:
-        """The ends of the front, from the best of the problem's own starts or of random designs.
+        """Solve the ends of the front, from the best starts of the problem or of random designs.
 
-        With one objective, which has no neighbours to begin from, all of them are tried.
+        With one objective, whose points have no neighbours as starts, all of them are tried.
         """
         none = np.full(len(self.unit), np.inf)
         y = self.starts(run)
@@ -158,8 +157,8 @@ class Branch:
     def widest(self, others: Array | None = None) -> tuple[float, int]:
         """The largest rectangle between neighbours, and the index of its first point.
 
-        Rectangles in which no point was found are left out, and those whose best corner is
-        dominated by one of the `others` (n, objectives).
+        Rectangles without a point inside are omitted, and those whose best corner is dominated by
+        one of the `others` (n, objectives).
         """
         if len(self.f) < 2:
             return 0.0, 0

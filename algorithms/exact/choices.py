@@ -1,10 +1,10 @@
 """Alternative ways of making a feature: branch and bound over them, for many limits at once.
 
-Every node fixes the ways of the first features. Its bound is a Lagrangian one at a few prices
-around those of the best allocation known: it is separable, so that each open feature takes its best
-way. A node is pruned at all limits where its bound shows that it cannot be cheaper; where no
-feature is open the allocation is solved. At most `LEAVES` allocations are solved; nodes that were
-not entered count with their bounds, so that the returned bound is always proven.
+Every node fixes the ways of the first features. Its bound is Lagrangian at a few prices around those
+of the best known allocation: it is separable, so that every open feature has its best way. A node is
+pruned at all limits where its bound shows that it cannot be cheaper; where no feature is open the
+allocation is solved. At most `LEAVES` allocations are solved; nodes that are not entered count with
+their bounds, so that the returned bound is always proven.
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...problems.forms import Feature, Form
-from ...problems.spread import Spread, largest_parts, spread_of
+from ...problems.spread import Spread, largest_parts
+from ..arrays import Array, Flags, Integers
 from .ascent import Ascent
 from .combination import Combination
 from .combination import Optimum as Optimum
@@ -24,11 +24,10 @@ from .doubt import least_under_doubt
 from .master import Master
 from .path import Path
 from .points import least_of_points, only_points
-from .prices import ROUNDING, Prices
+from .prices import ROUNDING, less_rounding, rows_of, spread_at, tabulated
 from .programme import Programme
 from .separable import Squares, least_leaf, separable, separable_but_for_doubt
 
-Array = NDArray[np.float64]
 GRID = np.unique(np.concatenate([np.geomspace(0.02, 50.0, 15), np.geomspace(0.7, 1.4, 13)]))
 """Prices at which nodes are bounded, in units of the best known allocation's own."""
 PASSES = 8
@@ -48,7 +47,7 @@ CLOSE = 1e-10
 def least_cost(form: Form, limits: Array) -> Optimum:
     """The cheapest allocation that keeps each set of upper limits (n, r) of a form.
 
-    Cost and bound are inf where no allocation can keep them; only the cost where none was found.
+    Cost and bound are inf where no allocation can keep them, the cost alone where none is known.
     """
     limits = np.asarray(limits, dtype=float)
     if form.quantiles and sum(len(feature.ways) > 1 for feature in form.features) >= MIXED:
@@ -118,14 +117,7 @@ def _by_squares(form: Form, limits: Array) -> Optimum:
 
 def _by_master(form: Form, limits: Array) -> Optimum:
     """`least_cost` by a linear master problem, one set of limits after the other."""
-    n, features = len(limits), len(form.features)
-    optimum = Optimum(
-        np.zeros((n, features), dtype=np.int64),
-        np.full((n, features), np.nan),
-        np.full(n, np.inf),
-        np.full(n, np.inf),
-        np.zeros_like(limits),
-    )
+    optimum = Optimum.unknown(form, limits)
     for row, limit in enumerate(limits):
         master = Master(form, limit, *cost_range(form))
         best = master.run()
@@ -141,7 +133,7 @@ class _Search:
     form: Form
     limits: Array
     leaves: int = 0
-    solved: dict[tuple[int, ...], NDArray[np.bool_]] = field(default_factory=dict)
+    solved: dict[tuple[int, ...], Flags] = field(default_factory=dict)
     tables: list[Array] = field(default_factory=list)
     open_: list[Array] = field(default_factory=list)
     received: Array = field(default_factory=lambda: np.empty(0))
@@ -159,8 +151,8 @@ class _Search:
         self.alike = _alike(self.form)
         self.least = None if compensating(self.form) else _Least.of(self.form)
 
-    def leaf(self, chosen: tuple[int, ...], alive: NDArray[np.bool_]) -> None:
-        """Solve one combination at the limits `alive`, each once."""
+    def leaf(self, chosen: tuple[int, ...], alive: Flags) -> None:
+        """Solve a combination at the limits `alive`, except where it is solved already."""
         done = self.solved.setdefault(chosen, np.zeros(len(self.limits), dtype=bool))
         rows = np.flatnonzero(alive & ~done)
         if not len(rows):
@@ -184,22 +176,17 @@ class _Search:
     # ---------------------------------------------------------------- bounds of nodes
 
     def tabulate(self) -> None:
-        """Cost plus price of every way at the grid of prices around the best known (ways, g, n)."""
-        n = len(self.limits)
+        """Cost plus price of every way (ways, g, n) at a grid of prices around the best known."""
         multiplier = self._scaled_multipliers() * self.factor[:, None]
-        t = np.where(np.isnan(self.t), _middle(self.form), self.t)
-        s = t[:, None, :] * _spread(self.form, self.chosen)
-        every = np.tile(np.arange(n), len(GRID))
-        grid = np.repeat(GRID, n)[:, None]
-        once = spread_of(self.form, s, self.most)
-        spread = Spread(once.value[every], once.direction[every], once.intercept[every])
-        prices = Prices.at(self.form, grid * multiplier[every], self.limits[every], spread)
-        shape = (len(GRID), n)
-        self.received = prices.received.reshape(shape)
-        self.tables = [prices.ways(feature, at)[1].reshape(-1, *shape) for at, feature in enumerate(self.form.features)]
-        self.open_ = [np.zeros(shape)]
+        self.tables, self.received = tabulated(self.form, GRID, multiplier, self.limits, self._spread())
+        self.open_ = [np.zeros(self.received.shape)]
         for table in self.tables[::-1]:
             self.open_.insert(0, self.open_[0] + table.min(axis=0))
+
+    def _spread(self) -> Spread:
+        """S of the best known allocations, and its tangents; without one in the middle of the ranges."""
+        middle = [0.5 * (feature.ways[0].low + feature.ways[0].high) for feature in self.form.features]
+        return spread_at(self.form, self.chosen, np.where(np.isnan(self.t), middle, self.t), self.most)
 
     def _scaled_multipliers(self) -> Array:
         """The best known multipliers (n, r), those of other limits where none are known."""
@@ -214,8 +201,7 @@ class _Search:
 
     def _bounds(self, total: Array) -> Array:
         """Lower bounds (n,) from costs plus prices (g, n) of all features."""
-        slack = ROUNDING * (np.abs(total) + np.abs(self.received))
-        return np.asarray(self.form.base + np.max(total - self.received - slack, axis=0))
+        return np.asarray(self.form.base + np.max(less_rounding(total, self.received), axis=0))
 
     def run(self) -> None:
         """Branch and bound, begun from the ways that the prices choose."""
@@ -232,13 +218,12 @@ class _Search:
         self.node((), np.ones(len(self.limits), dtype=bool), nothing, self._bounds(self.open_[0]))
 
     def _ascend(self) -> None:
-        """Improve the multipliers of every set of limits, and solve what they choose."""
+        """Improve the multipliers of every set of limits, and solve the ways that they choose."""
         for _ in range(ROUNDS):
             before, multiplier = self.cost.copy(), self._scaled_multipliers() * self.factor[:, None]
-            t = np.where(np.isnan(self.t), _middle(self.form), self.t)
-            s = t[:, None, :] * _spread(self.form, self.chosen)
+            spread = self._spread()
             for row, limit in enumerate(self.limits):
-                ascent = Ascent(self.form, limit, spread_of(self.form, s[row : row + 1], self.most))
+                ascent = Ascent(self.form, limit, rows_of(spread, np.array([row])))
                 self.ascended[row] = ascent.multipliers(multiplier[row])
             self.factor[:] = 1.0
             kept = self.ascended.copy()
@@ -248,8 +233,8 @@ class _Search:
                 self.ascended = kept
                 return
 
-    def _pick(self, at: NDArray[np.int64]) -> bool:
-        """Solve the ways chosen by the prices `at` each limit and the next; whether that helped.
+    def _pick(self, at: Integers) -> bool:
+        """Solve the ways chosen by the prices `at` each limit and the next prices; whether a cost fell.
 
         The ways at the best prices may break a limit that they keep on average.
         """
@@ -261,8 +246,8 @@ class _Search:
                 self.leaf(tuple(picked), np.ravel(owner) == index)
         return bool(np.any(self.cost < before))
 
-    def node(self, ways: tuple[int, ...], alive: NDArray[np.bool_], decided: Array, bounds: Array) -> None:
-        """Enter a node at the limits where it may hold something cheaper, best child first."""
+    def node(self, ways: tuple[int, ...], alive: Flags, decided: Array, bounds: Array) -> None:
+        """Enter a node at the limits where it may contain a cheaper allocation, best child first."""
         known = np.where(np.isfinite(self.cost), self.cost, 0.0)
         enter = alive & (bounds < self.cost - CLOSE * np.abs(known)) & (self.leaves < LEAVES)
         pruned = alive & ~enter
@@ -313,7 +298,7 @@ class _Least:
             rest.insert(0, (rest[0][0] + terms.min(axis=0), rest[0][1] + squares.min(axis=0)))
         return cls(form, linear, square, tuple(rest))
 
-    def keeps(self, ways: tuple[int, ...], limits: Array) -> NDArray[np.bool_]:
+    def keeps(self, ways: tuple[int, ...], limits: Array) -> Flags:
         """Which limits (n, r) may be kept with the first features made in `ways`."""
         rest, further = self.following[len(ways)]
         linear = rest + sum((self.linear[at][way] for at, way in enumerate(ways)), np.zeros(1))
@@ -323,7 +308,7 @@ class _Least:
 
 
 def _alike(form: Form) -> list[bool]:
-    """Which features could change places with the one before: their ways are tried in one order."""
+    """Which features are interchangeable with the feature before: their ways are tried in one order."""
     pairs = pairwise(form.features)
     same = [
         form.correlation is None and before.ways == feature.ways and before.count == feature.count
@@ -366,16 +351,3 @@ def cost_range(form: Form) -> tuple[float, float]:
         costs = [way.curve.cost(np.array([way.high, way.low])) for way in feature.ways]
         ends += feature.count * np.array([np.min(costs), np.max(costs)])
     return float(form.base + ends[0]), float(form.base + ends[1])
-
-
-def _spread(form: Form, chosen: NDArray[np.int64]) -> Array:
-    """a (n, r, features) of the chosen ways."""
-    columns = [
-        np.array([way.spread for way in feature.ways])[chosen[:, at]] for at, feature in enumerate(form.features)
-    ]
-    return np.stack(columns, axis=2)
-
-
-def _middle(form: Form) -> Array:
-    """The middle of each feature's first range."""
-    return np.array([0.5 * (f.ways[0].low + f.ways[0].high) for f in form.features])

@@ -1,4 +1,4 @@
-"""One combination of ways: the remaining problem is convex, and separable at given prices."""
+"""A combination of ways: the remaining problem is convex, and separable at given prices."""
 
 from __future__ import annotations
 
@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from ...models.costs.joint import Joint
 from ...problems.forms import Form, Way
 from ...problems.spread import Spread, spread_of
+from ..arrays import Array, Integers
 from .prices import Prices
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,11 +34,19 @@ class Solved:
 class Optimum:
     """Least cost at n sets of r limits: a `Solved` with the ways `chosen` (n, features)."""
 
-    chosen: NDArray[np.int64]
+    chosen: Integers
     t: Array
     cost: Array
     bound: Array
     multiplier: Array
+
+    @classmethod
+    def unknown(cls, form: Form, limits: Array, bound: float = np.inf) -> Optimum:
+        """No allocation at any of the limits (n, r): infinite costs, and a bound for all of them."""
+        shape = len(limits), len(form.features)
+        bounds = np.full(shape[0], bound)
+        nothing = np.zeros(shape, dtype=np.int64), np.full(shape, np.nan)
+        return cls(*nothing, np.full(shape[0], np.inf), bounds, np.zeros_like(limits))
 
     def at(self, rows: NDArray[np.intp]) -> Optimum:
         """The optima at some of the limits."""

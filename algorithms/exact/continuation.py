@@ -2,19 +2,18 @@
 
 At every level the first objective is minimised at each set of integers that may be best there, from
 the designs at the neighbouring levels. A set that is worse by more than `BEATEN` at both of them is
-left out.
+omitted.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array, Flags
 from ..run import Run
 from .afresh import tested_afresh
 from .branch import NEARLY, Branch, joint
 
-Array = NDArray[np.float64]
 RATIO = 0.75
 """Ratio of neighbouring levels of the coarse front."""
 BEATEN = 0.02
@@ -26,12 +25,12 @@ SWEEPS, SAGGING = 2, 1e-3
 from which that is done, in natural logarithms."""
 END = 1.03
 """The tight end of the front, as a multiple of the least second objective: beyond it the cost
-rises without bound, and chance decides."""
+rises without bound, and chance dominates."""
 Levels = dict[float, Array]
 
 
 def sampled_front(run: Run, branches: list[Branch], points: int) -> None:
-    """Find the front of one or two objectives of a sampled problem, tested on fresh units."""
+    """Compute the front of one or two objectives of a sampled problem, tested on fresh units."""
     if run.problem.n_obj == 1:
         for at, branch in enumerate(branches):
             run.phase("least value", 0.8 * at / len(branches))
@@ -86,7 +85,7 @@ def _mended(branches: list[Branch], levels: Levels) -> bool:
 
 
 def _coarse(run: Run, branches: list[Branch]) -> Levels:
-    """From the cheapest design of every set of integers to tighter levels, as far as it goes."""
+    """From the cheapest design of every set of integers to tighter levels, as far as possible."""
     none = np.full(len(branches[0].unit), np.inf)
     for at, branch in enumerate(branches):
         run.phase("coarse front", 0.4 * at / len(branches))
@@ -111,13 +110,13 @@ def _coarse(run: Run, branches: list[Branch]) -> Levels:
     return {level: np.array([_solved(b, level) for b in branches]) for level in levels}
 
 
-def _promising(values: Array) -> NDArray[np.bool_]:
-    """Which sets of integers (n,) are good enough at a level; one not tried there is not."""
+def _promising(values: Array) -> Flags:
+    """Which sets of integers (n,) are good enough at a level; a set that is not tried is not."""
     return np.asarray(values <= (1.0 + BEATEN) * np.min(values))
 
 
 def _widest(levels: dict[float, Array], unit: Array) -> tuple[float, float]:
-    """The neighbouring levels between which the joint front may still miss most."""
+    """The neighbouring levels between which the joint front has its largest gap."""
     order = sorted(levels)
     least = np.array([np.min(levels[level]) for level in order])
     drop = np.where(np.isfinite(least[:-1]), -np.diff(least), unit[0]) / unit[0]
@@ -136,15 +135,15 @@ def _reached(branch: Branch, level: float) -> list[float]:
 
 
 def _best(branches: list[Branch], level: float) -> tuple[Branch, int]:
-    """Branch and index of the least first objective at a level: others there are not part of the
-    front, though some are tighter by less than the accuracy of a solution.
+    """Branch and index of the least first objective at a level: other points there are not part of
+    the front, though some are tighter by less than the accuracy of a solution.
     """
     branch = min(branches, key=lambda candidate: _value(candidate, level))
     return branch, int(np.argmin(_reached(branch, level)))
 
 
 def _solved(branch: Branch, level: float) -> float:
-    """The least first objective at a level: from between its neighbours, else from the tighter."""
+    """The least first objective at a level, from between its neighbours, else from the tighter."""
     limit = branch.at_most(1, level)
     values = np.array([f[1] for f in branch.f])
     above = int(np.searchsorted(values, level))

@@ -1,8 +1,8 @@
 """The front of a form that is a bound: solved on the form, corrected by the full model.
 
 A form that understates its requirements has nearly the right tolerances at slightly wrong limits.
-Each point is solved again with its limits moved by the excess of the model over the form, so that
-it keeps them by the model; the ends come first: the least of each objective.
+Every point is solved again with its limits moved by the excess of the model over the form, so that
+it keeps them by the model. The ends of the front, the least of each objective, are solved first.
 """
 
 from __future__ import annotations
@@ -10,32 +10,31 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...problems.forms import Form
 from ...problems.interfaces import Provable
 from ...problems.least import least_value
+from ..arrays import Array, Flags, Integers
 from ..run import Run
 from .bounds import row_limits
 from .choices import Optimum, least_cost
 from .combination import Combination
-from .designs import search_vectors
+from .designs import search_vector
 from .path import arc_length
 from .programme import Programme
 
-Array = NDArray[np.float64]
 COARSE = 24
 """Levels of a coarse front, by which the points are spread."""
 FIRST = 5e-4
 """Fraction of the range of levels between the least one, which leaves no room, and the first."""
 STEPS = (-4, 4, -1, 1)
-"""Steps of ways that are tried from the form's own."""
+"""Steps of ways that are tried from the ways of the form's optimum."""
 MANY = 12
 """Ways of a feature above which long steps are tried."""
 ROUNDS, FURTHER = 5, 10
-"""Times that limits are moved, and how often more where a point still breaks them by little."""
+"""Times that limits are moved, and further times where a point still breaks them by little."""
 NEAR = 2e-3
-"""Fraction of a level by which a point may miss it: its own value counts."""
+"""Fraction of a level by which a point may miss it, because the value of the point counts."""
 DEARER, FAR = 1.003, 2e-3
 """A point of a cost higher by this factor is not corrected further where it breaks limits by less
 than this fraction."""
@@ -63,13 +62,13 @@ class Corrected:
     form: Form
     _moved: Array | None = field(default=None, init=False)
     _start: Array | None = field(default=None, init=False)
-    _apart: NDArray[np.int64] | None = field(default=None, init=False)
+    _apart: Integers | None = field(default=None, init=False)
 
     def best(self, ways: tuple[int, ...], limit: Array) -> Point | None:
         """The cheapest allocation that keeps limits (r,), by `ways` (features,) and those near.
 
-        The ways of the form's own optimum are the best only as far as the form is right: those
-        next to them are tried as long as that helps.
+        The ways of the form's optimum are the best only as far as the form is right: the ways next
+        to them are tried as long as they are cheaper.
         """
         best = self.point(self._expected(ways), limit)
         if best is None:
@@ -86,7 +85,7 @@ class Corrected:
         return best
 
     def _expected(self, ways: tuple[int, ...]) -> tuple[int, ...]:
-        """The form's own ways, moved by as many steps as the best ones were last time."""
+        """The ways of the form's optimum, moved by as many steps as the best ways last time."""
         if self._apart is None:
             return ways
         return tuple(
@@ -104,7 +103,7 @@ class Corrected:
         return 0 <= way < len(self.form.features[at].ways)
 
     def _steps(self) -> list[tuple[int, int]]:
-        """Feature and step; long ones only where there are many ways, of which none is known."""
+        """Feature and step; long steps only where a feature has many ways and no best way is known."""
         return [
             (at, step)
             for at in self._open
@@ -115,8 +114,8 @@ class Corrected:
     def point(self, ways: tuple[int, ...], limit: Array, least: int = -1, than: float = np.inf) -> Point | None:
         """The allocation of least cost at limits (r,), made in `ways`; None without any.
 
-        Where `least` is a row, its value is minimised and its limit ignored. None as well as soon
-        as the cost is clearly higher `than` another.
+        Where `least` is a row, its value is minimised and its limit ignored. The result is None too
+        where the cost is clearly higher than `than`.
         """
         problem, best = self.run.problem, None
         real = np.isfinite(limit)
@@ -127,7 +126,7 @@ class Corrected:
             t = self._solved(ways, moved, least, self._start if t is None else t)
             if t is None:
                 break
-            x = self._vector(ways, t)
+            x = search_vector(problem, self.form, ways, t)[0]
             designs = problem.complete(x[None, :])
             outputs = problem.outputs_of(designs, errors=False)
             values = Provable.of(problem).form_values(self.form, designs, outputs)[0]
@@ -152,7 +151,7 @@ class Corrected:
             self._start = best.t
         return best
 
-    def _active(self, limit: Array, t: Array, ways: tuple[int, ...]) -> NDArray[np.bool_]:
+    def _active(self, limit: Array, t: Array, ways: tuple[int, ...]) -> Flags:
         """Which limits (r,) hold an allocation back."""
         values, real = self._values(ways, t), np.isfinite(limit)
         level = np.where(real, limit, 0.0)
@@ -168,11 +167,6 @@ class Corrected:
         if least >= 0:
             slack[least] = np.inf
         return bool(np.all(values <= limit + slack))
-
-    def _vector(self, ways: tuple[int, ...], t: Array) -> Array:
-        nothing = np.ones(1)
-        optimum = Optimum(np.array([ways]), t[None, :], nothing, nothing, nothing[:, None])
-        return np.asarray(search_vectors(self.run.problem, self.form, optimum)[0])
 
     def _solved(self, ways: tuple[int, ...], limit: Array, least: int, start: Array | None) -> Array | None:
         """Tolerances (features,) of least cost, from a `start`, or of the least value of a row."""
@@ -231,7 +225,7 @@ def _ends(form: Form, limits: Array, row: int) -> tuple[tuple[float, float], tup
 
 def _levels(
     run: Run, form: Form, limits: Array, row: int, ends: tuple[float, float], points: int
-) -> tuple[Array, NDArray[np.int64]]:
+) -> tuple[Array, Integers]:
     """Limits (n, r) spread by the arc length of a coarse front, and ways (n, features) for each."""
     low, high = ends
     steps = np.linspace(0.0, 1.0, max(2, min(COARSE, points))) ** 2

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...problems.forms import Form
 from ...problems.interfaces import Provable
 from ...problems.tolerance_problem import ToleranceProblem
-from .choices import Optimum
-
-Array = NDArray[np.float64]
+from ..arrays import Array
+from .combination import Optimum
 
 
 def search_vectors(problem: ToleranceProblem, form: Form, optimum: Optimum) -> Array:
@@ -26,3 +24,10 @@ def search_vectors(problem: ToleranceProblem, form: Form, optimum: Optimum) -> A
     columns = Provable.of(problem).form_columns(columns)
     x = np.stack([columns[variable.name] for variable in problem.free], axis=1)
     return np.asarray(np.clip(x, problem.xl, problem.xu))
+
+
+def search_vector(problem: ToleranceProblem, form: Form, ways: tuple[int, ...], t: Array) -> Array:
+    """The search vector (1, free variables) of one allocation: ways and tolerances (features,)."""
+    nothing = np.zeros(1)
+    optimum = Optimum(np.array([ways]), t[None, :], nothing, nothing, nothing[:, None])
+    return search_vectors(problem, form, optimum)

@@ -3,27 +3,26 @@
 A surplus N(v) of squares v lies above its tangent planes, so that a root with weighted squares,
 w = 1 + dN/dv at any reference point, lies below the requirement and is separable at prices
 (`separable`): its least cost, over all choices of ways, is a proven bound. At the weights of the
-optimum it is the optimum's cost. The weights of one allocation give the next one; each is drawn
-back within the limits, and the best counts.
+optimum it is the optimum's cost. The weights of an allocation give the next allocation; every
+allocation is moved back within the limits, and the best counts.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...problems.forms import Form
+from ..arrays import Array
 from .combination import Combination, Optimum
 from .separable import Leaf, Squares, least_leaf
 
-Array = NDArray[np.float64]
 STEPS = 40
 """Times the weights are renewed at most."""
 GAP = 1e-10
 """Relative gap at which the weights are no longer renewed."""
 NEAR, SETTLED = 1e-3, 1e-11
-"""Relative change of the squares from which on allocations are drawn back within the limits, and
-what counts as none.
+"""Relative change of the squares from which on allocations are moved back within the limits, and
+the change that counts as none.
 """
 RATIOS = -0.9, 0.5
 """Range of the ratio of a step to the one before that is used for extrapolation."""
@@ -35,16 +34,9 @@ counts as met."""
 def least_under_doubt(form: Form, limits: Array, floor: float) -> Optimum:
     """The cheapest allocation that keeps each set of upper limits (n, r); `floor` bounds its cost.
 
-    Cost and bound are inf where no allocation can keep them; only the cost where none was found.
+    Cost and bound are inf where no allocation can keep them, the cost alone where none is known.
     """
-    n, shape = len(limits), (len(limits), len(form.features))
-    optimum = Optimum(
-        np.zeros(shape, dtype=np.int64),
-        np.full(shape, np.nan),
-        np.full(n, np.inf),
-        np.full(n, floor),
-        np.zeros_like(limits),
-    )
+    optimum = Optimum.unknown(form, limits, floor)
     reference: Array | None = None
     for row, limit in enumerate(limits):
         reweighted = _Reweighted(form, limit, reference)
@@ -52,12 +44,8 @@ def least_under_doubt(form: Form, limits: Array, floor: float) -> Optimum:
         reference = reweighted.reference
         optimum.bound[row] = max(floor, min(reweighted.bound, reweighted.cost))
         if reweighted.leaf is not None:
-            optimum.chosen[row], optimum.t[row], optimum.cost[row] = (
-                reweighted.leaf.ways,
-                reweighted.t,
-                reweighted.cost,
-            )
-            optimum.multiplier[row] = reweighted.multiplier
+            optimum.chosen[row], optimum.t[row] = reweighted.leaf.ways, reweighted.t
+            optimum.cost[row], optimum.multiplier[row] = reweighted.cost, reweighted.multiplier
     return optimum
 
 
@@ -115,7 +103,7 @@ class _Reweighted:
         return np.asarray(np.log(ratio))
 
     def _drawn(self, squared_parts: Array, step: Array, last: Array | None) -> Array:
-        """The next reference: the step times a factor that follows from the last two steps.
+        """The next reference: the step times a factor by the ratio of the last two steps.
 
         Steps that overshoot are shortened, and slow ones lengthened (Aitken 1926).
         """
@@ -126,7 +114,7 @@ class _Reweighted:
         return np.asarray(np.where(self.reference > 0.0, self.reference, squared_parts) * np.exp(factor * step))
 
     def _keep(self, leaf: Leaf, squares: Squares) -> None:
-        """Count an allocation, drawn back within the limits, where it is the cheapest yet."""
+        """Record an allocation, moved back within the limits, where it is the cheapest yet."""
         combination = Combination(self.form, leaf.ways)
         t = _within(combination, leaf.t, self.limit)
         if t is None:

@@ -1,10 +1,10 @@
 """The front by epsilon-constraints, for models without closed form.
 
 The first objective is minimised under limits on the others (Haimes, Lasdon & Wismer 1971) by SLSQP,
-begun from the neighbours on the front. The rectangle between two neighbours is what their front can
-still miss: the largest one is halved next. Between the solved points, the scaled tolerances are
-interpolated along the front, which costs one evaluation a point. Integers are enumerated; sets of
-them that contribute nothing to a coarse front are dropped.
+from the neighbours on the front. The rectangle between two neighbours bounds the unknown part of the
+front: the largest rectangle is halved next. Between the solved points, the scaled tolerances are
+interpolated along the front, with one evaluation a point. Integers are enumerated; sets of integers
+that contribute nothing to a coarse front are dropped.
 """
 
 from __future__ import annotations
@@ -12,16 +12,15 @@ from __future__ import annotations
 import itertools
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...errors import refuse
 from ...problems.tolerance_problem import ToleranceProblem
+from ..arrays import Array
 from ..indicators import nondominated
 from ..run import Run
 from .branch import Branch, joint_front
 from .continuation import sampled_front
 
-Array = NDArray[np.float64]
 SETS = 64
 """Sets of integers that are enumerated at most."""
 COARSE = 5
@@ -54,7 +53,7 @@ def _front(run: Run, alive: list[Branch], points: int) -> None:
             branch.halve()
     alive = _contributing(alive)
     _fill(run, alive, max(2, min(SOLVED, points)))
-    run.phase("points between", 0.9)
+    run.phase("interpolated points", 0.9)
     for branch in alive:
         run.evaluate(branch.between(max(2, points // len(alive))))
 
@@ -86,8 +85,8 @@ def integer_sets(problem: ToleranceProblem) -> list[Array]:
     count = int(np.prod([float(len(choice)) for choice in choices]))
     if count > SETS:
         text = (
-            f"exact enumerates at most {SETS} sets of integers where it has no closed form, "
-            f"here are {count}: use hybrid, or fix some of them"
+            f"exact enumerates at most {SETS} sets of integers for a problem without closed form, "
+            f"but this problem has {count}: use hybrid, or fix some of them"
         )
         raise refuse("algorithm.name", text)
     return [np.array(values) for values in itertools.product(*choices)]

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..indicators import nondominated
 from ..run import BudgetSpent, Run
 from ..settings import Budget
@@ -12,17 +12,16 @@ from .afresh import feasible_afresh
 from .branch import Branch
 from .epsilon import scale_of
 
-Array = NDArray[np.float64]
 POINTS = 40
 """Points of a front that are tested on fresh units at most."""
 
 
 def finished(run: Run, polish: bool) -> None:
-    """Hand the run's front to it as its result, after its limits hold on fresh units.
+    """Make the front of the run its result, after its limits hold on fresh units.
 
     With `polish` every point is first improved by SLSQP at its own value of the other objectives,
-    within the budget of evaluations. Tests on fresh units, and the moves that they ask for, are no
-    evaluations of the search.
+    within the budget of evaluations. Tests on fresh units, and the moves that they require, do not
+    count as evaluations.
     """
     x = _front(run)
     aside = Run(run.problem, Budget(evaluations=run.evaluations_left), seed=0)

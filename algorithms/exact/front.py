@@ -6,23 +6,20 @@ from dataclasses import replace
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from ...problems.forms import Form
+from ..arrays import Array, Flags
 from .choices import Optimum, contributions, least_cost
 from .combination import Combination
 from .path import Path, arc_length
 from .pieces import convex_pieces
 from .programme import Programme
 
-Array = NDArray[np.float64]
 COARSE = 128
-"""Limits at which the course of a front with alternatives is found first."""
+"""Limits at which a front with alternatives is solved first."""
 
 
-def front(
-    form: Form, points: int, upper: Array, swept: NDArray[np.bool_] | None = None, most: float = np.inf
-) -> Optimum:
+def front(form: Form, points: int, upper: Array, swept: Flags | None = None, most: float = np.inf) -> Optimum:
     """About `points` allocations along the front of cost and the swept requirements.
 
     `upper` (r,) are limits that all of them keep, inf where there is none, `most` is one on the
@@ -32,7 +29,8 @@ def front(
     """
     swept = np.ones(len(upper), dtype=bool) if swept is None else swept
     form = convex_pieces(form)
-    if form.separable and form.combinations == 1 and swept[0] and _followed(form):
+    smooth = all(feature.ways[0].curve.smooth for feature in form.features)  # prices reach the whole front
+    if form.separable and form.combinations == 1 and swept[0] and smooth:
         return _along_path(form, points, float(upper[0]), most)
     low, high = value_range(form, upper)
     high = np.minimum(high, upper)
@@ -51,12 +49,7 @@ def front(
     return least_cost(form, limits)
 
 
-def _followed(form: Form) -> bool:
-    """Whether prices lead along the whole front: no correlation, no kinks to jump between."""
-    return all(f.ways[0].curve.smooth for f in form.features)
-
-
-def _by_limits(form: Form, points: int, rows: NDArray[np.bool_], coarse: Array, upper: Array, most: float) -> Optimum:
+def _by_limits(form: Form, points: int, rows: Flags, coarse: Array, upper: Array, most: float) -> Optimum:
     """The optima at limits of the requirements `rows`, spread by arc length of a coarse front."""
 
     def limits(values: Array) -> Array:
@@ -65,11 +58,9 @@ def _by_limits(form: Form, points: int, rows: NDArray[np.bool_], coarse: Array, 
         return upper_limits
 
     first = least_cost(form, limits(coarse))
-    if np.any(kept := first.cost <= most) and not np.all(kept):
-        begin = max(0, int(np.argmax(kept)) - 1)
-        coarse, cost = coarse[begin:], first.cost[begin:]
-    else:
-        cost = first.cost
+    kept = first.cost <= most
+    begin = max(0, int(np.argmax(kept)) - 1)  # 0 where all are kept or none
+    coarse, cost = coarse[begin:], first.cost[begin:]
     length = arc_length(np.stack([coarse, cost]))
     even = np.interp(np.linspace(0.0, length[-1], points), length, coarse)
     return least_cost(form, limits(even))
@@ -100,8 +91,8 @@ def value_range(form: Form, upper: Array) -> tuple[Array, Array]:
 def tightest(form: Form) -> Array:
     """Least value (r,) of each requirement.
 
-    Every feature is made in the way that contributes least: exact for one requirement without
-    correlation and either part zero, else a lower bound.
+    Every feature is made in the way that contributes least: this is exact for one requirement
+    without correlation whose linear or root part is zero, else a lower bound.
     """
     if form.correlation is not None:
         return _least_correlated(form)

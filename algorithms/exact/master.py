@@ -3,14 +3,14 @@
 A node allows some ways of every feature. Its relaxation mixes allocations: columns (feature, way,
 t), whose weights add up to one per feature, under tangent cuts of the requirements (Dantzig & Wolfe
 1960; Kelley 1960). The prices of the cuts give a Lagrangian bound, separable and valid whatever the
-linear programme did; they say which columns are missing, and the mean allocation which cuts.
+linear programme returns; they show which columns are missing, and the mean allocation shows which cuts.
 Columns and cuts serve all nodes. Branching is on the feature whose ways are mixed most.
 """
 
 from __future__ import annotations
 
 import heapq
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -19,11 +19,11 @@ from numpy.typing import NDArray
 
 from ...problems.forms import Feature, Form
 from ...problems.spread import largest_parts, spread_of
+from ..arrays import Array, Flags
 from .combination import Combination
 from .prices import ROUNDING
 from .programme import Programme
 
-Array = NDArray[np.float64]
 GAP = 1e-4
 """Relative gap at which the search ends."""
 NODES, ROUNDS = 60, 60
@@ -36,13 +36,12 @@ PENALTY = 1e3
 
 @dataclass(frozen=True, slots=True)
 class Solution:
-    """Least cost at one set of limits: ways and t (features,), multipliers (r,)."""
+    """Least cost at one set of limits, with a proven bound: ways and t (features,)."""
 
     chosen: tuple[int, ...]
     t: Array
     cost: float
     bound: float
-    multiplier: Array
 
 
 Allowed = tuple[tuple[int, ...], ...]
@@ -88,7 +87,7 @@ class Master:
             self._add_cuts(middle * wide * fraction, np.full(len(self.limit), -np.inf))
 
     def run(self) -> Solution | None:
-        """The cheapest allocation found, with the bound that is proven; None without any."""
+        """The cheapest known allocation, with a proven bound; None without any."""
         root: Allowed = tuple(tuple(range(len(f.ways))) for f in self.form.features)
         heap: list[tuple[float, int, Allowed]] = [(self.floor, 0, root)]
         entered, proven = 0, np.inf
@@ -103,12 +102,7 @@ class Master:
                 proven = min(proven, bound)
                 continue
             self._round(weight, allowed, self._mean)
-            mixed = np.array(
-                [
-                    1.0 - feature_weight.max() if len(ways) > 1 else 0.0
-                    for feature_weight, ways in zip(weight, allowed, strict=True)
-                ]
-            )
+            mixed = np.array([1.0 - w.max() if len(ways) > 1 else 0.0 for w, ways in zip(weight, allowed, strict=True)])
             if mixed.max() < 1e-9:
                 proven = min(proven, bound)
                 continue
@@ -119,10 +113,7 @@ class Master:
                 child = (*allowed[:at], ways, *allowed[at + 1 :])
                 heapq.heappush(heap, (bound, 2 * entered + side, child))
         self.proven = np.inf if self._impossible(proven) else float(proven)
-        if self.best is None:
-            return None
-        done = self.best
-        return Solution(done.chosen, done.t, done.cost, min(done.cost, proven), done.multiplier)
+        return None if self.best is None else replace(self.best, bound=min(self.best.cost, proven))
 
     def _impossible(self, bound: float) -> bool:
         """No allocation costs more than the ceiling: none keeps the limits."""
@@ -136,7 +127,7 @@ class Master:
     # ---------------------------------------------------------------- a node
 
     def _node(self, allowed: Allowed, bound: float) -> tuple[float, list[Array] | None]:
-        """The bound of a node, and weights of each feature's ways; None where it is closed."""
+        """The bound of a node, and the weights of each feature's ways; None where it is closed."""
         open_ = np.array([way in allowed[at] for at, way in zip(self._owner, self._way, strict=True)])
         weight: list[Array] | None = None
         for _ in range(ROUNDS):
@@ -170,13 +161,11 @@ class Master:
     def _index(self, at: int, way: int) -> int:
         return int(np.searchsorted(self._owner, at)) + way
 
-    def _programme(self, open_: NDArray[np.bool_]) -> tuple[list[int], Array, Array]:
+    def _programme(self, open_: Flags) -> tuple[list[int], Array, Array]:
         """Columns, their weights, and the prices (cuts,) of the linear programme of a node."""
         used = [i for i, (at, way, _, _) in enumerate(self._columns) if open_[self._index(at, way)]]
-        owner = np.array([self._columns[i][0] for i in used])
         rows = np.array([self._index(*self._columns[i][:2]) for i in used])
-        size = np.array([self._columns[i][2] for i in used])
-        cost = np.array([self._columns[i][3] for i in used])
+        owner, size, cost = (np.array([self._columns[i][entry] for i in used]) for entry in (0, 2, 3))
         which, slope, room = self._cut_arrays()
         parts = self._offset[rows].T[which] + size * (
             self._linear[rows].T[which] + slope[:, owner] * self._spread[rows].T[which]
@@ -211,7 +200,7 @@ class Master:
         room = (self.limit - self.form.offset)[which] - least
         return which, slope.reshape(len(which), len(self.form.features)), room
 
-    def _lagrangian(self, prices: Array, open_: NDArray[np.bool_]) -> tuple[float, Array]:
+    def _lagrangian(self, prices: Array, open_: Flags) -> tuple[float, Array]:
         """The bound at prices of the cuts, and the t of every open way there."""
         which, slope, room = self._cut_arrays()
         linear = np.zeros(len(self._ways))
@@ -260,7 +249,7 @@ class Master:
         return added
 
     def _round(self, weight: list[Array], allowed: Allowed, start: Array) -> None:
-        """Solve the ways of most weight, and the tightest of those that are mixed."""
+        """Solve the ways of most weight, and at first the tightest of those that have weight too."""
         heavy = tuple(map(_heaviest, weight, allowed))
         tight = tuple(map(_tightest, self.form.features, weight, allowed, heavy))
         for chosen in (heavy, tight) if self.best is None else (heavy,):
@@ -279,8 +268,7 @@ class Master:
         self._add_cuts(combination.parts(t[None, :])[0], np.full(len(self.limit), -np.inf))
         cost = float(combination.cost(t[None, :])[0])
         if self.best is None or cost < self.best.cost:
-            nothing = np.zeros(len(self.limit))
-            self.best = Solution(chosen, t, cost, -np.inf, nothing)
+            self.best = Solution(chosen, t, cost, -np.inf)
 
 
 def _heaviest(weight: Array, ways: tuple[int, ...]) -> int:

@@ -17,12 +17,11 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...models.roots import bracketed_roots
+from ..arrays import Array
 from .combination import Combination, Solved
 
-Array = NDArray[np.float64]
 DECADES = 40.0
 """Prices are searched from 1e-40 to 1e40 of the units of cost and requirement."""
 COARSE = 128
@@ -53,7 +52,7 @@ class Path:
 
     @cached_property
     def cheapest(self) -> Array:
-        """The tightest tolerances (features,) of least cost: a flat cost curve buys nothing."""
+        """The tightest tolerances (features,) of least cost: some are tighter at no cost."""
         return np.asarray(self.at(np.exp(np.array([self.ends[0]])))[0])
 
     @cached_property
@@ -75,7 +74,7 @@ class Path:
         return c.best(2.0 * self._root(price)[:, None] * nu * c.linear[0], squares)
 
     def _root(self, price: Array) -> Array:
-        """The S (n,) that agrees with the tolerances it gives."""
+        """The S (n,) that equals the S of the tolerances of least cost at it."""
         c = self.combination
         low, high = (float(c.root(end[None, :])[0, 0]) for end in (c.low, c.high))
 
@@ -130,7 +129,7 @@ class Path:
     def _between(self, inside: Array, outside: Array, limit: Array) -> Array:
         """The cheapest point between two optima of one price: curves with kinks jump between them.
 
-        V is convex, so it crosses the limit once on the way.
+        V is convex, so that it crosses the limit once between them.
         """
         differ = np.max(np.abs(outside / inside - 1.0), axis=1) > 1e-9
         if not np.any(differ):

@@ -1,4 +1,4 @@
-"""Forms whose every way is a point: all choices are computed, and the cheapest feasible one counts.
+"""Forms of points alone: all choices of ways are computed, and the cheapest feasible choice counts.
 
 Machines without inspection have no tolerance to search. Forms of such machines alone have few
 choices, which prices of the squares cannot separate under doubt of their scatter.
@@ -7,12 +7,11 @@ choices, which prices of the squares cannot separate under doubt of their scatte
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...problems.forms import Feature, Form
+from ..arrays import Array
 from .combination import Optimum
 
-Array = NDArray[np.float64]
 MOST = 300_000
 """Choices of ways that are computed at most."""
 
@@ -31,22 +30,16 @@ def least_of_points(form: Form, limits: Array) -> Optimum:
     """
     cost, values = _every(form)
     order = np.argsort(cost, kind="stable")
-    n, shape = len(limits), tuple(len(feature.ways) for feature in form.features)
-    optimum = Optimum(
-        np.zeros((n, len(shape)), dtype=np.int64),
-        np.full((n, len(shape)), np.nan),
-        np.full(n, np.inf),
-        np.full(n, np.inf),
-        np.zeros_like(limits),
-    )
+    shape = tuple(len(feature.ways) for feature in form.features)
+    optimum = Optimum.unknown(form, limits)
     for row, limit in enumerate(limits):
         fits = np.all(values[:, order] <= limit[:, None], axis=0)
         if not np.any(fits):
             continue
         best = int(order[int(np.argmax(fits))])
         ways = np.array(np.unravel_index(best, shape), dtype=np.int64)
-        optimum.chosen[row], optimum.cost[row] = ways, cost[best]
-        optimum.bound[row] = cost[best]
+        optimum.chosen[row] = ways
+        optimum.cost[row] = optimum.bound[row] = cost[best]
         optimum.t[row] = [f.ways[way].low for f, way in zip(form.features, ways, strict=True)]
     return optimum
 
@@ -72,7 +65,7 @@ def _every(form: Form) -> tuple[Array, Array]:
 
 
 def _outer(sums: Array, more: Array) -> Array:
-    """Sums (r, m) and what the ways of one more feature add (r, w), as sums (r, m w)."""
+    """All sums (r, m w) of the sums (r, m) and the contributions (r, w) of a further feature's ways."""
     return np.asarray((sums[:, :, None] + more[:, None, :]).reshape(len(sums), -1))
 
 

@@ -1,4 +1,4 @@
-"""Multipliers that make the requirements separable, and with it a lower bound of the cost.
+"""Multipliers that make the requirements separable, and with them a lower bound of the cost.
 
 For multipliers lambda_i >= 0, least cost under V_i(t) <= L_i is at least
 
@@ -14,19 +14,20 @@ no reference point.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...problems.forms import Feature, Form, Way
-from ...problems.spread import Spread
+from ...problems.spread import Spread, spread_of
+from ..arrays import Array, Flags, Integers
 
-Array = NDArray[np.float64]
 ROUNDING = 1e-13
 """Relative allowance for rounding in a bound."""
 
 
-def only_roots(form: Form) -> NDArray[np.bool_]:
+def only_roots(form: Form) -> Flags:
     """Which requirements (r,) are priced by their square: roots, no linear part or correlation."""
     ways = [way for feature in form.features for way in feature.ways]
     nothing = (0.0,) * len(form.outputs)
@@ -37,6 +38,33 @@ def only_roots(form: Form) -> NDArray[np.bool_]:
     if form.surpluses:
         root &= np.array([surplus is None for surplus in form.surpluses])
     return np.asarray(root & ~linear & ~offset & spread & (form.correlation is None))
+
+
+def spread_at(form: Form, chosen: Integers, t: Array, most: Array | None) -> Spread:
+    """S at tolerances (n, features) of the chosen ways (n, features), and its tangents."""
+    coefficients = [np.array([way.spread for way in f.ways])[chosen[:, at]] for at, f in enumerate(form.features)]
+    return spread_of(form, t[:, None, :] * np.stack(coefficients, axis=2), most)
+
+
+def rows_of(spread: Spread, rows: NDArray[Any]) -> Spread:
+    """S and its tangents at some of the points."""
+    return Spread(spread.value[rows], spread.direction[rows], spread.intercept[rows])
+
+
+def tabulated(form: Form, grid: Array, multiplier: Array, limits: Array, spread: Spread) -> tuple[list[Array], Array]:
+    """Cost plus price of every way of each feature, (ways, g, n), and the sum (g, n) of the limits,
+    at multiples `grid` (g,) of multipliers (n, r) and at limits (n, r), with tangents `spread`.
+    """
+    n, shape = len(limits), (len(grid), len(limits))
+    rows = np.tile(np.arange(n), len(grid))
+    prices = Prices.at(form, np.repeat(grid, n)[:, None] * multiplier[rows], limits[rows], rows_of(spread, rows))
+    tables = [prices.ways(feature, at)[1].reshape(-1, *shape) for at, feature in enumerate(form.features)]
+    return tables, prices.received.reshape(shape)
+
+
+def less_rounding(total: Array, received: Array) -> Array:
+    """`total` less `received`, and less an allowance for rounding, of the same shape."""
+    return np.asarray(total - received - ROUNDING * (np.abs(total) + np.abs(received)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,10 +1,10 @@
 """Several requirements, or correlated deviations: a convex programme for each set of limits.
 
-Solved by SLSQP (Kraft 1988) in x_j = ln t_j with exact derivatives, and proven by its multipliers:
-these give a lower bound whatever SLSQP did (`Combination.dual`), improved by L-BFGS-B (Byrd, Lu,
-Nocedal & Zhu 1995) on the concave dual where a gap remains. Where deviations compensate each other
-the tightest tolerances are not those of least variation: limits that they break are kept by the
-allocation that breaks them least, or by none where its tangents prove that.
+It is solved by SLSQP (Kraft 1988) in x_j = ln t_j with exact derivatives, and proven by its
+multipliers: these give a lower bound at any result of SLSQP (`Combination.dual`), improved by L-BFGS-B
+(Byrd, Lu, Nocedal & Zhu 1995) on the concave dual where a gap remains. Where deviations compensate
+each other the tightest tolerances are not those of least variation: limits that they break are kept
+by the allocation that breaks them least, or by none where its tangents prove that.
 """
 
 from __future__ import annotations
@@ -12,13 +12,12 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array, Flags
 from .combination import Combination, Solved
 from .prices import ROUNDING
 from .slsqp import ascend, slsqp
 
-Array = NDArray[np.float64]
 GAP, GAP_QUANTILE = 1e-10, 1e-8
 """Relative gap from which on the multipliers are improved; that of quantiles, which take longer."""
 TOLERANCE, TOLERANCE_QUANTILE = 1e-15, 1e-10
@@ -29,17 +28,17 @@ FLAT, BENDS = 1e-2, 2.0
 """Fraction of the largest fall of a cost that every fall counts with at least, and the curvature
 of a Lagrangian in units of the fall."""
 BETWEEN = 17
-"""Places between the tightest and the loosest tolerances that a search without a start looks at."""
+"""Points between the tightest and the loosest tolerances that a search without a start evaluates."""
 TINY = 1e-6
 """Fraction of a limit that counts as a step where nothing moves its value."""
 CORNER = 1e-10
 """Fraction of a limit below which the room that the tightest tolerances leave is none."""
 CHORDS = 8
-"""Times that a way back to the limits is made longer, where rounding leaves it too short."""
+"""Times that a step back within the limits is made longer, where rounding makes it too short."""
 CLEARLY = 1e-9
-"""Fraction of a limit by which it must be broken before no allocation is said to keep it."""
+"""Fraction of a limit by which it must be broken before it counts as impossible to keep."""
 TRIED = 33
-"""Places between the tightest tolerances and those that compensate them that are tried."""
+"""Points that are tried between the tightest tolerances and those that compensate them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,8 +50,8 @@ class Programme:
     def least_cost(self, limits: Array, starts: Array | None = None) -> Solved:
         """Least cost at sets of upper limits (n, r), begun from `starts` (n, features) if known.
 
-        Where no allocation is found that keeps limits, and none is proven not to exist, the cost is
-        inf and the bound that without limits. A start that is NaN is not known.
+        Where no allocation that keeps the limits is known, nor proven not to exist, the cost is inf
+        and the bound that without limits. A start of NaN is unknown.
         """
         c, n = self.combination, len(limits)
         t, cost = np.tile(c.high, (n, 1)), np.full(n, np.inf)
@@ -107,7 +106,7 @@ class Programme:
         near = limit + NEAR * np.maximum(np.abs(limit), 0.1)
         if self._compensating and not self._keeps(c.low, near):
             traded = self._traded(near)
-            if traded is not None and traded[0] is None:  # SLSQP would search long for none
+            if traded is not None and traded[0] is None:  # SLSQP would search long in vain
                 return None
         first = self._between(limit, c.low) if start is None else np.clip(start, c.low, c.high)
         t = self._solved(limit, first, None, QUICK)[0]
@@ -137,7 +136,7 @@ class Programme:
         return bool(np.all(self.combination.values(t[None, :])[0] <= limit))
 
     def _inner(self, limit: Array) -> tuple[Array | None, bool]:
-        """Tolerances (features,) that keep the limits, None where none are found; whether any may.
+        """Tolerances (features,) that keep the limits, None where none are known; whether any may.
 
         Every value is above its tangent at t: where a mean of the tangents of the limits, by the
         multipliers, stays above 0 in the whole range, no tolerances keep them all.
@@ -168,11 +167,11 @@ class Programme:
         return None, not least > slack
 
     def _traded(self, limit: Array) -> tuple[Array | None, bool] | None:
-        """As `_inner`: all at its tightest but the one feature without spread that lowers a value.
+        """As `_inner`, with all features at their tightest but one without spread that lowers a value.
 
         Values rise with the spread of all others, whose means fall by no more than over their whole
-        range. None where more than one trades, where deviations are correlated, or where that does
-        not decide.
+        range. None where several features lower values, where deviations are correlated, or where
+        the bounds do not decide.
         """
         c = self.combination
         falls, spreads = np.any(c.linear < 0.0, axis=0), np.any(c.spread != 0.0, axis=0)
@@ -181,7 +180,7 @@ class Programme:
             return None
         at, width = int(free[0]), c.high - c.low
         room, slope = limit - c.values(c.low[None, :])[0], c.linear[:, at]
-        least, most = _course(room, slope, float(width[at]))
+        least, most = _reach(room, slope, float(width[at]))
         t = c.low.copy()
         t[at] = np.clip(t[at] + 0.5 * (least + most), c.low[at], c.high[at])
         if self._keeps(t, limit):
@@ -189,7 +188,7 @@ class Programme:
         gained = -np.minimum(c.linear, 0.0)[:, falls & spreads] @ width[falls & spreads]
         size = np.maximum(np.abs(np.where(np.isfinite(limit), limit, 0.0)), 1.0)
         room = room + gained + CLEARLY * size
-        least, most = _course(room, slope, float(width[at]))
+        least, most = _reach(room, slope, float(width[at]))
         return (None, False) if least > most or np.any(room[slope == 0.0] < 0.0) else None
 
     @property
@@ -266,7 +265,7 @@ class Programme:
         t = whole(solution.x)[0]
         return (t if inner is None else self._moved_within_limits(t, limit, inner)), multiplier
 
-    def _steps(self, start: Array, movable: NDArray[np.bool_]) -> tuple[Array, float]:
+    def _steps(self, start: Array, movable: Flags) -> tuple[Array, float]:
         """Units of ln t (movable,) and of the cost in which the Lagrangian bends by one all round.
 
         For C = b/t^k its second derivative in ln t is k C in addition to that of the priced
@@ -277,7 +276,7 @@ class Programme:
         return np.sqrt(largest / np.maximum(fall, FLAT * largest)), BENDS * largest
 
     def _moved_within_limits(self, t: Array, limit: Array, inner: Array) -> Array:
-        """A point on the way from t to tolerances that keep the limits, as near as chords allow.
+        """A point between t and tolerances that keep the limits, as near to t as chords allow.
 
         Values are convex, so that they lie below the chord: where it meets a limit they keep it.
         """
@@ -295,7 +294,7 @@ class Programme:
         return inner
 
     def _proven(self, limit: Array, t: Array, multiplier: Array) -> tuple[float, Array]:
-        """The best bound found, and its multipliers (r,)."""
+        """The best known bound, and its multipliers (r,)."""
         c, cost = self.combination, float(self.combination.cost(t[None, :])[0])
 
         def bound(price: Array) -> float:
@@ -310,8 +309,10 @@ class Programme:
         return max((first_bound, multiplier), (bound(better), better), key=lambda pair: pair[0])
 
 
-def _course(room: Array, slope: Array, width: float) -> tuple[float, float]:
-    """How far a feature must and may go, at most `width`, for values with slopes (r,) and room."""
+def _reach(room: Array, slope: Array, width: float) -> tuple[float, float]:
+    """The least necessary and the largest allowed step of a feature, from 0 to `width`, for values
+    with slopes (r,) and room (r,).
+    """
     moved = np.divide(room, slope, out=np.zeros_like(room), where=slope != 0.0)
     least = float(np.max(moved, where=slope < 0.0, initial=0.0))
     return least, float(np.min(moved, where=slope > 0.0, initial=width))

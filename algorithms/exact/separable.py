@@ -18,17 +18,15 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from heapq import heappop, heappush
-from typing import Any
 
 import numpy as np
-import scipy
-from numpy.typing import NDArray
 
 from ...models.costs import Reciprocal
 from ...problems.forms import Form
+from ..arrays import Array, Flags
 from .prices import ROUNDING, only_roots
+from .slsqp import ascend
 
-Array = NDArray[np.float64]
 STEPS = 60
 CLOSE = 1e-13
 """Relative distance of a square from its limit that counts as none."""
@@ -49,8 +47,8 @@ def separable(form: Form) -> bool:
 
 
 def separable_but_for_doubt(form: Form) -> bool:
-    """Whether it would be `separable` without the doubt of its processes, and has some that is
-    convex in the squares.
+    """Whether the form has surpluses by the doubt of its processes, all convex in the squares, and
+    would be `separable` without them.
     """
     convex = all(surplus is None or surplus.convex for surplus in form.surpluses)
     return bool(form.surpluses) and convex and separable(replace(form, surpluses=()))
@@ -89,12 +87,12 @@ class Squares:
         return [at for at, f in enumerate(self.form.features) if len(f.ways) > 1]
 
     def room(self, limit: Array) -> Array:
-        """What squares may sum up to (r,); inf without a limit."""
+        """The largest allowed sums of squares (r,); inf without a limit."""
         room = np.maximum(limit - self.form.offset, 0.0) ** 2 - self.constant
         return np.where(np.isfinite(limit), room, np.inf)
 
     def worth(self, limit: Array) -> Array:
-        """Fall of the room's square (r,) per unit of each limit; 0 without one."""
+        """Derivative of the room (r,) by the limit; 0 without one."""
         room = limit - self.form.offset
         return np.where(np.isfinite(limit), 2.0 * np.where(np.isfinite(room), room, 0.0), 0.0)
 
@@ -168,7 +166,7 @@ class _Choice:
 
     def solve(self, room: Array, first: Array | None) -> Leaf:
         nothing, least = np.zeros(len(room)), self.square @ self.low**2
-        asked = np.isfinite(room) & (least > 0.0)  # what no tolerance moves has no price
+        asked = np.isfinite(room) & (least > 0.0)  # a requirement that no tolerance moves has no price
         if np.any(least > room * (1.0 + 1e-12)):
             return Leaf(self.chosen, self.low, np.inf, np.inf, nothing)
         if np.all(self.square @ self.high**2 <= room):
@@ -188,7 +186,7 @@ class _Choice:
                     t, cost = candidate, candidate_cost
         return Leaf(self.chosen, t, cost, min(bound, cost), mu)
 
-    def _newton(self, room: Array, asked: NDArray[np.bool_], first: Array | None) -> Array:
+    def _newton(self, room: Array, asked: Flags, first: Array | None) -> Array:
         """Prices (r,) at which every square meets its room or its price is zero."""
         scale = self.cost(self.low) / np.where(asked, room, 1.0)
         start = 1e-2 * scale if first is None else np.maximum(first, LEAST * scale)
@@ -202,7 +200,7 @@ class _Choice:
                 t, slope = self.best(q)
                 size = self.square @ t**2
                 missed = np.where(asked, np.log(size / room), 0.0)
-                # a broken requirement without a price gets one again
+                # a broken requirement without a price gets a price again
                 back = asked & ~active & (missed > CLOSE)
                 y, active = np.where(back, floor + 1.0, y), active | back
                 if np.all(np.abs(missed[active]) <= CLOSE):
@@ -218,25 +216,21 @@ class _Choice:
                 active = active & (y >= floor)
         return np.where(active, np.exp(y), 0.0)
 
-    def _ascended(self, room: Array, asked: NDArray[np.bool_]) -> Array:
-        """Prices by L-BFGS-B (Byrd, Lu, Nocedal & Zhu 1995), where Newton's method fails: the dual
-        is concave in them, and has a slope also where a price is zero.
+    def _ascended(self, room: Array, asked: Flags) -> Array:
+        """Prices by the maximum of the dual, where Newton's method fails: the dual is concave in
+        them, and has a slope also where a price is zero.
         """
         scale = self.cost(self.low) / np.where(asked, room, 1.0)
 
-        def negative(x: Array) -> tuple[float, Array]:
+        def dual(x: Array) -> tuple[float, Array]:
             mu = np.where(asked, x * scale, 0.0)
             t, _ = self.best(mu @ self.square)
             slope = np.where(asked, self.square @ t**2 - np.where(asked, room, 0.0), 0.0)
-            return -self.dual(mu, room), -slope * scale
+            return self.dual(mu, room), slope * scale
 
-        minimize: Any = scipy.optimize.minimize  # its stubs know arrays of one dimension only
-        bounds = scipy.optimize.Bounds(np.zeros(len(room)), np.full(len(room), 1e6))
-        options = {"ftol": 1e-16, "gtol": 1e-12, "maxiter": 500}
-        result = minimize(
-            negative, np.full(len(room), 1e-2), jac=True, bounds=bounds, method="L-BFGS-B", options=options
-        )
-        return np.where(asked, result.x * scale, 0.0)
+        start = np.full(len(room), 1e-2)
+        x = ascend(dual, start, 1e6, slopes=True, ftol=1e-16, gtol=1e-12, maxiter=500)
+        return np.where(asked, x * scale, 0.0)
 
     def _moved_within_room(self, t: Array, room: Array) -> Array:
         """Tolerances just within the room: those that matter are moved towards the tightest."""
@@ -317,7 +311,7 @@ def _cheaper(squares: Squares, excess: list[Array], anchor: Leaf) -> Iterator[tu
 
 
 def _impossible(squares: Squares, room: Array) -> float:
-    """inf where no choice of ways can keep the limits, else that it is not known."""
+    """inf where no choice of ways can keep the limits, else -inf, because that is not known."""
     least = sum(
         np.min([square * way.low**2 for way, square in zip(f.ways, s, strict=True)], axis=0)
         for f, s in zip(squares.form.features, squares.squares, strict=True)

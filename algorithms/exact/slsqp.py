@@ -8,9 +8,8 @@ from typing import Any
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from ..arrays import Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,18 +21,18 @@ class LocalOptimum:
 
 
 class _Enough(Exception):
-    """The evaluations are used up."""
+    """The budget of evaluations is used up."""
 
 
 class _Steps:
     """Counts evaluations and keeps the last whole step."""
 
     def __init__(self, objective: Callable[[Array], float], start: Array, most: int) -> None:
-        self._objective, self.last, self._left = objective, start, most
+        self._objective, self.last, self._remaining = objective, start, most
 
     def objective(self, x: Array) -> float:
-        self._left -= 1
-        if self._left < 0:
+        self._remaining -= 1
+        if self._remaining < 0:
             raise _Enough
         return self._objective(x)
 
@@ -55,7 +54,7 @@ def slsqp(
     """Minimise an objective between `ends`, each (n,), with margins (constraints,) >= 0.
 
     `slopes` (n,) and `margin_slopes` (constraints, n) are their derivatives. After so many
-    `evaluations` the last whole step counts: at a kink of a sample line searches do not end.
+    `evaluations` the last whole step is the result: at a kink of a sample line searches do not end.
     """
     low, high = ends
     steps = _Steps(objective, np.clip(start, low, high), evaluations)
@@ -77,9 +76,23 @@ def slsqp(
     return LocalOptimum(np.clip(result.x, low, high), multiplier)
 
 
-def ascend(dual: Callable[[Array], float], start: Array) -> Array:
-    """Maximise a concave function of x >= 0 by L-BFGS-B (Byrd, Lu, Nocedal & Zhu 1995)."""
-    bounds = scipy.optimize.Bounds(np.zeros(len(start)), np.full(len(start), np.inf))
+def ascend(
+    dual: Callable[[Array], Any], start: Array, high: Array | float = np.inf, slopes: bool = False, **options: float
+) -> Array:
+    """Maximise a concave function of x (n,) from 0 to `high` by L-BFGS-B (Byrd, Lu, Nocedal & Zhu 1995).
+
+    With `slopes` the function returns its value and its slopes (n,).
+    """
+    if not len(start):  # scipy refuses bounds of nothing
+        return start
+
+    def negative(x: Array) -> Any:
+        if not slopes:
+            return -dual(x)
+        value, slope = dual(x)
+        return -value, -slope
+
+    bounds = scipy.optimize.Bounds(np.zeros(len(start)), np.broadcast_to(high, start.shape))
     minimize: Any = scipy.optimize.minimize
-    result = minimize(lambda x: -dual(x), start, bounds=bounds, method="L-BFGS-B")
+    result = minimize(negative, start, jac=slopes, bounds=bounds, method="L-BFGS-B", options=options)
     return np.asarray(np.maximum(result.x, 0.0), dtype=float)

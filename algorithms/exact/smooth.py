@@ -1,27 +1,26 @@
-"""A problem as SLSQP sees it: scaled coordinates, values and derivatives at one design."""
+"""A problem in the form for SLSQP: scaled coordinates, values and derivatives at one design."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...problems.interfaces import Differentiable
 from ...problems.tolerance_problem import ToleranceProblem
+from ..arrays import Array
 from ..run import Run
 
-Array = NDArray[np.float64]
 STEP = 1e-4
-"""Finite difference in scaled coordinates: above the noise of a propagation, below its bends."""
+"""Finite difference in scaled coordinates: above the noise of a propagation, below its curvature."""
 
 
 @dataclass(eq=False)
 class Smooth:
     """The continuous variables of a problem at fixed integers `x`, scaled to y in [0, 1].
 
-    A tolerance above zero is scaled by its logarithm. Derivatives come from the model where it
-    gives them for all objectives and limits, else from one batch of forward differences.
+    A tolerance above zero is scaled by its logarithm. Derivatives are those of the model where it
+    has them for all objectives and limits, else one batch of forward differences.
     """
 
     run: Run
@@ -34,7 +33,7 @@ class Smooth:
         self.moving = np.array([not v.integer for v in problem.free])
         ends = np.where(self.moving, [problem.xl, problem.xu], self.x)
         free = [problem.names.index(v.name) for v in problem.free if not v.integer]
-        self.low, self.high = problem.complete(ends)[:, free]  # what these integers can hold
+        self.low, self.high = problem.complete(ends)[:, free]  # the ranges at these integers
         kinds = [v.tolerance for v in problem.free if not v.integer]
         self.log = np.array(kinds, dtype=bool) & (self.low > 0.0)
         names = {*problem.objectives, *(limit.name for limit in problem.limits)}

@@ -6,23 +6,22 @@ from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...counts import POINTS
 from ...problems.forms import Form
 from ...problems.interfaces import Provable
 from ...problems.tolerance_problem import ToleranceProblem
+from ..arrays import Array, Flags
 from ..run import Run
 from ..settings import Solver
 from .bounds import reason, restricted, row_limits, upper_limit
-from .choices import Optimum, least_cost, tightest_ways
+from .choices import least_cost, tightest_ways
 from .corrected import corrected_vectors, is_corrected
-from .designs import search_vectors
+from .designs import search_vector, search_vectors
 from .epsilon import epsilon_front
 from .front import front, tightest
 from .pieces import convex_pieces
 
-Array = NDArray[np.float64]
 TIGHTER, TIGHTER_SHARE = 1e-12, 2e-10
 """Relative tightening of a limit, so that rounding does not break it; that of a fraction of units,
 whose rounding is magnified by an edge far out in the tail."""
@@ -33,7 +32,7 @@ FEW, CORRECTED = 40, 200
 CORRECTIONS, FURTHER = 6, 1.0 + 1e-3
 """Times a limit is moved by what a form understates, and how much further than that."""
 SOME = 3
-"""Points of a front that are tested: if one breaks limits in the full model, these are moved."""
+"""Points of a front that are tested: if any breaks limits in the full model, the limits are moved."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +61,7 @@ class Exact(Solver):
         x = exact_vectors(run.problem, form, points)
         if not len(x):
             return
-        if form.stands:  # a report computes what a requirement stands for better than a search
+        if form.stands:  # a report computes the represented outputs more accurately
             run.choose(x)
         _, violations = run.evaluate(x)
         if form.tested and not np.all(violations <= 0.0):
@@ -70,7 +69,7 @@ class Exact(Solver):
 
 
 def closed_form(problem: ToleranceProblem) -> Form | None:
-    """The form, restricted to what the problem asks of it; None where it leaves something out."""
+    """The form, restricted to the requirements of the problem; None where it omits any of them."""
     form = Provable.of(problem).form()
     if form is None or form.relaxed or reason(problem, form):
         return None
@@ -99,7 +98,7 @@ def exact_vectors(problem: ToleranceProblem, form: Form, points: int) -> Array:
         x = search_vectors(problem, form, front(form, points, limit, swept, most))
         if not form.exact:
             return x
-        kept, excess = _in_truth(problem, form, x[:: max(1, len(x) // SOME)], upper)
+        kept, excess = _by_full_model(problem, form, x[:: max(1, len(x) // SOME)], upper)
         if kept.all():
             return x
         limit = limit - excess.max(axis=0) * FURTHER
@@ -126,31 +125,29 @@ def _corner(problem: ToleranceProblem, form: Form, upper: Array) -> Array:
     if len(x) and np.all(_in_truth(problem, form, x, upper)[0]):
         return x
     ways = tightest_ways(form)
-    nothing = np.zeros(1)
-    low = [feature.ways[way].low for feature, way in zip(form.features, ways, strict=True)]
-    optimum = Optimum(np.array([ways]), np.array([low]), nothing, nothing, nothing[:, None])
-    return search_vectors(problem, form, optimum)
+    low = np.array([feature.ways[way].low for feature, way in zip(form.features, ways, strict=True)])
+    return search_vector(problem, form, ways, low)
 
 
 def _cheapest(problem: ToleranceProblem, form: Form, upper: Array) -> Array:
     """The search vector (at most one) of least cost that keeps the limits.
 
-    Where the form understates the outputs, be it by their rounding, it is solved again with limits
-    moved by as much.
+    Where the form understates the outputs, even by their rounding alone, it is solved again with
+    limits moved by as much.
     """
     limit, x = upper.copy(), np.empty((0, problem.n_var))
     for _ in range(CORRECTIONS):
         x = search_vectors(problem, form, least_cost(form, limit[None, :]))
-        kept, excess = _in_truth(problem, form, x, upper)
+        kept, excess = _by_full_model(problem, form, x, upper)
         if (form.exact and kept.all()) or not np.any(excess > 0.0):
             return x
         limit = limit - excess[0] * FURTHER
     return x
 
 
-def _in_truth(problem: ToleranceProblem, form: Form, x: Array, upper: Array) -> tuple[NDArray[np.bool_], Array]:
-    """Which search vectors (k, variables) keep all limits, and by what each breaks those of the
-    form (k, r), 0 where it does not.
+def _by_full_model(problem: ToleranceProblem, form: Form, x: Array, upper: Array) -> tuple[Flags, Array]:
+    """Which search vectors (k, variables) keep all limits, and the excess (k, r) over the limits of
+    the form, 0 where a limit is kept.
     """
     designs = problem.complete(x)
     outputs = problem.outputs_of(designs, errors=False)

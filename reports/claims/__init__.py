@@ -1,8 +1,6 @@
 """Page and figures of recomputed claims."""
 
-from __future__ import annotations
-
-from .figures import Named, figures
+from .figures import figures
 from .page import claims_page
 
-__all__ = ["Named", "claims_page", "figures"]
+__all__ = ["claims_page", "figures"]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import isfinite
 
 import numpy as np
@@ -11,18 +11,7 @@ from matplotlib.figure import Figure
 
 from ...claim_records import Chart, ClaimsResult, ComputedTable
 from ...records import Axis
-from ..drawing import axis_label, new_figure, style_axes
-
-COLOURS = ("#1f5fa8", "#c4501b", "#2b7a3d", "#7b3fa0", "#8a6d00", "#b0245f")
-
-
-@dataclass(frozen=True, slots=True)
-class Named:
-    """A figure, the stem of its files, and what it shows in words."""
-
-    name: str
-    figure: Figure
-    caption: str
+from ..drawing import COLOURS, Named, axis_label, new_axes, style_axes
 
 
 def figures(result: ClaimsResult) -> list[Named]:
@@ -36,8 +25,7 @@ def figures(result: ClaimsResult) -> list[Named]:
 
 def table_figure(table: ComputedTable, chart: Chart) -> Figure:
     """The columns of a table, drawn as its chart describes."""
-    figure = new_figure(height=3.8)
-    axes = figure.add_subplot()
+    figure, axes = new_axes(height=3.8)
     columns = {
         axis.name: (axis, np.asarray(values, dtype=float))
         for axis, values in zip(table.columns, table.values, strict=True)
@@ -61,9 +49,7 @@ def table_figure(table: ComputedTable, chart: Chart) -> Figure:
             )
     axes.set_xlabel(_label(across))
     axes.set_ylabel(_label(columns[chart.y[0]][0]) if len(chart.y) == 1 else "")
-    if len(chart.y) > 1:
-        axes.legend(frameon=False, fontsize="small")
-    style_axes(axes)
+    style_axes(axes, legend=len(chart.y) > 1)
     return figure
 
 
@@ -78,7 +64,7 @@ def _draw(axes: Axes, kind: str, x: np.ndarray, axis: Axis, y: np.ndarray, colou
 
 
 def _label(axis: Axis) -> str:
-    """The label of an axis; "1" is no unit."""
+    """The label of an axis; a number without a dimension has the unit "1", which is not shown."""
     return axis_label(replace(axis, unit="") if axis.unit == "1" else axis)
 
 

@@ -10,15 +10,15 @@ import pandas as pd
 from ...claim_records import ClaimsResult, ComputedTable, Document
 from ..document import document, picture, section
 from ..scripts import package_scripts
-from ..tables import shown, table
+from ..tables import described, shown, table
 from .figures import figures
 
 MOST = 60
 """Rows of a calculation's table on the page; the file next to it has all."""
 MEANING = (
-    "Reproduced: the document, read literally, comes out. Reproduced under the stated reading: it "
-    "comes out when it is read as stated. Not reproduced: it comes out under no reading. Cannot be "
-    "checked: what is needed is lost. Rows that are not reproduced are marked."
+    "Reproduced: the document is right in its literal interpretation. Reproduced under the stated reading: "
+    "it is right in the stated interpretation. Not reproduced: it is right in no interpretation. Cannot be "
+    "checked: the data for it are lost. Rows that are not reproduced are marked."
 )
 
 
@@ -27,8 +27,8 @@ def claims_page(result: ClaimsResult) -> str:
     drawn = {
         named.name: picture(named.name.replace(".", "_"), named.figure, named.caption) for named in figures(result)
     }
-    parts = [section("Verdicts", f"<p>{escape(MEANING)}</p>\n{_counts(result)}")]
-    # tables in `detail` have their whole height: their reasons are long
+    parts = [section("Verdicts", described(MEANING, result.counts.rename_axis("document").reset_index()))]
+    # tables in `detail` have their whole height, because their reasons are long
     failed = _failed(result.table)
     if not failed.startswith("<p>"):
         parts.append(section("Not reproduced", failed))
@@ -39,15 +39,11 @@ def claims_page(result: ClaimsResult) -> str:
         for name, computed in result.tables.items()
     ]
     scripts = (package_scripts("common.js", "filter.js"),)
-    return document("Claims recomputed", "\n".join(parts), scripts)
-
-
-def _counts(result: ClaimsResult) -> str:
-    return table(result.counts.rename_axis("document").reset_index())
+    return document("Claims recomputed", parts, scripts)
 
 
 def _failed(claims: pd.DataFrame) -> str:
-    """The claims that do not hold, in short."""
+    """The claims that are not reproduced, in short."""
     failed = claims[claims["verdict"] == "not reproduced"]
     return table(
         pd.DataFrame(
@@ -84,9 +80,9 @@ def _document(source: Document, claims: pd.DataFrame) -> str:
             "ambiguous": rows["ambiguous"],
         }
     )
-    marks = [word == "not reproduced" for word in rows["verdict"]]
-    about = f"<p>{escape(source.reference)}</p>\n" if source.reference else ""
-    return section(f"Document {source.name}: {source.title}", about + table(frame, marks))
+    marks = [verdict == "not reproduced" for verdict in rows["verdict"]]
+    reference = f"<p>{escape(source.reference)}</p>\n" if source.reference else ""
+    return section(f"Document {source.name}: {source.title}", reference + table(frame, marks))
 
 
 def _printed(row: Mapping[Hashable, object]) -> str:

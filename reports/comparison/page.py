@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from html import escape
 from typing import Any
 
 from ...records import Axis, Comparison
-from ...units import split_unit
 from ..document import bullets, document, picture, remarked, section
+from ..drawing import words
 from ..explorer import MOST, thinned
 from ..scripts import data, package_scripts
-from ..tables import table
+from ..tables import described, table
 from .figure import comparison_figure
 
 EQUAL = (
-    "Cost of the cheapest point of each run at the same level of the other objective, over the "
+    "The cost of the cheapest point of every run at the same level of the other objective, for the "
     "levels that all runs reach."
 )
 
@@ -23,17 +22,17 @@ EQUAL = (
 def comparison_page(result: Comparison, remarks: Sequence[str] = ()) -> str:
     """The whole page; every text that comes from outside is escaped.
 
-    `remarks` are what was wrong with the files that it is built from.
+    `remarks` report what is wrong with the files that it is built from.
     """
     sections = (
         *remarked(remarks),
         section("Fronts", _fronts(result)),
         section("Hypervolume", table(result.table)),
-        section("Cost at equal value", f"<p>{escape(EQUAL)}</p>\n{table(result.equal)}"),
+        section("Cost at equal value", described(EQUAL, result.equal)),
         section("Notes", bullets(result.notes)),
     )
     scripts = (package_scripts("common.js", "chart.js", "comparison.js"),)
-    return document(result.title, "\n".join(sections), scripts)
+    return document(result.title, sections, scripts)
 
 
 def _fronts(result: Comparison) -> str:
@@ -63,4 +62,4 @@ def _content(result: Comparison, per_run: int) -> dict[str, Any]:
 
 
 def _axis(axis: Axis) -> dict[str, str]:
-    return {"name": axis.name, "label": split_unit(axis.name)[0].replace("_", " "), "unit": axis.unit}
+    return {"name": axis.name, "label": words(axis.name), "unit": axis.unit}

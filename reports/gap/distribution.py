@@ -29,17 +29,15 @@ def distribution_figure(result: GapResult, output: Axis) -> Figure | None:
         axes.step(rows[name], rows["share"], where="mid", color=colour, linestyle=style, linewidth=width, label=label)
     axes.set_xlabel(words(output.name, output.unit))
     axes.set_ylabel("fraction of units below")
-    axes.legend(frameon=False, fontsize="small")
-    style_axes(axes)
+    style_axes(axes, legend=True)
     _distances(distance_axes, result, output)
     return figure
 
 
 def _distances(axes: Axes, result: GapResult, output: Axis) -> None:
-    """The distance of the units from the model before and after, and what chance reaches."""
-    far = (result.gap_before[output.name], result.gap_after[output.name])
-    axes.bar(["before", "after"], far, width=0.5, color=[BEFORE.colour, AFTER.colour])
+    """The distance of the units from the model before and after, and the distance that chance causes."""
+    distances = (result.gap_before[output.name], result.gap_after[output.name])
+    axes.bar(["before", "after"], distances, width=0.5, color=[BEFORE.colour, AFTER.colour])
     axes.axhline(result.noise_floor[output.name], color="black", linestyle=":", linewidth=1.4, label="chance")
     axes.set_ylabel(words("distance from the population", output.unit))
-    axes.legend(frameon=False, fontsize="small")
-    style_axes(axes)
+    style_axes(axes, legend=True)

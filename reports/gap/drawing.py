@@ -1,18 +1,14 @@
-"""What the units were simulated as: the first section of the page of a batch."""
+"""The drawing that the units are simulated by: the first section of the page of a batch."""
 
 from __future__ import annotations
 
-from html import escape
-
-import pandas as pd
-
 from ...gap_drawing_records import Drawing
 from ..document import bullets
-from ..tables import table
+from ..tables import listed, table
 
 
 def drawing_section(drawing: Drawing | None) -> str:
-    """Source, geometry and zones; empty where units are made to no drawing."""
+    """Source, geometry and zones; empty where the units follow no drawing."""
     if drawing is None:
         return ""
     sentences = [drawing.assumed] if drawing.assumed else []
@@ -21,30 +17,7 @@ def drawing_section(drawing: Drawing | None) -> str:
     )
     if drawing.effects:
         sentences.append(f"Effects in the simulated units: {', '.join(drawing.effects)}.")
-    geometry = [
-        {
-            "geometry": parameter.name,
-            "value": _shown(parameter.value),
-            "unit": parameter.unit,
-            "meaning": parameter.meaning,
-        }
-        for parameter in drawing.geometry
-    ]
-    zones = [
-        {
-            "variable": zone.variable,
-            "value": zone.value,
-            "unit": zone.unit,
-            "means": zone.kind,
-            "zone from": zone.low,
-            "to": zone.high,
-            "distribution": zone.distribution,
-        }
-        for zone in drawing.zones
-    ]
-    parts = [bullets(sentences), table(pd.DataFrame(geometry))]
-    return "\n".join([*parts, table(pd.DataFrame(zones)) if zones else ""])
-
-
-def _shown(value: object) -> str:
-    return f"{value:g}" if isinstance(value, int | float) else escape(str(value))
+    geometry = listed(drawing.geometry, "name: geometry, value, unit, meaning")
+    geometry["value"] = [f"{v:g}" if isinstance(v, int | float) else str(v) for v in geometry["value"]]
+    zones = listed(drawing.zones, "variable, value, unit, kind: means, low: zone from, high: to, distribution")
+    return "\n".join([bullets(sentences), table(geometry), table(zones) if len(zones) else ""])

@@ -1,4 +1,4 @@
-"""The marks of before and after in all figures of a gap: they differ by shape, not only colour."""
+"""The marks of the states before and after in all figures of a gap: their shapes differ too."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ...units import split_unit
+from .. import drawing
 
 REGION = "#f3d9a4"
 
@@ -31,16 +32,13 @@ TAKEN = Mark("taken away", "#2b7a3d", "+", "-.", "#2b7a3d")
 """What the correction does: before less after."""
 
 
-def words(name: str, unit: str = "") -> str:
-    """`torque_Nm` as "torque [Nm]"."""
-    stem, unit_in_name = split_unit(name)
-    kind = unit or unit_in_name
-    text = stem.replace("_", " ")
-    return f"{text} [{kind}]" if kind else text
+def words(name: str, unit: str) -> str:
+    """`torque_Nm` as "torque [Nm]", with the unit of the name where no other is given."""
+    return drawing.with_unit(drawing.words(name), unit or split_unit(name)[1])
 
 
 def shade(axes: Axes, low: float, high: float, label: str = "located here") -> None:
-    """Marks the part of an axis where the gap was located: coloured and hatched."""
+    """Mark the part of an axis where the gap was located: coloured and hatched."""
     axes.axvspan(
         low, high, facecolor=REGION, edgecolor="#8a6d00", hatch="//", alpha=0.45, linewidth=0.0, zorder=0, label=label
     )

@@ -1,4 +1,4 @@
-"""The next measurement: its points among those of the record, and what they are to decide."""
+"""The next measurement: its points among those of the record, and the question that they decide."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 from ...gap_next_records import NextMeasurement
 from ...gap_records import GapResult
 from ..document import bullets
-from ..drawing import new_figure, style_axes
-from ..tables import table
+from ..drawing import new_axes, style_axes
+from ..tables import listed, table
 from .marks import words
 from .residuals import thinned
 
@@ -24,15 +24,14 @@ CAPTION = (
 
 
 def next_figure(result: GapResult) -> Figure | None:
-    """Old and new points in the inputs that matter most; None where no points were planned."""
+    """Old and new points in the inputs that matter most; None where no points are planned."""
     planned, points = result.next_measurement, result.next_points
     if planned is None or points is None:
         return None
     names = [name for name in planned.telling if name in points and name in result.residuals]
     if not names:
         return None
-    figure = new_figure(height=3.4)
-    axes = figure.add_subplot()
+    figure, axes = new_axes(height=3.4)
     _scatter(axes, thinned(result.residuals), points, names)
     units = {axis.name: axis.unit for axis in result.inputs}
     axes.set_xlabel(words(names[0], units.get(names[0], "")))
@@ -49,17 +48,15 @@ def _scatter(axes: Axes, old: pd.DataFrame, new: pd.DataFrame, names: list[str])
     at = new.groupby(names).size().reset_index(name="count")
     flat = pd.Series(0.0, index=old.index), pd.Series(1.0, index=at.index)
     heights = (old[names[1]], at[names[1]]) if len(names) > 1 else flat
-    axes.plot(old[names[0]], heights[0], linestyle="none", marker=".", markersize=4.0, color=OLD, label="record")
-    size = 22.0 * at["count"] ** 0.8
-    axes.scatter(
-        at[names[0]], heights[1], s=size, marker="D", facecolor="none", edgecolor=NEW, linewidth=1.2, label="next"
-    )
+    axes.plot(old[names[0]], heights[0], ".", markersize=4.0, color=OLD, label="record")
+    x, size = at[names[0]], 22.0 * at["count"] ** 0.8
+    axes.scatter(x, heights[1], s=size, marker="D", facecolor="none", edgecolor=NEW, linewidth=1.2, label="next")
 
 
 def next_section(planned: NextMeasurement | None, pictures: str) -> str:
-    """The text, the figure and the tables; a hint where nothing was asked for."""
+    """The text, the figure and the tables; a hint where no measurement is planned."""
     if planned is None:
-        return "<p>Not asked for: <code>[next_measurement]</code> with a range plans one.</p>"
+        return "<p>None is planned: <code>[next_measurement]</code> with a range plans one.</p>"
     parts = [f"<p>{escape(planned.text)}</p>", pictures]
     if planned.pairs:
         parts.append(_pairs(planned))
@@ -69,36 +66,22 @@ def next_section(planned: NextMeasurement | None, pictures: str) -> str:
 
 
 def _pairs(planned: NextMeasurement) -> str:
-    rows = [
-        {
-            "rival": " + ".join(pair.names),
-            "of": " + ".join(pair.instead_of),
-            "discrimination now": pair.now,
-            "expected": pair.expected,
-            "probability that the right one fits better": pair.chance,
-            "with as many measurements like the present": pair.alike,
-            "probability that one effect remains": pair.alone,
-            "readings for 0.95": pair.needed or None,
-        }
-        for pair in planned.pairs
-    ]
-    return table(pd.DataFrame(rows), caption="Discrimination: squared, in noise units.")
+    columns = (
+        "names: rival, instead_of: of, now: discrimination now, expected, "
+        "chance: probability that the right effect fits better, alike: with as many measurements like the present, "
+        "alone: probability that one effect remains, needed: measurements for 0.95"
+    )
+    rows = listed(planned.pairs, columns)
+    rows[["rival", "of"]] = rows[["rival", "of"]].map(" + ".join)
+    rows["measurements for 0.95"] = rows["measurements for 0.95"].mask(rows["measurements for 0.95"] == 0)
+    return table(rows, caption="Discrimination: squared, in noise units.")
 
 
 def _effects(planned: NextMeasurement) -> str:
-    rows = [
-        {
-            "effect": effect.name,
-            "parameter": effect.parameter,
-            "unit": effect.unit,
-            "looked for": effect.amount,
-            "chance now": effect.now,
-            "chance then": effect.then,
-            "with as many measurements like the present": effect.alike,
-            "seen from, now": effect.least_now,
-            "seen from, then": effect.least_then,
-        }
-        for effect in planned.effects
-    ]
+    columns = (
+        "name: effect, parameter, unit, amount: size, now: probability now, then: probability then, "
+        "alike: with as many measurements like the present, least_now: detected from (now), "
+        "least_then: detected from (then)"
+    )
     caption = "Probability of detection above the threshold of the whole library."
-    return table(pd.DataFrame(rows), caption=caption)
+    return table(listed(planned.effects, columns), caption=caption)

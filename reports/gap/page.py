@@ -12,10 +12,9 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from ...gap_records import FoundEffect, GapResult, Rival
-from ...records import mechanism_lines
-from ..document import bullets, document, folded, picture, section
+from ..document import about, bullets, document, folded, picture, section
 from ..summary import summary_table
-from ..tables import shown, table
+from ..tables import listed, shown, table
 from .distribution import distribution_figure
 from .drawing import drawing_section
 from .next_measurement import CAPTION, next_figure, next_section
@@ -25,7 +24,7 @@ from .residuals import residuals_figure
 from .spectrum import spectrum_figure
 
 NONE = table(pd.DataFrame())
-"""A section that holds nothing else is left out."""
+"""A section that has nothing else is omitted."""
 FOLDED = frozenset({"Summary", "Configuration", "Corrected configuration", "Detection limits", "What was simulated"})
 """Sections that are folded until a reader opens them."""
 VERDICTS = {
@@ -35,31 +34,27 @@ VERDICTS = {
     "indistinguishable from its rivals.",
     "partial": "Partial: the effects below close part of the gap. The remaining residual exceeds "
     "the noise and no effect is identified for it; it stays in the corrected model as unresolved "
-    "terms, so that no other number is biased by leaving it out.",
+    "terms, so that its omission biases no other number.",
     "unnamed": "Unnamed: model and measurement disagree, and no effect of the library explains it.",
 }
 RMSE = "RMSE on held-out rows"
-UNSEEN = "Not detectable, because confounded with free parameters"
+CONFOUNDED = "Not detectable, because confounded with free parameters"
 CAPTIONS = {
     "residuals": "{0}: measured less predicted against every input: before (circles), after "
-    "(crosses) and what the correction removed (pluses), all on one scale. Black line: the mean "
-    "of neighbouring measurements; dotted: twice the noise. Hatched: where the gap was located. At "
-    "most 600 measurements are drawn.",
-    "spectrum": "{0}: amplitude of every order of the residual, before above and after below. "
-    "Dotted: the largest amplitude of noise alone; peaks above it are labelled with their order. "
-    "Hatched: orders where the "
-    "gap was located, waves that grow with the torque included, which hardly show here.",
-    "distribution": "{0}. Left: share of units below a value; measured (solid), model before "
-    "(dashed) and after (dash-dotted). Right: the distance of the measured units from either "
-    "population, and what 95 % of batches of that size, drawn from the corrected model, stay below "
-    "(dotted).",
+    "(crosses) and the part that the correction removed (pluses), all on one scale. The black line is the mean "
+    "of neighbouring measurements, dotted lines are at twice the noise, and the gap is located in hatched "
+    "regions. At most 600 measurements are drawn.",
+    "spectrum": "{0}: amplitude of every order of the residual, before in the upper and after in the lower panel. "
+    "The dotted line is the largest amplitude of noise alone; peaks above it are labelled with their order. "
+    "The gap is located at hatched orders, including waves that grow with the torque, which hardly show here.",
+    "distribution": "{0}. Left: fraction of units below a value; measured (solid), model before "
+    "(dashed) and after (dash-dotted). Right: the distance of the measured units from both "
+    "populations; 95 % of batches of that size, drawn from the corrected model, stay below the dotted line.",
     "path": "Held-out error of every step over the noise: 1 is the noise floor (dotted). Accepted "
     "steps are filled and joined, refused ones hollow.",
-    "path of a batch": "What every step gains over what it must gain (dotted), in the measure of "
-    "the batch: a batch has no rows to leave out. Accepted steps are filled, refused ones hollow.",
+    "path of a batch": "The gain of every step over the least gain for its acceptance (dotted), in the measure of "
+    "the batch, which has no held-out rows. Accepted steps are filled, refused ones hollow.",
 }
-
-
 Drawn = tuple[str, Figure, str]
 
 
@@ -69,32 +64,34 @@ def figures(result: GapResult) -> dict[str, Figure]:
 
 
 def drawings(result: GapResult) -> tuple[Drawn, ...]:
-    """Name, figure and caption of everything that this result has a figure of."""
+    """Name, figure and caption of every figure that this result has."""
     return tuple(_drawn(result))
 
 
 def gap_page(result: GapResult, drawn: Sequence[Drawn] | None = None) -> str:
-    """The whole page, with the figures that were `drawn` already; every text that comes from
+    """The whole page, with the figures that are `drawn` already; every text that comes from
     outside is escaped.
     """
-    every = drawings(result) if drawn is None else drawn
-    pictures = {name: picture(name, figure, caption) for name, figure, caption in every}
+    all_drawn = drawings(result) if drawn is None else drawn
+    pictures = {name: picture(name, figure, caption) for name, figure, caption in all_drawn}
     sections = {
-        "The gap before and after": _those(pictures, "distribution")
-        + _those(pictures, "residuals")
+        "The gap before and after": _of_kind(pictures, "distribution")
+        + _of_kind(pictures, "residuals")
         + _gaps(result)
         + population_table(result),
         "What was simulated": drawing_section(result.drawing),
         "Verdict": _verdict(result),
         "Where": _regions_section(result),
-        "Orders": _those(pictures, "spectrum"),
-        "Steps": _those(pictures, "path") + _steps(result),
-        "Effects": _effects(result),
-        "What remains without a name": _remainder(result) if result.remainder else "",
-        "Rivals and the measurement that separates them": _rivals(result),
-        "Inputs behind it": attribution_table(result),
-        "The next measurement": _next(result, _those(pictures, "next_measurement")),
-        "Without a name": bullets([str(shape) for shape in result.shapes]) if result.shapes else "",
+        "Orders": _of_kind(pictures, "spectrum"),
+        "Steps": _of_kind(pictures, "path") + _steps(result),
+        "Effects": "\n".join(map(_effect, result.effects)),
+        "Unexplained residual": _remainder(result) if result.remainder else "",
+        "Rivals and the measurement that separates them": "\n".join(map(_rival, result.rivals)),
+        "Inputs that may cause it": attribution_table(result),
+        "The next measurement": _next(result, _of_kind(pictures, "next_measurement")),
+        "Shapes without an identified effect": bullets([str(shape) for shape in result.shapes])
+        if result.shapes
+        else "",
         "Recalibrated parameters": _recalibrated(result),
         "Detection limits": _detectable(result),
         "Notes": bullets(result.notes) if result.notes else "",
@@ -107,7 +104,7 @@ def gap_page(result: GapResult, drawn: Sequence[Drawn] | None = None) -> str:
         for title, body in sections.items()
         if body.replace(NONE, "").strip()
     ]
-    return document(result.title, "\n".join(parts), head=_head(result))
+    return document(result.title, parts, head=_head(result))
 
 
 def _head(result: GapResult) -> str:
@@ -115,9 +112,8 @@ def _head(result: GapResult) -> str:
     lines = [VERDICTS.get(result.verdict, result.verdict)]
     lines += [f"{effect.name.replace('_', ' ')}: {effect.cause}" for effect in result.effects]
     lines += [line for line in map(partial(_before_after, result), result.gap_before) if line]
-    about = "".join(f"<p>{escape(line)}</p>\n" for line in mechanism_lines(result.summary))
-    asked, rest = lines[0], "".join(f"<li>{escape(line)}</li>" for line in lines[1:])
-    return f'{about}<p class="asked">{escape(asked)}</p>\n<ul class="answers">{rest}</ul>'
+    rest = "".join(f"<li>{escape(line)}</li>" for line in lines[1:])
+    return f'{about(result.summary)}<p class="asked">{escape(lines[0])}</p>\n<ul class="answers">{rest}</ul>'
 
 
 def _before_after(result: GapResult, name: str) -> str:
@@ -126,7 +122,7 @@ def _before_after(result: GapResult, name: str) -> str:
         return ""
     unit = next((axis.unit for axis in result.outputs if axis.name == name), "noise units")
     floor = result.noise_floor.get(name)
-    noise = f"; noise alone leaves {shown(floor)}" if floor is not None else ""
+    noise = f"; noise alone causes {shown(floor)}" if floor is not None else ""
     measure = str(result.summary.get("gap_is", RMSE))
     return f"{name.replace('_', ' ')}: {shown(before)} before, {shown(after)} after [{unit}] ({measure}{noise})."
 
@@ -151,7 +147,7 @@ def _file_part(name: str) -> str:
     return re.sub(r"\W+", "_", name)
 
 
-def _those(pictures: Mapping[str, str], kind: str) -> str:
+def _of_kind(pictures: Mapping[str, str], kind: str) -> str:
     return "\n".join(text for name, text in pictures.items() if name.startswith(kind))
 
 
@@ -159,11 +155,11 @@ def _verdict(result: GapResult) -> str:
     lines = [VERDICTS.get(result.verdict, result.verdict)]
     lines += [f"{effect.name}: {effect.cause}" for effect in result.effects]
     lines += [
-        f"{effect.name}: {number} stands at its physical bound"
+        f"{effect.name}: {parameter} is at its physical bound"
         for effect in result.effects
-        for number in effect.at_bound
+        for parameter in effect.at_bound
     ]
-    lines += [f"without a name: {remainder}" for remainder in result.remainder]
+    lines += [f"unexplained: {remainder}" for remainder in result.remainder]
     lines += [str(output) for output in result.gate.outputs]
     return bullets(lines)
 
@@ -184,96 +180,51 @@ def _gaps(result: GapResult) -> str:
 
 
 def _regions_section(result: GapResult) -> str:
-    rows = [
-        {
-            "output": region.output,
-            "variable": region.variable,
-            "kind": region.kind,
-            "from": region.low,
-            "to": region.high,
-            "unit": region.unit,
-            "order": region.order,
-            "direction": region.direction,
-            "fraction of the gap": region.share,
-            "evidence": region.statistic,
-            "noise reaches": region.threshold,
-        }
-        for region in result.where
-    ]
-    return table(pd.DataFrame(rows))
+    columns = (
+        "output, variable, kind, low: from, high: to, unit, order, direction, share: fraction of the gap, "
+        "statistic: evidence, threshold: threshold of noise"
+    )
+    return table(listed(result.where, columns))
 
 
 def _steps(result: GapResult) -> str:
-    rows = [
-        {
-            "step": step.number,
-            "action": step.action,
-            "name": step.name,
-            "accepted": step.accepted,
-            "held-out RMSE over noise": step.held_out,
-            "held-out gain": step.held_out_gain,
-            "its standard error": step.held_out_error,
-            "gain": step.gain,
-            "threshold": step.threshold,
-            "why": step.reason,
-        }
-        for step in result.steps
-    ]
-    frame = pd.DataFrame(rows)
-    frame = frame[[name for name in frame if frame[name].notna().any()]]
+    columns = (
+        "number: step, action, name, accepted, held_out: held-out RMSE over noise, held_out_gain: held-out gain, "
+        "held_out_error: its standard error, gain, threshold, reason"
+    )
+    frame = listed(result.steps, columns).dropna(axis="columns", how="all")
     return table(frame, [step.accepted for step in result.steps])
 
 
-def _effects(result: GapResult) -> str:
-    return "\n".join(map(_effect, result.effects))
-
-
 def _effect(effect: FoundEffect) -> str:
-    rows = [
-        {"parameter": p.name, "value": p.value, "90 % from": p.low, "to": p.high, "unit": p.unit, "meaning": p.meaning}
-        for p in effect.parameters
-    ]
+    rows = listed(effect.parameters, "name: parameter, value, low: 90 % from, high: to, unit, meaning")
     evidence = [
         f"explains {shown(effect.gain)} where the threshold of noise is {shown(effect.threshold)}",
         f"held-out squared error falls by {shown(effect.held_out_gain)} "
         f"(standard error {shown(effect.held_out_error)})",
     ]
     if effect.frequency == effect.frequency:
-        evidence.append(f"named in {100 * effect.frequency:.0f} % of the bootstrap replicates")
-    evidence += [f"{name} stands at its physical bound" for name in effect.at_bound]
+        evidence.append(f"identified in {100 * effect.frequency:.0f} % of the bootstrap replicates")
+    evidence += [f"{name} is at its physical bound" for name in effect.at_bound]
     if effect.counterpart:
         evidence.append(f"in the problem of the allocation: {effect.counterpart}")
     return (
         f"<h3>{escape(effect.name)} ({escape(effect.family)})</h3>\n<p>{escape(effect.cause)}</p>\n"
-        f"{table(pd.DataFrame(rows))}\n{bullets(evidence)}"
+        f"{table(rows)}\n{bullets(evidence)}"
     )
 
 
 def _remainder(result: GapResult) -> str:
-    rows = [
-        {
-            "output": remainder.output,
-            "variables": ", ".join(remainder.variables),
-            "shape": remainder.shape,
-            "rms": remainder.rms,
-            "unit": remainder.unit,
-            "over the noise": remainder.ratio,
-            "fraction of the gap": remainder.share,
-        }
-        for remainder in result.remainder
-    ]
-    terms = [f"in the corrected model, without a name: {term}" for term in result.unresolved]
-    return table(pd.DataFrame(rows)) + bullets(terms)
+    columns = "output, variables, shape, rms, unit, ratio: over the noise, share: fraction of the gap"
+    rows = listed(result.remainder, columns)
+    terms = [f"unexplained term of the corrected model: {term}" for term in result.unresolved]
+    return table(rows.assign(variables=rows["variables"].map(", ".join))) + bullets(terms)
 
 
 def _next(result: GapResult, pictures: str) -> str:
-    """The planned measurement, or how to ask for one where a question is open."""
-    asked = result.next_measurement is not None or bool(result.rivals or result.shapes)
-    return next_section(result.next_measurement, pictures) if asked else ""
-
-
-def _rivals(result: GapResult) -> str:
-    return "\n".join(map(_rival, result.rivals))
+    """The planned measurement, or how to plan one where a question is open."""
+    open_question = result.next_measurement is not None or bool(result.rivals or result.shapes)
+    return next_section(result.next_measurement, pictures) if open_question else ""
 
 
 def _rival(rival: Rival) -> str:
@@ -281,7 +232,7 @@ def _rival(rival: Rival) -> str:
     lines = [f"fits worse by {shown(rival.distance)} (likelihood, and ln n per further parameter)"]
     if rival.correlation == rival.correlation:
         lines.append(
-            f"their contributions on these rows, given all else that is fitted, correlate by {rival.correlation:.3f}"
+            f"their contributions on these rows, given all other fitted terms, correlate by {rival.correlation:.3f}"
         )
     lines.append(f"next measurement: {rival.measurement}")
     lines += [
@@ -293,31 +244,11 @@ def _rival(rival: Rival) -> str:
 
 
 def _recalibrated(result: GapResult) -> str:
-    rows = [
-        {
-            "parameter": parameter.name,
-            "before": parameter.before,
-            "after": parameter.after,
-            "unit": parameter.unit,
-            "tolerance": parameter.tolerance,
-            "at its end": parameter.at_bound,
-        }
-        for parameter in result.gate.recalibrated
-    ]
-    return table(pd.DataFrame(rows))
+    columns = "name: parameter, before, after, unit, tolerance, at_bound: at its end"
+    return table(listed(result.gate.recalibrated, columns))
 
 
 def _detectable(result: GapResult) -> str:
-    rows = [
-        {
-            "effect": effect.name,
-            "family": effect.family,
-            "smallest rms": effect.rms,
-            "unit": effect.unit,
-            "parameter": effect.parameter,
-            "value": effect.value,
-        }
-        for effect in result.gate.detectable
-    ]
-    unseen = ", ".join(result.gate.unseen)
-    return table(pd.DataFrame(rows)) + (f"<p>{UNSEEN}: {escape(unseen)}.</p>" if unseen else "")
+    rows = listed(result.gate.detectable, "name: effect, family, rms: smallest rms, unit, parameter, value")
+    confounded = ", ".join(result.gate.unseen)
+    return table(rows) + (f"<p>{CONFOUNDED}: {escape(confounded)}.</p>" if confounded else "")

@@ -1,5 +1,5 @@
-"""The path of steps, in the measure that decided: held-out error against the noise floor, for a
-batch the gain of a step against its threshold.
+"""The path of steps: held-out error against the noise floor, and for a batch the gain of a step
+against its threshold.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from textwrap import shorten
 from matplotlib.figure import Figure
 
 from ...gap_records import GapResult, Step
-from ..drawing import new_figure, style_axes
+from ..drawing import new_axes, style_axes
 from .marks import AFTER
 
 LONGEST = 52
@@ -18,7 +18,7 @@ LONGEST = 52
 
 
 def path_figure(result: GapResult) -> Figure | None:
-    """Each step in the measure that decided; accepted ones filled, refused ones hollow.
+    """Each step in the measure that decides on it; accepted ones filled, refused ones hollow.
 
     Held-out error in noise units; for a batch, which has no rows to leave out, the gain over its
     threshold, on a logarithmic axis. None without steps.
@@ -33,43 +33,26 @@ def path_figure(result: GapResult) -> Figure | None:
     if not steps:
         return None
     at_step = [measured[step.number] for step in steps]
-    figure = new_figure(height=1.6 + 0.32 * len(steps))
-    axes = figure.add_subplot()
+    figure, axes = new_axes(height=1.6 + 0.32 * len(steps))
     places = range(len(steps))
     kept = [at for at in places if steps[at].accepted]
-    axes.plot(
-        [at_step[at] for at in kept],
-        kept,
-        color=AFTER.colour,
-        marker="o",
-        linewidth=1.4,
-        linestyle="none" if batch else "-",
-        label="accepted",
-    )
+    x, line = [at_step[at] for at in kept], "o" if batch else "o-"
+    axes.plot(x, kept, line, color=AFTER.colour, linewidth=1.4, label="accepted")
     refused = [at for at in places if not steps[at].accepted]
     if refused:
-        axes.plot(
-            [at_step[at] for at in refused],
-            refused,
-            linestyle="none",
-            marker="D",
-            color="#555555",
-            markerfacecolor="none",
-            label="not accepted",
-        )
-    axes.axvline(
-        1.0, color="black", linestyle=":", linewidth=1.4, label="what a step must gain" if batch else "noise floor"
-    )
+        x = [at_step[at] for at in refused]
+        axes.plot(x, refused, "D", color="#555555", markerfacecolor="none", label="not accepted")
+    threshold = "least gain of a step" if batch else "noise floor"
+    axes.axvline(1.0, color="black", linestyle=":", linewidth=1.4, label=threshold)
     axes.set_yticks(places, [_label(step) for step in steps], fontsize="small")
     axes.invert_yaxis()
     if batch:
         axes.set_xscale("log")
-        axes.set_xlabel("gain over what the step must gain")
+        axes.set_xlabel("gain over the least gain of a step")
     else:
         axes.set_xlim(left=min(0.9, 0.95 * min(at_step)))
         axes.set_xlabel("held-out RMSE over noise")
-    axes.legend(frameon=False, fontsize="small")
-    style_axes(axes)
+    style_axes(axes, legend=True)
     return figure
 
 

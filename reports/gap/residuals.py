@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from math import isfinite
 
 import numpy as np
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ...gap_records import GapResult, Region
 from ...records import Axis
-from ..drawing import flags, new_figure, style_axes
+from ..drawing import flags, new_figure, style_axes, with_unit
 from .marks import AFTER, BEFORE, TAKEN, Mark, legend, shade, words
 
 DRAWN = 600
@@ -28,15 +28,15 @@ MARKS = (BEFORE, AFTER, TAKEN)
 FEW = 3
 """Values up to which an input is drawn as labels."""
 TICKS = 4
-"""Stretches between ticks at most: panels are small, and most of their time is ticks."""
+"""Intervals between ticks at most: panels are small, and ticks take most of their time."""
 MEAN = "mean of neighbours"
 GOLDEN = 0.618033988749895
 
 
 def residuals_figure(result: GapResult, output: Axis) -> Figure | None:
-    """One row per input: before, after, and what the correction took away, on the same scale.
+    """One row per input: before, after, and what the correction removed, on the same scale.
 
-    None where the residuals are not row by row (a population).
+    None where rows have no residuals (a population).
     """
     inputs = [axis for axis in result.inputs if axis.name in result.residuals]
     if f"{output.name}_before" not in result.residuals or not inputs:
@@ -51,8 +51,9 @@ def residuals_figure(result: GapResult, output: Axis) -> Figure | None:
         regions = _regions(result.where, output.name, axis.name)
         for axes, mark in zip(row, MARKS, strict=True):
             _panel(axes, frame, axis, output, mark, regions)
-        row[0].set_ylabel(f"residual [{output.unit}]" if output.unit else "residual")
-    _frame(panels[0][0], frame, output)
+        row[0].set_ylabel(with_unit("residual", output.unit))
+    limit = _limit(frame, output)
+    panels[0][0].set_ylim(-limit, limit)
     _titles(panels[0], result, output)
     legend(figure, panels.ravel())
     for axes in panels.ravel():
@@ -77,35 +78,27 @@ def _panel(axes: Axes, frame: pd.DataFrame, axis: Axis, output: Axis, mark: Mark
     for region in regions:
         shade(axes, region.low, region.high)
     places, ticks = _places(frame[axis.name])
-    wrong = _outliers(frame, output)
+    outlier = _outliers(frame, output)
     rest = frame[f"{output.name}_{mark.word}"].to_numpy(dtype=float)
     limit = _limit(frame, output)
     axes.axhline(0.0, color="black", linewidth=0.8)
     axes.plot(
-        places[~wrong],
-        rest[~wrong],
-        linestyle="none",
-        marker=mark.marker,
+        places[~outlier],
+        rest[~outlier],
+        mark.marker,
         markersize=3.0,
         color=mark.colour,
         markerfacecolor=mark.face,
         markeredgewidth=0.7,
         label=mark.word,
     )
-    if wrong.any():
-        axes.plot(
-            places[wrong],
-            np.clip(rest[wrong], -limit, limit),
-            linestyle="none",
-            marker="+",
-            markersize=7.0,
-            color="black",
-            label="outlier (at the edge: beyond it)",
-        )
+    if outlier.any():
+        at_most, label = np.clip(rest[outlier], -limit, limit), "outlier (at the edge: beyond it)"
+        axes.plot(places[outlier], at_most, "+", markersize=7.0, color="black", label=label)
     if ticks:
-        _means_of_labels(axes, np.rint(places[~wrong]), rest[~wrong])
+        _means_of_labels(axes, np.rint(places[~outlier]), rest[~outlier])
     else:
-        _means(axes, places[~wrong], rest[~wrong])
+        _means(axes, places[~outlier], rest[~outlier])
     _noise(axes, frame, output)
     axes.yaxis.set_major_locator(MaxNLocator(TICKS, symmetric=True))
     if ticks:
@@ -121,15 +114,10 @@ def _outliers(frame: pd.DataFrame, output: Axis) -> NDArray[np.bool_]:
 
 
 def _limit(frame: pd.DataFrame, output: Axis) -> float:
-    """How far the panels reach: every measurement but the outliers."""
+    """Half the height of the panels, in which all measurements but the outliers lie."""
     good = frame[~_outliers(frame, output)]
     both = good[[f"{output.name}_{mark.word}" for mark in MARKS]].to_numpy(dtype=float)
     return 1.1 * float(np.nanmax(np.abs(both), initial=0.0)) or 1.0
-
-
-def _frame(axes: Axes, frame: pd.DataFrame, output: Axis) -> None:
-    limit = _limit(frame, output)
-    axes.set_ylim(-limit, limit)
 
 
 def _means(axes: Axes, places: NDArray[np.float64], rest: NDArray[np.float64]) -> None:
@@ -181,11 +169,8 @@ def _spread_sideways(codes: NDArray[np.intp]) -> NDArray[np.float64]:
 
 
 def _titles(row: Sequence[Axes], result: GapResult, output: Axis) -> None:
-    """Each column's held-out RMSE; none for a population, which has its distributions."""
-    units = len(result.units) > 0
-    nothing: Mapping[str, float] = {}
-    stages = (result.gap_before, result.gap_after, nothing)
-    for axes, mark, gaps in zip(row, MARKS, stages, strict=True):
-        error = None if units else gaps.get(output.name)
+    """The held-out RMSE of each column; none for a population, which has its distributions."""
+    errors = [None if len(result.units) else gap.get(output.name) for gap in (result.gap_before, result.gap_after)]
+    for axes, mark, error in zip(row, MARKS, (*errors, None), strict=True):
         text = "" if error is None else f": held-out {error:.3g} {output.unit}"
         axes.set_title(f"{mark.word}{text}", fontsize="small")

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from ...gap_records import GapResult
 from ...records import Axis
-from ..drawing import new_figure, style_axes
+from ..drawing import new_figure, style_axes, with_unit
 from .marks import AFTER, BEFORE, legend, shade
 
 HIGHEST = 5
@@ -33,16 +33,10 @@ def spectrum_figure(result: GapResult, output: Axis) -> Figure | None:
             shade(axes, order - WIDE, order + WIDE)
         axes.vlines(rows["order"], 0.0, rows[mark.word], color=mark.colour, linewidth=1.0)
         if rows["threshold"].notna().any():
-            axes.plot(
-                rows["order"],
-                rows["threshold"],
-                color="black",
-                linestyle=":",
-                linewidth=1.2,
-                label="largest amplitude of noise alone",
-            )
+            label = "largest amplitude of noise alone"
+            axes.plot(rows["order"], rows["threshold"], ":", color="black", linewidth=1.2, label=label)
         _label_peaks(axes, rows["order"].tolist(), rows[mark.word].tolist(), rows["threshold"].tolist())
-        axes.set_ylabel(f"{mark.word} [{output.unit}]" if output.unit else mark.word)
+        axes.set_ylabel(with_unit(mark.word, output.unit))
     panels[1].set_xlabel("order [waves per turn]")
     legend(figure, panels)
     for axes in panels:

@@ -1,8 +1,6 @@
 """Page and figures of a study."""
 
-from __future__ import annotations
-
-from .figures import Named, figures
+from .figures import figures
 from .page import study_page
 
-__all__ = ["Named", "figures", "study_page"]
+__all__ = ["figures", "study_page"]

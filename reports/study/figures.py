@@ -3,28 +3,16 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
-
-from matplotlib.figure import Figure
 
 from ...records import StudyResult
+from ..drawing import Named
 from .course import course_caption, course_figure
 from .response import response_caption, response_figure
 from .sensitivity import sensitivity_caption, sensitivity_figure
 
 
-@dataclass(frozen=True, slots=True)
-class Named:
-    """A figure, the stem of its files, what it shows in words, and its key where it has one."""
-
-    name: str
-    figure: Figure
-    caption: str
-    key: str = ""
-
-
 def figures(result: StudyResult) -> list[Named]:
-    """Courses of each key, then each response against the settings, then the sensitivities."""
+    """The course of every key, every response against the settings, and the sensitivities."""
     drawn = [
         Named(f"course_{stem(key)}", course_figure(result, key), course_caption(result, key), key)
         for key in result.courses["key"].unique()

@@ -8,29 +8,30 @@ from typing import Any
 
 import pandas as pd
 
-from ...records import StudyResult, mechanism_lines
-from ..document import bullets, document, folded, picture, section
+from ...records import StudyResult
+from ..document import about, bullets, document, folded, picture, section
+from ..drawing import Named
 from ..scripts import data, package_scripts
-from ..tables import chosen, table
-from .figures import Named, figures
+from ..tables import chosen, described, table
+from .figures import figures
 from .words import short
 
 KEYS, POINTS = 8, 300
 """Keys and settings on the page at most: medians.csv has all."""
 FAILED = 60
 """Failed runs on the page at most."""
-SHOWN = "A test supports it."
-NOT_SHOWN = "No test supports it: the seeds are too few, or the settings too alike."
+SUPPORTED = "A test supports it."
+UNSUPPORTED = "No test supports it: the seeds are too few, or the settings too alike."
 TESTS = (
-    "Tests on common seeds. wilcoxon: signed-rank test of two levels, effect is the rank-biserial "
-    "correlation, difference the median of a - b; friedman: all levels of a key, effect is "
-    "Kendall's W; anova: F. p_holm is corrected within a response and kind. Where the number of "
-    "seeds cannot give significance, the reason is named and none is claimed."
+    "Tests on common seeds. wilcoxon is the signed-rank test of two levels, with the rank-biserial "
+    "correlation as effect and the median of a - b as difference; friedman is of all levels of a key, with "
+    "Kendall's W as effect; anova has F. p_holm is corrected within a response and kind. Where the number of "
+    "seeds cannot give significance, the table states the reason and claims none."
 )
 SENSITIVITY = (
-    "S1, ST: Sobol indices; mu_star, sigma: elementary effects; anova_share: share of the variance "
-    "of one run (one at a time: over the levels of that key alone); noise_share: what the seed "
-    "alone changes. distinct: the interval lies above 0."
+    "S1 and ST are Sobol indices, mu_star and sigma elementary effects. anova_share is the fraction of the variance "
+    "of one run (one at a time: over the levels of that key alone), noise_share the fraction that the seed "
+    "alone causes. distinct states whether the interval lies above 0."
 )
 
 
@@ -41,32 +42,31 @@ def study_page(result: StudyResult) -> str:
         section("In words", bullets(result.notes)) if result.notes else "",
         _settings(result),
         *_courses(result, drawn),
-        section("Responses", "\n".join(map(_drawing, _of(drawn, "response_")))),
+        section("Responses", _pictures(drawn, "response_")),
         section("Sensitivities", _sensitivities(result, drawn)) if len(result.sensitivity) else "",
         section("Tests", _tests(result.tests)),
         section("Medians", folded("Table", _medians(result))),
         section("Failed runs", _failed(result.table)) if (result.table["status"] == "failed").any() else "",
         section("Configuration", folded("study.toml", f"<pre>{escape(result.configuration)}</pre>")),
     ]
-    body = "\n".join(part for part in parts if part)
     scripts = (package_scripts("common.js", "study.js"),) if len(result.medians) else ()
-    return document(result.title, body, scripts, _head(result))
+    return document(result.title, parts, scripts, _head(result))
 
 
 def _head(result: StudyResult) -> str:
-    """What is recommended, and how sure that is."""
-    about = "".join(f"<p>{escape(line)}</p>\n" for line in mechanism_lines({"mechanism": result.mechanism}))
+    """The recommended settings, and whether a test supports them."""
+    mechanism = about({"mechanism": result.mechanism})
     if not result.recommendations:
-        return f'{about}<p class="asked">No setting is recommended.</p>'
+        return f'{mechanism}<p class="asked">No setting is recommended.</p>'
     lines = "".join(
-        f"<li>{escape(recommendation.sentence)} {SHOWN if recommendation.shown else NOT_SHOWN}</li>"
+        f"<li>{escape(recommendation.sentence)} {SUPPORTED if recommendation.shown else UNSUPPORTED}</li>"
         for recommendation in result.recommendations
     )
-    return f'{about}<p class="asked">Recommended settings</p>\n<ul class="answers">{lines}</ul>'
+    return f'{mechanism}<p class="asked">Recommended settings</p>\n<ul class="answers">{lines}</ul>'
 
 
 def _settings(result: StudyResult) -> str:
-    """Settings to filter and to compare, which the scripts fill."""
+    """The settings, which the scripts filter and compare."""
     if result.medians.empty:
         return ""
     names = [response.name for response in result.responses]
@@ -96,38 +96,32 @@ def _interval(row: dict[Hashable, Any] | None) -> dict[str, Any] | None:
     return None if row is None else {name: row[name] for name in ("median", "low", "high")}
 
 
-def _of(drawn: list[Named], start: str) -> list[Named]:
-    return [named for named in drawn if named.name.startswith(start)]
-
-
-def _drawing(named: Named) -> str:
-    return picture(named.name, named.figure, named.caption)
+def _pictures(drawn: list[Named], start: str) -> str:
+    return "\n".join(picture(item.name, item.figure, item.caption) for item in drawn if item.name.startswith(start))
 
 
 def _courses(result: StudyResult, drawn: list[Named]) -> list[str]:
-    """Each course with the verdicts on its interpretation; then the verdicts on all others."""
-    parts, shown = [], {named.key for named in drawn if named.key}
-    for named in _of(drawn, "course_"):
-        read = [verdict.sentence for verdict in result.verdicts if verdict.key == named.key]
-        parts.append(_drawing(named) + (bullets(read) if read else ""))
-    rest = [verdict.sentence for verdict in result.verdicts if verdict.key not in shown]
+    """The courses with the verdicts on their interpretations; then the verdicts on all others."""
+    parts, courses = [], [item for item in drawn if item.key]
+    keys = {course.key for course in courses}
+    for course in courses:
+        verdicts = [verdict.sentence for verdict in result.verdicts if verdict.key == course.key]
+        parts.append(picture(course.name, course.figure, course.caption) + (bullets(verdicts) if verdicts else ""))
+    rest = [verdict.sentence for verdict in result.verdicts if verdict.key not in keys]
     sections = [section("Courses", "\n".join(parts))] if parts else []
-    return sections + ([section("Readings", bullets(rest))] if rest else [])
+    return sections + ([section("Interpretations", bullets(rest))] if rest else [])
 
 
 def _sensitivities(result: StudyResult, drawn: list[Named]) -> str:
-    if result.sensitivity.empty:
-        return "<p>None.</p>"
-    pictures = "\n".join(map(_drawing, _of(drawn, "sensitivity")))
     marks = [bool(distinct) for distinct in result.sensitivity["distinct"]]
-    return f"{pictures}\n<p>{escape(SENSITIVITY)}</p>\n{table(result.sensitivity, marks)}"
+    return f"{_pictures(drawn, 'sensitivity')}\n{described(SENSITIVITY, result.sensitivity, marks)}"
 
 
 def _tests(tests: pd.DataFrame) -> str:
     if tests.empty:
         return "<p>None: this design compares no levels side by side.</p>"
     marks = [bool(significant) for significant in tests["significant"]]
-    return f"<p>{escape(TESTS)}</p>\n{table(tests, marks)}"
+    return described(TESTS, tests, marks)
 
 
 def _medians(result: StudyResult) -> str:

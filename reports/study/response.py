@@ -18,7 +18,7 @@ COLOUR = "#1f5fa8"
 
 
 def response_figure(result: StudyResult, response: Response) -> Figure:
-    """One panel per key; one at a time only the settings that leave the other keys alone."""
+    """One panel per key, in a design one at a time only of settings that change no other key."""
     rows = -(-len(result.varied) // COLUMNS)
     figure = new_figure(height=0.6 + 2.7 * rows)
     columns = min(COLUMNS, len(result.varied))
@@ -43,42 +43,18 @@ def _draw(axes: Axes, result: StudyResult, response: Response, key: Varied, medi
     places, labels = _places(result.design.loc[points, key.key], key)
     if len(result.design) <= MOST:
         runs = result.table[result.table["point"].isin(points)]
-        axes.plot(
-            places.loc[runs["point"]],
-            runs[response.name],
-            linestyle="none",
-            marker="o",
-            markersize=2.2,
-            color="#888888",
-            alpha=0.5,
-            markeredgewidth=0,
-        )
+        x, y = places.loc[runs["point"]], runs[response.name]
+        axes.plot(x, y, "o", markersize=2.2, color="#888888", alpha=0.5, markeredgewidth=0)
     some = medians.loc[points]
     order = places.sort_values(kind="stable").index
     joined = "-" if result.kind == "one_at_a_time" and not key.categorical else "none"
     reach = np.abs(some[["low", "high"]].to_numpy(dtype=float).T - some["median"].to_numpy())
-    axes.errorbar(
-        places.loc[points],
-        some["median"],
-        yerr=np.nan_to_num(reach),
-        linestyle="none",
-        marker="o",
-        markersize=4,
-        capsize=2.5,
-        linewidth=1.1,
-        color=COLOUR,
-    )
+    x, errors = places.loc[points], np.nan_to_num(reach)
+    axes.errorbar(x, some["median"], errors, fmt="o", markersize=4, capsize=2.5, linewidth=1.1, color=COLOUR)
     axes.plot(places.loc[order], some.loc[order, "median"], linestyle=joined, linewidth=0.9, color=COLOUR)
     if some["median"].isna().any():
-        axes.text(
-            0.5,
-            0.97,
-            "no median: half of the runs\ndid not get there",
-            fontsize="small",
-            ha="center",
-            va="top",
-            transform=axes.transAxes,
-        )
+        text = "no median: half of the runs\ndid not reach the level"
+        axes.text(0.5, 0.97, text, fontsize="small", ha="center", va="top", transform=axes.transAxes)
     if response.best is not None:
         axes.axhline(response.best, color="black", linestyle="--", linewidth=1.0)
     if labels:
@@ -106,7 +82,7 @@ def _points(result: StudyResult, key: Varied) -> pd.Index:
 
 
 def _places(column: pd.Series, key: Varied) -> tuple[pd.Series, list[str]]:
-    """Where each setting stands, and the names along the axis where they are no numbers."""
+    """The place of every setting on the axis, and the labels of the axis for levels without numbers."""
     if not key.categorical:
         return column.astype(float), []
     names = list(dict.fromkeys(column))

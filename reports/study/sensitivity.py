@@ -11,20 +11,18 @@ from ...records import StudyResult
 from ..drawing import new_figure, style_axes
 from .words import short
 
-TITLES = MappingProxyType(
+FIRST, SECOND, NOISE = "#1f5fa8", "#c4501b", "#666666"
+LOOKS = MappingProxyType(
     {
-        "S1": "alone (S1)",
-        "ST": "with all its interactions (ST)",
-        "mu_star": "mean size of its effect (mu*)",
-        "sigma": "spread of its effect (sigma)",
-        "anova_share": "fraction of the variance of a run",
-        "noise_share": "share of noise",
+        "S1": ("alone (S1)", FIRST),
+        "ST": ("with all its interactions (ST)", SECOND),
+        "mu_star": ("mean size of its effect (mu*)", FIRST),
+        "sigma": ("spread of its effect (sigma)", SECOND),
+        "anova_share": ("fraction of the variance of a run", FIRST),
+        "noise_share": ("fraction of noise", NOISE),
     }
 )
-FIRST, SECOND, NOISE = "#1f5fa8", "#c4501b", "#666666"
-COLOURS = MappingProxyType(
-    {"S1": FIRST, "ST": SECOND, "mu_star": FIRST, "sigma": SECOND, "anova_share": FIRST, "noise_share": NOISE}
-)
+"""Label and colour of every statistic."""
 HEIGHT = 0.3
 """Height [inch] of a row."""
 
@@ -39,24 +37,14 @@ def sensitivity_figure(result: StudyResult) -> Figure:
         sensitivities = result.sensitivity[result.sensitivity["response"] == name].reset_index(drop=True)
         for statistic, part in sensitivities.groupby("statistic", sort=False):
             sides = np.abs(part[["low", "high"]].to_numpy().T - part["value"].to_numpy())
-            axes.errorbar(
-                part["value"],
-                part.index,
-                xerr=sides,
-                linestyle="none",
-                marker="o",
-                capsize=3,
-                color=COLOURS[str(statistic)],
-                label=TITLES[str(statistic)],
-            )
-        axes.set_yticks(
-            range(len(sensitivities)), [short(key) or "noise" for key in sensitivities["key"]], fontsize="small"
-        )
+            label, colour = LOOKS[str(statistic)]
+            axes.errorbar(part["value"], part.index, xerr=sides, fmt="o", capsize=3, color=colour, label=label)
+        labels = [short(key) or "noise" for key in sensitivities["key"]]
+        axes.set_yticks(range(len(sensitivities)), labels, fontsize="small")
         axes.axvline(0.0, color="black", linewidth=0.8)
         axes.invert_yaxis()
         axes.set_title(name.replace("_", " "), fontsize="medium", loc="left")
-        axes.legend(frameon=False, fontsize="small")
-        style_axes(axes)
+        style_axes(axes, legend=True)
     return figure
 
 
@@ -64,6 +52,6 @@ def sensitivity_caption(result: StudyResult) -> str:
     """What the figure shows."""
     confidence = 100 * result.sensitivity["level"].iloc[0]
     return (
-        f"Sensitivities with {confidence:.0f} % intervals, the noise of the runs taken out and "
-        "shown for itself: an effect whose interval holds 0 is not distinguishable from 0."
+        f"Sensitivities with {confidence:.0f} % intervals, from which the noise of the runs is removed; it is "
+        "shown separately. An effect whose interval contains 0 is not distinguishable from 0."
     )

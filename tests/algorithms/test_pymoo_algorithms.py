@@ -190,7 +190,7 @@ def test_nsga3_directions_and_front(objectives: int, directions: int) -> None:
 def test_nsga3_needs_a_population_for_its_directions() -> None:
     problem = RvBacklash(replace(FEASIBLE, objectives=OUTPUTS[:3]))
     assert len(NSGA3(91, partitions=12).build(problem).ref_dirs) == 91
-    with pytest.raises(InputError, match=r"12 of 3 axes are 91 .* raise population to 91"):
+    with pytest.raises(InputError, match=r"12 partitions of 3 axes give 91 .* raise population to 91"):
         NSGA3(90, partitions=12).build(problem)
 
 

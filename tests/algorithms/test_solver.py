@@ -77,5 +77,5 @@ def test_what_is_left_of_the_budget() -> None:
 
 
 def test_a_solver_builds_no_pymoo_algorithm() -> None:
-    with pytest.raises(TypeError, match="drives the evaluations"):
+    with pytest.raises(TypeError, match="evaluates designs itself"):
         Walk().build(RvBacklash(SMALL))

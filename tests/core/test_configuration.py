@@ -305,7 +305,7 @@ FAULTS = {
         "algorithm.name: cmopso of pymoo is not offered: its survival draws from a generator "
         "without a seed, so that no run can be repeated; use gde3",
     'algorithm.name = "nsga3"\nalgorithm.partitions = 100':
-        "algorithm.partitions: 100 of 2 axes are 101 reference directions, more than the "
+        "algorithm.partitions: 100 partitions of 2 axes give 101 reference directions, more than the "
         "population of 100: raise population to 101, or give fewer partitions (0: as many as the "
         "population holds)",
     'algorithm.name = "ga"': "algorithm.name: ga takes exactly one objective, [objectives] "

@@ -36,7 +36,7 @@ def test_page_has_both_tables_and_escapes_them(of_units: GapResult) -> None:
     text = gap_page(of_units)
     parsed(text)
     for expected in ("distance of shapes", "no difference detected; one of 0.3", "0.25",
-                     "Inputs behind",
+                     "Inputs that may cause it",
                      "it needs 5.9 of its tolerance", "1.51", "1200", "y&lt;",
                      "shift of pin&lt; alone"):  # fmt: skip
         assert expected in text, expected
@@ -52,7 +52,7 @@ def test_lines_that_differ_are_marked(of_units: GapResult) -> None:
 
 def test_page_without_units_has_no_section_of_them(result: GapResult) -> None:
     assert population_table(result) == attribution_table(result) == ""
-    assert "Inputs behind it" not in gap_page(result)
+    assert "Inputs that may cause it" not in gap_page(result)
     assert "<p>None" not in gap_page(replace(result, effects=(), rivals=(), shapes=(), where=()))
 
 

@@ -55,6 +55,6 @@ def test_the_page_has_it_and_names_the_one_that_fails() -> None:
     text = page(example())
     assert "<h2>Cheapest and dearest point</h2>" in text
     assert "The costs of the front lie between" in text
-    assert "The section &quot;broken&quot; of own-pages 1.0 is left out: KeyError" in text
+    assert "The section &quot;broken&quot; of own-pages 1.0 is omitted: KeyError" in text
     assert "<nonsense>" not in text
     assert "<h2>Configuration</h2>" in text

@@ -85,7 +85,7 @@ def test_page_tells_readings_recommendation_tests_and_failures(result: StudyResu
     text = study_page(result)
     course, reading = text.index("<figure>"), text.index("it holds")
     assert course < reading < text.index("<h2>Responses</h2>")
-    assert "<h2>Readings</h2>" in text and "no course of this" in text
+    assert "<h2>Interpretations</h2>" in text and "no course of this" in text
     failed = text[text.index("<h2>Failed runs</h2>") :]
     assert failed.count("<tr") == 2 and "ValueError" in failed
     marked = text[text.index("<h2>Sensitivities</h2>") : text.index("<h2>Tests</h2>")]

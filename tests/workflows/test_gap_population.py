@@ -201,13 +201,13 @@ def test_steps_of_a_batch_are_drawn_by_what_they_gain() -> None:
     assert figure is not None
     (axes,) = figure.axes
     assert axes.get_xscale() == "log"
-    assert axes.get_xlabel() == "gain over what the step must gain"
+    assert axes.get_xlabel() == "gain over the least gain of a step"
     shown = [one for one in result.steps if one.gain > 0.0 and one.threshold > 0.0]
     lines = {str(line.get_label()): line for line in axes.get_lines()}
     expected = [one.gain / one.threshold for one in shown if one.accepted]
     drawn = np.asarray(lines["accepted"].get_xdata(), dtype=float)
     np.testing.assert_allclose(drawn, expected)
-    assert "what a step must gain" in lines
+    assert "least gain of a step" in lines
     added = [one for one in shown if one.action == "add"]
     assert len(added) >= 2
     assert all(one.accepted <= (one.gain > one.threshold) for one in added)

@@ -124,7 +124,7 @@ def test_a_corrected_model_with_a_term_leaves_the_residuals_that_were_written(tm
     left = pd.read_csv(table)["te_arcsec"] - pd.read_csv(again)["te_arcsec"]
     np.testing.assert_allclose(left, residuals["te_arcsec_after"], atol=1e-7)
     page = (out / "report.html").read_text(encoding="utf-8")
-    assert "What remains without a name" in page
+    assert "Unexplained residual" in page
 
 
 def test_all_rows_are_in_the_final_fit(tmp_path: Path) -> None:

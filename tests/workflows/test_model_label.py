@@ -70,7 +70,7 @@ def test_summary_and_terminal_name_the_model(plain: RunOutcome) -> None:
 
 def test_page_names_it_before_the_front(plain: RunOutcome) -> None:
     text = (plain.folder / "report.html").read_text(encoding="utf-8")
-    said = text.index("Every number here is of document B&#x27;s closed form.")
+    said = text.index("All numbers on this page are by document B&#x27;s closed form.")
     assert said < text.index('id="work"')
     again = report([plain.folder], plain.folder / "again.html")
     assert "closed form.</strong>" in again.path.read_text(encoding="utf-8")

@@ -124,7 +124,7 @@ def test_what_cannot_be_proven_says_why() -> None:
     for problem, why in (
         (Plain(form_of(), ("v",)), "cost is not an objective"),
         (Plain(None), "the problem has no convex form"),
-        (Plain(form_of(), ("cost", "v", "w")), "no convex form of w (there is one of v)"),
+        (Plain(form_of(), ("cost", "v", "w")), "no convex form of w is known (there is one of v)"),
         (Plain(form_of(), ("cost", "w"), why="it is sampled"), "of v): it is sampled"),
     ):
         found = proven(problem, **at)

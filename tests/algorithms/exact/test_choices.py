@@ -226,7 +226,7 @@ def test_what_a_master_problem_does_not_find_is_not_called_impossible(
 
         def run(self) -> Solution | None:
             one = np.ones(1)
-            return Solution((1,), 0.3 * one, 9.0, 8.0, 2.0 * one) if kept else None
+            return Solution((1,), 0.3 * one, 9.0, 8.0) if kept else None
 
     quantile = Quantile(0.9, ((Piece(1.0, EvenPlateau()),),))
     way = Way(Reciprocal(1.0, 0.5), 0.1, 1.0, (0.0,), (1.0,))

@@ -142,7 +142,7 @@ def test_one_combination_is_solved_at_all_limits_at_once(
     monkeypatch: pytest.MonkeyPatch, solved: list[tuple[int, ...]]
 ) -> None:
     """Without prices: 1/t1 + 1/t2 under t1 + t2 <= L and twice it <= 3 L, so that t = L/2."""
-    monkeypatch.setattr(choices, "Prices", unused)
+    monkeypatch.setattr(choices, "tabulated", unused)
     part = way(0.0, 1.0, 0.01, 9.0, (1.0, 2.0), (0.0, 0.0))
     limits = np.array([0.5, 1.0, 2.0, 4.0])
     found = least_cost(form([part], [part]), np.stack([limits, 3.0 * limits], axis=1))

@@ -36,6 +36,10 @@ class Told(Corrected):
         prices = [way.curve for way in form.features[0].ways]
         problem = Provable()
         vars(problem).update(
+            free=[SimpleNamespace(name="p"), SimpleNamespace(name="t")],
+            xl=-np.inf,
+            xu=np.inf,
+            form_columns=lambda columns: {"p": np.zeros(1)} | columns,
             complete=lambda x: x,
             outputs_of=lambda x, errors: {"cost": prices[int(x[0, 0])].cost(x[:, 1])},
             form_values=lambda _, x, __: np.array([[self.said(int(x[0, 0]), float(x[0, 1]))]]),
@@ -48,9 +52,6 @@ class Told(Corrected):
         self.asked += 1
         self.last = self.truth(way, t, self.asked)
         return self.last
-
-    def _vector(self, ways: tuple[int, ...], t: Array) -> Array:
-        return np.array([ways[0], t[0]])
 
 
 @pytest.mark.parametrize(("factor", "more"), [(1.05, 0.01), (1.0, 0.2), (0.99, 0.0)])

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tolevo.algorithms.arrays import Array
 from tolevo.algorithms.exact import doubt
 from tolevo.algorithms.exact.choices import cost_range, least_cost
 from tolevo.algorithms.exact.combination import Combination
@@ -19,7 +20,6 @@ from tolevo.models.costs import Reciprocal
 from tolevo.models.propagation.even import EvenPlateau
 from tolevo.problems.forms import Feature, Form, Piece, Quantile, Way
 
-Array = doubt.Array
 INF = np.inf
 
 

@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 import scipy
 
+from tolevo.algorithms.arrays import Array
 from tolevo.algorithms.exact import master
 from tolevo.algorithms.exact.choices import cost_range
 from tolevo.algorithms.exact.combination import Combination
-from tolevo.algorithms.exact.master import GAP, Array, Master, Solution
+from tolevo.algorithms.exact.master import GAP, Master, Solution
 from tolevo.algorithms.exact.programme import Programme
 from tolevo.models.costs import Reciprocal
 from tolevo.problems.forms import Feature, Form, Way
@@ -231,7 +232,7 @@ def test_a_node_keeps_what_is_proven_already(monkeypatch: pytest.MonkeyPatch) ->
 def test_a_node_is_left_where_it_cannot_be_cheaper() -> None:
     """After the first bound that is as high as the best cost, without weights."""
     own = begun(some_ranges(), 2.5)
-    own.best = Solution((0, 0), np.ones(2), own.floor, -INF, np.zeros(1))
+    own.best = Solution((0, 0), np.ones(2), own.floor, -INF)
     bound, weight = own._node(every(own.form), -INF)
     assert weight is None
     assert bound == max(own.bounds)
@@ -266,7 +267,7 @@ def test_the_tightest_of_what_is_mixed_is_tried_until_something_is_known() -> No
     own._round(weight, every(form), np.ones(1))
     assert own._solved == {(0,), (1,)}
     own = begun(form, 2.0)
-    own.best = Solution((2,), np.ones(1), 0.4, -INF, np.zeros(1))
+    own.best = Solution((2,), np.ones(1), 0.4, -INF)
     own._round(weight, every(form), np.ones(1))
     assert own._solved == {(0,)}
 

@@ -13,8 +13,9 @@ from itertools import product
 import numpy as np
 import pytest
 
+from tolevo.algorithms.arrays import Array
 from tolevo.algorithms.exact import master
-from tolevo.algorithms.exact.master import GAP, Allowed, Array, Master, Solution
+from tolevo.algorithms.exact.master import GAP, Allowed, Master, Solution
 from tolevo.algorithms.exact.programme import Programme
 from tolevo.models.costs import Reciprocal
 from tolevo.problems.forms import Feature, Form, Way
@@ -80,7 +81,7 @@ class Tabled(Master):
         chosen = tuple(int(np.argmax(one)) for one in weight)
         cost = self.costs[chosen]
         if cost < (INF if self.best is None else self.best.cost):
-            self.best = Solution(chosen, np.ones(len(chosen)), cost, -INF, np.zeros(1))
+            self.best = Solution(chosen, np.ones(len(chosen)), cost, -INF)
 
 
 @pytest.mark.parametrize("nodes", [1, 2, 5, 1000])
