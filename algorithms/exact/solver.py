@@ -122,7 +122,7 @@ def _corner(problem: ToleranceProblem, form: Form, upper: Array) -> Array:
     The least cost within the limits as they are, or that corner where rounding leaves nothing else.
     """
     x = search_vectors(problem, form, least_cost(form, upper[None, :]))
-    if len(x) and np.all(_in_truth(problem, form, x, upper)[0]):
+    if len(x) and np.all(_by_full_model(problem, form, x, upper)[0]):
         return x
     ways = tightest_ways(form)
     low = np.array([feature.ways[way].low for feature, way in zip(form.features, ways, strict=True)])
