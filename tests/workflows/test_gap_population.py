@@ -297,7 +297,7 @@ def test_lots_of_one_unit_have_no_offset() -> None:
     table[BACKLASH][38:] += 2.0
     result = analysed(table)
     assert "lot_offset" not in result.names
-    assert any("cannot tell the offset of lots" in note and "B, C" in note for note in result.notes)
+    assert any("the offset of lots of fewer" in note and "B, C" in note for note in result.notes)
 
 
 def test_repeats_are_one_unit() -> None:

@@ -253,7 +253,7 @@ def test_a_step_of_a_session_is_said_and_a_drag_that_is_none_is_at_its_bound(tmp
     text = head() + '"session" = { role = "ignore" }\n[validation]\nblocks = "session"\n'
     said = found(tmp_path, frame, text)
     assert said.verdict == "partial" and said.names == ("load_viscous",)
-    assert said.remainder[0].shape == "a level of its own in each session"
+    assert said.remainder[0].shape == "a separate level for each session"
     signed, drag = said.effects[0].parameters
     assert signed.low < 0.005 < signed.high
     if drag.value == 0.0:

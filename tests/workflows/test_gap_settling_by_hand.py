@@ -10,12 +10,11 @@ import pytest
 from tests.workflows.gap_toy import PENALTY, N, directions, member, of_names, readings, settling, squares_left
 from tolevo.models.effects.unresolved import Term, Unresolved
 from tolevo.workflows.gap.data import GapData
-from tolevo.workflows.gap.fit import Fit, Member
+from tolevo.workflows.gap.fit import Fit, Member, is_term
 from tolevo.workflows.gap.generic import FROM_ZERO, LEVELS, Form
 from tolevo.workflows.gap.library import Candidate
 from tolevo.workflows.gap.scan import generic_residual
 from tolevo.workflows.gap.settle import TERMS
-from tolevo.workflows.gap.unresolved import is_term
 
 SPEED = np.random.default_rng(8).permutation(np.linspace(0.02, 1.0, N))
 WARM = np.random.default_rng(9).permutation(np.linspace(0.0, 1.0, N))
@@ -78,11 +77,11 @@ def test_a_name_takes_the_place_of_a_form_that_does_the_same_with_more_numbers()
     knots = tuple(np.quantile(SPEED, np.linspace(0.0, 1.0, 5)).tolist())
     wide = of_names(one, "", term(Term("te", "speed", "spline", knots=knots)))
     assert squares_left([SPEED**2], y) == pytest.approx(0.0, abs=1e-9)
-    assert [fit.names for fit in one._names(wide, set())] == [("a",)]
-    assert list(one._names(wide, {"a"})) == []
+    assert [fit.names for fit in one._with_effects(wide, set())] == [("a",)]
+    assert list(one._with_effects(wide, {"a"})) == []
     narrow = of_names(one, "", term(Term("te", "speed", "power", exponent=2.0)))
     assert narrow.score == pytest.approx(of_names(one, "a").score)
-    assert list(one._names(narrow, set())) == []
+    assert list(one._with_effects(narrow, set())) == []
 
 
 def test_names_stay_while_others_are_tried() -> None:
@@ -90,7 +89,7 @@ def test_names_stay_while_others_are_tried() -> None:
     near = 0.9 * b + np.sqrt(0.19) * c
     one = settling([member("a"), member("b"), member("n")], {"a": a, "b": b, "n": near},
                    20.0 * a + 30.0 * b, DATA, [power(1.0)])  # fmt: skip
-    tried = list(one._names(of_names(one, "an"), set()))
+    tried = list(one._with_effects(of_names(one, "an"), set()))
     assert [fit.names for fit in tried] == [("a", "n", "b")]
 
 

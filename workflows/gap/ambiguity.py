@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
+from operator import attrgetter
 
 import numpy as np
 
@@ -34,24 +35,22 @@ def rivals(search: Search, fit: Fit, kept: Sequence[int]) -> list[Other]:
     reach = search.settings.set_distance
     barred = {member.name for member in fit.members}
     for at in kept:
-        remaining = fit.without(at)
-        for rival in _near(search, remaining, fit):
+        for rival in _near(search, fit.without(at)):
             if rival.names[-1] != fit.names[at] and rival.score - fit.score <= reach:
                 key = ((rival.names[-1],), (fit.names[at],))
                 alternatives[key] = Other(rival, *key, rival.score - fit.score)
     for pair in combinations(kept, 2):  # one effect instead of two
         names = tuple(fit.names[k] for k in pair)
-        rest = tuple(member for k, member in enumerate(fit.members) if k not in pair)
-        for rival in _near(search, rest, fit):
+        for rival in _near(search, fit.without(*pair)):
             new_name = rival.names[-1]
             if new_name not in barred and rival.score - fit.score <= reach:
                 alternatives[(new_name,), names] = Other(rival, (new_name,), names, rival.score - fit.score)
-    return sorted(alternatives.values(), key=lambda alternative: alternative.distance)
+    return sorted(alternatives.values(), key=attrgetter("distance"))
 
 
-def _near(search: Search, others: Sequence[Member], fit: Fit) -> list[Fit]:
-    """Fits with one more effect in addition to `others`, about as good as `fit`."""
-    return search.refined(others, scan(search.fitter, search.white, search.book, others))
+def _near(search: Search, others: Sequence[Member]) -> list[Fit]:
+    """The best fits with one more effect in addition to `others`."""
+    return search.refined(others, scan(search.fitter, search.white, search.dictionary, others))
 
 
 def correlation(fitter: Fitter, fit: Fit, other: Other) -> float:
@@ -60,8 +59,7 @@ def correlation(fitter: Fitter, fit: Fit, other: Other) -> float:
     """
     replaced = [k for k, name in enumerate(fit.names) if name in other.instead_of]
     substitutes = [k for k, name in enumerate(other.fit.names) if name in other.names]
-    remaining = [member for k, member in enumerate(fit.members) if k not in replaced]
-    q = fitter.spanned(remaining)
+    q = fitter.spanned(fit.without(*replaced))
     a, b = (
         projected_out(
             sum((fitter.white(source.members[k]) @ source.coefficients[k] for k in indices), np.zeros(len(fitter.y))), q

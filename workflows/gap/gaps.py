@@ -55,7 +55,7 @@ def never_worse(end: Ending) -> Ending:
     sizes = gaps(end)
     if all(sizes.after[name] <= sizes.before[name] for name in sizes.before):
         return end
-    return ended(end.analysis.nameless())
+    return ended(end.analysis.without_effects())
 
 
 def _by_output(end: Ending, raw: Array) -> dict[str, float]:

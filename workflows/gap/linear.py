@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,6 +44,13 @@ def whitening(gram: Array) -> Array:
     values, vectors = np.linalg.eigh(gram)
     root = np.where(values > GONE, 1.0 / np.sqrt(np.maximum(values, GONE)), 0.0)
     return np.asarray(np.swapaxes(vectors * root[..., None, :], -1, -2))
+
+
+class Whitening(Protocol):
+    """A noise, or the space of several."""
+
+    def whiten(self, columns: Array) -> Array:
+        """Columns (N, m) such that the noise in them is independent with variance 1."""
 
 
 @dataclass(frozen=True)
@@ -95,6 +103,10 @@ class Groups:
             at = self.starts[self.sizes == size][:, None] + np.arange(size)
             remaining[:, at.ravel()] = _each_orthonormal(remaining, before, at)
         return Groups(remaining, self.starts, self.one_sided)
+
+    def white(self, space: Whitening) -> Groups:
+        """The groups, their columns whitened."""
+        return Groups(space.whiten(self.columns), self.starts, self.one_sided)
 
     def part(self, first: int, last: int) -> Groups:
         """Groups from `first` to before `last`, their columns not copied."""

@@ -43,7 +43,7 @@ class Dictionary:
 
     def white(self, space: Space) -> Groups:
         """The columns in whitened space."""
-        return Groups(space.whiten(self.raw.columns), self.raw.starts, self.raw.one_sided)
+        return self.raw.white(space)
 
 
 def dictionary(library: Sequence[Candidate], columns: Columns, spread: float) -> Dictionary:

@@ -16,7 +16,7 @@ from ..ambiguity import Other
 from ..fit import Fit
 from ..plan import NextPlan
 from ..result import Ending
-from ..separate import UNSEEN
+from ..separate import OTHER_QUANTITIES
 from .exchange import exchanged
 from .field import Ahead, Field, ahead, field_of, like_now
 from .sensitivities import contest, sensitivity, wanted_effects
@@ -121,7 +121,7 @@ def _of_batch(
 def _inseparable(record: Separation, rival: Other) -> Separation:
     """The record of a pair that no design separates, with the quantity that would."""
     names = frozenset(set(rival.names) ^ set(rival.instead_of))
-    text = f"{NONE}: {UNSEEN[names]}" if names in UNSEEN else f"{NONE}: another quantity is needed"
+    text = f"{NONE}: {OTHER_QUANTITIES[names]}" if names in OTHER_QUANTITIES else f"{NONE}: another quantity is needed"
     return replace(record, needed=0, text=text, possible=False)
 
 

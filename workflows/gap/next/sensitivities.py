@@ -47,9 +47,8 @@ def wanted_effects(end: Ending, wanted: NextPlan) -> tuple[list[Sought], list[st
     for.
     """
     search = end.analysis.initial_null_model.search
-    members = {
-        candidate.member.name: candidate.member for candidate in scan(search.fitter, search.white, search.book, ())
-    }
+    candidates = scan(search.fitter, search.white, search.dictionary, ())
+    members = {candidate.member.name: candidate.member for candidate in candidates}
     names = wanted.effects or tuple(wanted.amounts) or tuple(members)
     sought, notes = [], []
     listed = bool(wanted.effects or wanted.amounts)

@@ -114,12 +114,12 @@ def variants(search: Search, fit: Fit) -> list[Fit]:
     last, other_members = fit.members[-1], fit.members[:-1]
     if not last.shape or last.candidate.is_nonlinear:
         return []
-    at = np.array([k for k, member in enumerate(search.book.members) if member.name == last.name])
+    at = np.array([k for k, member in enumerate(search.dictionary.members) if member.name == last.name])
     q = search.fitter.spanned(other_members)
     gains = search.white.some(at).orthonormal(q).gains(projected_out(search.fitter.y, q))
     allowed = at[gains >= gains.max() - search.settings.set_distance]
     kept = allowed[np.unique(np.linspace(0, len(allowed) - 1, VARIANTS).round().astype(int))]
-    shapes = [search.book.members[k].shape for k in kept]
+    shapes = [search.dictionary.members[k].shape for k in kept]
     return [search.fitter.fit((*other_members, Member(last.candidate, shape))) for shape in shapes]
 
 

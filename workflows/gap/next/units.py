@@ -16,7 +16,7 @@ from ..ending_records import MORE
 from ..likelihood import BatchLikelihood
 from ..noise import Noise
 from ..plan import NextPlan
-from ..population import Scatter
+from ..population import Scatter, exchanged_names
 from ..result import Ending
 from ..setup import Setup
 from .field import Ahead
@@ -56,8 +56,7 @@ def of_scatter(end: Ending, mine: Scatter, rival: Scatter, count: int) -> Separa
     laws = [effect.changed(law) for effect in (mine, rival)]
     kinds = [effect.likelihood(law)[0] for effect in (mine, rival)]
     moments = [_moments(right, wrong) for right, wrong in zip(laws, kinds[::-1], strict=True)]
-    common = set(mine.names) & set(rival.names)
-    names, instead = (tuple(n for n in of.names if n not in common) for of in (rival, mine))
+    names, instead = exchanged_names(mine, rival)
     ahead, n = rival.distance, len(end.setup.data)
     chance = _chance(moments, ahead, count)
     tried = np.unique(np.geomspace(FEWEST, MOST, 400).astype(int)).tolist()

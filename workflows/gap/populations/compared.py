@@ -52,7 +52,7 @@ def compared(end: Ending) -> tuple[PopulationLine, ...]:
 def _of_batch(end: Ending, model: str, stream: int) -> tuple[PopulationLine, ...]:
     """The lines of the deviations of units from the model's prediction."""
     initial = end.analysis.initial_null_model
-    setup, fit = (end.setup, end.fit) if model == "after" else (initial.setup, initial.empty)
+    setup, fit = (end.setup, end.fit) if model == "after" else (initial.setup, initial.null_fit)
     output, kept = setup.data.outputs[0], initial.noises[0].counted
     law, middle = initial.setup.laws[output.name], 0.0
     for effect in end.analysis.scatter[:1] if model == "after" else ():
