@@ -110,13 +110,11 @@ class Groups:
 
     def part(self, first: int, last: int) -> Groups:
         """Groups from `first` to before `last`, their columns not copied."""
-        key = (first, last)
-        if key not in self._parts:
+        if (first, last) not in self._parts:
             ends = np.append(self.starts, self.columns.shape[1])
-            columns = self.columns[:, ends[first] : ends[last]]
-            starts = self.starts[first:last] - ends[first]
-            self._parts[key] = Groups(columns, starts, self.one_sided[first:last])
-        return self._parts[key]
+            columns, starts = self.columns[:, ends[first] : ends[last]], self.starts[first:last] - ends[first]
+            self._parts[first, last] = Groups(columns, starts, self.one_sided[first:last])
+        return self._parts[first, last]
 
     @cached_property
     def _parts(self) -> dict[tuple[int, int], Groups]:

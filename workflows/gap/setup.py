@@ -180,9 +180,15 @@ def recalibrated(plan: GapPlan, data: GapData, predicted: Mapping[str, Array]) -
             return np.append(np.sqrt(len(data)) * np.mean(scaled), x)
         return projected_out(scaled, q)
 
-    loss = "linear" if population else "soft_l1"
-    start, ends = np.zeros(len(half)), (-1.0, 1.0)
-    return parameters(optimize.least_squares(residual, start, bounds=ends, max_nfev=25, diff_step=[1e-3], loss=loss).x)
+    solution = optimize.least_squares(
+        residual,
+        np.zeros(len(half)),
+        bounds=(-1.0, 1.0),
+        max_nfev=25,
+        diff_step=[1e-3],
+        loss="linear" if population else "soft_l1",
+    )
+    return parameters(solution.x)
 
 
 def _gradient(

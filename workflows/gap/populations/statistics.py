@@ -66,8 +66,8 @@ def unlike(quantiles: Array) -> Statistic:
 
 
 def between_lots(of_lot: NDArray[np.int64]) -> Statistic | None:
-    """The F ratio of the means of lots (number (n,) of each unit's lot); None with fewer than two
-    lots of enough units.
+    """The F ratio of the means of lots, by the number (n,) of each unit's lot; None without two lots
+    of enough units.
     """
     counts = np.bincount(of_lot)
     large_lots = np.flatnonzero(counts >= LEAST_UNITS)
