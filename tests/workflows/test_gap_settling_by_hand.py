@@ -129,17 +129,17 @@ def test_a_name_is_disbelieved_from_a_tenth_on(more: float, believed: bool) -> N
     one = settling([member("a")], {"a": a}, y, DATA, [SPLINE])
     assert squares_left([other], y) - squares_left([a, other], y) == pytest.approx(225.0)
     assert squares_left([a], y) == pytest.approx(more**2)
-    rest = replace(one, believed=frozenset({"a"}))
+    rest = replace(one, trusted=frozenset({"a"}))
     form = term(Term("te", "speed", "power", exponent=1.0, scale=1.0))
-    assert one._disbelieved(of_names(one, "a", form)) == -1  # nothing beside the name
+    assert one._explained_by_terms(of_names(one, "a", form)) == -1  # nothing beside the name
     mixed = Unresolved(Term("te", "speed", "spline", knots=knots), _beside(a, knots))
     beside = Member(Candidate(mixed, mixed.own_parameters(DATA.target), ()))
     fit = of_names(one, "a", beside)
     assert fit.rss == pytest.approx(0.0, abs=1e-6)
-    assert one._disbelieved(fit) == (-1 if believed else 0)
-    assert rest._disbelieved(fit) == -1
+    assert one._explained_by_terms(fit) == (-1 if believed else 0)
+    assert rest._explained_by_terms(fit) == -1
     terms = of_names(one, "", beside, form)
-    assert one._disbelieved(terms) == -1  # terms have no name
+    assert one._explained_by_terms(terms) == -1  # terms have no name
 
 
 def _beside(a: np.ndarray, knots: tuple[float, ...]) -> np.ndarray:
@@ -185,7 +185,7 @@ def test_an_answer_again_is_without_the_barred_name() -> None:
                    [power(1.0), power(2.0)])  # fmt: skip
     assert one.again(of_names(one, "ab"), frozenset({"a"})).fit.names == ("b",)
     settled = one.settled(of_names(one, "ab"))
-    assert settled.fit.names == ("a", "b") and settled.struck == () and settled.significant == ()
+    assert settled.fit.names == ("a", "b") and settled.removed == () and settled.significant == ()
 
 
 # ------------------------------------------------------------- which forms are tried

@@ -33,7 +33,7 @@ def rivals(search: Search, fit: Fit, kept: Sequence[int]) -> list[Other]:
     """Fits within the set distance, in which an effect replaces one or two of the selected ones."""
     alternatives: dict[tuple[tuple[str, ...], tuple[str, ...]], Other] = {}
     reach = search.settings.set_distance
-    barred = {member.name for member in fit.members}
+    excluded = {member.name for member in fit.members}
     for at in kept:
         for rival in _near(search, fit.without(at)):
             if rival.names[-1] != fit.names[at] and rival.score - fit.score <= reach:
@@ -43,7 +43,7 @@ def rivals(search: Search, fit: Fit, kept: Sequence[int]) -> list[Other]:
         names = tuple(fit.names[k] for k in pair)
         for rival in _near(search, fit.without(*pair)):
             new_name = rival.names[-1]
-            if new_name not in barred and rival.score - fit.score <= reach:
+            if new_name not in excluded and rival.score - fit.score <= reach:
                 alternatives[(new_name,), names] = Other(rival, (new_name,), names, rival.score - fit.score)
     return sorted(alternatives.values(), key=attrgetter("distance"))
 

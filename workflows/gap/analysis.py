@@ -24,7 +24,7 @@ from .setup import Setup, moved_to
 from .space import Space
 from .unresolved import label
 
-WANDERING = 0.4
+AUTOCORRELATED = 0.4
 """Autocorrelation from which it is tested whether the noise is a missing effect."""
 SETTLED = 3
 """How often the final set is searched, the noise estimated again given the set."""
@@ -53,9 +53,9 @@ class Analysis:
     significant: bool
     scatter: tuple[Scatter, ...] = ()
     misfit: Misfit | None = None
-    struck: tuple[str, ...] = ()
-    barred: frozenset[str] = frozenset()
-    believed: frozenset[str] = frozenset()
+    removed: tuple[str, ...] = ()
+    excluded: frozenset[str] = frozenset()
+    trusted: frozenset[str] = frozenset()
 
     @property
     def fit(self) -> Fit:
@@ -95,7 +95,7 @@ def analysed(setup: Setup) -> Analysis:
     effects = dictionary(setup.library, setup.columns, spread_of(noises))
     null_model = searching(setup, noises, effects, *stacked(setup.generic, len(setup.data.outputs)), None)
     selection = select(null_model.search)
-    if max(noise.rho for noise in noises) > WANDERING:
+    if max(noise.rho for noise in noises) > AUTOCORRELATED:
         selection, null_model = _not_noise(selection, null_model)
     for _ in range(ROUNDS if selection.fit.members else 0):
         search = null_model.search
@@ -150,27 +150,27 @@ def _settled(selection: Selection, null_model: NullModel) -> Analysis:
     return _answer(null_model, settling, selection, settled)
 
 
-def _settling(null_model: NullModel, selection: Selection, believed: frozenset[str] = frozenset()) -> Settling:
+def _settling(null_model: NullModel, selection: Selection, trusted: frozenset[str] = frozenset()) -> Settling:
     data, null_fit = null_model.setup.data, null_model.null_fit
-    return Settling(null_model.search, null_model.generic, data, null_fit, selection.accepted, believed)
+    return Settling(null_model.search, null_model.generic, data, null_fit, selection.accepted, trusted)
 
 
-def without(analysis: Analysis, name: str, believed: str = "") -> Analysis:
+def without(analysis: Analysis, name: str, trusted: str = "") -> Analysis:
     """The analysis of rows without the effect `name`, the remaining ones fitted and tested again.
-    Its contribution may belong to the form of the effect `believed`; it stays as a generic curve.
+    Its contribution may belong to the form of the effect `trusted`; it stays as a generic curve.
     """
     null_model, selection, fit = analysis.null_model, analysis.selection, analysis.fit
-    curve, sure = None, analysis.believed
-    if believed:
-        sure |= {believed}
-        members = fit.names.index(name), fit.names.index(believed)
+    curve, sure = None, analysis.trusted
+    if trusted:
+        sure |= {trusted}
+        members = fit.names.index(name), fit.names.index(trusted)
         curve = as_curve(null_model.search.fitter, fit, *members, analysis.setup.data)
     settling = _settling(null_model, selection, sure)
-    barred = frozenset({name, *analysis.barred})
-    settled = settling.again(fit, barred, () if curve is None else (curve,))
-    settled = replace(settled, struck=(*analysis.struck, *({name} & {*selection.identified})))
-    answer = _answer(null_model, settling, selection, settled, barred)
-    return replace(answer, barred=barred, believed=sure)
+    excluded = frozenset({name, *analysis.excluded})
+    settled = settling.again(fit, excluded, () if curve is None else (curve,))
+    settled = replace(settled, removed=(*analysis.removed, *({name} & {*selection.identified})))
+    answer = _answer(null_model, settling, selection, settled, excluded)
+    return replace(answer, excluded=excluded, trusted=sure)
 
 
 def _answer(
@@ -178,12 +178,12 @@ def _answer(
     settling: Settling,
     selection: Selection,
     settled: Settled,
-    barred: frozenset[str] = frozenset(),
+    excluded: frozenset[str] = frozenset(),
 ) -> Analysis:
     """The analysis that ends with a settled fit; the instrument is preferred at equal columns."""
     search, fit = null_model.search, settled.fit
     others = rivals(search, fit, fit.identified)
-    if others and others[0].distance < -BETTER and not barred & {*others[0].names}:
+    if others and others[0].distance < -BETTER and not excluded & {*others[0].names}:
         rival_fit = search.fitter.refined(sorted(others[0].fit.members, key=is_term))
         if settling.holds(rival_fit):
             fit, others = rival_fit, rivals(search, rival_fit, rival_fit.identified)
@@ -199,7 +199,7 @@ def _answer(
         Identified(named, (), settled.residual_forms, settled.significant),
         tuple(others),
         bool(fit.members or selection.identified) or null_model.detected,
-        struck=tuple(name for name in selection.identified if name in settled.struck),
+        removed=tuple(name for name in selection.identified if name in settled.removed),
     )
 
 

@@ -88,7 +88,7 @@ def in_problem(plan: GapPlan, text: str, effects: tuple[FoundEffect, ...]) -> tu
         counterparts = plan.counterparts(text)
     except InputError as error:
         why = "; ".join(f"{fault.place}: {fault.message}" for fault in error.faults)
-        none = f"{name} does not take it: {why}"
+        none = f"{name} does not accept it: {why}"
     pairs = [(effect, counterparts.get(effect.name, "")) for effect in effects]
     return tuple(replace(effect, in_problem=bool(what), counterpart=what or none) for effect, what in pairs)
 

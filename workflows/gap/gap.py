@@ -1,4 +1,4 @@
-"""`tolevo gap`: data, loop, closing, files."""
+"""`tolevo gap`: the analysis of data, from their preparation to the files of its result."""
 
 from __future__ import annotations
 
@@ -252,8 +252,8 @@ def lines_of(result: GapResult) -> tuple[str, ...]:
         lines += [f"next measurement: {entry}" for entry in (*planned.effects[1:], *planned.notes)]
     if result.verdict == "no_gap":
         detectable = sorted(result.gate.detectable, key=lambda effect: effect.rms)[:5]
-        lines += [f"would have been detected from {effect}" for effect in detectable]
+        lines += [f"smallest detectable effect: {effect}" for effect in detectable]
     if unseen := ", ".join(result.gate.unseen):
-        lines.append(f"cannot be detected, because free parameters do the same: {unseen}")
+        lines.append(f"cannot be detected, because free parameters imitate it: {unseen}")
     lines += [f"note: {note}" for note in result.notes]
     return tuple(lines)

@@ -1,4 +1,4 @@
-"""Quantiles of the units of a batch: measured, and drawn from the model before and after it."""
+"""Quantiles of the units of a batch: measured, and of the model before and after correction."""
 
 from __future__ import annotations
 

@@ -22,7 +22,7 @@ MOST = 3
 
 def removed_from(analysis: Analysis) -> tuple[str, ...]:
     """Effects that were accepted and are not in the answer: their form is not that of the data."""
-    return (*(analysis.fit.names[at] for at in analysis.identified.withdrawn), *analysis.struck)
+    return (*(analysis.fit.names[at] for at in analysis.identified.withdrawn), *analysis.removed)
 
 
 def terms_of(end: Ending) -> tuple[UnresolvedTerm, ...]:

@@ -22,12 +22,12 @@ REFINED = 8
 WITHIN = 40.0
 """Gain behind the best on the grid, beyond which a candidate is not refined."""
 
-BOTH = "beyond the noise, and held-out rows are predicted better"
-UNITS = "units scatter like this beyond chance, held-out units as well"
+BOTH = "significant, and held-out rows are predicted better"
+UNITS = "units scatter significantly in this form, held-out units as well"
 NO_BETTER = "held-out rows are not predicted better"
 SMALL = "its contribution is below the practical limit"
-NO_FORM = "its form is not that of the data: fitted together with the other terms it is not needed"
-AS_WELL = "fits as well as any form given the others"
+NO_FORM = "its form is not that of the data: it is not significant given the other terms"
+AS_WELL = "fits at least as well as any generic form, given the others"
 TERM = "held-out rows are predicted better, and no effect of the library has this form"
 MASKED = 12
 """Number of candidates that are tried in pairs where none is significant alone."""
@@ -245,7 +245,7 @@ def _retested(search: Search, fit: Fit, steps: list[Step], accepted: list[tuple[
         action = "drop" if len(better.members) < len(fit.members) else "swap"
         dropped, added = _changes(fit.names, better.names)
         text = f"{', '.join(dropped)} for {', '.join(added)}" if added else ", ".join(dropped)
-        why = "fits better given the others" if added else "no longer beyond the noise"
+        why = "fits better given the others" if added else "no longer significant"
         fit = better
         accepted.append((fit, search.tested(fit)))
         _note(steps, search, fit, accepted[-1][1], action, text, why)

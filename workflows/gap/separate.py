@@ -58,7 +58,7 @@ def separating(setup: Setup, levels: Array, fit: Fit, rival: Fit) -> Measurement
         if np.isfinite(size) and (best is None or size > 1.05 * best[0]):
             best = (size, design)
     if best is None or best[0] < 1e-3:
-        return Measurement("no design of these inputs separates them: another quantity is needed")
+        return Measurement("no design of these inputs separates them: another quantity has to be measured")
     size, design = best
     readings = int(min(np.ceil(CERTAIN / size**2), 10**6))
     many = f"{readings} measurements separate" if readings > 1 else "1 measurement separates"

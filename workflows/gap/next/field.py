@@ -26,7 +26,7 @@ from .points import NO_POINT, RANGE, Axis, Table, axes_of, candidates, inside, t
 from .rows import Predictions, base_at, columns_at, placed, predictions
 
 
-class _Onward(Columns):
+class _Following(Columns):
     """Columns of candidates at K measurements that follow on the record, along its path."""
 
     def __init__(self, setup: Setup, table: Table) -> None:
@@ -51,7 +51,7 @@ class Ahead:
 
     def __init__(self, setup: Setup, noises: Sequence[Noise], table: Table, base: Array) -> None:
         self.table, self.base = table, base
-        self.columns: Columns = _Onward(setup, table)
+        self.columns: Columns = _Following(setup, table)
         self._space = Space(tuple(replace(noise, sigma=np.full(len(self), noise.level), good=None) for noise in noises))
 
     def __len__(self) -> int:

@@ -117,8 +117,8 @@ def _of_batch(
 def _inseparable(record: Separation, rival: Other) -> Separation:
     """The record of a pair that no design separates, with the quantity that would."""
     names = frozenset(set(rival.names) ^ set(rival.instead_of))
-    text = f"{NONE}: {OTHER_QUANTITIES[names]}" if names in OTHER_QUANTITIES else f"{NONE}: another quantity is needed"
-    return replace(record, needed=0, text=text, possible=False)
+    text = OTHER_QUANTITIES.get(names, "another quantity has to be measured")
+    return replace(record, needed=0, text=f"{NONE}: {text}", possible=False)
 
 
 def _of_effects(end: Ending, wanted: NextPlan) -> Planned:

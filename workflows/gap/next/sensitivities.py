@@ -58,7 +58,7 @@ def wanted_effects(end: Ending, wanted: NextPlan) -> tuple[list[Sought], list[st
             continue
         effect = _sought(end, member, wanted.amounts.get(name))
         if effect is None:
-            notes.append(f"{name}: cannot be detected in these data, because free parameters do the same")
+            notes.append(f"{name}: cannot be detected in these data, because free parameters imitate it")
         elif listed or not _detected(end, effect):
             sought.append(effect)
         if not listed and len(sought) == NEAREST:
