@@ -1,4 +1,4 @@
-"""Stage 7: whether a selected effect has the right form, or only a form of its kind."""
+"""Whether a selected effect has the right form, or only a form of its kind."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ SMALL = 0.01
 
 @dataclass(frozen=True)
 class Identified:
-    """Members that stay identified, members that do not, and the generic forms that remain."""
+    """Members that stay identified, withdrawn members, and the generic forms that remain."""
 
     confirmed: tuple[int, ...]
     withdrawn: tuple[int, ...]

@@ -1,4 +1,4 @@
-"""Stage 5: effects that the data cannot distinguish from those that were accepted."""
+"""Rivals: effects that the data cannot distinguish from those that were accepted."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from .linear import projected_out
 from .scan import scan
 from .select import Search
 
-TWIN = 1e-3
+SAME_COLUMNS = 1e-3
 """Difference in score below which two effects have the same columns."""
 INSTRUMENT = "instrument"
 
@@ -29,17 +29,17 @@ class Other:
     distance: float
 
 
-def rivals(search: Search, fit: Fit, kept: Sequence[int]) -> list[Other]:
-    """Fits within the set distance, in which an effect replaces one or two of the selected ones."""
+def rivals(search: Search, fit: Fit, identified: Sequence[int]) -> list[Other]:
+    """Fits within the set distance, in which an effect replaces one or two of the identified."""
     alternatives: dict[tuple[tuple[str, ...], tuple[str, ...]], Other] = {}
     reach = search.settings.set_distance
     excluded = {member.name for member in fit.members}
-    for at in kept:
+    for at in identified:
         for rival in _near(search, fit.without(at)):
             if rival.names[-1] != fit.names[at] and rival.score - fit.score <= reach:
                 key = ((rival.names[-1],), (fit.names[at],))
                 alternatives[key] = Other(rival, *key, rival.score - fit.score)
-    for pair in combinations(kept, 2):  # one effect instead of two
+    for pair in combinations(identified, 2):  # a single effect instead of two
         names = tuple(fit.names[k] for k in pair)
         for rival in _near(search, fit.without(*pair)):
             new_name = rival.names[-1]
@@ -79,7 +79,7 @@ def first_of_confounded(fit: Fit, alternatives: Sequence[Other], population: boo
     for alternative in alternatives:
         new, replaced = alternative.fit.members[-1].candidate, alternative.instead_of
         current = next(m.candidate for m in fit.members if m.name == replaced[0])
-        if abs(alternative.distance) >= TWIN or len(replaced) > 1 or new.unread:
+        if abs(alternative.distance) >= SAME_COLUMNS or len(replaced) > 1 or new.unread:
             continue
         of_instrument = [c.effect.family == INSTRUMENT for c in (new, current)]
         if of_instrument == ([False, True] if population else [True, False]):

@@ -32,7 +32,7 @@ ROUNDS = 2
 """How often the noise is estimated again given the selected effects."""
 BETTER = 1.0
 """By how much a rival must fit better than the selected set to replace it."""
-FAR_OUT = 4000.0
+OUTLIER_SPREAD = 4000.0
 """Reciprocal density of an outlier, in standard deviations: 1 unit in 200, anywhere within 10
 standard deviations."""
 
@@ -126,7 +126,7 @@ def _of_batch(selection: Selection, null_model: NullModel) -> Analysis:
         return without_outliers
     all_units = in_noise(null_model, tuple(replace(noise, good=None) for noise in null_model.noises))
     with_outliers = concluded(all_units, select(all_units.search))
-    penalty_per_unit = 2.0 * np.log(FAR_OUT * null_model.batch.law.std)
+    penalty_per_unit = 2.0 * np.log(OUTLIER_SPREAD * null_model.batch.law.std)
     better = without_outliers.score + penalty_per_unit * outlier_count - with_outliers.score
     return with_outliers if with_outliers.scatter and better > 0.0 else without_outliers
 

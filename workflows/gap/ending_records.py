@@ -33,7 +33,7 @@ from .separate import separating
 from .setup import nominal
 from .uncertainty import Spread
 
-OWN = 0.01
+UNIMITATED = 0.01
 """Fraction of a column outside the span of the free ones, below which an effect is undetectable."""
 SEPARATED = 4
 """Number of rivals for which a separating measurement is searched."""
@@ -87,7 +87,7 @@ def detectable(end: Ending) -> tuple[tuple[Detectable, ...], tuple[str, ...]]:
     white, raw = search.white.columns, search.dictionary.raw.columns
     total = np.einsum("ij,ij->j", white, white)
     squares = total - np.sum((search.fitter.q.T @ white) ** 2, axis=0)
-    squares[squares < OWN**2 * total] = 0.0
+    squares[squares < UNIMITATED**2 * total] = 0.0
     size, of_raw = np.sqrt(squares), np.sqrt(np.einsum("ij,ij->j", raw, raw) / len(raw))
     smallest: dict[str, Detectable] = {}
     pairs = zip(search.white.starts, search.dictionary.members, strict=True)

@@ -38,8 +38,8 @@ def gaps(end: Ending) -> Gaps:
     if setup.data.target.population:
         return _of_units(end, before, after)
     levels = {o.name: noise.level for o, noise in zip(setup.data.outputs, initial.noises, strict=True)}
-    sizes = (_with_total(end, _by_output(end, raw)) for raw in (before, after))
-    return Gaps(*sizes, levels | {"total": 1.0}, OF_ROWS)
+    first, last = (_with_total(end, _by_output(end, raw)) for raw in (before, after))
+    return Gaps(first, last, levels | {"total": 1.0}, OF_ROWS)
 
 
 def never_worse(end: Ending) -> Ending:

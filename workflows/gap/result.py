@@ -133,10 +133,10 @@ def _is_form(end: Ending, small: int, large: int) -> bool:
 
 def _ended(analysis: Analysis) -> Ending:
     search = analysis.search
-    lost = analysis.identified.withdrawn
-    kept = analysis.fit.without(*lost)
+    withdrawn = analysis.identified.withdrawn
+    kept = analysis.fit.without(*withdrawn)
     fit = search.fitter.refined(kept) if kept else analysis.null_model.null_fit
-    if not lost and not analysis.scatter and not analysis.setup.data.target.population:
+    if not withdrawn and not analysis.scatter and not analysis.setup.data.target.population:
         fit = analysis.fit  # as it was tested
     model = corrected(analysis.setup, search.fitter.space, fit)
     null_model = analysis.initial_null_model

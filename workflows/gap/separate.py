@@ -60,10 +60,10 @@ def separating(setup: Setup, levels: Array, fit: Fit, rival: Fit) -> Measurement
     if best is None or best[0] < 1e-3:
         return Measurement("no design of these inputs separates them: another quantity has to be measured")
     size, design = best
-    readings = int(min(np.ceil(CERTAIN / size**2), 10**6))
-    many = f"{readings} measurements separate" if readings > 1 else "1 measurement separates"
-    text = f"{design.text}: {many} them ({size:.2g} of the noise per measurement)"
-    return Measurement(text, design.inputs, size, readings)
+    count = int(min(np.ceil(CERTAIN / size**2), 10**6))
+    subject = f"{count} measurements separate" if count > 1 else "1 measurement separates"
+    text = f"{design.text}: {subject} them ({size:.2g} of the noise per measurement)"
+    return Measurement(text, design.inputs, size, count)
 
 
 def _within(setup: Setup, design: Design) -> bool:
@@ -116,12 +116,12 @@ def _difference(setup: Setup, levels: Array, design: Design, fit: Fit, rival: Fi
     data = placed(setup.data, design.table)
     columns = Columns(data, predictor(setup.plan, data) if setup.plan.model else zero_prediction(data))
     level = np.repeat(levels, len(data))
-    mine = sum(
+    explained = sum(
         (columns.of(m.candidate, m.shape) @ c for m, c in zip(fit.members, fit.coefficients, strict=True)),
         np.zeros(len(level)),
     )
     free = [columns.of(m.candidate, m.shape) for m in rival.members]
     ones = np.kron(np.eye(len(data.outputs)), np.ones((len(data), 1)))
     q = basis(np.hstack([ones, *free]) / level[:, None])
-    residual = projected_out(np.asarray(mine) / level, q)
+    residual = projected_out(np.asarray(explained) / level, q)
     return float(np.sqrt(np.mean(residual**2)))

@@ -71,9 +71,9 @@ class Settling:
     def settled(self, fit: Fit) -> Settled:
         """The answer that follows from the effects of a selection."""
         answers = [self.grown(fit, frozenset())]
-        if lost := displaced(self.search, fit, self.generic):
-            names = frozenset(fit.names[at] for at in lost)
-            answers.append(self.grown(self.search.fitter.refined(fit.without(*lost)), names))
+        if at := displaced(self.search, fit, self.generic):
+            names = frozenset(fit.names[k] for k in at)
+            answers.append(self.grown(self.search.fitter.refined(fit.without(*at)), names))
             if answers[1].score < answers[0].score - MARGIN:
                 answers.reverse()
         best = self._chosen(answers, frozenset())
@@ -89,7 +89,7 @@ class Settling:
         return Settled(fit, removed, remaining, significant_forms(self.search, remaining))
 
     def _chosen(self, answers: Sequence[Fit], excluded: frozenset[str]) -> Fit:
-        """The first answer that holds. Where its effects explain next to nothing compared with its
+        """The first answer that holds. Where its effects explain almost nothing compared with its
         terms, all effects are excluded: others would imitate the same in their place.
         """
         best = self._first_that_holds(answers, excluded)
@@ -100,7 +100,7 @@ class Settling:
         return self._first_that_holds([alone], excluded)
 
     def _effects_are_minor(self, fit: Fit) -> bool:
-        """Whether a fit has effects, and they explain next to nothing compared with its terms."""
+        """Whether a fit has effects, and they explain almost nothing compared with its terms."""
         if not (fit.terms and fit.effects):
             return False
         without, only = self.search.fitter.fit(fit.terms).rss, self.search.fitter.fit(fit.effects).rss

@@ -1,4 +1,4 @@
-"""The uncertainty (stage 8): a block bootstrap of the whole selection."""
+"""The uncertainty of the parameters: a block bootstrap of the whole selection."""
 
 from __future__ import annotations
 
@@ -19,9 +19,8 @@ from .replicates import Replicate, Replicates
 from .select import Search, select
 
 PHASE = "bootstrap"
-
 CHUNK = 4
-"""Largest number of replicates that a process makes in one go."""
+"""Largest number of replicates that a process computes together."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +46,7 @@ class Spread:
 
 @dataclass(frozen=True)
 class Chunk:
-    """The numbers of replicates that are made in one go, for the analysis called `name`."""
+    """The numbers of replicates that are computed together, for the analysis called `name`."""
 
     numbers: tuple[int, ...]
     name: str

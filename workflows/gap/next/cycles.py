@@ -14,7 +14,7 @@ from .points import Axis, Table, with_labels
 
 CYCLES = 7
 """Number of cycles that are tried, as a power of two."""
-READINGS = 20
+PER_CYCLE = 20
 """Number of measurements of a cycle."""
 LOCKED = "rv_lost_motion"
 PATH = Column("repeat", "", "number of the cycle", False, role=Role.REPEAT)
@@ -25,10 +25,10 @@ def along_path(data: GapData) -> bool:
     return data.target.model == LOCKED
 
 
-def in_cycles(readings: int) -> tuple[int, int]:
-    """The number of cycles, and of measurements in each, that give about `readings` in all."""
-    count = max(1, round(readings / READINGS))
-    return count, max(readings // count, 1)
+def in_cycles(total: int) -> tuple[int, int]:
+    """The number of cycles, and of measurements in each, that give about `total` measurements."""
+    count = max(1, round(total / PER_CYCLE))
+    return count, max(total // count, 1)
 
 
 def cycles(data: GapData, axes: Sequence[Axis], rows: int, seed: int) -> Table:

@@ -54,18 +54,18 @@ class Axis:
         return np.asarray(np.clip(np.round(values, max(places, 0)), low, high))
 
 
-def axes_of(data: GapData, ranges: Mapping[str, Span], readings: int) -> tuple[Axis, ...]:
+def axes_of(data: GapData, ranges: Mapping[str, Span], count: int) -> tuple[Axis, ...]:
     """Every numeric input: in its configured range, else in that of the data."""
     return tuple(
-        Axis(column, _span(data, column, ranges.get(column.name), readings))
+        Axis(column, _span(data, column, ranges.get(column.name), count))
         for column in data.target.columns
         if not column.text and column.role is not Role.REPEAT
     )
 
 
-def _span(data: GapData, column: Column, wanted: Span | None, readings: int) -> Span:
+def _span(data: GapData, column: Column, wanted: Span | None, count: int) -> Span:
     """The range of a column; times that are past are excluded."""
-    now = _now(data, column, readings)
+    now = _now(data, column, count)
     if wanted is None:
         return now
     if column.role is Role.TIME:
@@ -73,13 +73,13 @@ def _span(data: GapData, column: Column, wanted: Span | None, readings: int) -> 
     return wanted
 
 
-def _now(data: GapData, column: Column, readings: int) -> Span:
+def _now(data: GapData, column: Column, count: int) -> Span:
     """The range of the data; time continues by one usual step per measurement."""
     values = data.values(column.name)
     low, high = float(values.min()), float(values.max())
     if column.role is Role.TIME:
         step = usual_step(values)
-        return Span(high + step, high + readings * step)
+        return Span(high + step, high + count * step)
     if column.role is Role.DIRECTION:
         return Span(low, high, tuple(np.unique(values).tolist()))
     return Span(low, high)
@@ -151,7 +151,7 @@ def _corners(inputs: int) -> Array:
     """Corners of the unit box, those of pairs of inputs where there are too many."""
     if inputs <= CORNERS:
         return np.array(list(product((0.0, 1.0), repeat=inputs))).reshape(2**inputs, inputs)
-    pairs = [(i, j, *ends) for i in range(inputs) for j in range(i) for ends in product((0.0, 1.0), repeat=2)]
+    pairs = [(i, j, a, b) for i in range(inputs) for j in range(i) for a in (0.0, 1.0) for b in (0.0, 1.0)]
     points = np.full((len(pairs), inputs), 0.5)
     for row, (i, j, a, b) in zip(points, pairs, strict=True):
         row[i], row[j] = a, b

@@ -9,7 +9,7 @@ from scipy.special import chndtr
 
 from ....gap_next_records import Sensitivity
 from ....models.inputs.distribution import Array
-from ..ending_records import OWN
+from ..ending_records import UNIMITATED
 from ..fit import Fit, Member
 from ..plan import NextPlan
 from ..result import Ending
@@ -87,7 +87,7 @@ def _sought(end: Ending, member: Member, amount: float | None) -> Sought | None:
         size = _unit(raw)
         record = _record(end, fit, size)
         level = distance(*record)
-        if level <= OWN**2 * float(np.sum(record[0].values ** 2)) or level <= 0.0:
+        if level <= UNIMITATED**2 * float(np.sum(record[0].values ** 2)) or level <= 0.0:
             return None
         if amount is None:
             size = size * (np.sqrt(search.thresholds.library) + NINE_OF_TEN) / np.sqrt(level)

@@ -42,7 +42,7 @@ def of_batch(end: Ending) -> tuple[Attribution, ...]:
 
 
 def decided(weighed: Weighed, effect: str, output: str, unit: str) -> tuple[Attribution, ...]:
-    """One record per remaining kind of change, or a single one that says why none remains."""
+    """A record for each remaining kind of change, or a single record with why none remains."""
 
     def of(kind: str, verdict: str, text: str, names: tuple[str, ...] = ()) -> Attribution:
         records = [weighed.record(change, unit) for change in weighed.tables.changes if change.kind == kind]

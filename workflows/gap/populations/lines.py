@@ -53,7 +53,7 @@ class Compared:
     def lines(
         self, model: str, output: str, offset: dict[str, float], rng: np.random.Generator
     ) -> tuple[PopulationLine, ...]:
-        """One line per statistic; a difference exceeds what any line reaches by chance."""
+        """A line for each statistic; a difference exceeds what any line reaches by chance."""
         simulated = values_of(self.looks, self.drawn)
         measured = {name: float(value[0]) for name, value in values_of(self.looks, self.x[None]).items()}
         middle = {name: float(np.mean(value)) for name, value in simulated.items()}

@@ -37,7 +37,7 @@ MEASURED_AGAIN = 3
 
 @dataclass(frozen=True)
 class Wrong:
-    """One input recorded wrongly (or the zero of an output), and the residual given it.
+    """An input recorded wrongly (or the zero of an output), and the residual given it.
 
     `amount` is how much too large it was recorded, `residual_square` the squared whitened residual
     given it, `moved` (N,) the change of the model's prediction, whitened.
@@ -56,7 +56,7 @@ class Wrong:
 
 @dataclass(frozen=True)
 class Records:
-    """The units of an analysis, and every way in which one recorded input may be wrong."""
+    """The units of an analysis, and all errors that a recorded input may have."""
 
     end: Ending
 
@@ -93,7 +93,7 @@ class Records:
 
     @cached_property
     def wrong(self) -> tuple[Wrong, ...]:
-        """Every input, wrong in every way."""
+        """Every error of every input."""
         return tuple(self._every())
 
     def _every(self) -> Iterator[Wrong]:

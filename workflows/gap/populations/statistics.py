@@ -31,9 +31,9 @@ NORMAL = Law(-8.0, 1.0 / 64.0, -0.5 * LATTICE**2, 1.0)
 
 @dataclass(frozen=True)
 class Look:
-    """One statistic: its aspect, its name, its unit, and whether it has a sign.
+    """A statistic: its aspect, its name, its unit, and whether it has a sign.
 
-    A `signed` one has an interval; the others are never negative, and positive by chance alone.
+    A `signed` statistic has an interval; others are never negative, and positive by chance alone.
     """
 
     aspect: str
