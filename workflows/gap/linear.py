@@ -51,6 +51,7 @@ class Whitening(Protocol):
 
     def whiten(self, columns: Array) -> Array:
         """Columns (N, m) such that the noise in them is independent with variance 1."""
+        ...
 
 
 @dataclass(frozen=True)

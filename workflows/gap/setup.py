@@ -229,7 +229,7 @@ def _moved(
 def zeros_of(data: GapData) -> Array:
     """A column of ones for each output whose zero is free (N, zeros)."""
     of_zero = np.array([[float(o.name == name) for name in data.zeros] for o in data.outputs])
-    return np.kron(of_zero, np.ones((len(data), 1)))
+    return np.asarray(np.kron(of_zero, np.ones((len(data), 1))), dtype=np.float64)
 
 
 def values_of(data: GapData) -> dict[str, Array]:
