@@ -122,7 +122,7 @@ def analysis(table: pd.DataFrame) -> Ending:
 def score(end: Ending, name: str) -> float:
     """Of the best fit with this name alone."""
     search = end.analysis.search
-    found = scan(search.fitter, search.white, search.book, ())
+    found = scan(search.fitter, search.white, search.dictionary, ())
     (member,) = (one.member for one in found if one.member.name == name)
     return search.fitter.refined([member]).score
 

@@ -1,7 +1,7 @@
-"""Result records of `tolevo gap`: one per stage of its loop, and the whole.
+"""Result records of `tolevo gap`: of each step of its loop, and the whole.
 
-Every record prints as one plain sentence. Amounts are in the unit of their output, except where
-they are said to be in noise units (divided by the standard deviation of the noise).
+Every record prints as a plain sentence. Amounts are in the unit of their output, unless they are
+stated in noise units (divided by the standard deviation of the noise).
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class OutputGate:
-    """Whether one output disagrees with the model, after recalibration.
+    """Whether an output disagrees with the model, after recalibration.
 
     `rmse` is that of the recalibrated model, `noise` the standard deviation of the noise and
     `noise_source` where it comes from: "configuration", "column", "repeats" or "estimated".
@@ -54,7 +54,7 @@ class OutputGate:
 
 @dataclass(frozen=True, slots=True)
 class Recalibrated:
-    """A free parameter of the model: its value before and after, and the tolerance it has."""
+    """A free parameter of the model: its value before and after recalibration, its tolerance."""
 
     name: str
     unit: str
@@ -85,7 +85,7 @@ class Detectable:
 
 @dataclass(frozen=True, slots=True)
 class Gate:
-    """Stage 1: is there a gap at all; `unseen` are effects that the free parameters can imitate."""
+    """The test for a gap; `unseen` are effects that the free parameters can imitate."""
 
     outputs: tuple[OutputGate, ...]
     recalibrated: tuple[Recalibrated, ...] = ()
@@ -103,7 +103,7 @@ class Gate:
 
 @dataclass(frozen=True, slots=True)
 class Region:
-    """Stage 2: where a residual shows.
+    """A region in which the residual has structure.
 
     `kind` is "interval" (of `variable`, from `low` to `high`), "order", "direction", "trend",
     "product" (of two variables) or "distribution". `share` is the fraction of the squared gap
@@ -136,10 +136,10 @@ class Region:
 
 @dataclass(frozen=True, slots=True)
 class Score:
-    """Stage 3: what one effect explains alone, in addition to the model's parameters.
+    """What an effect explains alone, in addition to the model's parameters.
 
-    `gain` is the fall of the squared residual in noise units; `threshold` that which the best of
-    the whole library reaches under noise.
+    `gain` is the decrease of the squared residual in noise units; `threshold` that which the best
+    of the whole library reaches under noise.
     """
 
     name: str
@@ -151,7 +151,7 @@ class Score:
 
     @property
     def significant(self) -> bool:
-        """Whether noise alone would hardly have done it."""
+        """Whether noise alone would rarely reach this gain."""
         return self.gain > self.threshold
 
     def __str__(self) -> str:
@@ -160,10 +160,10 @@ class Score:
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """Stages 4 and 6: one step of the path, accepted or not, and why.
+    """A step on the path of the selection, accepted or not, and why.
 
     `action` is "start", "add", "drop", "swap" or "reject"; `names` the effects that are in the
-    model after it. Errors are RMSE of rows the fit never saw, all outputs together, in noise units;
+    model after it. Errors are the RMSE of held-out rows, all outputs together, in noise units;
     `held_out_gain` and `held_out_error` are the improvement of the squared error and its standard
     error.
     """
@@ -186,7 +186,7 @@ class Step:
 
 @dataclass(frozen=True, slots=True)
 class FoundParameter:
-    """A number of an effect with its interval (90 % unless said)."""
+    """A parameter of an effect with its interval (90 % unless stated)."""
 
     name: str
     value: float
@@ -229,10 +229,10 @@ class FoundEffect:
 
 @dataclass(frozen=True, slots=True)
 class Measurement:
-    """The next measurement: what to vary, where, and by how much the rivals then differ.
+    """The next measurement: what to vary, in which ranges, and by how much the rivals then differ.
 
     `difference` is the rms difference of the rivals' predictions per measurement in noise units,
-    and `readings` how many such measurements separate them (0 where none does).
+    and `readings` the number of such measurements that separate them (0 where none does).
     """
 
     text: str
@@ -246,7 +246,7 @@ class Measurement:
 
 @dataclass(frozen=True, slots=True)
 class Rival:
-    """Stage 5: effects that are indistinguishable from `instead_of` in these data.
+    """Effects that are indistinguishable from `instead_of` in these data.
 
     `distance` is how much worse they fit: likelihood, and the penalty of further parameters.
     `correlation` is that of both on these rows, given everything else that is fitted.
@@ -259,14 +259,14 @@ class Rival:
     correlation: float = nan
 
     def __str__(self) -> str:
-        names, rivals = " + ".join(self.names), " + ".join(self.instead_of)
+        names, replaced = " + ".join(self.names), " + ".join(self.instead_of)
         alike = "" if isnan(self.correlation) else f" (correlation {self.correlation:.3f})"
-        return f"{names} instead of {rivals}{alike}: {self.measurement}"
+        return f"{names} instead of {replaced}{alike}: {self.measurement}"
 
 
 @dataclass(frozen=True, slots=True)
 class Shape:
-    """Stage 7: the form of a residual that no effect explains.
+    """The form of a residual that no effect explains.
 
     `torque` and `direction` are "odd", "even", "none" or "unknown"; `between` are the effects that
     come closest, none of which fits; `empirical` is a formula that beats a spline on held-out rows;
@@ -294,7 +294,7 @@ class Shape:
 
 @dataclass(frozen=True, slots=True)
 class Remainder:
-    """A significant residual besides the identified effects: where, of which form, how large.
+    """A significant residual given the identified effects: its variables, form and size.
 
     `rms` is what the form explains, in the unit of the output, measured without it; `ratio` the
     same over the noise floor, `share` its fraction of the squared gap beyond the noise.
@@ -344,9 +344,9 @@ class GapResult:
     `spectrum` has the columns output, order, before, after, threshold (amplitudes in the unit of
     the output). `units` holds the distributions of a batch (empty without one): output, share, and
     the value that this fraction of the units stays below, measured, and drawn from the model before
-    and after; `population` compares them line by line, and `attribution` says which inputs may
+    and after; `population` compares them line by line, and `attribution` states which inputs may
     cause a difference.
-    `gap_before`, `gap_after` and `noise_floor` hold one number per output, and `total` in noise
+    `gap_before`, `gap_after` and `noise_floor` hold a number per output, and `total` in noise
     units. `next_points` are the operating points of `next_measurement` in the order of measuring.
     `drawing` is the drawing that the simulated units are made to.
     """

@@ -122,5 +122,5 @@ def settling(
 
 def of_names(one: Settling, names: str, *more: Member) -> Fit:
     """The fit of names of one letter each, and of more members."""
-    book = {each.name: each for each in one.search.book.members}
+    book = {each.name: each for each in one.search.dictionary.members}
     return one.search.fitter.fit([*(book[name] for name in names), *more])

@@ -28,7 +28,7 @@ def test_the_clearance_is_named_and_located(tmp_path: Path) -> None:
     # channels of the test rig that are a few milliseconds apart may stand beside it
     assert set(result.names) - {"delay"} == {"bearing_clearance"}
     # it is no single delay, which is said
-    uneven = any(note.startswith("delay_s is not one delay") for note in result.notes)
+    uneven = any(note.startswith("delay_s differs between kinds of rows") for note in result.notes)
     assert uneven == ("delay" in result.names)
     (width,) = next(e for e in result.effects if e.name == "bearing_clearance").parameters
     assert width.low < 0.18 and width.high > 0.17

@@ -64,7 +64,7 @@ def test_a_viscous_friction_is_seen_beside_a_coulomb_friction(axis: Analysis) ->
 def with_stribeck(axis: Analysis) -> tuple[Fit, Member]:
     search = axis.search
     members = [m for m in axis.fit.members if m.name == "torsional_compliance"]
-    first = next(m for m in search.book.members if m.name == "stribeck")
+    first = next(m for m in search.dictionary.members if m.name == "stribeck")
     return search.fitter.fit([*members, first]), first
 
 

@@ -19,8 +19,8 @@ def stairs(x: Array) -> Array:
 def test_a_residual_of_small_steps_is_fitted_in_larger_ones() -> None:
     """Over 1e-4 its derivative is 0, over 1e-3 it is not."""
     start = np.array([1.0])
-    assert least_squares(stairs, start, ENDS, promised=100.0).x[0] == 1.0
-    assert abs(least_squares(stairs, start, ENDS, promised=1e-6).x[0] - 3.0) < 2.0 * STAIR
+    assert least_squares(stairs, start, ENDS, expected=100.0).x[0] == 1.0
+    assert abs(least_squares(stairs, start, ENDS, expected=1e-6).x[0] - 3.0) < 2.0 * STAIR
 
 
 def test_a_smooth_residual_is_fitted_once() -> None:
@@ -31,6 +31,6 @@ def test_a_smooth_residual_is_fitted_once() -> None:
         asked.append(float(x[0]))
         return np.array([x[0] - 3.0, 1.0])
 
-    found = least_squares(line, np.array([1.0]), ENDS, promised=1.0)
+    found = least_squares(line, np.array([1.0]), ENDS, expected=1.0)
     assert abs(found.x[0] - 3.0) < 1e-9
     assert asked.count(1.0) == 1

@@ -79,7 +79,7 @@ def test_gains_without_a_block_are_those_of_the_other_rows(tmp_path: Path) -> No
     noises = noise_of(setup, ())
     noises = tuple(replace(one, rho=0.4) for one in noises)
     book = dictionary(setup.library, setup.columns, 1.0)
-    search, _ = searching(setup, noises, book, *stacked(setup.generic, 2), Thresholds(20.0, 10.0))
+    search = searching(setup, noises, book, *stacked(setup.generic, 2), Thresholds(20.0, 10.0)).search
     training = Training(search.fitter, search.labels, book, search.white)
     first = {name: book.members[at] for name, (at, _) in book.places.items()}
     names = ("torsional_compliance", "structural_resonance", "encoder_harmonics")
@@ -102,8 +102,8 @@ def test_rows_that_are_held_out_are_predicted_by_a_fit_of_the_others(tmp_path: P
     """Of an effect without nonlinear numbers, against least squares on the other rows."""
     setup = set_up(tmp_path)
     book = dictionary(setup.library, setup.columns, 1.0)
-    search, _ = searching(setup, noise_of(setup, ()), book, *stacked(setup.generic, 2),
-                          Thresholds(20.0, 10.0))  # fmt: skip
+    search = searching(setup, noise_of(setup, ()), book, *stacked(setup.generic, 2),
+                       Thresholds(20.0, 10.0)).search  # fmt: skip
     member = book.members[book.places["encoder_harmonics"][0]]
     tested = search.tested(search.fitter.fit([member]))
     x = np.hstack([search.fitter.base, search.fitter.white(member)])

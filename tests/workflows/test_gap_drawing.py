@@ -227,7 +227,7 @@ def test_assemblies_take_the_process_of_the_run(folder: Path) -> None:
             'a_mm = "long"\n[[joint]]\nalpha_deg = 90.0\nlenght_mm = 3\n',
             "q\n1\n",
             ("sense.nothing", "joint[0].a_mm", "joint[0].alpha_deg", "joint[1].d_mm",
-             "joint[1].lenght_mm", "data.csv: holds none of the measured outputs"),
+             "joint[1].lenght_mm", "data.csv: contains none of the measured outputs"),
         ),
     ],
     ids=["batch", "table", "arm"],

@@ -44,7 +44,7 @@ def read(folder: Path, name: str) -> GapData:
 def test_every_row_is_a_unit_where_no_column_tells_them_apart(name: str, tmp_path: Path) -> None:
     data = read(tmp_path, name)
     np.testing.assert_allclose(data.measured["backlash_arcmin"], VALUES)
-    assert any("each row counts as a unit of its own" in note for note in data.notes)
+    assert any("each row counts as a separate unit" in note for note in data.notes)
 
 
 def test_times_and_batches_of_a_q_das_file_are_known(tmp_path: Path) -> None:

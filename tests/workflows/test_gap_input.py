@@ -284,7 +284,7 @@ def test_a_session_may_stand_beside(tmp_path: Path) -> None:
     table = pd.DataFrame({"unit": range(30), "session": ["a", "b"] * 15})
     table.assign(backlash_arcmin=np.linspace(0.0, 1.0, 30)).to_csv(tmp_path / "b.csv", index=False)
     data = read_data(read_gap(tmp_path / "gap.toml"), tmp_path / "b.csv")
-    assert any("a session may have a level of its own" in note for note in data.notes)
+    assert any("every session may have a separate level" in note for note in data.notes)
     data = read_data(read_gap(tmp_path / "gap.toml", ["validation.blocks=session"]), tmp_path / "b.csv")
     assert data.blocks is not None
     assert data.blocks.tolist() == ["a", "b"] * 15

@@ -297,7 +297,7 @@ def test_lots_of_one_unit_have_no_offset() -> None:
     table[BACKLASH][38:] += 2.0
     result = analysed(table)
     assert "lot_offset" not in result.names
-    assert any("cannot tell the offset of lots" in note and "B, C" in note for note in result.notes)
+    assert any("the offset of lots of fewer" in note and "B, C" in note for note in result.notes)
 
 
 def test_repeats_are_one_unit() -> None:
@@ -311,7 +311,7 @@ def test_repeats_are_one_unit() -> None:
     assert result.names == ()
     means = twice[BACKLASH].reshape(25, 4).mean(axis=1)
     np.testing.assert_allclose(result.residuals[BACKLASH], means)
-    assert any("100 readings of 25 units" in note for note in result.notes)
+    assert any("100 measurements of 25 units" in note for note in result.notes)
 
 
 def test_mean_unit_is_that_of_drawn_units() -> None:

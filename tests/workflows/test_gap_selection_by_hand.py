@@ -16,7 +16,7 @@ from tolevo.workflows.gap.blocks import Improvement
 from tolevo.workflows.gap.linear import joined
 from tolevo.workflows.gap.scan import CHUNK, evidence, scan, strongest, thresholds
 from tolevo.workflows.gap.select import (
-    BESIDE,
+    AS_WELL,
     NO_FORM,
     SMALL,
     TERM,
@@ -180,11 +180,11 @@ def test_a_scan_leaves_out_what_is_in_the_fit_and_takes_the_best_place() -> None
     members = [*(member("bent", shape={"x": one}) for one in places), member("b")]
     columns = {"bent": lambda x: np.cos(x) * a + np.sin(x) * b, "b": b}
     search = toy(members, columns, 10.0 * (np.cos(0.4) * a + np.sin(0.4) * b))
-    found = scan(search.fitter, search.white, search.book, ())
+    found = scan(search.fitter, search.white, search.dictionary, ())
     assert [(one.member.name, one.member.shape) for one in found] == [("bent", {"x": 0.4}),
                                                                       ("b", {})]  # fmt: skip
     assert [one.gain for one in found] == pytest.approx([100.0, 100.0 * np.sin(0.4) ** 2])
-    found = scan(search.fitter, search.white, search.book, [members[-1]])
+    found = scan(search.fitter, search.white, search.dictionary, [members[-1]])
     assert [one.member.name for one in found] == ["bent"]
     assert found[0].gain == pytest.approx(100.0 * np.cos(0.4) ** 2)
 
@@ -196,7 +196,7 @@ def test_the_path_beside_a_name_found_by_likelihood() -> None:
     a, b, c = directions(3).T
     search = toy([member(one) for one in "abc"], {"a": a, "b": b, "c": c}, 20.0 * a + 15.0 * b)
     before = select(search)
-    other = search.fitter.fit([one for one in search.book.members if one.name in "ac"])
+    other = search.fitter.fit([one for one in search.dictionary.members if one.name in "ac"])
     after = replace(before, fit=other)
     found = with_identified_by_likelihood(search, before, after, "wide", 31.0, 6.0, Improvement(30.0, 2.0))
     new = found.steps[len(before.steps) :]
@@ -222,7 +222,7 @@ def test_the_path_ends_with_what_became_of_the_names() -> None:
     final = search.fitter.fit([member(one) for one in "bct"])
     labels = {"t": "unresolved term of torque"}
     steps = concluding(search, found, final, labels)
-    assert [one.reason for one in steps[-3:]] == [NO_FORM, BESIDE, TERM]
+    assert [one.reason for one in steps[-3:]] == [NO_FORM, AS_WELL, TERM]
     assert [one.name for one in steps[-3:]] == ["a", "c", "unresolved term of torque"]
     assert all(one.names == ("b", "c") and one.accepted for one in steps[-3:])
     assert [one.names for one in steps[:-3]] == [one.names for one in found.steps]
@@ -238,7 +238,7 @@ def test_one_name_instead_of_two_is_a_rival() -> None:
     a, b, d = directions(3).T
     columns = {"a": a, "b": b, "c": (a + b) / np.sqrt(2.0), "d": d}
     search = toy([member(one) for one in "abcd"], columns, 20.0 * (a + b), set_distance=8.0)
-    fit = search.fitter.fit([one for one in search.book.members if one.name in "ab"])
+    fit = search.fitter.fit([one for one in search.dictionary.members if one.name in "ab"])
     found = rivals(search, fit, (0, 1))
     assert found[0].instead_of == ("a", "b") and found[0].names == ("c",)
     assert found[0].distance == pytest.approx(-PENALTY)

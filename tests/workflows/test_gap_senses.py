@@ -80,11 +80,11 @@ def refused(folder: Path, frame: pd.DataFrame, text: str) -> str:
 def test_a_sensor_the_other_way_round_is_the_first_note(tmp_path: Path) -> None:
     frame = rows().assign(te=lambda f: -(f["te"] + 0.1 * f["torque"]))
     said = found(tmp_path, frame, head())
-    assert said.notes[0].startswith("is the sign of te the other way round?")
+    assert said.notes[0].startswith("is the sign of te reversed?")
     assert "sense = -1" in said.notes[0]
     right = found(tmp_path, frame, head("sense.te = -1"))
     assert right.names == ("torsional_compliance",)
-    assert not any("the other way round" in note for note in right.notes)
+    assert not any("reversed?" in note for note in right.notes)
 
 
 def test_an_output_that_counts_the_other_way_round_with_its_prediction(tmp_path: Path) -> None:
@@ -92,7 +92,7 @@ def test_an_output_that_counts_the_other_way_round_with_its_prediction(tmp_path:
     frame = rows().assign(te=lambda f: -(f["te"] + 0.1 * f["torque"]),
                           te_predicted=lambda f: -f["te_predicted"])  # fmt: skip
     said = found(tmp_path, frame, head())
-    assert said.notes[0].startswith("is the sign of te the other way round?")
+    assert said.notes[0].startswith("is the sign of te reversed?")
     assert "torsional_compliance" in said.notes[0]
     assert found(tmp_path, frame, head(sense=", sense = -1")).names == ("torsional_compliance",)
 
@@ -103,7 +103,7 @@ def test_a_sense_is_kept_by_the_corrected_model(tmp_path: Path) -> None:
     text = found(tmp_path, frame, head("sense.te = -1")).corrected
     again = found(tmp_path, frame, text)
     assert again.verdict == "no_gap"
-    assert not any("the other way round" in note for note in again.notes)
+    assert not any("reversed?" in note for note in again.notes)
 
 
 def test_signs_as_they_should_be_are_not_doubted(tmp_path: Path) -> None:
@@ -253,7 +253,7 @@ def test_a_step_of_a_session_is_said_and_a_drag_that_is_none_is_at_its_bound(tmp
     text = head() + '"session" = { role = "ignore" }\n[validation]\nblocks = "session"\n'
     said = found(tmp_path, frame, text)
     assert said.verdict == "partial" and said.names == ("load_viscous",)
-    assert said.remainder[0].shape == "a level of its own in each session"
+    assert said.remainder[0].shape == "a separate level for each session"
     signed, drag = said.effects[0].parameters
     assert signed.low < 0.005 < signed.high
     if drag.value == 0.0:

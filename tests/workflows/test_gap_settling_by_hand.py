@@ -10,12 +10,11 @@ import pytest
 from tests.workflows.gap_toy import PENALTY, N, directions, member, of_names, readings, settling, squares_left
 from tolevo.models.effects.unresolved import Term, Unresolved
 from tolevo.workflows.gap.data import GapData
-from tolevo.workflows.gap.fit import Fit, Member
+from tolevo.workflows.gap.fit import Fit, Member, is_term
 from tolevo.workflows.gap.generic import FROM_ZERO, LEVELS, Form
 from tolevo.workflows.gap.library import Candidate
 from tolevo.workflows.gap.scan import generic_residual
 from tolevo.workflows.gap.settle import TERMS
-from tolevo.workflows.gap.unresolved import is_term
 
 SPEED = np.random.default_rng(8).permutation(np.linspace(0.02, 1.0, N))
 WARM = np.random.default_rng(9).permutation(np.linspace(0.0, 1.0, N))
@@ -78,11 +77,11 @@ def test_a_name_takes_the_place_of_a_form_that_does_the_same_with_more_numbers()
     knots = tuple(np.quantile(SPEED, np.linspace(0.0, 1.0, 5)).tolist())
     wide = of_names(one, "", term(Term("te", "speed", "spline", knots=knots)))
     assert squares_left([SPEED**2], y) == pytest.approx(0.0, abs=1e-9)
-    assert [fit.names for fit in one._names(wide, set())] == [("a",)]
-    assert list(one._names(wide, {"a"})) == []
+    assert [fit.names for fit in one._with_effects(wide, set())] == [("a",)]
+    assert list(one._with_effects(wide, {"a"})) == []
     narrow = of_names(one, "", term(Term("te", "speed", "power", exponent=2.0)))
     assert narrow.score == pytest.approx(of_names(one, "a").score)
-    assert list(one._names(narrow, set())) == []
+    assert list(one._with_effects(narrow, set())) == []
 
 
 def test_names_stay_while_others_are_tried() -> None:
@@ -90,7 +89,7 @@ def test_names_stay_while_others_are_tried() -> None:
     near = 0.9 * b + np.sqrt(0.19) * c
     one = settling([member("a"), member("b"), member("n")], {"a": a, "b": b, "n": near},
                    20.0 * a + 30.0 * b, DATA, [power(1.0)])  # fmt: skip
-    tried = list(one._names(of_names(one, "an"), set()))
+    tried = list(one._with_effects(of_names(one, "an"), set()))
     assert [fit.names for fit in tried] == [("a", "n", "b")]
 
 
@@ -130,17 +129,17 @@ def test_a_name_is_disbelieved_from_a_tenth_on(more: float, believed: bool) -> N
     one = settling([member("a")], {"a": a}, y, DATA, [SPLINE])
     assert squares_left([other], y) - squares_left([a, other], y) == pytest.approx(225.0)
     assert squares_left([a], y) == pytest.approx(more**2)
-    rest = replace(one, believed=frozenset({"a"}))
+    rest = replace(one, trusted=frozenset({"a"}))
     form = term(Term("te", "speed", "power", exponent=1.0, scale=1.0))
-    assert one._disbelieved(of_names(one, "a", form)) == -1  # nothing beside the name
+    assert one._explained_by_terms(of_names(one, "a", form)) == -1  # nothing beside the name
     mixed = Unresolved(Term("te", "speed", "spline", knots=knots), _beside(a, knots))
     beside = Member(Candidate(mixed, mixed.own_parameters(DATA.target), ()))
     fit = of_names(one, "a", beside)
     assert fit.rss == pytest.approx(0.0, abs=1e-6)
-    assert one._disbelieved(fit) == (-1 if believed else 0)
-    assert rest._disbelieved(fit) == -1
+    assert one._explained_by_terms(fit) == (-1 if believed else 0)
+    assert rest._explained_by_terms(fit) == -1
     terms = of_names(one, "", beside, form)
-    assert one._disbelieved(terms) == -1  # terms have no name
+    assert one._explained_by_terms(terms) == -1  # terms have no name
 
 
 def _beside(a: np.ndarray, knots: tuple[float, ...]) -> np.ndarray:
@@ -186,7 +185,7 @@ def test_an_answer_again_is_without_the_barred_name() -> None:
                    [power(1.0), power(2.0)])  # fmt: skip
     assert one.again(of_names(one, "ab"), frozenset({"a"})).fit.names == ("b",)
     settled = one.settled(of_names(one, "ab"))
-    assert settled.fit.names == ("a", "b") and settled.struck == () and settled.significant == ()
+    assert settled.fit.names == ("a", "b") and settled.removed == () and settled.significant == ()
 
 
 # ------------------------------------------------------------- which forms are tried

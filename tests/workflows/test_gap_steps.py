@@ -48,7 +48,7 @@ def test_steps_are_named_as_they_are(tmp_path: Path, step: float) -> None:
     assert [one.name for one in result.effects] == ["quantisation"]
     (number,) = result.effects[0].parameters
     assert number.value == pytest.approx(step, rel=1e-9)
-    assert any(note.startswith(f"te is read in steps of {step:.4g}") for note in result.notes)
+    assert any(note.startswith(f"te is measured in steps of {step:.4g}") for note in result.notes)
 
 
 def test_steps_do_not_hide_an_effect(tmp_path: Path) -> None:

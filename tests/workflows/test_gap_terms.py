@@ -64,7 +64,7 @@ def test_a_step_of_a_session_is_a_term_beside_the_name(tmp_path: Path) -> None:
     assert said.verdict == "partial" and said.names == ("torsional_compliance",)
     (number,) = said.effects[0].parameters
     assert number.low < 0.02 < number.high
-    assert [one.shape for one in said.remainder] == ["a level of its own in each session"]
+    assert [one.shape for one in said.remainder] == ["a separate level for each session"]
     (term,) = tomllib.loads(said.corrected)["unresolved"]
     levels = dict(zip(term["labels"][1:], term["coefficients"], strict=True))
     levels[term["labels"][0]] = -sum(levels.values())

@@ -1,4 +1,4 @@
-"""`tolevo gap`: find where simulation and measurement disagree, name the effect, close the gap."""
+"""`tolevo gap`: find where simulation and measurement disagree, identify the effect, close the gap."""
 
 from .plan import ColumnRole, GapPlan, GapSettings
 

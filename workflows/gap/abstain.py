@@ -1,4 +1,4 @@
-"""Stage 7: whether a selected effect has the right form, or only a form of its kind."""
+"""Whether a selected effect has the right form, or only a form of its kind."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from ...models.measurable import Role
 from .fit import Fit
 from .generic import PREDICTED, STEP, SWING, Form
 from .linear import basis, projected_out
+from .null_model import NullModel
 from .scan import GenericResidual, Remaining, generic_residual
 from .select import Search
 
@@ -29,28 +30,28 @@ SMALL = 0.01
 
 @dataclass(frozen=True)
 class Identified:
-    """Members that stay identified, members that do not, and the generic forms that remain."""
+    """Members that stay identified, withdrawn members, and the generic forms that remain."""
 
     confirmed: tuple[int, ...]
     withdrawn: tuple[int, ...]
     residual_forms: GenericResidual
     significant: tuple[int, ...]
-    reason: str = ""
 
 
-def identified(search: Search, fit: Fit, generic: Remaining, empty: Fit) -> Identified:
-    """Test the members: those are lost that a freer form in the same variable displaces, or that
-    leave a large residual in their variable.
+def identified(null_model: NullModel, fit: Fit) -> Identified:
+    """Test the members: those are withdrawn that a freer form in the same variable displaces, or
+    that leave a large residual in their variable.
     """
+    search, generic = null_model.search, null_model.generic
     residual_forms = generic_residual(fit, search.fitter, generic)
-    significant = _large(search, fit, residual_forms, empty)
-    lost = set(displaced(search, fit, generic))
+    significant = _large(null_model, fit, residual_forms)
+    withdrawn = set(displaced(search, fit, generic))
     for at in significant[:20]:
-        lost |= _touched(search, fit, generic, at)
-    if lost:
-        lost |= _no_longer_significant(search, fit, generic, lost)
-    kept = tuple(k for k in range(len(fit.members)) if k not in lost)
-    return Identified(kept, tuple(sorted(lost)), residual_forms, significant)
+        withdrawn |= _touched(search, fit, generic, at)
+    if withdrawn:
+        withdrawn |= _no_longer_significant(search, fit, generic, withdrawn)
+    kept = tuple(k for k in range(len(fit.members)) if k not in withdrawn)
+    return Identified(kept, tuple(sorted(withdrawn)), residual_forms, significant)
 
 
 def significant_forms(search: Search, residual_forms: GenericResidual) -> tuple[int, ...]:
@@ -58,30 +59,30 @@ def significant_forms(search: Search, residual_forms: GenericResidual) -> tuple[
 
     The test is against the noise; how much the effects explain does not matter.
     """
-    least = search.fitter.space.count * search.settings.practical_limit**2
     limit = search.thresholds.generic
     return tuple(
         int(at)
         for at in residual_forms.best
-        if residual_forms.evidence[at] > limit and residual_forms.gains[at] > least
+        if residual_forms.evidence[at] > limit and residual_forms.gains[at] > search.least_gain
     )
 
 
-def _large(search: Search, fit: Fit, residual_forms: GenericResidual, empty: Fit) -> tuple[int, ...]:
+def _large(null_model: NullModel, fit: Fit, residual_forms: GenericResidual) -> tuple[int, ...]:
     """The significant forms that are not small against what the effects of units explain."""
-    least = SMALL * max(empty.rss - fit.rss, 0.0)
-    return tuple(at for at in significant_forms(search, residual_forms) if residual_forms.gains[at] > least)
+    least = SMALL * max(null_model.null_fit.rss - fit.rss, 0.0)
+    significant = significant_forms(null_model.search, residual_forms)
+    return tuple(at for at in significant if residual_forms.gains[at] > least)
 
 
-def structured(search: Search, fit: Fit, generic: Remaining, empty: Fit) -> bool:
+def structured(null_model: NullModel, fit: Fit) -> bool:
     """Whether the residuals of units of a population have a structure given a fit: they depend on a
     variable or on the preceding unit. An offset common to all units does not count.
     """
-    space = search.fitter.space
+    fitter, generic = null_model.search.fitter, null_model.generic
+    space = fitter.space
     if any(abs(noise.rho) * np.sqrt(space.rows_per_output) > FOLLOWS for noise in space.noises):
         return True
-    residual_forms = generic_residual(fit, search.fitter, generic)
-    large_forms = _large(search, fit, residual_forms, empty)
+    large_forms = _large(null_model, fit, generic_residual(fit, fitter, generic))
     return any(generic.forms[at].kind != "distribution" for at in large_forms)
 
 
@@ -93,8 +94,7 @@ def displaced(search: Search, fit: Fit, generic: Remaining) -> Sequence[int]:
     of_prediction = [form.variable.startswith(PREDICTED) for form in generic.forms]
     sets = [*((k,) for k in range(count)), *combinations(range(count), 2)]
     for removed in sets:
-        others = tuple(member for k, member in enumerate(fit.members) if k not in removed)
-        reduced_fit = search.fitter.fit(others)
+        reduced_fit = search.fitter.fit(fit.without(*removed))
         gains = generic.gains(search.fitter, reduced_fit)
         score = reduced_fit.score - gains + search.fitter.penalty * numbers + PRICE[len(removed)]
         score[of_prediction] = np.inf
@@ -116,12 +116,12 @@ def _is_part(search: Search, fit: Fit, generic: Remaining, at: int, removed: Seq
     return float(np.sum((q.T @ form) ** 2)) > PART * float(np.sum(form**2))
 
 
-def _no_longer_significant(search: Search, fit: Fit, generic: Remaining, lost: set[int]) -> set[int]:
-    """The other members that are not significant given the form which displaced the lost ones:
+def _no_longer_significant(search: Search, fit: Fit, generic: Remaining, withdrawn: set[int]) -> set[int]:
+    """The other members that are not significant given the form that displaced the withdrawn ones:
     they compensated for the residual of a wrong form.
     """
-    fitter, kept = search.fitter, [k for k in range(len(fit.members)) if k not in lost]
-    reduced_fit = fitter.fit([fit.members[k] for k in kept])
+    fitter, kept = search.fitter, [k for k in range(len(fit.members)) if k not in withdrawn]
+    reduced_fit = fitter.fit(fit.without(*withdrawn))
     form = generic.white.of(int(generic_residual(reduced_fit, fitter, generic).best[0]))
     insignificant = set()
     for k in kept:
@@ -145,25 +145,22 @@ def _touched(search: Search, fit: Fit, generic: Remaining, at: int) -> set[int]:
     if form.kind == "order":
         return {k for k in range(len(fit.members)) if _overlap(search, fit, generic, at, k) > 0.1}
     variables = {generic.roles.get(name) for name in (form.variable, *form.further_variables)}
-    touched = set()
-    for k, member in enumerate(fit.members):
-        roles = acts_in(member.candidate.effect.needs)
-        if (roles - {Role.DIRECTION}) & variables or (roles == {Role.DIRECTION} and form.direction):
-            touched.add(k)
-    return touched
+    roles_by_member = enumerate(acts_in(member.candidate.effect.needs) for member in fit.members)
+    return {
+        k
+        for k, roles in roles_by_member
+        if (roles - {Role.DIRECTION}) & variables or (roles == {Role.DIRECTION} and form.direction)
+    }
 
 
 def acts_in(needs: Sequence[Role]) -> set[Role]:
     """The variables that an effect acts in; force stands for torque."""
-    roles = set(needs)
-    if Role.TORQUE in roles:
-        roles.add(Role.FORCE)
-    return roles
+    return {*needs, Role.FORCE} if Role.TORQUE in needs else set(needs)
 
 
 def _overlap(search: Search, fit: Fit, generic: Remaining, at: int, k: int) -> float:
     """Fraction of a member's contribution that lies in the span of a generic form."""
-    contribution = projected_out(search.fitter.white(fit.members[k]) @ fit.coefficients[k], search.fitter.q)
+    contribution = search.fitter.contribution(fit, k)
     span = basis(projected_out(generic.white.of(at), search.fitter.q))
     total = float(np.sum(contribution**2))
     return float(np.sum((span.T @ contribution) ** 2)) / max(total, 1e-300)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from ...models.inputs.distribution import Array
-from .close import added_variance, refitted
+from .close import refitted
 from .data import GapData
 from .noise import Noise, outliers, size_follows
 from .result import Ending
@@ -30,15 +30,10 @@ def on_all_rows(end: Ending, full: GapData) -> Ending:
     if len(full) == len(setup.data) or full.target.population:
         return end
     whole = moved_to(replace(setup, data=full), setup.at, {})
-    space = Space(tuple(_noises(end, full)), setup.prior)
-    model = refitted(whole, space, end.fit, end.model)
-    more = added_variance(end.model)
-    return replace(end, model=model.widened(more))
-
-
-def _noises(end: Ending, full: GapData) -> list[Noise]:
     predicted = end.model.predicted(full)
-    return [_noise(end, full, at, full.measured[o.name] - predicted[o.name]) for at, o in enumerate(full.outputs)]
+    residuals = [full.measured[o.name] - predicted[o.name] for o in full.outputs]
+    space = Space(tuple(_noise(end, full, at, residual) for at, residual in enumerate(residuals)), setup.prior)
+    return replace(end, model=refitted(whole, space, end.fit, end.model).widened(end.model.added_variance))
 
 
 def _noise(end: Ending, full: GapData, at: int, residual: Array) -> Noise:
@@ -51,10 +46,9 @@ def _noise(end: Ending, full: GapData, at: int, residual: Array) -> Noise:
         size = _size(full, residual, good)
     scale = 1.0 if name in full.std else float(np.sqrt(np.mean((residual[good] / size[good]) ** 2)))
     scale = search_noise.level if search_noise.source == "configuration" else scale
-    noise = Noise(
-        size * scale, search_noise.source, good=None if good.all() else good, varies_with=search_noise.varies_with
-    )
-    return replace(noise, rho=_neighbours(np.where(good, residual / noise.sigma, 0.0)))
+    sigma = size * scale
+    rho = _neighbours(np.where(good, residual / sigma, 0.0))
+    return Noise(sigma, search_noise.source, rho, None if good.all() else good, search_noise.varies_with)
 
 
 def _size(full: GapData, residual: Array, good: np.ndarray) -> Array:
@@ -64,9 +58,9 @@ def _size(full: GapData, residual: Array, good: np.ndarray) -> Array:
     follows = size_follows(residual[rows], inputs, good[rows])
     if follows is None:
         return np.ones(len(full))
-    x = values_of(full)[follows[0]]
-    order = np.argsort(inputs[follows[0]], kind="stable")
-    return np.asarray(np.interp(x, inputs[follows[0]][order], follows[1][order]))
+    name, size = follows
+    order = np.argsort(inputs[name], kind="stable")
+    return np.asarray(np.interp(values_of(full)[name], inputs[name][order], size[order]))
 
 
 def _neighbours(white: Array) -> float:

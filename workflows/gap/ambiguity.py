@@ -1,10 +1,11 @@
-"""Stage 5: effects that the data cannot distinguish from those that were accepted."""
+"""Rivals: effects that the data cannot distinguish from those that were accepted."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
+from operator import attrgetter
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from .linear import projected_out
 from .scan import scan
 from .select import Search
 
-TWIN = 1e-3
+SAME_COLUMNS = 1e-3
 """Difference in score below which two effects have the same columns."""
 INSTRUMENT = "instrument"
 
@@ -28,30 +29,28 @@ class Other:
     distance: float
 
 
-def rivals(search: Search, fit: Fit, kept: Sequence[int]) -> list[Other]:
-    """Fits within the set distance, in which an effect replaces one or two of the selected ones."""
+def rivals(search: Search, fit: Fit, identified: Sequence[int]) -> list[Other]:
+    """Fits within the set distance, in which an effect replaces one or two of the identified."""
     alternatives: dict[tuple[tuple[str, ...], tuple[str, ...]], Other] = {}
     reach = search.settings.set_distance
-    barred = {member.name for member in fit.members}
-    for at in kept:
-        remaining = fit.without(at)
-        for rival in _near(search, remaining, fit):
+    excluded = {member.name for member in fit.members}
+    for at in identified:
+        for rival in _near(search, fit.without(at)):
             if rival.names[-1] != fit.names[at] and rival.score - fit.score <= reach:
                 key = ((rival.names[-1],), (fit.names[at],))
                 alternatives[key] = Other(rival, *key, rival.score - fit.score)
-    for pair in combinations(kept, 2):  # one effect instead of two
+    for pair in combinations(identified, 2):  # a single effect instead of two
         names = tuple(fit.names[k] for k in pair)
-        rest = tuple(member for k, member in enumerate(fit.members) if k not in pair)
-        for rival in _near(search, rest, fit):
+        for rival in _near(search, fit.without(*pair)):
             new_name = rival.names[-1]
-            if new_name not in barred and rival.score - fit.score <= reach:
+            if new_name not in excluded and rival.score - fit.score <= reach:
                 alternatives[(new_name,), names] = Other(rival, (new_name,), names, rival.score - fit.score)
-    return sorted(alternatives.values(), key=lambda alternative: alternative.distance)
+    return sorted(alternatives.values(), key=attrgetter("distance"))
 
 
-def _near(search: Search, others: Sequence[Member], fit: Fit) -> list[Fit]:
-    """Fits with one more effect in addition to `others`, about as good as `fit`."""
-    return search.refined(others, scan(search.fitter, search.white, search.book, others))
+def _near(search: Search, others: Sequence[Member]) -> list[Fit]:
+    """The best fits with one more effect in addition to `others`."""
+    return search.refined(others, scan(search.fitter, search.white, search.dictionary, others))
 
 
 def correlation(fitter: Fitter, fit: Fit, other: Other) -> float:
@@ -60,8 +59,7 @@ def correlation(fitter: Fitter, fit: Fit, other: Other) -> float:
     """
     replaced = [k for k, name in enumerate(fit.names) if name in other.instead_of]
     substitutes = [k for k, name in enumerate(other.fit.names) if name in other.names]
-    remaining = [member for k, member in enumerate(fit.members) if k not in replaced]
-    q = fitter.spanned(remaining)
+    q = fitter.spanned(fit.without(*replaced))
     a, b = (
         projected_out(
             sum((fitter.white(source.members[k]) @ source.coefficients[k] for k in indices), np.zeros(len(fitter.y))), q
@@ -81,7 +79,7 @@ def first_of_confounded(fit: Fit, alternatives: Sequence[Other], population: boo
     for alternative in alternatives:
         new, replaced = alternative.fit.members[-1].candidate, alternative.instead_of
         current = next(m.candidate for m in fit.members if m.name == replaced[0])
-        if abs(alternative.distance) >= TWIN or len(replaced) > 1 or new.unread:
+        if abs(alternative.distance) >= SAME_COLUMNS or len(replaced) > 1 or new.unread:
             continue
         of_instrument = [c.effect.family == INSTRUMENT for c in (new, current)]
         if of_instrument == ([False, True] if population else [True, False]):

@@ -23,7 +23,7 @@ def block_labels(data: GapData) -> NDArray[np.int64]:
     if data.blocks is not None:
         return np.unique(data.blocks.astype(str), return_inverse=True)[1].astype(np.int64)
     count = int(np.clip(n // 20, 5, 10))
-    return np.minimum(np.arange(n) * count // n, count - 1)
+    return np.arange(n) * count // n
 
 
 SURE = 2.7
@@ -61,6 +61,11 @@ class HeldOut:
             predicted[fold.rows] = np.hstack([part[fold.rows] for part in raw]) @ fold.coefficients
         return predicted
 
+    @property
+    def rss(self) -> float:
+        """Sum of squares of all rows."""
+        return float(np.sum(self.white**2))
+
     def squares(self, labels: NDArray[np.int64]) -> Array:
         """Sum of squares in each block."""
         return np.asarray(np.bincount(labels, self.white**2), dtype=float)
@@ -87,22 +92,19 @@ def _admissible(coefficients: Array, members: Sequence[Member], x: Array, y: Arr
     """Coefficients (k,) within the bounds of the effects, fitted to all rows but `out`; free are
     those of effects whose size is a nonlinear parameter.
     """
-    bounds = [member.candidate.bounds for member in members if not member.candidate.is_nonlinear]
-    sizes = [1 if member.candidate.is_nonlinear else len(member.candidate.linear) for member in members]
-    is_bounded = np.repeat([not member.candidate.is_nonlinear for member in members], sizes)
-    low, high = np.full(len(coefficients), -np.inf), np.full(len(coefficients), np.inf)
-    at = len(coefficients) - len(is_bounded) + np.flatnonzero(is_bounded)
-    if not len(at):
-        return coefficients
-    low[at], high[at] = (np.concatenate(ends) for ends in zip(*bounds, strict=True))
+    unbounded = np.full(1, -np.inf), np.full(1, np.inf)
+    bounds = [unbounded if member.candidate.is_nonlinear else member.candidate.bounds for member in members]
+    free = len(coefficients) - sum(len(low) for low, _ in bounds)
+    ends = [(np.full(free, -np.inf), np.full(free, np.inf)), *bounds]
+    low, high = (np.concatenate(side) for side in zip(*ends, strict=True))
     if (coefficients >= low).all() and (coefficients <= high).all():
         return coefficients
     training = np.ones(len(x), dtype=bool)
     training[out] = False
     size = np.maximum(np.linalg.norm(x, axis=0), 1e-300)
     q, r = np.linalg.qr(x[training] / size)
-    ends = (low * size, high * size)
-    return np.asarray(optimize.lsq_linear(r, q.T @ y[training], ends, method="bvls").x / size)
+    solution = optimize.lsq_linear(r, q.T @ y[training], (low * size, high * size), method="bvls")
+    return np.asarray(solution.x / size)
 
 
 @dataclass(frozen=True)
@@ -191,7 +193,7 @@ class Training:
         as it is, in all rows but those of each of some blocks.
         """
         fitter, member = self.fitter, members[at]
-        others = [other for k, other in enumerate(members) if k != at]
+        others = [*members[:at], *members[at + 1 :]]
         z = np.hstack([fitter.q, *(unit(fitter.white(other)) for other in others)])
         given_others = ConditionalGroups.of(self.products(z, z)[blocks], self._with_record(z)[blocks])
         white = fitter.white(member)
@@ -241,6 +243,13 @@ class Improvement:
     gain: float
     error: float
 
+    @classmethod
+    def of(cls, decreases: Array) -> Improvement:
+        """The improvement from the decrease in each block (B,)."""
+        count = len(decreases)
+        error = float(np.std(decreases, ddof=1) * np.sqrt(count)) if count > 1 else np.inf
+        return cls(float(decreases.sum()), error)
+
     @property
     def real(self) -> bool:
         """Whether the decrease exceeds its standard error."""
@@ -249,6 +258,4 @@ class Improvement:
 
 def improvement(before: HeldOut, after: HeldOut, labels: NDArray[np.int64]) -> Improvement:
     """By how much held-out rows are predicted better."""
-    falls = before.squares(labels) - after.squares(labels)
-    error = float(np.std(falls, ddof=1) * np.sqrt(len(falls))) if len(falls) > 1 else np.inf
-    return Improvement(float(falls.sum()), error)
+    return Improvement.of(before.squares(labels) - after.squares(labels))

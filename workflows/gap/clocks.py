@@ -21,23 +21,20 @@ in disorder."""
 
 
 def in_time(frame: pd.DataFrame, columns: Sequence[Column], notes: list[str]) -> pd.DataFrame:
-    """The rows in the order of measuring: by the clock, or session by session where each session
-    has its own clock.
-    """
+    """The rows in the order of measuring: by the clock, or by session where each has a clock."""
     time = clock_of(columns, frame)
     if time is None:
         return frame
-    separate_clocks = _own_clocks(frame, time)
+    separate_clocks = SESSION in frame and own_clocks(frame[SESSION].to_numpy(), frame[time].to_numpy(dtype=float))
     steps = _steps(frame, time, separate_clocks)
-    if (steps < 0).any():
-        count = int((steps < 0).sum())
+    if count := int((steps < 0).sum()):
         notes.append(f"{time} goes back {count} times; the rows were put in the order of {time}")
         frame = _sorted(frame, time, separate_clocks)
         steps = _steps(frame, time, separate_clocks)
     if separate_clocks:
         notes.append(
             f"{time} starts again in each {SESSION}: rows are in the order of the sessions "
-            "in the file, and effects of time count within a session"
+            "in the file, and effects of time refer to the start of their session"
         )
     if same := int((steps == 0).sum()):
         notes.append(f"{time} does not advance at {same} rows: their order is that of the file")
@@ -54,16 +51,12 @@ def clock_of(columns: Sequence[Column], frame: pd.DataFrame) -> str | None:
 
 def late(frame: pd.DataFrame, columns: Sequence[Column]) -> list[str]:
     """Messages about clocks that do not begin near 0, from where effects count the time."""
-    messages = []
-    for column in columns:
-        if column.role is Role.TIME and column.name in frame:
-            first, span = float(frame[column.name].min()), float(np.ptp(frame[column.name]))
-            if abs(first) > LATE * span:
-                messages.append(
-                    f"{column.name} begins at {first:g} {column.unit}: wear and creep "
-                    "count from 0; subtract the value at the start"
-                )
-    return messages
+    clocks = [(c, frame[c.name].to_numpy(dtype=float)) for c in columns if c.role is Role.TIME and c.name in frame]
+    return [
+        f"{c.name} begins at {t.min():g} {c.unit}: wear and creep are counted from 0; subtract the value at the start"
+        for c, t in clocks
+        if abs(t.min()) > LATE * np.ptp(t)
+    ]
 
 
 def clock_faults(frame: pd.DataFrame, columns: Sequence[Column], place: str) -> list[Fault]:
@@ -77,22 +70,12 @@ def clock_faults(frame: pd.DataFrame, columns: Sequence[Column], place: str) -> 
         back = np.flatnonzero(np.diff(t) < 0.0) + 1
         if 0 < len(back) <= max(1.0, FEW * len(t)):
             rows = ", ".join(str(part.index[at]) for at in back[:5])
-            faults.append(
-                Fault(
-                    f"{place}: column {time}",
-                    f"is set back within {SESSION} {label}, "
-                    f"at row {rows}: a session has one clock; give the rows that follow a "
-                    f"{SESSION} of its own, or one time from end to end",
-                )
+            text = (
+                f"is set back within {SESSION} {label}, at row {rows}: a session has one clock; give the "
+                f"rows that follow a separate {SESSION}, or use one time for the whole record"
             )
+            faults.append(Fault(f"{place}: column {time}", text))
     return faults
-
-
-def _own_clocks(frame: pd.DataFrame, time: str) -> bool:
-    """Whether each session has a clock of its own."""
-    if SESSION not in frame:
-        return False
-    return own_clocks(frame[SESSION].to_numpy(), frame[time].to_numpy(dtype=float))
 
 
 def _steps(frame: pd.DataFrame, time: str, separate_clocks: bool) -> NDArray[Any]:

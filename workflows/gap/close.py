@@ -1,4 +1,4 @@
-"""Stage 9: the corrected model, all its parameters fitted jointly, the effects inside of it."""
+"""The corrected model, with the effects inside of it, all its parameters fitted jointly."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from scipy import optimize, special
 
 from ...models.effects.compose import Active, acting, added, changes_of
 from ...models.inputs.distribution import Array
+from ...models.measurable import MeasurableModel
 from .data import GapData
 from .fit import Fit, Member
 from .plan import GapPlan
@@ -30,7 +31,7 @@ NOTHING = 1e-6
 """Fraction of its neighbours' size below which a parameter is 0, or is at its bound."""
 STEPS, STEP, CONVERGED = 4, 1e-4, 1e-6
 """Gauss-Newton steps on all rows, relative step of a derivative, and change that ends them."""
-COARSE, MORE, AS_SAID = 1e-3, 40, 1.5
+COARSE, MORE, AS_EXPECTED = 1e-3, 40, 1.5
 """Step and evaluations of a second fit, made where the squares of the first exceed those of the
 linear fit by this factor: models with stops and clearances are smooth only on a large scale."""
 
@@ -49,9 +50,7 @@ class Number:
 
 @dataclass(frozen=True)
 class Corrected:
-    """The corrected model: its `numbers` with their `values` (k,) and standard errors, and its
-    predictions.
-    """
+    """The corrected model: its `numbers` with their `values` (k,), errors, and predictions."""
 
     plan: GapPlan
     members: tuple[Member, ...]
@@ -65,9 +64,10 @@ class Corrected:
     def widened(self, by: Mapping[tuple[str, str], float]) -> Corrected:
         """The same model with added variance of some numbers, by owner and name."""
         more = np.array([by.get((number.owner, number.name), 0.0) for number in self.numbers])
-        covariance = self.covariance + np.diag(more)
-        errors = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-        return replace(self, covariance=covariance, errors=errors, added_variance=by)
+        return replace(self._with_covariance(self.covariance + np.diag(more)), added_variance=by)
+
+    def _with_covariance(self, covariance: Array) -> Corrected:
+        return replace(self, covariance=covariance, errors=np.sqrt(np.maximum(np.diag(covariance), 0.0)))
 
     def nothing(self, member: Member) -> bool:
         """Whether the joint interval of an effect's linear parameters contains 0: Wald's F test.
@@ -95,13 +95,23 @@ class Corrected:
 
     def free(self) -> dict[str, float]:
         """Recalibrated parameters of the model by name."""
-        return {number.name: float(value) for number, value in self._of("free")}
+        return {number.name: value for number, value in self.numbers_of("free")}
 
     def effect(self, name: str) -> dict[str, float]:
         """Parameters of an effect by name."""
         member = next(member for member in self.members if member.name == name)
         chosen = {p.name: float(member.shape[p.name]) for p in member.candidate.shape if p.choices}
-        return chosen | {number.name: float(v) for number, v in self._of("effect") if number.owner == name}
+        return chosen | {number.name: v for number, v in self.numbers_of("effect") if number.owner == name}
+
+    @property
+    def active(self) -> list[Active]:
+        """The effects with their parameters."""
+        return [Active(member.candidate.effect, self.effect(member.name)) for member in self.members]
+
+    @property
+    def model(self) -> MeasurableModel | None:
+        """The model with its recalibrated parameters, without the effects; None for a table."""
+        return self.plan.rebuild(self.free()) if self.plan.rebuild and self.free() else self.plan.model
 
     def interval(self, owner: str, name: str) -> tuple[float, float]:
         """The linearised interval of a number, within its bounds; nan where it was not fitted."""
@@ -113,29 +123,21 @@ class Corrected:
                 return float(ends[0]), float(ends[1])
         return float("nan"), float("nan")
 
-    def _of(self, kind: str) -> list[tuple[Number, float]]:
+    def numbers_of(self, kind: str) -> list[tuple[Number, float]]:
+        """The numbers of a kind with their values."""
         pairs = zip(self.numbers, self.values.tolist(), strict=True)
         return [(number, value) for number, value in pairs if number.kind == kind]
 
     def predicted(self, data: GapData, values: Array | None = None) -> dict[str, Array]:
         """Every measured output (n,) at rows of data."""
         model = self if values is None else replace(self, values=values)
-        active = [Active(member.candidate.effect, model.effect(member.name)) for member in self.members]
-        actions = acting(active, data.readings, data.target)
-        means = {} if model.plan.model is None else model._means(data)
-        outputs = model._model(data, changes_of(actions))
-        for number, value in model._of("zero"):
+        actions = acting(model.active, data.readings, data.target)
+        means = self.plan.model.means() if self.plan.model and data.target.population else {}
+        whole = predictor(self.plan, data, model.model)(changes_of(actions))
+        outputs = {o.name: whole[o.name] for o in data.outputs}
+        for number, value in model.numbers_of("zero"):
             outputs[number.name] = outputs[number.name] + value
         return added(outputs, actions, means, np.random.default_rng(self.plan.seed))
-
-    def _model(self, data: GapData, changes: Mapping[str, Array]) -> dict[str, Array]:
-        plan = self.plan
-        model = plan.rebuild(self.free()) if plan.rebuild and self.free() else plan.model
-        outputs = predictor(plan, data, model)(changes)
-        return {o.name: outputs[o.name] for o in data.outputs}
-
-    def _means(self, data: GapData) -> Mapping[str, float]:
-        return self.plan.model.means() if self.plan.model and data.target.population else {}
 
 
 def corrected(setup: Setup, space: Space, fit: Fit, plain: bool = False) -> Corrected:
@@ -154,32 +156,25 @@ def corrected(setup: Setup, space: Space, fit: Fit, plain: bool = False) -> Corr
     x = np.clip(start / scale, low + 1e-9 * (high > low), high - 1e-9 * (high > low))
     jacobian = np.zeros((space.rows_per_output * len(space.noises) + space.prior, 0))
     if len(x):
-        fitted = least_squares(
-            _residual(setup, used, model, scale), x, (low, high), _expected_squares(setup, used, fit)
-        )
+        residual, white = _residual(setup, used, model, scale), used.whiten(residual_of(setup, fit))
+        fitted = least_squares(residual, x, (low, high), float(white @ white))
         x, jacobian = _snapped(fitted.x, low, high), np.asarray(fitted.jac)
         residuals = np.asarray(fitted.fun)
         if (np.abs(x) < STEP).any():  # relative steps fail at 0
-            jacobian = _derivatives(_residual(setup, used, model, scale), x, residuals, high)
+            jacobian = _derivatives(residual, x, residuals, high)
     else:
         residuals = np.zeros(len(jacobian))
     return _with_errors(model, (space, used), (x, scale), jacobian, residuals)
 
 
-def _expected_squares(setup: Setup, used: Space, fit: Fit) -> float:
-    """The sum of squares of the residual, if the model is as linear as the fit assumes."""
-    white = used.whiten(residual_of(setup, fit))
-    return float(white @ white)
-
-
 def least_squares(
-    residual: Callable[[Array], Array], x: Array, ends: tuple[Array, Array], promised: float
+    residual: Callable[[Array], Array], x: Array, ends: tuple[Array, Array], expected: float
 ) -> optimize.OptimizeResult:
-    """Least squares from x (k,) within bounds. Where the squares exceed the promised ones by far it
-    is repeated with larger steps, and the better fit is returned.
+    """Least squares from x (k,) within bounds. Where the squares exceed by far those that are
+    expected of a linear model it is repeated with larger steps, and the better fit is returned.
     """
     first = optimize.least_squares(residual, x, bounds=ends, max_nfev=12, diff_step=[STEP])
-    if 2.0 * first.cost <= AS_SAID * promised:
+    if 2.0 * first.cost <= AS_EXPECTED * expected:
         return first
     second = optimize.least_squares(residual, x, bounds=ends, max_nfev=MORE, diff_step=[COARSE])
     return second if second.cost < first.cost else first
@@ -199,10 +194,9 @@ def _with_errors(
     """
     (space, used), (x, scale) = spaces, at
     empirical = _by_stretches(jacobian, residuals, space)
-    covariance = _larger(_covariance(jacobian, space, used), empirical) * np.outer(scale, scale)
-    errors = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    covariance = widened(_covariance(jacobian, space, used), empirical) * np.outer(scale, scale)
     freedom = max(min(space.count - len(scale), max(_stretches(space) - 1, FEWEST)), 1)
-    return replace(model, values=x * scale, errors=errors, freedom=freedom, covariance=covariance)
+    return replace(model, values=x * scale, freedom=freedom)._with_covariance(covariance)
 
 
 def _residual(setup: Setup, space: Space, model: Corrected, scale: Array) -> Callable[[Array], Array]:
@@ -212,8 +206,7 @@ def _residual(setup: Setup, space: Space, model: Corrected, scale: Array) -> Cal
     middle = np.array([nominal(setup.plan, number.name) if number.kind == "free" else 0.0 for number in model.numbers])
 
     def residual(x: Array) -> Array:
-        predicted = model.predicted(setup.data, x * scale)
-        white = space.whiten(measured - setup.data.stacked(predicted))
+        white = space.whiten(measured - setup.data.stacked(model.predicted(setup.data, x * scale)))
         white[len(white) - space.prior :] = ((middle - x * scale) / scale)[free]
         return white
 
@@ -226,16 +219,12 @@ def _covariance(jacobian: Array, space: Space, used: Space) -> Array:
     if used is space:
         return np.asarray(inverse, dtype=np.float64)
     n = space.rows_per_output
-    middle = jacobian[len(jacobian) - space.prior :].T @ jacobian[len(jacobian) - space.prior :]
+    tolerances = jacobian[len(jacobian) - space.prior :]
+    middle = tolerances.T @ tolerances
     for at, (real, plain) in enumerate(zip(space.noises, used.noises, strict=True)):
         part = real.coloured(jacobian[at * n : (at + 1) * n] / plain.sigma[:, None])
         middle = middle + part.T @ part
     return np.asarray(inverse @ middle @ inverse)
-
-
-def added_variance(model: Corrected) -> Mapping[tuple[str, str], float]:
-    """The variance that was added to a corrected model."""
-    return model.added_variance
 
 
 def refitted(setup: Setup, space: Space, fit: Fit, model: Corrected) -> Corrected:
@@ -244,11 +233,10 @@ def refitted(setup: Setup, space: Space, fit: Fit, model: Corrected) -> Correcte
     """
     numbers, _ = _numbers(setup, fit)
     scale = np.array([number.scale for number in numbers])
-    low, high = (np.array(ends) for ends in ([n.low for n in numbers], [n.high for n in numbers]))
+    low, high = np.array([n.low for n in numbers]), np.array([n.high for n in numbers])
     renumbered = replace(model, numbers=numbers)
     residual = _residual(setup, space, renumbered, scale)
-    x = model.values / scale
-    residuals, jacobian = residual(x), np.empty((0, len(x)))
+    x, residuals, jacobian = model.values / scale, np.empty(0), np.empty((0, len(scale)))
     for _ in range(STEPS):
         residuals = residual(x)
         jacobian = _derivatives(residual, x, residuals, high / scale)
@@ -276,8 +264,7 @@ def _by_stretches(jacobian: Array, residuals: Array, space: Space) -> Array:
     """
     n = space.rows_per_output
     count = _stretches(space)
-    which = np.minimum(np.arange(n) * count // n, count - 1)
-    edges = np.searchsorted(which, np.arange(count + 1))
+    edges = np.searchsorted(np.arange(n) * count // n, np.arange(count + 1))
     sums = np.zeros((count, jacobian.shape[1]))
     for start in range(0, n * len(space.noises), n):
         for k in range(count):
@@ -292,8 +279,8 @@ def _stretches(space: Space) -> int:
     return int(np.clip(space.rows_per_output // LEAST_ROWS, 2, STRETCHES))
 
 
-def _larger(model: Array, empirical: Array) -> Array:
-    """The covariance of the model, each variance at least the empirical one."""
+def widened(model: Array, empirical: Array) -> Array:
+    """A covariance (k, k) of the model, each variance at least the empirical one."""
     ratio = np.diag(empirical) / np.maximum(np.diag(model), 1e-300)
     wider = np.sqrt(np.maximum(ratio, 1.0))
     return np.asarray(model * np.outer(wider, wider))
@@ -318,13 +305,8 @@ def _numbers(setup: Setup, fit: Fit) -> tuple[tuple[Number, ...], Array]:
             if parameter.choices:
                 continue
             value = values[parameter.name]
-            size = _size(member, values)
+            size = max((abs(values[neighbour.name]) for neighbour in member.candidate.linear), default=0.0)
             size = (abs(value) if abs(value) > NOTHING * size else size) or 1.0
             numbers.append(Number("effect", member.name, parameter.name, parameter.low, parameter.high, size))
             start.append(value)
     return tuple(numbers), np.array(start, dtype=float)
-
-
-def _size(member: Member, values: Mapping[str, float]) -> float:
-    """The size of a coefficient's largest neighbour."""
-    return max((abs(values[parameter.name]) for parameter in member.candidate.linear), default=0.0)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ...models.measurable import Column
+from ...models.measurable import Column, Role
 
 CLOSE = 0.98
 """Correlation above which two columns carry the same information."""
@@ -23,10 +23,13 @@ def alike(first: pd.Series[Any], second: pd.Series[Any]) -> bool:
 
 def column_messages(frame: pd.DataFrame, columns: tuple[Column, ...]) -> list[str]:
     """Sentences about columns that are constant, equal or strongly correlated."""
-    numbers = [c.name for c in columns if not c.text and str(c.role) != "repeat"]
-    still = [name for name in numbers if np.ptp(frame[name].to_numpy(dtype=float)) == 0.0]
-    notes = [f"{name} is the same in every row: effects that depend on it cannot be detected" for name in still]
-    moving = [name for name in numbers if name not in still]
+    numbers = [c.name for c in columns if not c.text and c.role is not Role.REPEAT]
+    moving = [name for name in numbers if np.ptp(frame[name].to_numpy(dtype=float))]
+    notes = [
+        f"{name} is the same in every row: effects that depend on it cannot be detected"
+        for name in numbers
+        if name not in moving
+    ]
     if len(moving) < 2:
         return notes
     values = np.argsort(np.argsort(frame[moving].to_numpy(dtype=float), axis=0), axis=0)
@@ -35,7 +38,7 @@ def column_messages(frame: pd.DataFrame, columns: tuple[Column, ...]) -> list[st
     for i, k in close:
         first, second = moving[i], moving[k]
         same = "is a copy of" if alike(frame[first], frame[second]) else "follows"
-        notes.append(f"{first} {same} {second}: what depends on the one is confounded with what depends on the other")
+        notes.append(f"{first} {same} {second}: their effects are confounded")
     if not close:
         notes += _collinear(frame[moving])
     return notes
@@ -47,7 +50,5 @@ def _collinear(frame: pd.DataFrame) -> list[str]:
     values, vectors = np.linalg.eigh(np.corrcoef(scaled.to_numpy(dtype=float), rowvar=False))
     if values[0] > 1e-3:
         return []
-    mine = [name for name, x in zip(frame.columns, vectors[:, 0], strict=True) if abs(x) > 0.1]
-    return [
-        f"{', '.join(mine)} are collinear: what depends on one is confounded with what depends on the others together"
-    ]
+    collinear = [name for name, x in zip(frame.columns, vectors[:, 0], strict=True) if abs(x) > 0.1]
+    return [f"{', '.join(collinear)} are collinear: their effects are confounded"]

@@ -11,14 +11,13 @@ import tomli_w
 
 from ...errors import InputError
 from ...gap_records import FoundEffect
-from ...models.effects.unresolved import Unresolved
 from ...models.inputs import Zone
 from ...units import split_unit
 from .close import Corrected
-from .fit import Member
+from .fit import is_term
 from .plan import GapPlan
 from .population import Scatter
-from .unresolved import is_term
+from .unresolved import table_of
 
 
 def corrected_toml(plan: GapPlan, model: Corrected, scatter: tuple[Scatter, ...] = ()) -> str:
@@ -43,7 +42,7 @@ def corrected_toml(plan: GapPlan, model: Corrected, scatter: tuple[Scatter, ...]
         configuration["sense"] = turned
     if zero := _zero(plan, model):
         configuration["zero"] = zero
-    terms = [_unresolved(member, model) for member in model.members if is_term(member)]
+    terms = [table_of(member, model) for member in model.members if is_term(member)]
     more = [
         {"name": member.name, "parameters": model.effect(member.name)}
         for member in model.members
@@ -65,7 +64,7 @@ def corrected_toml(plan: GapPlan, model: Corrected, scatter: tuple[Scatter, ...]
 
 
 def _at_mids(variables: Mapping[str, Any], free: Mapping[str, float]) -> dict[str, Any]:
-    """The `[variables]` with the mid-limits that were recalibrated, where they state their own."""
+    """The `[variables]` with the mid-limits that were recalibrated, where they state any."""
     updated = dict(variables)
     for name, variable in variables.items():
         mid = free.get("{}_mid_{}".format(*split_unit(name)))
@@ -83,37 +82,21 @@ def in_problem(plan: GapPlan, text: str, effects: tuple[FoundEffect, ...]) -> tu
     if plan.counterparts is None:
         return effects
     name = plan.run["problem"]
+    none = f"no counterpart in {name}: the allocation does not change"
+    counterparts: Mapping[str, str] = {}
     try:
         counterparts = plan.counterparts(text)
     except InputError as error:
         why = "; ".join(f"{fault.place}: {fault.message}" for fault in error.faults)
-        return tuple(
-            replace(effect, in_problem=False, counterpart=f"{name} does not take it: {why}") for effect in effects
-        )
-    none = f"no counterpart in {name}: the allocation does not change"
-    return tuple(
-        replace(
-            effect, in_problem=bool(counterparts.get(effect.name)), counterpart=counterparts.get(effect.name) or none
-        )
-        for effect in effects
-    )
-
-
-def _unresolved(member: Member, model: Corrected) -> dict[str, Any]:
-    effect = member.candidate.effect
-    assert isinstance(effect, Unresolved)
-    return effect.term.table(effect.coefficients(model.effect(member.name)))
+        none = f"{name} does not accept it: {why}"
+    pairs = [(effect, counterparts.get(effect.name, "")) for effect in effects]
+    return tuple(replace(effect, in_problem=bool(what), counterpart=what or none) for effect, what in pairs)
 
 
 def _zero(plan: GapPlan, model: Corrected) -> dict[str, float]:
     """What the instrument adds to each output: the known part plus the fitted one."""
-    fitted = {
-        number.name: float(value)
-        for number, value in zip(model.numbers, model.values, strict=True)
-        if number.kind == "zero"
-    }
-    names = dict.fromkeys([*plan.zero, *fitted])
-    return {name: plan.zero.get(name, 0.0) + fitted.get(name, 0.0) for name in names}
+    fitted = {number.name: value for number, value in model.numbers_of("zero")}
+    return {name: plan.zero.get(name, 0.0) + fitted.get(name, 0.0) for name in {**plan.zero, **fitted}}
 
 
 def _column(column: Any) -> dict[str, Any]:

@@ -10,8 +10,8 @@ from ...models.measurable import Role
 from .abstain import acts_in
 from .data import GapData
 from .fit import Fit, Fitter, Member
-from .library import Candidate
 from .linear import basis, projected_out
+from .unresolved import member_with
 
 KNOTS = 60
 """Knots of a curve, at most."""
@@ -41,11 +41,11 @@ def as_curve(fitter: Fitter, fit: Fit, small: int, large: int, data: GapData) ->
     output, part = data.outputs[acting[0]].name, parts[acting[0]]
     turns = Role.DIRECTION in small_member.candidate.effect.needs
     y = part * np.asarray(data.readings[Role.DIRECTION], dtype=float) if turns else part
-    knots, heights, off = _through(np.asarray(data.readings.table[inputs[0]], dtype=float), y)
+    knots, heights, off = _through(data.values(inputs[0]), y)
     if off > NO_CURVE:
         return None
     effect = Unresolved(Term(output, inputs[0], "curve", knots=knots, heights=heights, turns=turns))
-    return Member(Candidate(effect, effect.own_parameters(data.target), ()))
+    return member_with(effect, data)
 
 
 def _through(x: Array, y: Array) -> tuple[tuple[float, ...], tuple[float, ...], float]:

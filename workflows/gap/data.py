@@ -57,7 +57,15 @@ class GapData:
     def inputs(self) -> tuple[Column, ...]:
         """The input columns that hold numbers and vary."""
         table = self.readings.table
-        return tuple(c for c in self.target.columns if not c.text and np.ptp(np.asarray(table[c.name])) > 0)
+        return tuple(c for c in self.target.columns if not c.text and np.ptp(table[c.name]) > 0)
+
+    def values(self, name: str) -> Array:
+        """Numbers (n,) of a column."""
+        return np.asarray(self.readings.table[name], dtype=float)
+
+    def rows_of(self, output: int) -> slice:
+        """The rows of an output among those of all, one output below the other (N,)."""
+        return slice(output * len(self), (output + 1) * len(self))
 
     def stacked(self, by_output: Mapping[str, Array]) -> Array:
         """Values (n,) by output, one output below the other (N,)."""
@@ -67,16 +75,18 @@ class GapData:
         """The same data at some of the rows."""
         return replace(
             self,
-            readings=_in_order(
-                readings_of(self.target.columns, {name: values[rows] for name, values in self.readings.table.items()})
-            ),
-            measured={name: values[rows] for name, values in self.measured.items()},
-            predicted={name: values[rows] for name, values in self.predicted.items()},
-            std={name: values[rows] for name, values in self.std.items()},
+            readings=_in_order(readings_of(self.target.columns, _some(self.readings.table, rows))),
+            measured=_some(self.measured, rows),
+            predicted=_some(self.predicted, rows),
+            std=_some(self.std, rows),
             rows=self.rows[rows],
             blocks=None if self.blocks is None else self.blocks[rows],
             repeats=None if self.repeats is None else self.repeats[rows],
         )
+
+
+def _some(values: Mapping[str, NDArray[Any]], rows: NDArray[np.int64]) -> dict[str, NDArray[Any]]:
+    return {name: column[rows] for name, column in values.items()}
 
 
 def assembled(
@@ -139,13 +149,12 @@ def _unit(plan: GapPlan, column: str, unit: str) -> str:
 
 
 def _converted(values: pd.Series[Any], unit: str, wanted: str, scale_only: bool = False) -> Array:
-    numbers = values.to_numpy(dtype=float)
     zero = converted(0.0, unit, wanted) if scale_only else 0.0
-    return np.asarray(converted(numbers, unit, wanted) - zero, dtype=float)
+    return np.asarray(converted(values.to_numpy(dtype=float), unit, wanted) - zero, dtype=float)
 
 
 def _repeats(frame: pd.DataFrame, columns: tuple[Column, ...]) -> NDArray[Any] | None:
-    """A label of equal inputs, where the table says that readings were repeated."""
+    """A label of equal inputs, where the table states that measurements were repeated."""
     if not any(c.role is Role.REPEAT for c in columns):
         return None
     same = [c.name for c in columns if c.role not in (Role.TIME, Role.REPEAT)]
@@ -154,10 +163,5 @@ def _repeats(frame: pd.DataFrame, columns: tuple[Column, ...]) -> NDArray[Any] |
 
 def _zeros(target: Target) -> tuple[str, ...]:
     """The outputs whose zero is always free: angles, twists, transmission errors."""
-    if target.population:
-        return ()
-    return tuple(o.name for o in target.outputs if _is_angle(o.unit))
-
-
-def _is_angle(unit: str) -> bool:
-    return dimension(unit) == dimension("rad")
+    angles = tuple(o.name for o in target.outputs if dimension(o.unit) == dimension("rad"))
+    return () if target.population else angles

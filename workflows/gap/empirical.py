@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
+from operator import itemgetter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,7 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import SplineTransformer
 
 from ...models.inputs.distribution import Array
+from .generic import wave
 
 KNOTS = 8
 STIFF = np.geomspace(1e-4, 1e2, 7)
@@ -80,15 +82,13 @@ def _best(curve: Curve, formulas: list[Formula], rows: NDArray[np.int64]) -> tup
     """The formula that fits some rows best, at ln n per parameter, and its coefficients."""
     x, scale = curve.x[rows], 1.0 / curve.sigma[rows]
     y, price = curve.y[rows] * scale, np.log(len(rows))
-    best: tuple[float, Formula, Array] | None = None
+    fits = []
     for formula in formulas:
         columns = _design(formula, x) * scale[:, None]
-        coefficients = np.linalg.lstsq(columns, y, rcond=1e-9)[0]
+        coefficients = np.asarray(np.linalg.lstsq(columns, y, rcond=1e-9)[0], dtype=np.float64)
         score = float(np.sum((y - columns @ coefficients) ** 2)) + price * (formula.numbers + len(coefficients))
-        if best is None or score < best[0]:
-            best = (score, formula, np.asarray(coefficients, dtype=np.float64))
-    assert best is not None
-    return best[1], best[2]
+        fits.append((score, formula, coefficients))
+    return min(fits, key=itemgetter(0))[1:]
 
 
 def _design(formula: Formula, x: Array) -> Array:
@@ -98,7 +98,7 @@ def _design(formula: Formula, x: Array) -> Array:
 def _formulas(curve: Curve) -> Iterator[Formula]:
     """Every form at each of the tried values of its parameters."""
     if curve.period:
-        yield Formula("{b} cos({x}) + {c} sin({x})", _wave, 0)
+        yield Formula("{b} cos({x}) + {c} sin({x})", wave, 0)
         return
     yield Formula("{b} {x}", partial(_polynomial, degree=1), 0)
     yield Formula("{b} {x} + {c} {x}^2", partial(_polynomial, degree=2), 0)
@@ -115,36 +115,24 @@ def _formulas(curve: Curve) -> Iterator[Formula]:
 def _magnitudes(largest: float, odd: bool) -> Iterator[Formula]:
     """Functions of the magnitude of x, with its sign where they are odd."""
     sign = "sgn({x}) " if odd else ""
+    columns = partial(_magnitude, odd=odd)
     for power in np.geomspace(0.2, 4.0, 40):
-        yield Formula(f"{{b}} {sign}|{{x}}|^{power:.3g}", partial(_power, power=power, odd=odd), 1)
+        yield Formula(f"{{b}} {sign}|{{x}}|^{power:.3g}", partial(columns, of=lambda r, p: r**p, at=power), 1)
     for size in largest * np.geomspace(0.02, 3.0, 30):
-        yield Formula(f"{{b}} {sign}(1 - exp(-|{{x}}|/{size:.3g}))", partial(_saturating, size=size, odd=odd), 1)
-        yield Formula(f"{{b}} {sign}ln(1 + |{{x}}|/{size:.3g})", partial(_logarithm, size=size, odd=odd), 1)
-
-
-def _wave(x: Array) -> Array:
-    return np.column_stack([np.cos(x), np.sin(x)])
+        exponential, logarithm = f"(1 - exp(-|{{x}}|/{size:.3g}))", f"ln(1 + |{{x}}|/{size:.3g})"
+        yield Formula(f"{{b}} {sign}{exponential}", partial(columns, of=lambda r, s: -np.expm1(-r / s), at=size), 1)
+        yield Formula(f"{{b}} {sign}{logarithm}", partial(columns, of=lambda r, s: np.log1p(r / s), at=size), 1)
 
 
 def _polynomial(x: Array, degree: int) -> Array:
     return np.column_stack([x**power for power in range(1, degree + 1)])
 
 
-def _power(x: Array, power: float, odd: bool) -> Array:
-    return _signed(x, np.abs(x) ** power, odd)
-
-
-def _saturating(x: Array, size: float, odd: bool) -> Array:
-    return _signed(x, -np.expm1(-np.abs(x) / size), odd)
-
-
-def _logarithm(x: Array, size: float, odd: bool) -> Array:
-    return _signed(x, np.log1p(np.abs(x) / size), odd)
+def _magnitude(x: Array, of: Callable[[Array, float], Array], at: float, odd: bool) -> Array:
+    """A function of |x| with one parameter, with the sign of x if odd."""
+    values = of(np.abs(x), at)
+    return np.sign(x) * values if odd else values
 
 
 def _bump(x: Array, middle: float, width: float) -> Array:
     return np.asarray(np.exp(-(((x - middle) / width) ** 2)))
-
-
-def _signed(x: Array, values: Array, odd: bool) -> Array:
-    return np.sign(x) * values if odd else values

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...models.inputs.distribution import Array
-from .generic import Form
 from .linear import Groups, basis, products, projected_out
 from .noise import Noise, autocorrelation, outliers, residual_scale, robust_scale, size_follows
 from .scan import evidence
@@ -26,14 +25,13 @@ PASSES = 2
 @dataclass(frozen=True)
 class Remainder:
     """One output: its residual (n,), the columns (n, k) that may explain it and are kept, generic
-    forms, the inputs by name, labels of repeats, and the noise where it is known. `law` is the
-    standard deviation of the units of a population in the model, 0 for measurements;
-    `resolution` the scatter due to rounded measurements alone, 0 without rounding.
+    forms and whether each is slow, the inputs by name, labels of repeats, and the noise where it is
+    known. `law` is the standard deviation of the units of a population in the model, 0 for
+    measurements; `resolution` the scatter due to rounded measurements alone, 0 without rounding.
     """
 
     residual: Array
     certain_columns: Array
-    forms: tuple[Form, ...]
     generic: Groups
     inputs: Mapping[str, Array]
     slow: tuple[bool, ...]
@@ -79,8 +77,7 @@ def _first_scale(remainder: Remainder, kept: Array, sigma: Array) -> float:
 def _improved(remainder: Remainder, kept: Array, noise: Noise) -> tuple[Noise, Array]:
     """One pass: remove forms, then estimate outliers, size and autocorrelation of the residual."""
     start = _start(remainder, kept, noise)
-    every = np.ones(len(remainder.slow), dtype=bool)
-    whole, trend = _with_forms(remainder, start, every)
+    whole, trend = _with_forms(remainder, start, np.ones(len(remainder.slow), dtype=bool))
     tried = [(_noise_given(remainder, whole, noise), whole)]
     if trend:  # a trend or autocorrelated noise: the likelier
         plain, _ = _with_forms(remainder, start, ~np.array(remainder.slow))
@@ -106,9 +103,8 @@ def _noise_given(remainder: Remainder, chosen: Array, noise: Noise) -> Noise:
 
 def _fitted(remainder: Remainder, chosen: Array, noise: Noise) -> Array:
     """A fit (n,) that is robust against outliers: they are clipped, and the fit is repeated."""
-    x = noise.whiten(chosen)
     y = whole = noise.whiten(remainder.residual)
-    q = basis(x)
+    q = basis(noise.whiten(chosen))
     for _ in range(4):
         fit = q @ (q.T @ y)
         limit = 2.5 * max(robust_scale(whole - fit), remainder.least(noise.sigma))
@@ -134,16 +130,14 @@ class Start:
 def _start(remainder: Remainder, kept: Array, noise: Noise) -> Start:
     groups = remainder.generic
     if not noise.is_plain or noise.good is not None:
-        groups = Groups(noise.whiten(groups.columns), groups.starts, groups.one_sided)
+        groups = groups.white(noise)
     q = basis(noise.whiten(kept))
     residual = projected_out(noise.whiten(remainder.residual), q)
     return Start(kept, q, residual, groups, *products(groups, q, residual))
 
 
 def _with_forms(remainder: Remainder, start: Start, allowed: NDArray[np.bool_]) -> tuple[Array, bool]:
-    """The kept columns and those of `allowed` forms (g,) with certain evidence, selected one after
-    another; also whether a trend is among them.
-    """
+    """The kept columns and those of `allowed` forms (g,) with certain evidence; and if any is slow."""
     if not allowed.any():
         return start.certain_columns, False
     chosen, q, residual, white = start.certain_columns, start.q, start.residual, start.white
@@ -196,35 +190,3 @@ def _pure(remainder: Remainder) -> float | None:
         return None
     means = np.bincount(number, remainder.residual) / count
     return float(np.sqrt(np.sum((remainder.residual - means[number]) ** 2) / freedom))
-
-
-def remainders(
-    residuals: Sequence[Array],
-    kept: Sequence[Array],
-    forms: tuple[Form, ...],
-    generic: Groups,
-    inputs: Mapping[str, Array],
-    trends: Sequence[str],
-    repeats: NDArray[np.int64] | None,
-    known: Sequence[tuple[Array, str] | None],
-    laws: Sequence[float],
-    resolutions: Sequence[float],
-) -> list[Remainder]:
-    """The remainder of each output."""
-    slow = tuple(form.variable in trends for form in forms)
-    return [
-        Remainder(
-            residual,
-            columns,
-            forms,
-            generic,
-            inputs,
-            slow,
-            repeats,
-            None if known_noise is None else known_noise[0],
-            "estimated" if known_noise is None else known_noise[1],
-            law,
-            least,
-        )
-        for residual, columns, known_noise, law, least in zip(residuals, kept, known, laws, resolutions, strict=True)
-    ]

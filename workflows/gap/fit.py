@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
+from operator import itemgetter
 
 import numpy as np
 from scipy import optimize
 
 from ...models.effects import EffectParameter
+from ...models.effects.unresolved import Unresolved
 from ...models.inputs.distribution import Array
 from .library import Candidate, Columns
 from .linear import ConditionalGroups, Groups, basis, projected_out, unit
@@ -45,6 +47,11 @@ class Member:
         return self.name, tuple(self.shape.values())
 
 
+def is_term(member: Member) -> bool:
+    """Whether a member of a fit is a generic term."""
+    return isinstance(member.candidate.effect, Unresolved)
+
+
 @dataclass(frozen=True)
 class Fit:
     """A joint fit: squared whitened residual `rss`, and the coefficients of each member.
@@ -64,9 +71,24 @@ class Fit:
         """The names of its effects."""
         return tuple(member.name for member in self.members)
 
-    def without(self, at: int) -> tuple[Member, ...]:
-        """All members but one."""
-        return self.members[:at] + self.members[at + 1 :]
+    @property
+    def terms(self) -> list[Member]:
+        """The members that are generic terms."""
+        return [member for member in self.members if is_term(member)]
+
+    @property
+    def effects(self) -> list[Member]:
+        """The members that are identified effects."""
+        return [member for member in self.members if not is_term(member)]
+
+    @property
+    def identified(self) -> tuple[int, ...]:
+        """The indices of the members that are identified effects."""
+        return tuple(k for k, member in enumerate(self.members) if not is_term(member))
+
+    def without(self, *removed: int) -> tuple[Member, ...]:
+        """All members but those at these indices."""
+        return tuple(member for k, member in enumerate(self.members) if k not in removed)
 
 
 class Fitter:
@@ -80,15 +102,14 @@ class Fitter:
         self.raw_base = base
         self.base = space.with_prior(base)
         self.q = basis(self.base)
-        self.y_left = projected_out(self.y, self.q)
-        self._kept: dict[tuple[str, tuple[float, ...]], Array] = {}
-        self._with: dict[int, tuple[Groups, dict[tuple[object, ...], Array]]] = {}
+        self._white: dict[tuple[str, tuple[float, ...]], Array] = {}
+        self._products: dict[int, tuple[Groups, dict[tuple[object, ...], Array]]] = {}
         self._refined: dict[tuple[object, ...], Fit] = {}
 
     def of_record(self, y: Array) -> Fitter:
         """The fitter for another whitened record (N,)."""
         fitter = copy(self)
-        fitter.y, fitter.y_left, fitter._refined, fitter._with = y, projected_out(y, self.q), {}, {}
+        fitter.y, fitter._refined, fitter._products = y, {}, {}
         return fitter
 
     @property
@@ -116,7 +137,7 @@ class Fitter:
 
     def _product(self, groups: Groups, key: tuple[object, ...], columns: Array) -> Array:
         """Products (k, C) of the columns (N, k) of a key with those of groups."""
-        _, known = self._with.setdefault(id(groups), (groups, {}))
+        _, known = self._products.setdefault(id(groups), (groups, {}))
         if key not in known:
             if len(known) > REMEMBERED:
                 known.clear()
@@ -125,12 +146,15 @@ class Fitter:
 
     def white(self, member: Member) -> Array:
         """Whitened columns (N, m) of a member."""
-        if member.key not in self._kept:
-            if len(self._kept) > REMEMBERED:
-                self._kept.clear()
-            columns = self.columns.of(member.candidate, member.shape)
-            self._kept[member.key] = self.space.whiten(columns)
-        return self._kept[member.key]
+        if member.key not in self._white:
+            if len(self._white) > REMEMBERED:
+                self._white.clear()
+            self._white[member.key] = self.space.whiten(self.columns.of(member.candidate, member.shape))
+        return self._white[member.key]
+
+    def contribution(self, fit: Fit, at: int) -> Array:
+        """The whitened contribution (N,) of a member that the free parameters cannot explain."""
+        return projected_out(self.white(fit.members[at]) @ fit.coefficients[at], self.q)
 
     def fit(self, members: Sequence[Member]) -> Fit:
         """The fit of these members, their nonlinear parameters as they are."""
@@ -157,30 +181,23 @@ class Fitter:
         low = np.concatenate([-free, *(low for low, _ in ends)])
         return low, np.concatenate([free, *(high for _, high in ends)])
 
-    def refined(self, members: Sequence[Member], passes: int = 2) -> Fit:
-        """The fit with the nonlinear parameters of each member fitted as well, in turn."""
-        key = (passes, *(member.key for member in members))
+    def refined(self, members: Sequence[Member]) -> Fit:
+        """The fit with the nonlinear parameters of each member fitted as well, in turn, twice."""
+        key = tuple(member.key for member in members)
         if key not in self._refined:
-            self._refined[key] = self._refine(list(members), passes)
+            refined = list(members)
+            for _ in range(2 if len(refined) > 1 else 1):
+                for at, member in enumerate(refined):
+                    if member.shape:
+                        refined[at] = self.shaped(refined, at)
+            self._refined[key] = self.fit(refined)
         return self._refined[key]
 
-    def _refine(self, members: list[Member], passes: int) -> Fit:
-        if not any(member.shape for member in members):
-            return self.fit(members)
-        for _ in range(passes if len(members) > 1 else 1):
-            for at, member in enumerate(members):
-                if member.shape:
-                    members[at] = self.shaped(members, at)
-        return self.fit(members)
-
     def shaped(self, members: Sequence[Member], at: int) -> Member:
-        """A member with its nonlinear parameters fitted and those of the others held; of two forms
-        the better fit.
-        """
+        """A member with its nonlinear parameters fitted given the others; the better of two forms."""
         q = self.spanned([member for k, member in enumerate(members) if k != at])
         residual = projected_out(self.y, q)
-        shaped_forms = [self._shaped(form, q, residual) for form in members[at].forms]
-        return max(shaped_forms, key=lambda pair: pair[1])[0] if len(shaped_forms) > 1 else shaped_forms[0][0]
+        return max((self._shaped(form, q, residual) for form in members[at].forms), key=itemgetter(1))[0]
 
     def _shaped(self, member: Member, q: Array, residual: Array) -> tuple[Member, float]:
         """A member with its nonlinear parameters fitted to a residual (N,) orthogonal to q (N, r),
@@ -192,8 +209,7 @@ class Fitter:
             return member, 0.0
         start = np.array([member.shape[parameter.name] for parameter in free])
         scale = np.array([_width(parameter, value) for parameter, value in zip(free, start, strict=True)])
-        low = np.array([parameter.low for parameter in free])
-        high = np.array([parameter.high for parameter in free])
+        low, high = np.array([(parameter.low, parameter.high) for parameter in free]).T
 
         def shape(x: Array) -> dict[str, float]:
             values = np.clip(start + x * scale, low, high)
@@ -207,7 +223,7 @@ class Fitter:
             return losses[-1]
 
         losses: list[float] = []
-        simplex = _simplex(len(free))
+        simplex = np.vstack([np.zeros(len(free)), 0.5 * np.eye(len(free))])  # half a cell of the grid
         best = optimize.minimize(
             loss,
             simplex[0],
@@ -219,11 +235,6 @@ class Fitter:
         return Member(candidate, shape(best.x)), -float(best.fun)
 
 
-def _simplex(dimensions: int) -> Array:
-    """Starting points that differ by about half a cell of the grid."""
-    return np.vstack([np.zeros(dimensions), 0.5 * np.eye(dimensions)])
-
-
 def _width(parameter: EffectParameter, value: float) -> float:
     """The scale of a nonlinear parameter: about one cell of the grid."""
     if parameter.phase:
@@ -232,14 +243,9 @@ def _width(parameter: EffectParameter, value: float) -> float:
 
 
 def _gain(candidate: Candidate, gram: Array, product: Array) -> float:
-    """Decrease of a squared residual by columns with products `gram` (m, m), and `product` (m,)
-    with the residual, their bounds kept.
-    """
+    """Decrease of a squared residual by bounded columns with these products (m, m) and (m,)."""
     if candidate.is_nonlinear:
         return float(2.0 * product[0] - gram[0, 0])
     ridge = 1e-9 * np.trace(gram) + 1e-300
-    coefficients = np.linalg.solve(gram + ridge * np.eye(len(gram)), product)
-    low, high = candidate.bounds
-    if (coefficients < low).any() or (coefficients > high).any():
-        coefficients = np.clip(coefficients, low, high)
+    coefficients = np.clip(np.linalg.solve(gram + ridge * np.eye(len(gram)), product), *candidate.bounds)
     return float(2.0 * coefficients @ product - coefficients @ gram @ coefficients)

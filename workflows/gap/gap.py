@@ -1,4 +1,4 @@
-"""`tolevo gap`: data, loop, closing, files."""
+"""`tolevo gap`: the analysis of data, from their preparation to the files of its result."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 
-import pandas as pd
 from threadpoolctl import threadpool_limits
 
 from ...directory import owned
@@ -28,14 +27,13 @@ from .plan import GapPlan
 from .plausible import unlikely_numbers
 from .populations.compared import compared
 from .populations.results import attribution_of, inputs_instead, summary_messages
-from .progress import GapProgress, Tell, silent
+from .progress import GapProgress, Report, silent
 from .quantiles import spread_of_units
 from .recalibration import moved_far
 from .regions import of_inside
-from .remainder import remainder_of, struck_of, terms_of
-from .replicates import Replicates, identity_of, is_whole, opened
+from .remainder import remainder_of, removed_from, terms_of
+from .replicates import Replicates, identity_of, is_complete, opened
 from .result import Ending, ended
-from .select import renumbered
 from .setup import prepared
 from .shapes import shape_records
 from .spectrum import spectrum
@@ -64,7 +62,7 @@ def gap(
     data: GapData,
     out: Path,
     workers: Execution | int = 1,
-    progress: Tell | None = None,
+    progress: Report | None = None,
     resume: bool = False,
     overwrite: bool = True,
 ) -> GapOutcome:
@@ -77,25 +75,24 @@ def gap(
     """
     identity = identity_of(plan, data)
     with owned(out, "gap", resume, overwrite) as place:
-        if resume and is_whole(place, identity):
-            return GapOutcome("done", out, (*summary_of(out), f"{out} was whole already"))
-        kept = opened(place, identity, resume)
+        if resume and is_complete(place, identity):
+            return GapOutcome("done", out, (*summary_of(out), f"{out} was complete already"))
+        replicates = opened(place, identity, resume)
         try:
-            result = analysis_result(plan, data, workers, progress, kept)
+            result = analysis_result(plan, data, workers, progress, replicates)
             lines = lines_of(result)
             write(result, out, lines)
             place.complete()
         except KeyboardInterrupt:
-            return GapOutcome("interrupted", out, (_saved(kept, plan),))
+            return GapOutcome("interrupted", out, (_saved(replicates, plan.settings.bootstrap),))
     return GapOutcome("done", out, lines, result)
 
 
-def _saved(kept: Replicates, plan: GapPlan) -> str:
+def _saved(replicates: Replicates, count: int) -> str:
     """A message on what an interrupt has saved, and how to go on."""
-    if kept.path is None or not kept.path.is_file():
+    if replicates.path is None or not replicates.path.is_file():
         return "interrupted: nothing was written"
-    done = f"{len(kept.found)} of {plan.settings.bootstrap} replicates are kept in {kept.path}; "
-    done = done if plan.settings.bootstrap else ""
+    done = f"{len(replicates.ended)} of {count} replicates are kept in {replicates.path}; " if count else ""
     return f"interrupted: {done}run the same command with --resume to continue"
 
 
@@ -103,39 +100,34 @@ def analysis_result(
     plan: GapPlan,
     data: GapData,
     workers: Execution | int = 1,
-    progress: Tell | None = None,
-    kept: Replicates | None = None,
+    progress: Report | None = None,
+    replicates: Replicates | None = None,
 ) -> GapResult:
     """The whole analysis of data in memory; the only file that it writes is that of its replicates.
 
     Linear algebra runs in a single thread: columns are long and few, and threads that wait for each
     other took two thirds of the CPU.
     """
+    report, replicates, spread = progress or silent, replicates or Replicates(), None
     with threadpool_limits(1):
-        return _analysed(plan, data, workers, progress, kept)
+        end = ending(plan, data, report, replicates.begin)
+        if plan.settings.bootstrap and end.fit.members:
+            spread = bootstrap(end.analysis, end.fit, replicates, workers, report)
+        report(GapProgress("result"))
+        return result_of(plan, data, end, spread)
 
 
-def _analysed(
-    plan: GapPlan, data: GapData, workers: Execution | int, progress: Tell | None, kept: Replicates | None
-) -> GapResult:
-    tell, replicates = progress or silent, kept or Replicates()
-    end = ending(plan, data, tell, replicates.begin)
-    spread = None
-    if plan.settings.bootstrap and end.fit.members:
-        spread = bootstrap(end.analysis, end.fit, replicates, workers, tell)
-    tell(GapProgress("result"))
-    return result_of(plan, data, end, spread)
-
-
-def ending(plan: GapPlan, data: GapData, tell: Tell = silent, accepted: Callable[[], None] = lambda: None) -> Ending:
+def ending(
+    plan: GapPlan, data: GapData, report: Report = silent, accepted: Callable[[], None] = lambda: None
+) -> Ending:
     """The final result of data in memory; `accepted` is called once the model accepts them.
 
     Raises InputError where the data are outside of the model's range.
     """
-    tell(GapProgress("columns of the library"))
+    report(GapProgress("columns of the library"))
     setup = prepared(plan, data)
     accepted()
-    tell(GapProgress("search"))
+    report(GapProgress("search"))
     return on_all_rows(never_worse(ended(analysed(setup))), data)
 
 
@@ -144,37 +136,27 @@ def result_of(plan: GapPlan, data: GapData, end: Ending, spread: Spread | None =
     analysis, setup = end.analysis, end.setup
     initial = analysis.initial_null_model
     limit = initial.search.thresholds.generic
-    table = residual_table(end, data)
-    outputs = data.outputs
-    noise = {o.name: n.level for o, n in zip(outputs, initial.noises, strict=True)}
-    residuals_by_side = {
-        side: {o.name: table[f"{o.name}_{side}"].to_numpy() for o in outputs} for side in ("before", "after")
-    }
-    gap_sizes = gaps(end)
-    attribution = attribution_of(end)
-    text = corrected_toml(plan, end.model, analysis.scatter[:1])
-    named_effects = in_problem(plan, text, effects(end, spread))
-    planned = next_measurement(end)
-    rivals = rival_records(end, planned.rivals if planned else {})
-    rivals += inputs_instead(end, attribution)
+    table, gap_sizes, attribution = residual_table(end, data), gaps(end), attribution_of(end)
+    text, planned = corrected_toml(plan, end.model, analysis.scatter[:1]), next_measurement(end)
+    rivals = rival_records(end, planned.rivals if planned else {}) + inputs_instead(end, attribution)
     return GapResult(
         title=plan.labels.name or plan.model_name,
         verdict="ambiguous" if end.verdict == "named" and rivals else end.verdict,
-        outputs=tuple(Axis(o.name, o.unit, o.meaning) for o in outputs),
+        outputs=tuple(Axis(o.name, o.unit, o.meaning) for o in data.outputs),
         inputs=tuple(Axis(c.name, c.unit, c.meaning) for c in data.inputs),
         gate=gate(end),
         where=of_inside(setup, end.fit, table)
-        + regions(initial.setup, initial.search.fitter, initial.generic, initial.empty, limit),
+        + regions(initial.setup, initial.search.fitter, initial.generic, initial.null_fit, limit),
         scores=scores(end),
-        steps=renumbered(analysis.selection.steps),
-        effects=named_effects,
+        steps=analysis.selection.steps,
+        effects=in_problem(plan, text, effects(end, spread)),
         rivals=rivals,
         shapes=shape_records(end),
         noise_floor=gap_sizes.floor,
         gap_before=gap_sizes.before,
         gap_after=gap_sizes.after,
         residuals=table,
-        spectrum=spectrum(data, residuals_by_side["before"], residuals_by_side["after"], noise, limit),
+        spectrum=spectrum(data, table, initial.noises, limit),
         units=spread_of_units(setup.plan, data, end),
         summary=_summary(plan, data, end, spread) | {"gap_is": gap_sizes.meaning},
         notes=_notes(analysis, data, end),
@@ -217,8 +199,8 @@ def _summary(plan: GapPlan, data: GapData, end: Ending, spread: Spread | None) -
 
 def _region(data: GapData) -> dict[str, list[float]]:
     """The range of each input that the corrected model was fitted in."""
-    table = pd.DataFrame({c.name: data.readings.table[c.name] for c in data.inputs})
-    return {str(n): [float(table[n].min()), float(table[n].max())] for n in table}
+    inputs = {c.name: data.readings.table[c.name] for c in data.inputs}
+    return {name: [float(values.min()), float(values.max())] for name, values in inputs.items()}
 
 
 def _notes(analysis: Analysis, data: GapData, end: Ending) -> tuple[str, ...]:
@@ -227,8 +209,8 @@ def _notes(analysis: Analysis, data: GapData, end: Ending) -> tuple[str, ...]:
     notes += [*unlikely_numbers(end.fit, data), *data.notes, *end.setup.notes]
     for output, noise in zip(data.outputs, analysis.initial_null_model.noises, strict=True):
         if noise.outliers:
-            many = f"{noise.outliers} outliers do" if noise.outliers > 1 else "1 outlier does"
-            notes.append(f"{output.name}: {many} not count")
+            subject = f"{noise.outliers} outliers do" if noise.outliers > 1 else "1 outlier does"
+            notes.append(f"{output.name}: {subject} not count")
         if noise.varies_with:
             notes.append(f"{output.name}: the size of the noise follows {noise.varies_with}")
         if noise.rho > 0.3:
@@ -237,8 +219,8 @@ def _notes(analysis: Analysis, data: GapData, end: Ending) -> tuple[str, ...]:
             )
     if end.rows:
         notes += uneven_delays(analysis.search.fitter, end.fit, end.setup.data)
-    if lost := struck_of(analysis):
-        notes.append(f"{', '.join(lost)}: something similar is present, but its form differs")
+    if removed := removed_from(analysis):
+        notes.append(f"{', '.join(removed)}: something similar is present, but its form differs")
     if far := moved_far(end):
         notes.append(far)
     if len(end.setup.library) == 0:
@@ -253,8 +235,7 @@ def lines_of(result: GapResult) -> tuple[str, ...]:
     lines.append(f"{result.verdict}: {result.summary['rows']} rows")
     words = FAR if result.summary["gap_is"] == OF_UNITS else RMSE
     for output in result.outputs:
-        before, after = result.gap_before[output.name], result.gap_after[output.name]
-        floor = result.noise_floor[output.name]
+        before, after, floor = (gap[output.name] for gap in (result.gap_before, result.gap_after, result.noise_floor))
         lines.append(words.format(output.name, before, after, output.unit, floor))
     lines += [f"effect {effect}" for effect in result.effects]
     lines += [
@@ -264,15 +245,15 @@ def lines_of(result: GapResult) -> tuple[str, ...]:
     lines += [f"rival {rival}" for rival in result.rivals]
     lines += [f"remainder: {part}" for part in result.remainder]
     if not result.remainder:
-        lines += [f"without a name: {shape}" for shape in result.shapes]
+        lines += [f"not identified: {shape}" for shape in result.shapes]
     lines += summary_messages(result.population, result.attribution)
     if (planned := result.next_measurement) is not None:
         lines.append(f"next measurement: {planned}")
         lines += [f"next measurement: {entry}" for entry in (*planned.effects[1:], *planned.notes)]
     if result.verdict == "no_gap":
         detectable = sorted(result.gate.detectable, key=lambda effect: effect.rms)[:5]
-        lines += [f"would have been detected from {effect}" for effect in detectable]
+        lines += [f"smallest detectable effect: {effect}" for effect in detectable]
     if unseen := ", ".join(result.gate.unseen):
-        lines.append(f"cannot be detected, because free parameters do the same: {unseen}")
+        lines.append(f"cannot be detected, because free parameters imitate it: {unseen}")
     lines += [f"note: {note}" for note in result.notes]
     return tuple(lines)

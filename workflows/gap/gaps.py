@@ -37,13 +37,9 @@ def gaps(end: Ending) -> Gaps:
     after = setup.residual - end.after.fitted
     if setup.data.target.population:
         return _of_units(end, before, after)
-    noise = {o.name: output_noise.level for o, output_noise in zip(setup.data.outputs, initial.noises, strict=True)}
-    return Gaps(
-        _with_total(end, _by_output(end, before)),
-        _with_total(end, _by_output(end, after)),
-        noise | {"total": 1.0},
-        OF_ROWS,
-    )
+    levels = {o.name: noise.level for o, noise in zip(setup.data.outputs, initial.noises, strict=True)}
+    first, last = (_with_total(end, _by_output(end, raw)) for raw in (before, after))
+    return Gaps(first, last, levels | {"total": 1.0}, OF_ROWS)
 
 
 def never_worse(end: Ending) -> Ending:
@@ -55,13 +51,13 @@ def never_worse(end: Ending) -> Ending:
     sizes = gaps(end)
     if all(sizes.after[name] <= sizes.before[name] for name in sizes.before):
         return end
-    return ended(end.analysis.nameless())
+    return ended(end.analysis.without_effects())
 
 
 def _by_output(end: Ending, raw: Array) -> dict[str, float]:
-    parts = np.split(raw, len(end.setup.data.outputs))
-    every = zip(end.setup.data.outputs, parts, end.analysis.initial_null_model.noises, strict=True)
-    return {output.name: rmse(part, noise.good) for output, part, noise in every}
+    outputs, noises = end.setup.data.outputs, end.analysis.initial_null_model.noises
+    parts = zip(outputs, np.split(raw, len(outputs)), noises, strict=True)
+    return {output.name: rmse(part, noise.good) for output, part, noise in parts}
 
 
 def _with_total(end: Ending, by_output: dict[str, float]) -> dict[str, float]:
@@ -75,9 +71,7 @@ def _of_units(end: Ending, before: Array, after: Array) -> Gaps:
     """The gaps of a population. Effects on the scatter act on its first output, where outliers then
     count as well.
     """
-    first: dict[str, float] = {}
-    last: dict[str, float] = {}
-    least: dict[str, float] = {}
+    first, last, least = dict[str, float](), dict[str, float](), dict[str, float]()
     initial, outputs = end.analysis.initial_null_model, end.setup.data.outputs
     parts = (np.split(x, len(outputs)) for x in (before, after))
     for at, (output, x, y) in enumerate(zip(outputs, *parts, strict=True)):

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import linalg
 from scipy.interpolate import BSpline
 
 from ...models.effects.readings import SESSION, labels_of, unit_numbers
@@ -30,7 +31,7 @@ MOST_ORDERS = 600.0
 OVER_A_WORKSPACE = 12.0
 """The same where the angle is that of a pose: no teeth pass by."""
 LEVELS, STEP, SWING = "levels", "step", "swing"
-"""Shapes of a form over labels, an order and the time: a level of its own for each label, a step, a
+"""Shapes of a form over labels, an order and the time: a separate level for each label, a step, a
 slow wave."""
 ODD, EVEN, FROM_ZERO, FROM_LEAST = "odd", "even", "from zero", "from least"
 """Shapes of a power: of a signed input odd or even, of another one from zero or its least."""
@@ -67,6 +68,11 @@ class Form:
     by_power: int = 1
 
     @property
+    def variables(self) -> tuple[str, ...]:
+        """The names of all variables."""
+        return (self.variable, *self.further_variables)
+
+    @property
     def detail(self) -> str:
         """Further details of the form in words, empty where there are none."""
         if self.shape == STEP:
@@ -84,7 +90,7 @@ def generic(data: GapData, predicted: Mapping[str, Array] | None = None) -> tupl
     """Forms and their columns (n, m), of one output; `predicted` replaces a missing load."""
     forms: list[tuple[Form, Array]] = []
     inputs = [c for c in data.inputs if c.role in SMOOTH]
-    values = {c.name: np.asarray(data.readings.table[c.name], dtype=float) for c in inputs}
+    values = {c.name: data.values(c.name) for c in inputs}
     sign = _direction(data)
     for column in inputs:
         forms += _smooth(column, values[column.name], sign)
@@ -115,14 +121,24 @@ def _against_predicted(data: GapData, predicted: Mapping[str, Array]) -> list[tu
 
 
 def _direction(data: GapData) -> Array | None:
-    if Role.DIRECTION not in data.readings or np.ptp(data.readings[Role.DIRECTION]) == 0:
-        return None
-    return np.asarray(data.readings[Role.DIRECTION], dtype=float)
+    sign = data.readings[Role.DIRECTION] if Role.DIRECTION in data.readings else np.zeros(1)
+    return np.asarray(sign, dtype=float) if np.ptp(sign) else None
+
+
+def stretches(column: Column, rows: int) -> int:
+    """The number of stretches of a spline over an input, for so many rows."""
+    fine = 6 if column.role in (Role.TORQUE, Role.FORCE) else 4
+    return min(fine, max(2, rows // 25))
+
+
+def knots(values: Array, count: int) -> Array:
+    """The ends of `count` stretches of values (n,) with equally many rows."""
+    return np.asarray(np.unique(np.quantile(values, np.linspace(0, 1, count + 1))))
 
 
 def spline(values: Array, count: int) -> Array:
     """Cubic B-splines (n, count + 3) of values (n,), their knots at quantiles."""
-    inner = np.unique(np.quantile(values, np.linspace(0, 1, count + 1)))
+    inner = knots(values, count)
     if len(inner) < 3:
         return values[:, None].astype(float)
     ends = np.r_[[inner[0]] * 3, inner, [inner[-1]] * 3]
@@ -133,26 +149,26 @@ def spline(values: Array, count: int) -> Array:
 def _smooth(column: Column, x: Array, sign: Array | None) -> list[tuple[Form, Array]]:
     """Smooth functions of one input, equal in both directions and opposite in them."""
     kind = "trend" if column.role is Role.TIME else "interval"
-    fine = 6 if column.role in (Role.TORQUE, Role.FORCE) else 4
-    curve = spline(x, min(fine, max(2, len(x) // 25)))
+    curve = spline(x, stretches(column, len(x)))
     forms = [(Form(kind, column.name), curve)]
     forms += [(form, values[:, None]) for form, values in _powers(column, x)]
-    if sign is not None:
-        odd = [(replace(form, direction="odd"), columns * sign[:, None]) for form, columns in forms]
-        forms += odd
-    return forms
+    return forms + _opposite(forms, sign)
+
+
+def _opposite(forms: list[tuple[Form, Array]], sign: Array | None) -> list[tuple[Form, Array]]:
+    """The same forms, opposite in the two directions (n,); none without directions."""
+    if sign is None:
+        return []
+    return [(replace(form, direction="odd"), columns * sign[:, None]) for form, columns in forms]
 
 
 def _powers(column: Column, x: Array) -> list[tuple[Form, Array]]:
     """Powers of a signed input, odd and even; of any other, from zero and from its minimum."""
-    signed = bool((x < 0).any() and (x > 0).any())
-    if signed:
-        size = np.abs(x) / np.abs(x).max()
-        bases = {ODD: (size, np.sign(x)), EVEN: (size, np.ones_like(x))}
+    size, ones = np.abs(x) / np.abs(x).max(), np.ones_like(x)
+    if (x < 0).any() and (x > 0).any():
+        bases = {ODD: (size, np.sign(x)), EVEN: (size, ones)}
     else:
-        size = (x - x.min()) / np.ptp(x)
-        ones = np.ones_like(x)
-        bases = {FROM_ZERO: (np.abs(x) / np.abs(x).max(), ones), FROM_LEAST: (size, ones)}
+        bases = {FROM_ZERO: (size, ones), FROM_LEAST: ((x - x.min()) / np.ptp(x), ones)}
     return [
         (Form("power", column.name, order=power, shape=which), sign * magnitude**power)
         for which, (magnitude, sign) in bases.items()
@@ -170,11 +186,8 @@ def _products(inputs: list[Column], values: dict[str, Array], sign: Array | None
     for first, second in combinations(inputs, 2):
         a, b = _scaled(values[first.name]), _scaled(values[second.name])
         columns = np.column_stack([a * b, a * a * b, a * b * b, a * a * b * b])
-        form = Form("product", first.name, further_variables=(second.name,))
-        forms.append((form, columns))
-        if sign is not None:
-            form = Form("product", first.name, further_variables=(second.name,), direction="odd")
-            forms.append((form, columns * sign[:, None]))
+        both = [(Form("product", first.name, further_variables=(second.name,)), columns)]
+        forms += both + _opposite(both, sign)
     return forms
 
 
@@ -184,11 +197,9 @@ def _raw_products(inputs: list[Column], values: dict[str, Array], sign: Array | 
     for first, second in combinations(inputs, 2):
         a, b = (from_origin(c, values[c.name]) for c in (first, second))
         for p, q in ((1, 1), (2, 1), (1, 2)):
-            columns = (a**p * b**q)[:, None]
             form = Form("product", first.name, further_variables=(second.name,), powers=(p, q))
-            forms.append((form, columns))
-            if sign is not None:
-                forms.append((replace(form, direction="odd"), columns * sign[:, None]))
+            both = [(form, (a**p * b**q)[:, None])]
+            forms += both + _opposite(both, sign)
     return forms
 
 
@@ -203,6 +214,11 @@ def from_origin(column: Column, x: Array) -> Array:
     return np.asarray(away / max(float(np.abs(away).max()), 1e-300))
 
 
+def wave(angle: Array) -> Array:
+    """Cosine and sine (n, 2) of an angle (n,)."""
+    return np.column_stack([np.cos(angle), np.sin(angle)])
+
+
 def _swings(inputs: list[Column], values: dict[str, Array]) -> list[tuple[Form, Array]]:
     """Slow waves of the time, each a separate form: a hall that warms by day, a pump."""
     forms = []
@@ -210,9 +226,8 @@ def _swings(inputs: list[Column], values: dict[str, Array]) -> list[tuple[Form, 
         if column.role is Role.TIME:
             fraction = (values[column.name] - values[column.name].min()) / np.ptp(values[column.name])
             for cycles in CYCLES:
-                turned = 2.0 * np.pi * cycles * fraction
                 form = Form("trend", column.name, order=cycles, shape=SWING)
-                forms.append((form, np.column_stack([np.cos(turned), np.sin(turned)])))
+                forms.append((form, wave(2.0 * np.pi * cycles * fraction)))
     return forms
 
 
@@ -280,12 +295,11 @@ def _orders(data: GapData) -> list[tuple[Form, Array]]:
     column = next(c for c in data.inputs if c.role is Role.ANGLE)
     forms = []
     for order in order_grid(data):
-        wave = np.column_stack([np.cos(order * angle), np.sin(order * angle)])
-        forms.append((Form("order", column.name, order=float(order)), wave))
+        columns, form = wave(order * angle), Form("order", column.name, order=float(order))
+        forms.append((form, columns))
         if load is not None and order == np.floor(order):
             size = data.readings[load] / max(float(np.abs(data.readings[load]).max()), 1e-300)
-            form = Form("order", column.name, order=float(order), by=str(load))
-            forms.append((form, wave * size[:, None]))
+            forms.append((replace(form, by=str(load)), columns * size[:, None]))
     return forms + _modulated(data, column, angle)
 
 
@@ -302,22 +316,13 @@ def _modulated(data: GapData, column: Column, angle: Array) -> list[tuple[Form, 
     """Waves of the usual orders that grow with another input, or with its square."""
     forms = []
     for order in usual_orders(data):
-        wave = np.column_stack([np.cos(order * angle), np.sin(order * angle)])
-        for second_input in (c for c in data.inputs if c.role in (*SMOOTH, Role.DIRECTION)):
-            x = np.asarray(data.readings.table[second_input.name], dtype=float)
-            for power in (1, 2):
-                if power == 2 and second_input.role is Role.DIRECTION:
-                    continue
+        columns = wave(order * angle)
+        for second in (c for c in data.inputs if c.role in (*SMOOTH, Role.DIRECTION)):
+            x = data.values(second.name)
+            form = Form("order", column.name, order=order, further_variables=(second.name,), by=second.name)
+            for power in (1,) if second.role is Role.DIRECTION else (1, 2):
                 size = (x / np.abs(x).max()) ** power
-                form = Form(
-                    "order",
-                    column.name,
-                    order=order,
-                    further_variables=(second_input.name,),
-                    by=second_input.name,
-                    by_power=power,
-                )
-                forms.append((form, wave * size[:, None]))
+                forms.append((replace(form, by_power=power), columns * size[:, None]))
     return forms
 
 
@@ -326,11 +331,8 @@ def stacked(groups: Groups, outputs: int) -> tuple[Groups, NDArray[np.int64]]:
     which = np.repeat(np.arange(outputs), len(groups.starts))
     if outputs == 1:
         return groups, which
-    n, count = groups.columns.shape
-    whole = np.zeros((outputs * n, outputs * count))
-    for at in range(outputs):
-        whole[at * n : (at + 1) * n, at * count : (at + 1) * count] = groups.columns
-    starts = np.concatenate([groups.starts + at * count for at in range(outputs)])
+    whole = linalg.block_diag(*[groups.columns] * outputs)
+    starts = np.concatenate([groups.starts + at * groups.columns.shape[1] for at in range(outputs)])
     return Groups(whole, starts, np.tile(groups.one_sided, outputs)), which
 
 

@@ -50,10 +50,17 @@ def law_of(plan: GapPlan, name: str) -> Law:
     """
     assert plan.model is not None
     mean, sources = float(plan.model.means()[name]), plan.model.sources()
-    table = _units((c for c in plan.model.columns if c.needed), MAPPED)
+    columns = [c for c in plan.model.columns if c.needed]
+    table = _units(columns, MAPPED)
     target = target_of(plan.model, plan.model_name, table)
     readings = readings_of(target.columns, table)
-    law = _exact(sources, mean) if sources and not sources.widened else _drawn(plan, name, mean)
+    if sources and not sources.widened:
+        law = _exact(sources, mean)
+    else:
+        rng = np.random.default_rng([plan.seed, 5])
+        outputs = plan.model.law_sample() or plan.model.predict(_units(columns, DRAWN), rng)
+        drawn = np.asarray(outputs[name], dtype=float)
+        law = estimated(drawn, mean, float(drawn.mean()))
     for active in plan.active:
         if on_scatter(active.effect, active.values, readings, target):
             law = law_with(law, active.effect, active.values, target)
@@ -63,19 +70,11 @@ def law_of(plan: GapPlan, name: str) -> Law:
 def _exact(sources: Sources, mean: float) -> Law:
     units = UnitLaw(sources)
     density = units.density()
-    held = np.flatnonzero(density > LEAST / units.std)
-    x, chance = units.x[held[0] : held[-1] + 1], density[held[0] : held[-1] + 1]
+    likely = np.flatnonzero(density > LEAST / units.std)
+    kept = slice(likely[0], likely[-1] + 1)
+    x, chance = units.x[kept], density[kept]
     std = float(np.sqrt(np.average((x - np.average(x, weights=chance)) ** 2, weights=chance)))
     return Law(float(x[0]) - mean, units.step, np.log(np.maximum(chance, LEAST / std)), std, mean)
-
-
-def _drawn(plan: GapPlan, name: str, mean: float) -> Law:
-    assert plan.model is not None
-    table = _units((c for c in plan.model.columns if c.needed), DRAWN)
-    rng = np.random.default_rng([plan.seed, 5])
-    outputs = plan.model.law_sample() or plan.model.predict(table, rng)
-    drawn = np.asarray(outputs[name], dtype=float)
-    return estimated(drawn, mean, float(drawn.mean()))
 
 
 def law_with(law: Law, effect: Effect, values: Mapping[str, float], target: Target) -> Law:

@@ -44,6 +44,7 @@ SMALL = 0.05
 """A change of an internal quantity, in its unit, at which the outputs are still linear."""
 STILL = 1e-6
 """[rad] Range of an angle that did not change."""
+NO_TRACE = "the data contain no trace of it"
 LEAST_UNITS = 3
 """Units of a lot from which its separate offset can be estimated."""
 
@@ -84,6 +85,11 @@ class Candidate:
         return penalty * len(self.linear) + bends + BIT * (len(self.shape) - len(numbers))
 
     @property
+    def parameters(self) -> tuple[EffectParameter, ...]:
+        """The linear and the nonlinear parameters."""
+        return (*self.linear, *self.shape)
+
+    @property
     def one_sided(self) -> bool:
         """Whether it is one column whose coefficient cannot be negative."""
         return self.is_nonlinear or (len(self.linear) == 1 and self.linear[0].low >= 0.0)
@@ -98,8 +104,8 @@ class Candidate:
         """Lower and upper bounds of the coefficients of its columns."""
         if self.is_nonlinear:
             return np.array([1.0]), np.array([1.0 + 1e-9])
-        low = np.array([parameter.low for parameter in self.linear])
-        return low, np.array([parameter.high for parameter in self.linear])
+        low, high = np.array([(parameter.low, parameter.high) for parameter in self.linear]).T
+        return low, high
 
     def values(self, shape: Mapping[str, float], coefficients: Array) -> dict[str, float]:
         """All parameters by name."""
@@ -112,36 +118,29 @@ class Candidate:
 class Columns:
     """The additions of candidates to the outputs at the rows of the data, in the outputs' units.
 
-    The effect of an instrument depends on the whole output: the prediction plus `beside` (n,), by
+    The effect of an instrument depends on the whole output: the prediction plus `more` (n,), by
     output.
     """
 
-    def __init__(self, data: GapData, predict: Predict, beside: Mapping[str, Array] | None = None) -> None:
+    def __init__(self, data: GapData, predict: Predict, more: Mapping[str, Array] | None = None) -> None:
         self.data = data
         self.predict = predict
         self._base = predict({})
         self._slopes: dict[str, Array] = {}
-        self._read = {name: y + (beside or {}).get(name, 0.0) for name, y in self._base.items()}
-
-    def with_addition(self, more: Mapping[str, Array]) -> Columns:
-        """The same columns, with `more` (n,) added to the outputs that the instrument measures."""
-        return Columns(self.data, self.predict, more)
+        self._whole = {name: y + (more or {}).get(name, 0.0) for name, y in self._base.items()}
 
     def of(self, candidate: Candidate, shape: Mapping[str, float]) -> Array:
         """Columns (N, m) of a candidate, m its linear parameters (1 where it has none)."""
         if candidate.is_nonlinear:
-            return self._added(candidate, shape)[:, None]
+            return self.total(candidate, shape)[:, None]
         if isinstance(candidate.effect, Unresolved):
             return self._of_term(candidate.effect)
         if isinstance(candidate.effect, InsideSeveral):
             return self._by_rows(candidate.effect, shape)
         if isinstance(candidate.effect, Shape) and candidate.effect.plain(self.data.target):
             return self._of_shape(candidate.effect, shape)
-        parts = [
-            self._added(candidate, {**shape, parameter.name: step}) / step
-            for parameter, step in ((parameter, _step(parameter)) for parameter in candidate.linear)
-        ]
-        return np.column_stack(parts)
+        steps = {parameter.name: _step(parameter) for parameter in candidate.linear}
+        return np.column_stack([self.total(candidate, {**shape, name: step}) / step for name, step in steps.items()])
 
     def _of_shape(self, effect: Shape, shape: Mapping[str, float]) -> Array:
         """Columns of an effect at the outputs, each computed once."""
@@ -176,9 +175,6 @@ class Columns:
 
     def total(self, candidate: Candidate, values: Mapping[str, float]) -> Array:
         """What the effect with these values adds (N,)."""
-        return self._added(candidate, values)
-
-    def _added(self, candidate: Candidate, values: Mapping[str, float]) -> Array:
         data = self.data
         action = candidate.effect.act(data.readings, values, data.target)
         if action.changes:
@@ -191,7 +187,7 @@ class Columns:
         if action.reading:
             return np.concatenate(
                 [
-                    action.reading[o.name](self._read[o.name]) - self._read[o.name]
+                    action.reading[o.name](self._whole[o.name]) - self._whole[o.name]
                     if o.name in action.reading
                     else zero
                     for o in data.outputs
@@ -202,8 +198,8 @@ class Columns:
     def _of_units(self, act: Callable[[Array, float, np.random.Generator], Array]) -> Array:
         """The change (N,) of units at the mean by an effect on a population."""
         rng = np.random.default_rng(0)
-        means = [(o.name, self._base[o.name]) for o in self.data.outputs]
-        return np.concatenate([act(m, float(m.mean()), rng) - m for _, m in means])
+        means = [self._base[o.name] for o in self.data.outputs]
+        return np.concatenate([act(m, float(m.mean()), rng) - m for m in means])
 
 
 def _step(parameter: EffectParameter) -> float:
@@ -217,12 +213,13 @@ def candidates(names: Iterable[str], data: GapData) -> list[Candidate]:
     applicable = []
     for name in names:
         effect = registry.load("effects", name)()
-        placed = effect.applies(data.target) and not _at_one_angle(effect, data)
-        shown = effect.shown(data.measured, data.target) if placed else None
-        if shown is not None:
+        applies = effect.applies(data.target) and not _at_one_angle(effect, data)
+        known = effect.shown(data.measured, data.target) if applies else None
+        if known is not None:
             numbers = effect.parameters(data.target)
             linear = tuple(p for p in numbers if p.linear)
-            shape = tuple(_chosen(p, shown) for p in numbers if not p.linear)
+            fixed = {name: (value,) for name, value in known.items()}
+            shape = tuple(replace(p, choices=fixed.get(p.name, p.choices)) for p in numbers if not p.linear)
             candidate = Candidate(effect, linear, shape, _unread(effect, data))
             applicable.append(replace(candidate, on_scatter=_on_scatter(candidate, data)))
     return applicable
@@ -265,8 +262,7 @@ def _reason(effect: Effect, data: GapData) -> str:
         return why
     if _at_one_angle(effect, data):
         return "one angle only"
-    hidden = effect.shown(data.measured, data.target) is None
-    return "the data contain no trace of it" if hidden else ""
+    return NO_TRACE if effect.shown(data.measured, data.target) is None else ""
 
 
 def _matters(effect: Effect, why: str, data: GapData) -> bool:
@@ -275,13 +271,8 @@ def _matters(effect: Effect, why: str, data: GapData) -> bool:
     if data.target.population or effect.family in ELSEWHERE or not roles & set(MOVING):
         return False
     if set(effect.needs) <= roles:
-        return why not in (Effect.own_reason(effect, data.target), "the data contain no trace of it")
+        return why not in (Effect.own_reason(effect, data.target), NO_TRACE)
     return data.target.model == "table"
-
-
-def _chosen(number: EffectParameter, shown: Mapping[str, float]) -> EffectParameter:
-    """A parameter, fixed where the measurements show its value."""
-    return replace(number, choices=(shown[number.name],)) if number.name in shown else number
 
 
 def _at_one_angle(effect: Effect, data: GapData) -> bool:
@@ -316,7 +307,7 @@ def with_lots(library: Iterable[Candidate], data: GapData, residual: Array) -> t
             candidate = replace(candidate, linear=_of_lots(candidate, lots, data.target))
         if candidate.linear or candidate.shape:
             kept.append(candidate)
-    text = f"cannot tell the offset of lots of fewer than {LEAST_UNITS} units"
+    text = f"the offset of lots of fewer than {LEAST_UNITS} units cannot be estimated"
     return kept, [f"{text}: {', '.join(few[:10])}"] if len(few) else []
 
 
@@ -329,11 +320,7 @@ def _of_lots(candidate: Candidate, lots: Iterable[str], target: Target) -> tuple
 
 def carried(active: Iterable[Active], target: Target) -> float:
     """The shift of the mean of a population by effects on its scatter."""
-    return sum(
-        active_effect.effect.carried(active_effect.values, target)
-        for active_effect in active
-        if isinstance(active_effect.effect, OfUnits)
-    )
+    return sum(each.effect.carried(each.values, target) for each in active if isinstance(each.effect, OfUnits))
 
 
 def grid(candidate: Candidate, spread: float) -> list[dict[str, float]]:

@@ -53,10 +53,10 @@ class BatchLikelihood:
     about_mean: bool = False
     """Whether the deviations are from the mean of the units instead of the model's."""
 
-    @cached_property
+    @property
     def numbers(self) -> tuple[EffectParameter, ...]:
         """The fitted parameters."""
-        return (*self.candidate.linear, *self.candidate.shape)
+        return self.candidate.parameters
 
     @cached_property
     def scale(self) -> Array:
@@ -64,8 +64,10 @@ class BatchLikelihood:
         unit = self.target.outputs[0].unit
         return np.array([self.law.std if unit and parameter.unit == unit else 1.0 for parameter in self.numbers])
 
-    def _kind(self, at: int) -> Kind:
-        parameter, scale = self.numbers[at], float(self.scale[at])
+    def _kinds(self) -> list[Kind]:
+        return list(map(self._kind, self.numbers, self.scale.tolist()))
+
+    def _kind(self, parameter: EffectParameter, scale: float) -> Kind:
         low, high = max(parameter.low / scale, -FARTHEST), min(parameter.high / scale, FARTHEST)
         if parameter.unit == self.target.outputs[0].unit:
             both = np.concatenate([-STEPS, STEPS]) if low < 0.0 else STEPS
@@ -78,8 +80,7 @@ class BatchLikelihood:
 
     def _grid(self, coarse: bool) -> Array:
         """Starting points (m, k)."""
-        kinds = [self._kind(at) for at in range(len(self.numbers))]
-        axes = [kind.coarse if coarse else kind.starts for kind in kinds]
+        axes = [kind.coarse if coarse else kind.starts for kind in self._kinds()]
         while np.prod([len(axis) for axis in axes]) > MOST:
             axes = [axis[::2] for axis in axes]
         return np.array(list(product(*axes)), dtype=np.float64)
@@ -113,7 +114,7 @@ class BatchLikelihood:
             worse,
             min(starts, key=worse),
             method="Nelder-Mead",
-            bounds=[self._kind(at).bounds for at in range(len(self.numbers))],
+            bounds=[kind.bounds for kind in self._kinds()],
             options={"xatol": 1e-4, "fatol": 1e-3},
         )
         return np.asarray(optimum.x)
@@ -126,7 +127,7 @@ class BatchLikelihood:
         """Half-widths (k,) of intervals from the curvature in all parameters jointly."""
         from statsmodels.tools.numdiff import approx_hess  # imports all distributions of scipy
 
-        steps = np.array([self._kind(k).step for k in range(len(self.numbers))])
+        steps = np.array([kind.step for kind in self._kinds()])
         bend = np.atleast_2d(approx_hess(at, lambda p: -self(x, p), epsilon=steps))
         variance = np.diag(np.linalg.pinv(bend))
         return np.asarray(special.ndtri(0.5 + 0.5 * level) * np.sqrt(np.maximum(variance, 1e-12)))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,6 +44,14 @@ def whitening(gram: Array) -> Array:
     values, vectors = np.linalg.eigh(gram)
     root = np.where(values > GONE, 1.0 / np.sqrt(np.maximum(values, GONE)), 0.0)
     return np.asarray(np.swapaxes(vectors * root[..., None, :], -1, -2))
+
+
+class Whitening(Protocol):
+    """A noise, or the space of several."""
+
+    def whiten(self, columns: Array) -> Array:
+        """Columns (N, m) such that the noise in them is independent with variance 1."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -96,15 +105,17 @@ class Groups:
             remaining[:, at.ravel()] = _each_orthonormal(remaining, before, at)
         return Groups(remaining, self.starts, self.one_sided)
 
+    def white(self, space: Whitening) -> Groups:
+        """The groups, their columns whitened."""
+        return Groups(space.whiten(self.columns), self.starts, self.one_sided)
+
     def part(self, first: int, last: int) -> Groups:
         """Groups from `first` to before `last`, their columns not copied."""
-        key = (first, last)
-        if key not in self._parts:
+        if (first, last) not in self._parts:
             ends = np.append(self.starts, self.columns.shape[1])
-            columns = self.columns[:, ends[first] : ends[last]]
-            starts = self.starts[first:last] - ends[first]
-            self._parts[key] = Groups(columns, starts, self.one_sided[first:last])
-        return self._parts[key]
+            columns, starts = self.columns[:, ends[first] : ends[last]], self.starts[first:last] - ends[first]
+            self._parts[first, last] = Groups(columns, starts, self.one_sided[first:last])
+        return self._parts[first, last]
 
     @cached_property
     def _parts(self) -> dict[tuple[int, int], Groups]:

@@ -1,4 +1,4 @@
-"""Stage 2: where the residual has structure: successive regions, each given those before it."""
+"""Where the residual has structure: successive regions, each given those before it."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from .scan import Remaining, evidence
 from .setup import Setup
 
 MOST = 6
-BESIDE = 0.6
+LEAKAGE = 0.6
 """Distance of orders that are leakage of a located one: angles seldom cover whole turns."""
 AS_MUCH = 0.8
 """Fraction of the gain of a flexible form from which a symmetric one is reported instead."""
@@ -59,14 +59,10 @@ def _flexible(generic: Remaining, at: int) -> NDArray[np.int64]:
     form = generic.forms[at]
 
     def same(other: Form) -> bool:
-        if (other.variable, other.further_variables, other.direction) != (
-            form.variable,
-            form.further_variables,
-            form.direction,
-        ):
+        if (other.variables, other.direction) != (form.variables, form.direction):
             return False
         if form.kind == "order":
-            near = other.kind == "order" and abs(other.order - form.order) < BESIDE
+            near = other.kind == "order" and abs(other.order - form.order) < LEAKAGE
             return near and (other.by, other.by_power) == (form.by, form.by_power)
         return other.kind in OVER_INPUT and form.kind in OVER_INPUT
 
@@ -99,13 +95,12 @@ def _turning(
 
     The function is clip(x/w, -1, 1), constant beyond w.
     """
-    n, outputs = len(x), len(setup.data.outputs)
     widths = WIDTHS * float(np.abs(x).max())
-    columns = np.zeros((n * outputs, len(widths)))
+    columns = np.zeros((len(x) * len(setup.data.outputs), len(widths)))
     odd = np.clip(x[:, None] / widths, -1.0, 1.0)
     if form.direction:
-        odd = odd * _sign(setup)[:, None]
-    columns[output * n : (output + 1) * n] = odd
+        odd = odd * np.asarray(setup.data.readings[Role.DIRECTION], dtype=float)[:, None]
+    columns[setup.data.rows_of(output)] = odd
     remaining = projected_out(fitter.space.whiten(columns), q)
     size = np.einsum("ij,ij->j", remaining, remaining)
     gains = (remaining.T @ residual) ** 2 / np.maximum(size, 1e-9)
@@ -113,19 +108,14 @@ def _turning(
     return float(widths[best]), float(gains[best])
 
 
-def _sign(setup: Setup) -> Array:
-    return np.asarray(setup.data.readings[Role.DIRECTION], dtype=float)
-
-
 def _region(
     setup: Setup, generic: Remaining, at: int, low: float, high: float, fraction: float, level: float, limit: float
 ) -> Region:
     form, output = generic.forms[at], setup.data.outputs[int(generic.outputs[at])]
-    column = next((c for c in setup.data.inputs if c.name == form.variable), None)
-    unit = "" if column is None else column.unit
+    unit = next((c.unit for c in setup.data.inputs if c.name == form.variable), "")
     return Region(
         output=output.name,
-        variable=" x ".join((form.variable, *form.further_variables)),
+        variable=" x ".join(form.variables),
         kind="interval" if form.kind == "power" else form.kind,
         unit=output.unit if form.variable.startswith(PREDICTED) else unit,
         low=low,

@@ -16,10 +16,9 @@ from ...models.effects import EffectParameter
 from ...models.inputs.distribution import Array
 from .analysis import Analysis
 from .close import Corrected
-from .fit import Fit, Fitter, Member
+from .fit import Fit, Fitter, Member, is_term
 from .linear import basis, projected_out
-from .settle import names_of
-from .unresolved import is_term, whole_of
+from .unresolved import whole_of
 
 LITTLE = 0.01
 """Fraction of a parameter's column within a form below which they have nothing in common."""
@@ -38,7 +37,7 @@ def misfit_of(analysis: Analysis, fit: Fit) -> dict[tuple[str, str], float]:
     """Added variance of the effects' parameters, by owner and name, due to the generic terms."""
     fitter = analysis.search.fitter
     terms = [k for k, member in enumerate(fit.members) if is_term(member)]
-    named = names_of(fit.members) if terms else ()
+    named = fit.identified if terms else ()
     columns = {at: _columns(fitter, fit, at) for at in named}
     variances: dict[tuple[str, str], float] = {}
     for at in named:
@@ -93,7 +92,7 @@ def _columns(fitter: Fitter, fit: Fit, at: int) -> Array:
 def _part(analysis: Analysis, fit: Fit, term: int, g: Array) -> float:
     """E/m of a term, times the fraction of g that lies in its whole form."""
     member, fitter = fit.members[term], analysis.search.fitter
-    added = projected_out(fitter.white(member) @ fit.coefficients[term], fitter.q)
+    added = fitter.contribution(fit, term)
     bias = float(g @ added) ** 2 / float(g @ g)
     q = basis(projected_out(fitter.white(whole_of(member, analysis.setup.data)), fitter.q))
     fraction = float(np.sum((q.T @ g) ** 2)) / float(g @ g)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from operator import itemgetter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -94,16 +95,13 @@ def robust_scale(residual: Array) -> float:
 
 
 def outliers(residual: Array, sigma: Array, least: float = 1e-12) -> NDArray[np.bool_]:
-    """False (n,) where a measurement is an outlier; the robust scale is at least `least` times
-    sigma.
-    """
+    """False (n,) where a measurement is an outlier; the robust scale is at least `least` sigma."""
     scaled = residual / sigma
     return np.abs(scaled - np.median(scaled)) < OUTLYING * max(robust_scale(scaled), least)
 
 
 def autocorrelation(residual: Array, columns: Array, noise: Noise) -> float:
-    """The autocorrelation of maximum restricted likelihood, for a residual (n,) given columns (n,
-    k).
+    """The autocorrelation of maximum restricted likelihood, for a residual (n,) given columns (n, k).
 
     The fitted columns do not bias it. Reference: Harville, J. Am. Stat. Assoc. 72, 1977.
     """
@@ -166,21 +164,16 @@ def size_follows(residual: Array, inputs: Mapping[str, Array], good: NDArray[np.
     An F test on log squares (Glejser, Breusch and Pagan), which heavy tails do not mislead.
     """
     target = np.log(np.maximum(residual**2, 1e-8 * float(np.mean(residual[good] ** 2)) + 1e-300))
-    best: tuple[float, str, Array] | None = None
-    for name, values in inputs.items():
-        fitted, p = _explained(target, _parabola(values), good)
-        if best is None or p < best[0]:
-            best = (p, name, fitted)
-    if best is None or best[0] > 1e-3 / len(inputs):
+    fits = [(*_explained(target, _parabola(values), good), name) for name, values in inputs.items()]
+    fitted, p, name = min(fits, key=itemgetter(1), default=(target, 1.0, ""))
+    if not name or p > 1e-3 / len(inputs):
         return None
-    size = np.exp(0.5 * np.clip(best[2] - np.median(best[2]), -4.0, 4.0))
-    return best[1], np.asarray(size / np.sqrt(np.mean(size**2)))
+    size = np.exp(0.5 * np.clip(fitted - np.median(fitted), -4.0, 4.0))
+    return name, np.asarray(size / np.sqrt(np.mean(size**2)))
 
 
 def _explained(target: Array, x: Array, good: NDArray[np.bool_]) -> tuple[Array, float]:
-    """The least-squares fit (n,) of a target (n,) by columns (n, k), the first constant, to its
-    good rows, and the p-value of the F test.
-    """
+    """The least-squares fit (n,) of columns (n, k) to good rows, and the p-value of the F test."""
     numbers, _, rank, _ = np.linalg.lstsq(x[good], target[good])
     fitted = x @ numbers
     rss = float(np.sum((target - fitted)[good] ** 2))
@@ -192,9 +185,6 @@ def _explained(target: Array, x: Array, good: NDArray[np.bool_]) -> tuple[Array,
 
 
 def _parabola(values: Array) -> Array:
-    """The columns of a parabola in values (n,); of a line where there are only two distinct
-    values.
-    """
+    """The columns of a parabola in values (n,), or of a line for only two distinct ones."""
     x = (values - values.mean()) / max(float(values.std()), 1e-300)
-    powers = range(3 if len(np.unique(values)) > 2 else 2)
-    return np.column_stack([x**k for k in powers])
+    return np.column_stack([x**k for k in range(3 if len(np.unique(values)) > 2 else 2)])

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 from .fit import Fit
+from .linear import Groups
 from .noise import Noise
 from .population import Batch, Scatter, carrying
 from .scan import GenericResidual, Remaining, generic_residual
@@ -15,24 +16,30 @@ from .setup import Setup
 
 @dataclass(frozen=True)
 class NullModel:
-    """The null model with all that is searched, in the space of its noise; `empty` is the null fit,
-    `residual_forms` the generic forms tested against its residual.
+    """The null model with all that is searched, in the space of its noise, and the generic columns
+    (N, C) of `forms` in the outputs' units.
     """
 
     setup: Setup
     noises: tuple[Noise, ...]
     search: Search
     generic: Remaining
+    forms: Groups
 
     @cached_property
-    def empty(self) -> Fit:
+    def null_fit(self) -> Fit:
         """The null fit: the model without any effect."""
         return self.search.fitter.fit(())
 
     @cached_property
     def residual_forms(self) -> GenericResidual:
         """The generic forms tested against the residual of the null fit."""
-        return generic_residual(self.empty, self.search.fitter, self.generic)
+        return generic_residual(self.null_fit, self.search.fitter, self.generic)
+
+    @property
+    def detected(self) -> bool:
+        """Whether a generic form is significant in the residual of the null fit."""
+        return bool(self.residual_forms.evidence.max(initial=0.0) > self.search.thresholds.generic)
 
     @cached_property
     def batch(self) -> Batch:

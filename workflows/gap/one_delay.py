@@ -14,9 +14,10 @@ from scipy import special
 
 from ...models.effects.instrument.delay import Delay
 from ...models.inputs.distribution import Array
+from .close import widened
 from .data import GapData
 from .fit import Fit, Fitter, Member
-from .linear import basis, projected_out
+from .linear import projected_out
 
 STEP = 1e-2
 """Relative step of a derivative."""
@@ -36,8 +37,7 @@ def uneven_delays(fitter: Fitter, fit: Fit, data: GapData) -> list[str]:
     for at, member in enumerate(fit.members):
         if not isinstance(member.candidate.effect, Delay):
             continue
-        rest = [fitter.white(other) for k, other in enumerate(fit.members) if k != at]
-        q = basis(np.hstack([fitter.base, *rest]))
+        q = fitter.spanned(fit.without(at))
         for name, late in member.shape.items():
             if late != 0.0 and (delays := _uneven(fitter, fit, q, member, name, data)) is not None:
                 sentences.append(_sentence(name, delays))
@@ -46,12 +46,11 @@ def uneven_delays(fitter: Fitter, fit: Fit, data: GapData) -> list[str]:
 
 def _sentence(name: str, delays: Array) -> str:
     kinds = ("rise above the median", "fall above it", "rise below it", "fall below it")
-    parts = ", ".join(
-        f"{delay:.3g} s where readings {kind}" for delay, kind in zip(delays.tolist(), kinds, strict=True)
-    )
+    pairs = zip(delays.tolist(), kinds, strict=True)
+    parts = ", ".join(f"{delay:.3g} s where measurements {kind}" for delay, kind in pairs)
     return (
-        f"{name} is not one delay: {parts}. A late channel is late everywhere; this may be an "
-        "unidentified part of the loop"
+        f"{name} differs between kinds of rows: {parts}. A late channel is equally late everywhere; "
+        "this may be an unidentified part of the loop"
     )
 
 
@@ -62,7 +61,7 @@ def _uneven(fitter: Fitter, fit: Fit, q: Array, member: Member, name: str, data:
     the residual, and the residual itself by stretches (Liang and Zeger 1986).
     """
     late = member.shape[name]
-    ends = [{**member.shape, name: late * (1.0 + way * STEP)} for way in (1.0, -1.0)]
+    ends = [{**member.shape, name: late * (1.0 + sign * STEP)} for sign in (1.0, -1.0)]
     longer, shorter = (fitter.columns.of(member.candidate, shape)[:, 0] for shape in ends)
     slope = (longer - shorter) / (2.0 * STEP * late)
     parts = [fitter.space.whiten(np.where(kind, slope, 0.0)) for kind in _kinds(slope, data).T]
@@ -81,13 +80,11 @@ def _uneven(fitter: Fitter, fit: Fit, q: Array, member: Member, name: str, data:
 
 
 def _kinds(slope: Array, data: GapData) -> Array:
-    """Rows (N, 4) of the shifted outputs that rise or fall, high or low; where a measurement rises,
-    it falls with its delay.
-    """
+    """Rows (N, 4) that are high or low and rise or fall: what rises, falls with its delay."""
     measured = data.stacked(data.measured)
     kinds = np.zeros((len(slope), 4), dtype=bool)
     for at in range(len(data.outputs)):
-        rows = slice(at * len(data), (at + 1) * len(data))
+        rows = data.rows_of(at)
         high = measured[rows] > np.median(measured[rows])
         up, down = slope[rows] < 0.0, slope[rows] > 0.0
         kinds[rows] = np.column_stack([high & up, high & down, ~high & up, ~high & down])
@@ -101,7 +98,5 @@ def _estimated(g: Array, residual: Array) -> tuple[Array, Array]:
     rest = residual - g @ coefficients
     edges = np.linspace(0, len(residual), STRETCHES + 1).astype(int)
     sums = np.array([g[a:b].T @ rest[a:b] for a, b in pairwise(edges)])
-    model = inverse * float(rest @ rest) / len(rest)
-    robust = inverse @ (sums.T @ sums) @ inverse
-    wider = np.sqrt(np.maximum(np.diag(robust) / np.diag(model), 1.0))
-    return coefficients, model * np.outer(wider, wider)
+    white_noise = inverse * float(rest @ rest) / len(rest)
+    return coefficients, widened(white_noise, inverse @ (sums.T @ sums) @ inverse)

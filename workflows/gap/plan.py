@@ -9,29 +9,11 @@ from typing import Any
 from ...gap_drawing_records import Drawing
 from ...models.effects.compose import Active
 from ...models.gear import Gear
-from ...models.measurable import MeasurableModel
+from ...models.measurable import MeasurableModel, Role
 from ...problems.settings import Labels
 from ...tables import ColumnUse
 
-ROLES = (
-    "angle",
-    "torque",
-    "force",
-    "direction",
-    "speed",
-    "temperature",
-    "time",
-    "unit",
-    "lot",
-    "payload",
-    "position",
-    "repeat",
-    "input",
-    "measured",
-    "predicted",
-    "std",
-    "ignore",
-)
+ROLES = (*map(str, Role), "measured", "predicted", "std", "ignore")
 """The roles that `[columns]` gives."""
 ROLE_UNITS = {
     "angle": ("rad", "m"),
@@ -48,9 +30,9 @@ ROLE_UNITS = {
 
 @dataclass(frozen=True, slots=True)
 class ColumnRole:
-    """Role and unit of one column of a table; `of` names the output of a prediction or noise.
+    """Role and unit of a column of a table; `of` is the output of a prediction or noise.
 
-    `sense` is -1 where it counts against the convention (docs/conventions.md).
+    `sense` is -1 where its sign is opposite to the convention (docs/conventions.md).
     """
 
     role: str
@@ -122,7 +104,7 @@ class GapPlan:
     the raw tables of the configuration whose allocation the corrected model is to repeat (empty for
     none), `tables` the resolved ones of the model, `active` the effects that are in it already,
     `zero` the offsets of outputs that have a zero, `sense` is -1 for outputs of reversed sign,
-    `gear` that of a table. `counterparts` says what each effect of a corrected configuration does
+    `gear` that of a table. `counterparts` states what each effect of a corrected configuration does
     in the problem of `run`; None without it. `next_measurement` is None where none was requested.
     `uses` gives the use of the columns of a file in a model; `drawing` is the one that units are
     simulated by; `labels` are those of the mechanism for readers.
@@ -158,9 +140,9 @@ class GapPlan:
 def output_of(name: str, columns: Mapping[str, ColumnRole]) -> str | None:
     """The measured column that a predicted or std column belongs to, None where it is not clear."""
     measured = [n for n, column in columns.items() if column.role == "measured"]
-    if columns[name].of:
-        return columns[name].of if columns[name].of in measured else None
-    suffix = {"predicted": "_predicted", "std": "_std"}[columns[name].role]
-    if name.removesuffix(suffix) in measured:
-        return name.removesuffix(suffix)
+    if of := columns[name].of:
+        return of if of in measured else None
+    stem = name.removesuffix(f"_{columns[name].role}")
+    if stem in measured:
+        return stem
     return measured[0] if len(measured) == 1 else None

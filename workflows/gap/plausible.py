@@ -29,7 +29,7 @@ LITTLE = radians(0.5)
 """[rad] Span that a turning angle exceeds; that of a unit with locked input does not."""
 FACTOR = 20.0
 """Ratio of a measurement to its prediction that is implausible in the same unit."""
-BESIDE = 100.0
+STIFFER = 100.0
 """Factor by which a part of a drive's compliance may be stiffer than the drive."""
 FOLLOWS = 0.7
 """Correlation from which a measurement follows the load."""
@@ -73,8 +73,8 @@ def _scaled(data: GapData) -> Iterator[str]:
         factor = _factor(data.measured[output.name], data.predicted[output.name])
         if factor > FACTOR or 0.0 < factor < 1.0 / FACTOR:
             yield (
-                f"is the unit of {output.name} or that of its prediction wrong? They go "
-                f"together, but it is {factor:.4g} times as large"
+                f"is the unit of {output.name} or that of its prediction wrong? They are correlated, "
+                f"but it is {factor:.4g} times as large"
             )
 
 
@@ -87,23 +87,18 @@ def _stiff(data: GapData) -> Iterator[str]:
     for output in data.outputs:
         y = data.measured[output.name]
         spread = float(np.std(load) * np.std(y))
-        slope = float(np.mean((load - load.mean()) * (y - y.mean())))
-        slope /= max(float(np.var(load)), 1e-300)
+        slope = _covariance(load, y) / max(float(np.var(load)), 1e-300)
         if spread > 0.0 and abs(slope) * np.std(load) > FOLLOWS * np.std(y):
             description = unlikely(1.0 / slope, output.unit, "N" if role is Role.FORCE else "Nm")
             if description:
-                yield (
-                    f"{_doubt(data, role)} Or that of {output.name}? It follows the load as with "
-                    f"a stiffness of {description}"
-                )
+                doubt = f"{_doubt(data, role)} Or that of {output.name}?"
+                yield f"{doubt} It follows the load with a stiffness of {description}"
 
 
 def unlikely(stiffness: float, unit: str, load: str, more: float = 1.0) -> str:
-    """The description of a stiffness [load per unit] that no drive has; empty where a drive may
-    have it.
+    """The description of a stiffness [load per unit] that no drive has, else empty.
 
-    `more` is the factor by which a compliance in addition to a simulation may be stiffer than a
-    drive.
+    A compliance in addition to a simulation may be stiffer than a drive by the factor `more`.
     """
     kind = kind_of(unit)
     if (kind, load) not in STIFFNESS:
@@ -117,26 +112,27 @@ def unlikely(stiffness: float, unit: str, load: str, more: float = 1.0) -> str:
 
 def unlikely_numbers(fit: Fit, data: GapData) -> list[str]:
     """Sentences about fitted compliances that no drive has."""
-    sentences = []
-    for member, sizes in zip(fit.members, fit.coefficients, strict=True):
-        if member.name != "torsional_compliance" or not len(sizes):
-            continue
-        load = "Nm" if Role.TORQUE in data.readings else "N"
-        for output, size in zip(member.candidate.effect.reached(data.target), sizes, strict=False):
-            if size > 0.0 and (description := unlikely(1.0 / float(size), output.unit, load, BESIDE)):
-                sentences.append(
-                    f"the stiffness of torsional_compliance in {output.name} is {description}: are the units right?"
-                )
-    return sentences
+    load = "Nm" if Role.TORQUE in data.readings else "N"
+    return [
+        f"the stiffness of torsional_compliance in {output.name} is {description}: are the units right?"
+        for member, sizes in zip(fit.members, fit.coefficients, strict=True)
+        if member.name == "torsional_compliance"
+        for output, size in zip(member.candidate.effect.reached(data.target), sizes, strict=False)
+        if size > 0.0 and (description := unlikely(1.0 / float(size), output.unit, load, STIFFER))
+    ]
 
 
 def _factor(measured: Array, predicted: Array) -> float:
     """The ratio of the measurement to the prediction; 0 where they are not correlated."""
     spread = float(np.std(measured) * np.std(predicted))
-    covariance = float(np.mean((measured - measured.mean()) * (predicted - predicted.mean())))
+    covariance = _covariance(measured, predicted)
     if spread == 0.0 or covariance < ALIKE * spread:
         return 0.0
     return covariance / float(np.var(predicted))
+
+
+def _covariance(x: Array, y: Array) -> float:
+    return float(np.mean((x - x.mean()) * (y - y.mean())))
 
 
 def _doubt(data: GapData, role: Role) -> str:

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from operator import attrgetter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,8 +42,8 @@ LEVEL = 1e-9
 class Scatter:
     """An effect on the scatter: its parameters, intervals, and twice its log likelihood ratio.
 
-    `distance` is how much worse its score is than the best one. `beside` is the effect that the
-    mean of the units needs in addition, empty where it needs none.
+    `distance` is how much worse its score is than the best one. `mean_effect` is the effect that
+    the mean of the units needs in addition, empty where it needs none.
     """
 
     candidate: Candidate
@@ -85,10 +86,15 @@ class Scatter:
         """The likelihood that it was fitted by (about the units' mean if another effect moves it),
         and its maximum (k,).
         """
-        batch_likelihood = BatchLikelihood(self.candidate, law, self.target, bool(self.mean_effect))
-        return batch_likelihood, np.array(
-            [self.numbers[parameter.name] for parameter in batch_likelihood.numbers]
-        ) / batch_likelihood.scale
+        likelihood = BatchLikelihood(self.candidate, law, self.target, bool(self.mean_effect))
+        values = np.array([self.numbers[parameter.name] for parameter in self.candidate.parameters])
+        return likelihood, values / likelihood.scale
+
+
+def exchanged_names(best: Scatter, rival: Scatter) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """The effects of a rival that the best one does not need, and those that it needs instead."""
+    names, best_names = set(rival.names), set(best.names)
+    return tuple(n for n in rival.names if n not in best_names), tuple(n for n in best.names if n not in names)
 
 
 @dataclass(frozen=True)
@@ -128,14 +134,12 @@ class Batch:
 
     @cached_property
     def levels(self) -> tuple[str, ...]:
-        """The effects that move every unit alike, those of the process before those of the
-        instrument.
-        """
-        book = self.search.book
+        """The effects that move every unit alike, those of the instrument last."""
+        dictionary = self.search.dictionary
         effects = [
             member.candidate.effect
-            for at, member in enumerate(book.members)
-            if not member.candidate.unread and _shifts_all_alike(book.raw.of(at))
+            for at, member in enumerate(dictionary.members)
+            if not member.candidate.unread and _shifts_all_alike(dictionary.raw.of(at))
         ]
         return tuple(effect.name for effect in sorted(effects, key=lambda e: e.family == INSTRUMENT))
 
@@ -156,12 +160,10 @@ class Batch:
         return self.price(fit) + level - 2.0 * float(units.law(x).sum())
 
     def with_level(self, fit: Fit, scatter_effect: Scatter) -> tuple[Member, ...]:
-        """The members of a fit; the effect on all units is among them only if `scatter_effect`
-        needs it.
-        """
+        """The members of a fit, with an effect on all units only if `scatter_effect` needs it."""
         if any(name in self.levels for name in fit.names) == bool(scatter_effect.mean_effect):
             return fit.members
-        level = [member for member in self.search.book.members if member.name == scatter_effect.mean_effect]
+        level = [member for member in self.search.dictionary.members if member.name == scatter_effect.mean_effect]
         return (*self.moving(fit), *level)
 
     def unmoved(self, fit: Fit) -> Fit:
@@ -192,9 +194,7 @@ class Misfit:
 
 
 def misfit(batch: Batch, fit: Fit, wider: Scatter | None) -> Misfit | None:
-    """The misfit of units that, given `fit`, scatter unlike the model's with `wider` in it; None
-    where they do not.
-    """
+    """The misfit of units that, given `fit`, scatter unlike the model's with `wider`, or None."""
     if not batch.setup.data.target.population:
         return None
     units, plan = batch.units(fit), batch.setup.plan
@@ -236,7 +236,7 @@ def scatter(batch: Batch, fit: Fit) -> tuple[Scatter, ...]:
         for effect in tried
         if effect.score - best <= setup.plan.settings.set_distance and effect.gain > 0.5 * limit
     ]
-    return tuple(sorted(equivalent, key=lambda effect: effect.distance))
+    return tuple(sorted(equivalent, key=attrgetter("distance")))
 
 
 def carrying(setup: Setup, scatter_effect: Scatter) -> Setup:
@@ -254,9 +254,7 @@ def _shifts_all_alike(columns: Array) -> bool:
 
 
 def _fitted_scatter(batch: Batch, units: Units, candidate: Candidate, level: str) -> Scatter:
-    """One effect, fitted with the mean that the effect implies, or with a free mean where that is
-    far likelier.
-    """
+    """An effect, fitted with the mean that it implies, or with a free one if far likelier."""
     data = batch.setup.data
     kind = BatchLikelihood(candidate, units.law, data.target)
     centred = replace(kind, about_mean=True)
@@ -287,13 +285,12 @@ def _fitted_scatter(batch: Batch, units: Units, candidate: Candidate, level: str
 
 def _held_out(units: Units, centred: BatchLikelihood, start: Array) -> Improvement:
     """Twice the increase of the log likelihood of held-out units."""
-    x, falls = units.centred, []
+    x, gains = units.centred, []
     for block in np.unique(units.labels):
         out = units.labels == block
         p = centred.best(x[~out], start)
-        falls.append(2.0 * (centred(x[out], p) - float(units.law(x[out]).sum())))
-    error = float(np.std(falls, ddof=1) * np.sqrt(len(falls))) if len(falls) > 1 else np.inf
-    return Improvement(float(np.sum(falls)), error)
+        gains.append(2.0 * (centred(x[out], p) - float(units.law(x[out]).sum())))
+    return Improvement.of(np.array(gains))
 
 
 def held_out_units(units: Units, scatter_effect: Scatter, x: Array) -> Array:

@@ -23,13 +23,11 @@ POINTS = 9
 
 
 def predictor(plan: GapPlan, data: GapData, model: MeasurableModel | None = None) -> Predict:
-    """The predictor of the plan's model (or another one) with the effects and zeros that it already
-    has.
-    """
-    of = plan.model if model is None else model
-    if of is None:
+    """The predictor of the plan's model, or of another one, with its known effects and zeros."""
+    model = model or plan.model
+    if model is None:
         return OfTable(plan, data)
-    return OfMeanUnit(plan, data, of) if of.population else OfRows(plan, data, of)
+    return OfMeanUnit(plan, data, model) if model.population else OfRows(plan, data, model)
 
 
 class OfTable:
@@ -80,9 +78,7 @@ class OfRows(_OfModel):
 
 
 class OfMeanUnit(_OfModel):
-    """The mean unit of a population, each row with its own changes inside: the reference of each
-    unit of a batch.
-    """
+    """The mean unit of a population, with changes inside by row: the reference of a batch's units."""
 
     def __init__(self, plan: GapPlan, data: GapData, model: MeasurableModel) -> None:
         super().__init__(plan, data, model)

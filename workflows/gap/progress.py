@@ -8,9 +8,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class GapProgress:
-    """The current phase; for replicates the numbers done and in total, and the remaining time
-    [s].
-    """
+    """The current phase; for replicates how many are done, of how many, the remaining time [s]."""
 
     phase: str
     done: int = 0
@@ -18,7 +16,7 @@ class GapProgress:
     remaining: float | None = None
 
 
-Tell = Callable[[GapProgress], None]
+Report = Callable[[GapProgress], None]
 
 
 def silent(progress: GapProgress) -> None:

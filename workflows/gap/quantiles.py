@@ -1,6 +1,4 @@
-"""Quantiles of the units of a batch: measured, and drawn from the model before and after
-correction.
-"""
+"""Quantiles of the units of a batch: measured, and of the model before and after correction."""
 
 from __future__ import annotations
 
@@ -27,12 +25,10 @@ def spread_of_units(plan: GapPlan, data: GapData, end: Ending) -> pd.DataFrame:
     """Quantiles by output at fractions of the units; empty where the model has no population."""
     if plan.model is None or not data.target.population:
         return pd.DataFrame({name: [] for name in COLUMNS})
-    free = end.model.free()
-    model = plan.rebuild(free) if plan.rebuild and free else plan.model
-    named = [Active(member.candidate.effect, end.model.effect(member.name)) for member in end.model.members]
     scatter = [effect.active for effect in end.analysis.scatter[:1]]
     before = _drawn(plan, data, plan.model, plan.active)
-    after = _drawn(plan, data, model, (*plan.active, *named, *scatter))
+    model = plan.rebuild(end.model.free()) if plan.rebuild and end.model.free() else plan.model
+    after = _drawn(plan, data, model, (*plan.active, *end.model.active, *scatter))
     count = min(MOST, len(data))
     fractions = (np.arange(count) + 0.5) / count
     sides = {"measured": data.measured, "before": before, "after": after}

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +29,13 @@ from .units import LEAST, numbered, one_per_unit, too_few
 TIME = Column("time_s", "s", "order of measuring", False, role=Role.TIME)
 SAME = 1e-12
 """Relative range below which measurements count as all the same."""
-NO_DIRECTION = "a direction is +1 or -1; where a speed has its sign leave the column out, otherwise the rows at rest"
+NO_DIRECTION = "a direction is +1 or -1; remove the column where a speed has its sign, otherwise the rows at rest"
+NO_NOISE = "must be above 0; remove the column where the noise is not known"
+NO_VARIATION = (
+    "no input varies: every row repeats the same measurement, and no cause can be identified; "
+    "vary an input, or add time_s"
+)
+NO_PREDICTION = "the model has no finite prediction here: outside of its range; remove the row"
 REPEAT = Column("repeat", "", "number of the repeat", False, role=Role.REPEAT)
 LARGEST = 1e100
 """Largest measurement: its square is still finite."""
@@ -37,9 +44,7 @@ ABSOLUTE_ZERO = -273.15
 
 
 def read_data(plan: GapPlan, path: Path, options: tables.ReadOptions = tables.AS_DETECTED) -> GapData:
-    """The data in `path`. Raises InputError with every fault; rows are identified by line
-    number.
-    """
+    """The data in `path`. Raises InputError with every fault; rows have their line numbers."""
     data, faults = checked(plan, path, options)
     raise_all(faults)
     assert data is not None
@@ -49,18 +54,14 @@ def read_data(plan: GapPlan, path: Path, options: tables.ReadOptions = tables.AS
 def checked(
     plan: GapPlan | None, path: Path, options: tables.ReadOptions = tables.AS_DETECTED
 ) -> tuple[GapData | None, list[Fault]]:
-    """The data in `path`, or every fault in them; without a plan only faults of the form are
-    found.
-    """
+    """The data in `path`, or every fault in them; without a plan only faults of the form."""
     return checked_table(plan, *tables.opened(path, path.name, options), path.name, path)
 
 
 def checked_table(
     plan: GapPlan | None, table: tables.Table | None, faults: list[Fault], place: str, path: Path | None = None
 ) -> tuple[GapData | None, list[Fault]]:
-    """`checked` for a table that has been opened, from a file or not, with the faults of its
-    form.
-    """
+    """`checked` for a table that has been opened, from a file or not, with faults of its form."""
     if plan is None or table is None:
         return None, faults
     fitted = tables.fitted(table, place, _units(plan), plan.uses)
@@ -70,19 +71,22 @@ def checked_table(
     if plan.model is not None and plan.model.population:
         cells = numbered(cells, columns, place, notes)
     faults += _missing_outputs(plan, cells, outputs, place)
-    wanted = [*(c.name for c in columns), *(o.name for o in outputs)]
-    wanted += [*predictions.values(), *stds.values()]
-    extra = [] if plan.blocks in ("auto", *wanted) or plan.blocks not in cells else [plan.blocks]
-    spare = [SESSION] if SESSION not in (*extra, *wanted) else []
-    unused = _unused(plan, cells, [*_needed(plan, columns, predictions), *wanted, *extra, *spare])
+    needed = [*(c.name for c in columns if c.needed), *predictions.values()]
+    wanted = [*(c.name for c in columns), *(o.name for o in outputs), *predictions.values(), *stds.values()]
+    labels = [] if plan.blocks in ("auto", *wanted) or plan.blocks not in cells else [plan.blocks]
+    sessions_unread = SESSION not in (*labels, *wanted)
+    labels += [SESSION] if sessions_unread else []
+    # a column of the role "ignore" may still be the validation column
+    ignored = [n for n, c in plan.columns.items() if c.role == "ignore" and n in cells and n != plan.blocks]
+    unused = _unused(plan, cells, ignored, [*needed, *wanted, *labels])
     frame, new_faults = tables.parsed(
-        cells.drop(columns=[*_ignored(plan, cells), *unused]),
+        cells.drop(columns=[*ignored, *unused]),
         place,
-        needed=_needed(plan, columns, predictions),
-        optional=[*wanted, *extra, *spare],
-        text={c.name for c in columns if c.text} | set(extra) | set(spare),
+        needed=needed,
+        optional=[*wanted, *labels],
+        text={c.name for c in columns if c.text} | set(labels),
     )
-    frame, new_faults = _dropped(plan, frame, new_faults, notes)
+    frame, new_faults = _dropped(plan, frame, new_faults, place, notes)
     faults += new_faults + _block_faults(plan, cells, frame, place)
     if not faults and plan.model is not None:
         if plan.model.population:
@@ -98,14 +102,14 @@ def checked_table(
     present = tuple(c for c in columns if c.name in frame)
     notes += [
         f"no column {c.name} ({c.meaning}): what depends on it cannot be detected, and "
-        "where it varied another effect may be named instead"
+        "where it varied another effect may be identified instead"
         for c in columns
         if c.name not in frame and c not in (TIME, REPEAT)
     ]
-    if SESSION in spare and SESSION in frame:
+    if sessions_unread and SESSION in frame:
         notes.append(
-            f"a {SESSION} may have a level of its own; [validation] blocks = "
-            f'"{SESSION}" would hold out one after the other'
+            f"every {SESSION} may have a separate level; [validation] blocks = "
+            f'"{SESSION}" would hold out each {SESSION} in turn'
         )
     notes += [*column_messages(frame, present), *late(frame, present), *_unused_note(unused)]
     data = assembled(plan, frame, present, outputs, predictions, stds, notes)
@@ -126,20 +130,22 @@ def _units(plan: GapPlan) -> dict[str, str]:
     return {SESSION: "", plan.blocks: ""} | columns | stds | outputs
 
 
-def _unused(plan: GapPlan, cells: pd.DataFrame, known: Sequence[str]) -> list[str]:
+def _unused(plan: GapPlan, cells: pd.DataFrame, ignored: Sequence[str], known: Sequence[str]) -> list[str]:
     """Columns of the file without a role, except those whose name may be a misspelt one."""
-    known_columns = set(_ignored(plan, cells)) | set(known)
-    free = [] if plan.model is None else [name for name in known if name not in cells]
-    spare = [str(name) for name in cells.columns if name not in known_columns]
-    return [name for name in spare if not nearest(name, free)]
+    missing = [] if plan.model is None else [name for name in known if name not in cells]
+    without_role = [str(name) for name in cells.columns if name not in {*ignored, *known}]
+    return [name for name in without_role if not nearest(name, missing)]
 
 
 def _unused_note(unused: Sequence[str]) -> list[str]:
     """The note on columns without a role."""
-    if not unused:
-        return []
-    listed = ", ".join(unused[:10]) + (", ..." if len(unused) > 10 else "")
-    return [f"without a role, and not used: {listed} (docs/conventions.md lists the roles)"]
+    return [f"not used, without a role: {listed(unused)} (docs/conventions.md lists the roles)"] if unused else []
+
+
+def listed(names: Iterable[str]) -> str:
+    """The first ten of some names."""
+    first = [*islice(names, 11)]
+    return ", ".join(first[:10] + ["..."] * (len(first) > 10))
 
 
 def _digest(table: tables.Table, path: Path | None) -> str:
@@ -157,15 +163,10 @@ def _block_faults(plan: GapPlan, cells: pd.DataFrame, frame: pd.DataFrame, place
         return []
     if name not in cells:
         close = nearest(name, map(str, cells.columns))
-        return [Fault(key, f'{place} has no column "{name}"{close}; name one, or "auto"')]
+        return [Fault(key, f'{place} has no column "{name}"{close}; state one of its columns, or "auto"')]
     if name in frame and len(frame) and len(set(frame[name])) == 1:
-        return [
-            Fault(
-                key,
-                f"{name} is the same in every row of {place}: there is nothing to hold "
-                'out; name another column, or "auto"',
-            )
-        ]
+        text = f"{name} is the same in every row of {place}: there is nothing to hold out"
+        return [Fault(key, f'{text}; state another column, or "auto"')]
     return []
 
 
@@ -194,42 +195,26 @@ def _layout(
     return inputs, outputs, by["predicted"], stds
 
 
-def _needed(plan: GapPlan, columns: tuple[Column, ...], predictions: Mapping[str, str]) -> list[str]:
-    return [c.name for c in columns if c.needed] + list(predictions.values())
-
-
-def _ignored(plan: GapPlan, cells: pd.DataFrame) -> list[str]:
-    """Columns of a table whose role is `ignore`, except the validation column."""
-    return [n for n, c in plan.columns.items() if c.role == "ignore" and n in cells and n != plan.blocks]
-
-
 def _missing_outputs(plan: GapPlan, cells: pd.DataFrame, outputs: tuple[Output, ...], place: str) -> list[Fault]:
     """Faults of measured columns that are missing."""
-    faults = []
-    if plan.model is not None and not outputs:
-        names = ", ".join(o.name for o in plan.model.outputs)
-        faults.append(Fault(place, f"holds none of the measured outputs: {names}"))
     if plan.model is None:
-        faults += [Fault(place, f"column {o.name} is missing") for o in outputs if o.name not in cells]
-    return faults
+        return [Fault(place, f"column {o.name} is missing") for o in outputs if o.name not in cells]
+    names = ", ".join(o.name for o in plan.model.outputs)
+    return [] if outputs else [Fault(place, f"contains none of the measured outputs: {names}")]
 
 
 def _dropped(
-    plan: GapPlan, frame: pd.DataFrame, faults: list[Fault], notes: list[str]
+    plan: GapPlan, frame: pd.DataFrame, faults: list[Fault], place: str, notes: list[str]
 ) -> tuple[pd.DataFrame, list[Fault]]:
-    """Rows with a cell that is no finite number: faults, or dropped where the plan says so."""
-    cells = [fault for fault in faults if ": row " in fault.place or fault.message.endswith("bad cells")]
-    if not cells:
+    """Rows with a cell that is no finite number: faults, or dropped where the plan states it."""
+    other_faults = [fault for fault in faults if fault.place == place]  # of the table, not of a cell
+    if len(other_faults) == len(faults):
         return frame, faults
-    other_faults = [fault for fault in faults if fault not in cells]
     if not plan.drop_bad_rows:
-        return frame, [*faults, Fault("data.drop_bad_rows", "set it to true to leave these rows out")]
+        return frame, [*faults, Fault("data.drop_bad_rows", "set it to true to drop these rows")]
     bad = frame.isna().any(axis=1) | (frame == "").any(axis=1)
-    shown = ", ".join(str(at) for at in frame.index[bad][:10])
-    more = ", ..." if bad.sum() > 10 else ""
-    notes.append(
-        f"{int(bad.sum())} rows with a cell that is no finite number were dropped, as asked: rows {shown}{more}"
-    )
+    rows = listed(str(at) for at in frame.index[bad])
+    notes.append(f"{int(bad.sum())} rows with a cell that is no finite number were dropped, as requested: rows {rows}")
     return frame[~bad], other_faults
 
 
@@ -244,35 +229,23 @@ def _content_faults(
 ) -> list[Fault]:
     """Faults of the values in the table."""
     faults = []
-    count = 1 + len(plan.free) + len(outputs)
-    if len(frame) < max(LEAST, 2 * count):
-        faults.append(
-            Fault(
-                place,
-                f"has {len(frame)} rows; {count - 1} free numbers of the model "
-                f"and the noise need at least {max(LEAST, 2 * count)}",
-            )
-        )
+    count = len(plan.free) + len(outputs)
+    if len(frame) < (least := max(LEAST, 2 * (1 + count))):
+        text = f"has {len(frame)} rows; {count} free parameters of the model and the noise need at least {least}"
+        faults.append(Fault(place, text))
     for column in columns:
         if column.role is Role.DIRECTION and column.name in frame:
             bad = ~frame[column.name].isin([-1.0, 1.0]) & frame[column.name].notna()
             faults += _cells(frame, column.name, bad, place, NO_DIRECTION)
     for name in stds.values():
-        text = "must be above 0; leave the column out where the noise is not known"
         if name in frame:
-            faults += _cells(frame, name, frame[name] <= 0.0, place, text)
+            faults += _cells(frame, name, frame[name] <= 0.0, place, NO_NOISE)
     faults += _range_faults(plan, frame, columns, place)
     for output in outputs:
         if output.name in frame:
             faults += _measured_faults(frame, output.name, predictions.get(output.name), place)
     if not faults and not _varies(plan, frame, columns):
-        faults.append(
-            Fault(
-                place,
-                "no input varies: every row repeats one measurement, and no "
-                "cause can be identified; vary an input, or add time_s",
-            )
-        )
+        faults.append(Fault(place, NO_VARIATION))
     return faults
 
 
@@ -307,12 +280,10 @@ def _cells(frame: pd.DataFrame, column: str, bad: pd.Series[bool], place: str, t
 
 def _measured_faults(frame: pd.DataFrame, name: str, prediction: str | None, place: str) -> list[Fault]:
     """Faults of a measurement that never changes, or that the prediction copies."""
-    text = "is beyond all measurable values"
-    faults = _cells(frame, name, frame[name].abs() > LARGEST, place, text)
+    faults = _cells(frame, name, frame[name].abs() > LARGEST, place, "is beyond all measurable values")
     values = frame[name].dropna().to_numpy()
     if len(values) > 1 and np.ptp(values) <= SAME * np.abs(values).max():
-        text = "is the same in every row: nothing was measured"
-        faults.append(Fault(f"{place}: column {name}", text))
+        faults.append(Fault(f"{place}: column {name}", "is the same in every row: nothing was measured"))
     if prediction in frame:
         both = frame[[name, prediction]].dropna()
         residual = (both[name] - both[prediction]).to_numpy()
@@ -327,9 +298,6 @@ def finite_faults(predicted: Mapping[str, Any], rows: Any, place: str = "data") 
     """Faults of rows where the model has no finite prediction: they are outside its range."""
     faults = []
     for name, values in predicted.items():
-        bad = np.flatnonzero(~np.isfinite(values))
-        text = {
-            int(rows[at]): "the model has no finite prediction here: outside of its range; remove the row" for at in bad
-        }
-        faults += tables.cell_faults(place, name, text)
+        bad = [int(row) for row in rows[~np.isfinite(values)]]
+        faults += tables.cell_faults(place, name, dict.fromkeys(bad, NO_PREDICTION))
     return faults

@@ -17,7 +17,7 @@ def moved_far(end: Ending) -> str:
     """The note on parameters that moved far and beyond their errors; empty where none has."""
     model = end.model
     pairs = zip(model.numbers, model.errors.tolist(), strict=True)
-    errors = {number.name: float(error) for number, error in pairs if number.kind == "free"}
+    errors = {number.name: error for number, error in pairs if number.kind == "free"}
     return recalibration_message(
         (parameter.name, parameter.after - parameter.before, parameter.tolerance, errors[parameter.name])
         for parameter in recalibrated(end)
@@ -30,6 +30,6 @@ def recalibration_message(moves: Iterable[tuple[str, float, float, float]]) -> s
     if not far:
         return ""
     return (
-        f"recalibrated by more than {100 * FAR:.0f} % of its tolerance: {', '.join(far)}; with an "
-        "empty [free] this would be a gap, and identified if the library has its effect"
+        f"recalibrated by more than {100 * FAR:.0f} % of its tolerance: {', '.join(far)}; with an empty "
+        "[free] this would be a gap, and its effect would be identified if the library contains it"
     )

@@ -5,15 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
+from ...declarations import Output
 from ...gap_records import Region, Shape
 from ...models.effects.readings import unit_numbers
 from ...models.inputs.distribution import Array
 from ...models.measurable import Role
-from .abstain import Identified
-from .fit import Fit, Fitter
+from .fit import Fit
 from .generic import PREDICTED, Form, order_of_units
 from .linear import projected_out
 from .scan import GenericResidual, Remaining
+from .select import Search
 from .setup import Setup
 
 FAMILIES = {
@@ -38,21 +39,11 @@ def of_inside(setup: Setup, fit: Fit, table: pd.DataFrame) -> tuple[Region, ...]
     regions = []
     for output in setup.data.outputs:
         after = table[f"{output.name}_corrected"].to_numpy()
-        change = after - table[f"{output.name}_predicted"].to_numpy()
-        low, high = densest(after, change)
-        squares = float(np.mean(table[f"{output.name}_before"] ** 2))
-        remaining_squares = float(np.mean(table[f"{output.name}_after"] ** 2))
-        regions.append(
-            Region(
-                output.name,
-                f"{PREDICTED}{output.name}",
-                "interval",
-                output.unit,
-                low,
-                high,
-                share=1.0 - remaining_squares / max(squares, 1e-300),
-            )
-        )
+        ends = densest(after, after - table[f"{output.name}_predicted"].to_numpy())
+        squares, remaining = (float(np.mean(table[f"{output.name}_{side}"] ** 2)) for side in ("before", "after"))
+        fraction = 1.0 - remaining / max(squares, 1e-300)
+        variable = f"{PREDICTED}{output.name}"
+        regions.append(Region(output.name, variable, "interval", output.unit, *ends, share=fraction))
     return tuple(regions)
 
 
@@ -64,17 +55,14 @@ def along(setup: Setup, variable: str) -> Array | None:
         return np.asarray(unit_numbers(setup.data.readings), dtype=float)
     if variable not in {c.name for c in setup.data.inputs}:
         return None
-    return np.asarray(setup.data.readings.table[variable], dtype=float)
+    return setup.data.values(variable)
 
 
 def curve_of(setup: Setup, generic: Remaining, at: int, q: Array, residual: Array) -> Array:
     """The fit of a form to a residual (N,) given a basis (N, r), in the unit of its output."""
-    which = int(generic.outputs[at])
-    forms = len(generic.forms) // len(setup.data.outputs)
-    raw = setup.generic.of(at - which * forms)
     coefficients = np.linalg.lstsq(projected_out(generic.white.of(at), q), residual, rcond=1e-7)[0]
-    curve = raw @ coefficients
-    zero = setup.data.outputs[which].name in setup.data.zeros
+    curve = setup.generic.of(at % len(setup.forms)) @ coefficients
+    zero = setup.data.outputs[int(generic.outputs[at])].name in setup.data.zeros
     return np.asarray(curve - curve.mean() if zero else curve)
 
 
@@ -94,54 +82,40 @@ def densest(x: Array, curve: Array, part: float = 0.6) -> tuple[float, float]:
 
 
 def shapes(
-    setup: Setup,
-    fitter: Fitter,
-    generic: Remaining,
-    verdict: Identified,
-    remaining: GenericResidual,
-    fit: Fit,
-    limit: float,
-    near: tuple[str, ...],
+    setup: Setup, search: Search, generic: Remaining, remaining: GenericResidual, fit: Fit, near: tuple[str, ...]
 ) -> tuple[Shape, ...]:
-    """The strongest unidentified forms given the fit of the identified effects."""
+    """The strongest unidentified forms given the fit of the identified effects, at most 3."""
     records: dict[tuple[int, str], Shape] = {}
     for at in remaining.best:
-        if remaining.evidence[at] <= limit or len(records) >= 3:
+        if remaining.evidence[at] <= search.thresholds.generic or len(records) >= 3:
             break
         form, output = generic.forms[at], int(generic.outputs[at])
         key = (output, form.variable)
         if key not in records and not (records and form.kind == "distribution"):
-            records[key] = _shape(setup, fitter, generic, form, int(at), fit, near)
+            curve = curve_of(setup, generic, int(at), search.fitter.q, fit.residual)
+            role = generic.roles.get(form.variable)
+            records[key] = _shape(setup, form, setup.data.outputs[output], role, curve, near)
     return tuple(records.values())
 
 
-def _shape(
-    setup: Setup, fitter: Fitter, generic: Remaining, form: Form, at: int, fit: Fit, near: tuple[str, ...]
-) -> Shape:
-    output = setup.data.outputs[int(generic.outputs[at])]
-    curve = curve_of(setup, generic, at, fitter.q, fit.residual)
+def _shape(setup: Setup, form: Form, output: Output, role: Role | None, curve: Array, near: tuple[str, ...]) -> Shape:
     amplitude = float(np.abs(curve).max() if form.kind == "distribution" else 0.5 * np.ptp(curve))
-    role = generic.roles.get(form.variable)
     low = high = np.nan
-    column = next((c for c in setup.data.inputs if c.name == form.variable), None)
-    if column is not None and form.kind != "order":
-        x = np.asarray(setup.data.readings.table[column.name], dtype=float)
-        low, high = densest(x, curve)
+    if form.variable in {c.name for c in setup.data.inputs} and form.kind != "order":
+        low, high = densest(setup.data.values(form.variable), curve)
     torque = _parity(setup, curve) if role in (Role.TORQUE, Role.FORCE) else "none"
-    direction = "odd" if form.direction else "even"
-    text = _text(form, amplitude, output.unit, torque, near)
     return Shape(
         output=output.name,
-        family=FAMILIES.get(role, "unknown") if role is not None else "unknown",
-        variable=" x ".join((form.variable, *form.further_variables)),
+        family="unknown" if role is None else FAMILIES.get(role, "unknown"),
+        variable=" x ".join(form.variables),
         amplitude=amplitude,
         unit=output.unit,
-        text=text,
+        text=_text(form, amplitude, output.unit, torque, near),
         low=low,
         high=high,
         order=form.order if form.kind == "order" else np.nan,
         torque=torque,
-        direction=direction,
+        direction="odd" if form.direction else "even",
         between=near,
         by=form.by,
     )

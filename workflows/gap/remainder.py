@@ -7,58 +7,50 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...gap_records import Remainder, UnresolvedTerm
-from ...models.effects.unresolved import Term, Unresolved
+from ...models.effects.unresolved import Term
 from .analysis import Analysis
-from .fit import Member
+from .fit import Member, is_term
 from .gaps import gaps
 from .generic import LEVELS
 from .linear import projected_out
 from .result import Ending
-from .unresolved import is_term
+from .unresolved import effect_of, table_of
 
 MOST = 3
 """Number of forms listed in addition to the terms."""
 
 
-def struck_of(analysis: Analysis) -> tuple[str, ...]:
+def removed_from(analysis: Analysis) -> tuple[str, ...]:
     """Effects that were accepted and are not in the answer: their form is not that of the data."""
-    lost = tuple(analysis.fit.names[at] for at in analysis.identified.withdrawn)
-    return (*lost, *analysis.struck)
+    return (*(analysis.fit.names[at] for at in analysis.identified.withdrawn), *analysis.removed)
 
 
 def terms_of(end: Ending) -> tuple[UnresolvedTerm, ...]:
     """The generic terms that are in the corrected model."""
-    fitter, terms = end.analysis.search.fitter, []
+    terms = []
     for at, member in enumerate(end.fit.members):
-        if not is_term(member):
-            continue
-        effect = _effect(member)
-        table = effect.term.table(effect.coefficients(end.model.effect(member.name)))
-        gain = fitter.fit(end.fit.without(at)).rss - end.fit.rss
-        terms.append(UnresolvedTerm(effect.term.output, effect.term.variables, shape(effect.term), gain, table))
+        if is_term(member):
+            term, table = effect_of(member).term, table_of(member, end.model)
+            gain = end.analysis.search.fitter.fit(end.fit.without(at)).rss - end.fit.rss
+            terms.append(UnresolvedTerm(term.output, term.variables, shape(term), gain, table))
     return tuple(terms)
 
 
 def remainder_of(end: Ending) -> tuple[Remainder, ...]:
-    """The remainder given the identified effects: the generic terms, and significant forms in none
-    of them.
-    """
+    """The remainder given the identified effects: the generic terms, and other significant forms."""
     if not end.remains:
         return ()
     if not end.rows:
         return _of_scatter(end)
     together: dict[tuple[str, frozenset[str]], list[Member]] = {}
-    for member in end.fit.members:
-        if is_term(member):
-            term = _effect(member).term
-            together.setdefault((term.output, frozenset(term.variables)), []).append(member)
+    for member in end.fit.terms:
+        term = effect_of(member).term
+        together.setdefault((term.output, frozenset(term.variables)), []).append(member)
     return (*(_of_terms(end, members) for members in together.values()), *_of_forms(end))
 
 
 def _of_scatter(end: Ending) -> tuple[Remainder, ...]:
-    """Units that scatter about their mean in a way that no identified effect explains; the floor is
-    what chance reaches.
-    """
+    """Units with a scatter that no effect explains; the floor is what chance reaches."""
     misfit, output = end.analysis.misfit, end.setup.data.outputs[0]
     if misfit is None:
         return ()
@@ -66,36 +58,26 @@ def _of_scatter(end: Ending) -> tuple[Remainder, ...]:
     text = f"{misfit.ratio:.2f} times the standard deviation of the population"
     text = f"a shape that differs from the population's, {text}" if misfit.stretched else text
     fraction = min(1.0, (misfit.distance / max(whole, 1e-300)) ** 2)
-    return (
-        Remainder(
-            output.name,
-            ("scatter of the units",),
-            text,
-            misfit.distance,
-            output.unit,
-            misfit.distance / misfit.limit,
-            fraction,
-        ),
-    )
+    far, ratio = misfit.distance, misfit.distance / misfit.limit
+    return (Remainder(output.name, ("scatter of the units",), text, far, output.unit, ratio, fraction),)
 
 
 def _beyond(end: Ending) -> float:
     """The squared gap in excess of the noise, in noise units."""
-    empty = end.analysis.null_model.empty
-    return max(empty.rss - end.analysis.search.fitter.space.count, 1e-300)
+    return max(end.analysis.null_model.null_fit.rss - end.analysis.search.fitter.space.count, 1e-300)
 
 
 def _of_terms(end: Ending, members: Sequence[Member]) -> Remainder:
     """Terms of the same variables as one: each may be many times larger than their sum."""
-    terms, setup = [_effect(member).term for member in members], end.setup
+    terms, setup = [effect_of(member).term for member in members], end.setup
     first = terms[0]
     at = [o.name for o in setup.data.outputs].index(first.output)
-    n, fitter = len(setup.data), end.analysis.search.fitter
-    added, white = np.zeros(n), np.zeros(len(fitter.y))
+    fitter = end.analysis.search.fitter
+    added, white = np.zeros(len(setup.data)), np.zeros(len(fitter.y))
     for member in members:
         coefficients = end.fit.coefficients[end.fit.members.index(member)]
         whole = setup.columns.of(member.candidate, member.shape) @ coefficients
-        added = added + whole[at * n : (at + 1) * n]
+        added = added + whole[setup.data.rows_of(at)]
         white = white + fitter.white(member) @ coefficients
     rms, unit = float(np.std(added)), setup.data.outputs[at].unit
     white = projected_out(white, fitter.q)  # without the part that the zeros and free parameters span
@@ -122,7 +104,7 @@ def _of_forms(end: Ending) -> tuple[Remainder, ...]:
         name = f"order {form.order:g}" if form.kind == "order" else form.kind
         text = f"an {name}" if name[0] in "aeiou" else f"a {name}"
         text += f" of {form.variable}" + (f", {form.detail}" if form.detail else "")
-        text = f"a level of its own in each {form.variable}" if form.shape == LEVELS else text
+        text = f"a separate level for each {form.variable}" if form.shape == LEVELS else text
         text += ", opposite in the two directions" if form.direction else ""
         remainders[key] = Remainder(
             declared_output.name,
@@ -134,12 +116,6 @@ def _of_forms(end: Ending) -> tuple[Remainder, ...]:
             min(1.0, float(remaining.gains[at]) / _beyond(end)),
         )
     return tuple(remainders.values())
-
-
-def _effect(member: Member) -> Unresolved:
-    effect = member.candidate.effect
-    assert isinstance(effect, Unresolved)
-    return effect
 
 
 def shape(term: Term) -> str:
@@ -154,7 +130,7 @@ def shape(term: Term) -> str:
         "swing": f"a swing of {term.order:g} cycles over {term.variable}",
         "product": f"a product of {names}",
         "curve": f"a curve over {term.variable}",
-        "levels": f"a level of its own in each {term.variable}",
+        "levels": f"a separate level for each {term.variable}",
     }
     text = kinds[term.shape].removesuffix(" to the power 1")
     if term.shape == "power":

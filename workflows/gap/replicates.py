@@ -31,9 +31,7 @@ Replicate = Mapping[str, Mapping[str, float]]
 
 @dataclass(frozen=True, slots=True)
 class Identity:
-    """The identity of an analysis: its configuration (TOML), the SHA-256 of its data, the
-    version.
-    """
+    """The identity of an analysis: its configuration (TOML), the SHA-256 of its data, a version."""
 
     configuration: str
     data: str
@@ -41,11 +39,10 @@ class Identity:
 
 
 def identity_of(plan: GapPlan, data: GapData) -> Identity:
-    """The identity of this analysis. Its drawing may stand in other files, so it is part of the
-    digest.
-    """
-    drawn = f"{data.digest} {plan.drawing}".encode() if plan.drawing else b""
-    digest = hashlib.sha256(drawn).hexdigest() if drawn else data.digest
+    """The identity of this analysis; its drawing, perhaps of another file, is part of the digest."""
+    digest = data.digest
+    if plan.drawing:
+        digest = hashlib.sha256(f"{digest} {plan.drawing}".encode()).hexdigest()
     return Identity(plan.configuration, digest, version("tolevo"))
 
 
@@ -57,38 +54,35 @@ class Replicates:
     ) -> None:
         self.path = path
         self.identity = identity
-        self.found: dict[int, Replicate] = {}
+        self.ended: dict[int, Replicate] = {}
         self._retire = retire
 
     def begin(self) -> None:
-        """Retire an older result, then write the identity and the replicates that are known
-        already.
-        """
+        """Retire an older result, then write the identity and the replicates that are known."""
         if self.path is None or self.identity is None:
             return
         self._retire()
         write_text(self.path.with_name(CONFIGURATION), self.identity.configuration)
-        lines = [_head(self.identity)]
-        lines += [self._line(number, replicate) for number, replicate in sorted(self.found.items())]
-        write_text(self.path, "".join(f"{line}\n" for line in lines))
+        head = json.dumps(sealed_record(asdict(self.identity)))
+        lines = [self._line(number, replicate) for number, replicate in sorted(self.ended.items())]
+        write_text(self.path, "".join([f"{head}\n", *lines]))
 
-    def keep(self, replicates: Mapping[int, Replicate]) -> None:
+    def add(self, replicates: Mapping[int, Replicate]) -> None:
         """Add replicates that have ended."""
-        self.found |= replicates
+        self.ended |= replicates
         if self.path is not None:
             with self.path.open("a", encoding="utf-8") as file:
-                file.write("".join(f"{self._line(at, replicate)}\n" for at, replicate in replicates.items()))
-                file.flush()
+                file.write("".join(self._line(number, replicate) for number, replicate in replicates.items()))
 
     def missing(self, count: int) -> list[int]:
         """The numbers below `count` of replicates that have not ended."""
-        return [number for number in range(count) if number not in self.found]
+        return [number for number in range(count) if number not in self.ended]
 
     def _line(self, number: int, replicate: Replicate) -> str:
-        """A replicate with its digest, by which it belongs to this analysis alone."""
+        """The line of a replicate with its digest, by which it belongs to this analysis alone."""
         assert self.identity is not None
         record = {"number": number, "effects": replicate}
-        return json.dumps(sealed_record(record, of=_name(self.identity)))
+        return json.dumps(sealed_record(record, of=_name(self.identity))) + "\n"
 
 
 def opened(place: Ownership, identity: Identity, resume: bool) -> Replicates:
@@ -104,26 +98,19 @@ def opened(place: Ownership, identity: Identity, resume: bool) -> Replicates:
     if not (folder / FILE).is_file():
         text = f"{folder} holds no {FILE} of an analysis; name another directory, or --overwrite"
         raise refuse("--resume", text)
-    old, new.found = _read(folder / FILE)
+    old, new.ended = _read(folder / FILE)
     raise_all(_faults(old, identity))
     return new
 
 
-def is_whole(place: Ownership, identity: Identity) -> bool:
-    """Whether a directory holds this analysis and it has ended; one without a manifest is of an
-    earlier version.
-    """
+def is_complete(place: Ownership, identity: Identity) -> bool:
+    """Whether a directory holds this analysis, complete; earlier versions had no manifest."""
     files = (place.folder / FILE, place.folder / WHOLE)
     if place.standing.unfinished is not None or not all(file.is_file() for file in files):
         return False
     if (place.folder / MANIFEST).exists() and not place.standing.complete:
         return False
     return _read(files[0])[0] == identity
-
-
-def _head(identity: Identity) -> str:
-    """The first line: the identity of the analysis."""
-    return json.dumps(sealed_record(asdict(identity)))
 
 
 def _name(identity: Identity) -> str:
@@ -142,8 +129,7 @@ def _read(path: Path) -> tuple[Identity, dict[int, Replicate]]:
             row = unsealed_record(loads(line), of=name)
             replicates[int(row["number"])] = row["effects"]
     except (ValueError, TypeError, KeyError, OSError) as error:
-        text = f"cannot be read: {error}; start again with --overwrite"
-        raise refuse(place, text) from None
+        raise refuse(place, f"cannot be read: {error}; start again with --overwrite") from None
     return identity, replicates
 
 
@@ -163,8 +149,8 @@ def _faults(old: Identity, new: Identity) -> list[Fault]:
     if old.data != new.data:
         faults.append(Fault("data", f"are not those of the analysis to resume; {undo}"))
     if old.version != new.version:
-        text = f"{new.version} goes on with no analysis of {old.version}; start again with"
-        faults.append(Fault("tolevo", f"{text} --overwrite"))
+        text = f"version {new.version} cannot resume an analysis of {old.version}; start again with --overwrite"
+        faults.append(Fault("tolevo", text))
     return faults
 
 

@@ -13,9 +13,8 @@ from .analysis import Analysis, without
 from .blocks import HeldOut
 from .close import Corrected, corrected
 from .fit import Fit
-from .linear import projected_out
 from .misfit import misfit_of, of_weights
-from .settle import names_of, predicts_as_well
+from .settle import predicts_as_well
 from .setup import Setup
 
 FORM_OFF, FORM_ALIKE = 0.05, 0.3
@@ -49,13 +48,13 @@ class Ending:
             return "unnamed"
         if self.remains:
             return "partial"
-        rivals = self.analysis.rivals or len(self.analysis.scatter) > 1 or self.twin
+        rivals = self.analysis.rivals or len(self.analysis.scatter) > 1 or self.may_be_a_second_supplier
         return "ambiguous" if rivals else "named"
 
     @property
     def identified(self) -> tuple[int, ...]:
         """The indices of the members that are identified effects."""
-        return names_of(self.fit.members)
+        return self.fit.identified
 
     @property
     def rows(self) -> bool:
@@ -64,18 +63,13 @@ class Ending:
 
     @property
     def remains(self) -> bool:
-        """Whether the residual given the identified effects is still significant, or units scatter
-        in an unidentified way.
-        """
-        terms = len(self.identified) < len(self.fit.members)
+        """Whether a residual or a scatter of units beyond the identified effects is significant."""
         forms_remain = self.rows and bool(self.analysis.identified.significant)
-        return terms or forms_remain or self.analysis.misfit is not None
+        return bool(self.fit.terms) or forms_remain or self.analysis.misfit is not None
 
     @property
-    def twin(self) -> bool:
-        """Whether offsets of lots were identified, which a second supplier would explain as
-        well.
-        """
+    def may_be_a_second_supplier(self) -> bool:
+        """Whether offsets of lots were identified that a second supplier would explain as well."""
         names = {candidate.name for candidate in self.setup.on_scatter}
         return "lot_offset" in self.fit.names and "lot_mixture" in names
 
@@ -118,9 +112,7 @@ def _predicts_as_well(end: Ending) -> bool:
 
 
 def _form_of(end: Ending, at: int) -> str:
-    """The larger effect of the same variables that explains this effect up to an error of its own
-    form; empty where there is none.
-    """
+    """The larger effect of the same variables of whose form this effect may be an error, or ""."""
     members = end.fit.members
     variables = acts_in(members[at].candidate.effect.needs)
     candidates = [
@@ -132,7 +124,7 @@ def _form_of(end: Ending, at: int) -> str:
 def _is_form(end: Ending, small: int, large: int) -> bool:
     """Whether the small member's contribution may be an error of the large member's form."""
     fitter, fit = end.analysis.search.fitter, end.fit
-    a, b = (projected_out(fitter.white(fit.members[k]) @ fit.coefficients[k], fitter.q) for k in (small, large))
+    a, b = (fitter.contribution(fit, k) for k in (small, large))
     small_norm, large_norm = float(np.linalg.norm(a)), float(np.linalg.norm(b))
     alike = abs(float(a @ b)) / max(small_norm * large_norm, 1e-300)
     apart = small_norm * np.sqrt(max(1.0 - alike**2, 0.0))
@@ -141,14 +133,14 @@ def _is_form(end: Ending, small: int, large: int) -> bool:
 
 def _ended(analysis: Analysis) -> Ending:
     search = analysis.search
-    lost = analysis.identified.withdrawn
-    kept = [member for at, member in enumerate(analysis.fit.members) if at not in lost]
-    fit = search.fitter.refined(kept) if kept else analysis.null_model.empty
-    if not lost and not analysis.scatter and not analysis.setup.data.target.population:
+    withdrawn = analysis.identified.withdrawn
+    kept = analysis.fit.without(*withdrawn)
+    fit = search.fitter.refined(kept) if kept else analysis.null_model.null_fit
+    if not withdrawn and not analysis.scatter and not analysis.setup.data.target.population:
         fit = analysis.fit  # as it was tested
     model = corrected(analysis.setup, search.fitter.space, fit)
     null_model = analysis.initial_null_model
-    end = Ending(analysis, fit, model, null_model.search.tested(null_model.empty), search.tested(fit))
+    end = Ending(analysis, fit, model, null_model.search.tested(null_model.null_fit), search.tested(fit))
     extra_widths = misfit_of(analysis, fit)
     if end.identified and end.rows and not analysis.setup.free and not search.fitter.space.is_plain:
         weighed = of_weights(model, corrected(analysis.setup, search.fitter.space, fit, plain=True))

@@ -1,6 +1,4 @@
-"""The gain of every effect and generic form against a residual at once; thresholds under noise
-alone.
-"""
+"""The gain of every effect and generic form against a residual, and thresholds by noise alone."""
 
 from __future__ import annotations
 
@@ -43,16 +41,15 @@ class Dictionary:
 
     def white(self, space: Space) -> Groups:
         """The columns in whitened space."""
-        return Groups(space.whiten(self.raw.columns), self.raw.starts, self.raw.one_sided)
+        return self.raw.white(space)
 
 
 def dictionary(library: Sequence[Candidate], columns: Columns, spread: float) -> Dictionary:
     """The dictionary of every candidate on its grid."""
-    members = [Member(candidate, shape) for candidate in library for shape in grid(candidate, spread)]
+    members = tuple(Member(candidate, shape) for candidate in library for shape in grid(candidate, spread))
     parts = [columns.of(member.candidate, member.shape) for member in members]
     rows = len(columns.data) * len(columns.data.outputs)
-    sided = [m.candidate.one_sided for m in members]
-    return Dictionary(tuple(members), joined(parts, sided, rows))
+    return Dictionary(members, joined(parts, [member.candidate.one_sided for member in members], rows))
 
 
 @dataclass(frozen=True)
@@ -69,9 +66,7 @@ class Thresholds:
 def thresholds(
     library: Groups, generic: Groups, q: Array, simulations: int, rate: float, rng: np.random.Generator
 ) -> Thresholds:
-    """Thresholds from simulated noise records (N, simulations) in whitened space, scale fitted in
-    each.
-    """
+    """Thresholds from simulated noise records (N, simulations) in whitened space, each scaled."""
     named, forms = library.orthonormal(q), generic.orthonormal(q)
     tops, levels = [], []
     for start in range(0, simulations, CHUNK):
@@ -79,16 +74,12 @@ def thresholds(
         scale = np.sum(projected_out(noise, q) ** 2, axis=0) / (len(q) - q.shape[1])
         tops.append(np.max(named.gains(noise) / scale, axis=0, initial=0.0))
         levels.append(strongest(forms, forms.gains(noise) / scale))
-    at = 1.0 - 0.5 * rate
-    return Thresholds(
-        float(np.quantile(np.concatenate(tops), 1.0 - rate)), float(np.quantile(np.concatenate(levels), at))
-    )
+    library_limit = np.quantile(np.concatenate(tops), 1.0 - rate)
+    return Thresholds(float(library_limit), float(np.quantile(np.concatenate(levels), 1.0 - 0.5 * rate)))
 
 
 def strongest(groups: Groups, gains: Array) -> Array:
-    """The largest evidence (S,) of gains (g, S); in groups of one size, that of the largest
-    gain.
-    """
+    """The largest evidence (S,) of gains (g, S); in groups of one size, that of the largest gain."""
     sizes = np.unique(groups.sizes)
     largest = [np.max(gains[groups.sizes == size], axis=0) for size in sizes]
     if not largest:
@@ -97,9 +88,7 @@ def strongest(groups: Groups, gains: Array) -> Array:
 
 
 def evidence(groups: Groups, gains: Array) -> Array:
-    """Minus the logarithm of the probability of gains (g, ...) under noise, by the size of the
-    group.
-    """
+    """Minus the logarithm of the probability of gains (g, ...) under noise, by the group's size."""
     return _evidence(groups.sizes, gains)
 
 
@@ -120,14 +109,14 @@ class ScanResult:
     gain: float
 
 
-def scan(fitter: Fitter, white: Groups, book: Dictionary, members: Sequence[Member]) -> list[ScanResult]:
+def scan(fitter: Fitter, white: Groups, dictionary: Dictionary, members: Sequence[Member]) -> list[ScanResult]:
     """Each candidate that is not in a fit of `members`, at its best grid point, best first. Of two
     that differ by rounding alone the first one of the library precedes, on any machine.
     """
     gains = fitter.gains(white, members)
     taken = {member.name for member in members}
     best: dict[str, ScanResult] = {}
-    for member, gain in zip(book.members, gains.tolist(), strict=True):
+    for member, gain in zip(dictionary.members, gains.tolist(), strict=True):
         if member.name in taken:
             continue
         if member.name not in best or gain > (1.0 + ALIKE) * best[member.name].gain:
@@ -151,9 +140,7 @@ class Remaining:
 
 @dataclass(frozen=True)
 class GenericResidual:
-    """Generic forms tested against a residual: evidence and gain of each, and the order of
-    evidence.
-    """
+    """Generic forms tested against a residual: their evidence, gains, and order of evidence."""
 
     evidence: Array
     gains: Array

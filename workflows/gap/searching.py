@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 from ...models.inputs.distribution import Array
 from ...models.measurable import Role
 from .blocks import block_labels
-from .estimate import estimated, remainders
+from .estimate import Remainder, estimated
 from .fit import Fit, Fitter
 from .linear import Groups
 from .noise import Noise
+from .null_model import NullModel
 from .reading import resolution
 from .scan import Dictionary, Remaining, Thresholds, thresholds
 from .select import Search
@@ -26,56 +27,59 @@ SAME = 0.02
 
 def searching(
     setup: Setup,
-    noises: Sequence[Noise],
-    book: Dictionary,
-    raw: Groups,
-    which: NDArray[np.int64],
+    noises: tuple[Noise, ...],
+    effects: Dictionary,
+    forms: Groups,
+    outputs: NDArray[np.int64],
     known: Thresholds | None,
-) -> tuple[Search, Remaining]:
-    """The search in the space of this noise."""
+) -> NullModel:
+    """The null model in the space of this noise; `forms` (N, C) are generic columns, `outputs` (g,)
+    the output of each group of them.
+    """
     plan = setup.plan
-    space = Space(tuple(noises), setup.prior)
+    space = Space(noises, setup.prior)
     fitter = Fitter(space, setup.residual, setup.base, setup.columns, setup.offset)
-    white = book.white(space)
-    generic = Groups(space.whiten(raw.columns), raw.starts, raw.one_sided)
+    white, generic = effects.white(space), forms.white(space)
     if known is None:
         rng = np.random.default_rng([plan.seed, 2])
         known = thresholds(white, generic, fitter.q, plan.settings.simulations, plan.settings.false_rate, rng)
     labels = np.tile(block_labels(setup.data), len(setup.data.outputs))
+    search = Search(fitter, effects, white, known, labels, plan.settings)
     roles = {c.name: c.role for c in setup.data.target.columns}
-    forms = tuple(setup.forms) * len(setup.data.outputs)
-    return (Search(fitter, book, white, known, labels, plan.settings), Remaining(generic, forms, which, roles))
+    remaining = Remaining(generic, setup.forms * len(setup.data.outputs), outputs, roles)
+    return NullModel(setup, noises, search, remaining, forms)
+
+
+def in_noise(null_model: NullModel, noises: tuple[Noise, ...]) -> NullModel:
+    """The same null model in the space of another noise, with the same thresholds."""
+    search, outputs = null_model.search, null_model.generic.outputs
+    return searching(null_model.setup, noises, search.dictionary, null_model.forms, outputs, search.thresholds)
 
 
 def noise_of(setup: Setup, contributions: Sequence[Array]) -> tuple[Noise, ...]:
     """The noise of each output given the model and the effects' columns (N, m)."""
-    outputs = setup.data.outputs
-    q = len(outputs)
-    kept = [
-        np.column_stack(parts) for parts in zip(*(np.split(x, q) for x in (setup.base, *contributions)), strict=True)
-    ]
-    remaining = remainders(
-        np.split(setup.residual, q),
-        kept,
-        setup.forms,
-        setup.generic,
-        values_of(setup.data),
-        [c.name for c in setup.data.inputs if c.role is Role.TIME],
-        setup.data.repeats,
-        [_stated_noise(setup, output.name) for output in outputs],
-        [setup.laws[o.name].std if setup.laws else 0.0 for o in outputs],
-        [0.0 if setup.laws else resolution(setup, o.name) for o in outputs],
-    )
-    return tuple(estimated(remainder) for remainder in remaining)
+    data = setup.data
+    split = [np.split(x, len(data.outputs)) for x in (setup.residual, setup.base, *contributions)]
+    clocks = [c.name for c in data.inputs if c.role is Role.TIME]
+    slow, inputs = tuple(form.variable in clocks for form in setup.forms), values_of(data)
+    noises = []
+    for output, residual, *columns in zip(data.outputs, *split, strict=True):
+        known, source = _stated_noise(setup, output.name)
+        law = setup.laws[output.name].std if setup.laws else 0.0
+        rounding = 0.0 if setup.laws else resolution(setup, output.name)
+        kept = np.column_stack(columns)
+        remainder = Remainder(residual, kept, setup.generic, inputs, slow, data.repeats, known, source, law, rounding)
+        noises.append(estimated(remainder))
+    return tuple(noises)
 
 
-def _stated_noise(setup: Setup, name: str) -> tuple[Array, str] | None:
+def _stated_noise(setup: Setup, name: str) -> tuple[Array | None, str]:
     """The noise (n,) that the table or the configuration states, and which of the two."""
     if name in setup.data.std:
         return setup.data.std[name], "column"
     if name in setup.plan.noise:
         return np.full(len(setup.data), setup.plan.noise[name]), "configuration"
-    return None
+    return None, "estimated"
 
 
 def contributions(setup: Setup, fit: Fit) -> list[Array]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from operator import attrgetter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,11 +22,12 @@ REFINED = 8
 WITHIN = 40.0
 """Gain behind the best on the grid, beyond which a candidate is not refined."""
 
-BOTH = "beyond the noise, and held-out rows are predicted better"
-UNITS = "units scatter like this beyond chance, held-out units as well"
+BOTH = "significant, and held-out rows are predicted better"
+UNITS = "units scatter significantly in this form, held-out units as well"
+NO_BETTER = "held-out rows are not predicted better"
 SMALL = "its contribution is below the practical limit"
-NO_FORM = "its form is not that of the data: fitted together with the other terms it is not needed"
-BESIDE = "fits as well as any form given the others"
+NO_FORM = "its form is not that of the data: it is not significant given the other terms"
+AS_WELL = "fits at least as well as any generic form, given the others"
 TERM = "held-out rows are predicted better, and no effect of the library has this form"
 MASKED = 12
 """Number of candidates that are tried in pairs where none is significant alone."""
@@ -37,12 +39,10 @@ TWO = 1.6
 
 @dataclass(frozen=True)
 class Search:
-    """What a selection works with: the fitter, the candidates, their thresholds and the blocks of
-    rows.
-    """
+    """What a selection works with: fitter, candidates, their thresholds and the blocks of rows."""
 
     fitter: Fitter
-    book: Dictionary
+    dictionary: Dictionary
     white: Groups
     thresholds: Thresholds
     labels: NDArray[np.int64]
@@ -54,33 +54,26 @@ class Search:
         """The candidates that may be added to `members`, best first."""
         key = tuple(member.key for member in members)
         if key not in self._open:
-            candidates = scan(self.fitter, self.white, self.book, members)
+            candidates = scan(self.fitter, self.white, self.dictionary, members)
             self._open[key] = [candidate for candidate in candidates if not candidate.member.candidate.unread]
         return self._open[key]
 
     def refined(self, members: Sequence[Member], candidates: Sequence[ScanResult]) -> list[Fit]:
         """Fits with one more candidate each, its nonlinear parameters fitted, best first."""
-        if not candidates:
-            return []
-        best = self._reached(members, candidates[:REFINED])
-        near = [
-            candidate for candidate in candidates[:REFINED] if candidate.gain > best - WITHIN and candidate.gain > 0
-        ]
-        fits = [self._grown(members, candidate.member) for candidate in near]
-        return sorted(fits, key=lambda fit: fit.score)
+        least = max(self._reached(members, candidates[:REFINED]) - WITHIN, 0.0)
+        near = [candidate.member for candidate in candidates[:REFINED] if candidate.gain > least]
+        return sorted((self._grown(members, member) for member in near), key=attrgetter("score"))
 
     def _reached(self, members: Sequence[Member], candidates: Sequence[ScanResult]) -> float:
-        """The largest gain with physically admissible signs; a scan respects the signs of single
-        columns only.
-        """
+        """The largest gain with admissible signs; a scan respects those of single columns only."""
         before, best = 0.0, -np.inf
-        for scored_candidate in candidates:
-            if scored_candidate.gain <= best:
+        for scanned in candidates:
+            if scanned.gain <= best:
                 break
-            gain, candidate = scored_candidate.gain, scored_candidate.member.candidate
+            gain, candidate = scanned.gain, scanned.member.candidate
             if len(candidate.linear) > 1 and np.isfinite(candidate.bounds[0]).any():
                 before = before or self.fitter.fit(members).rss
-                gain = before - self.fitter.fit((*members, scored_candidate.member)).rss
+                gain = before - self.fitter.fit((*members, scanned.member)).rss
             best = max(best, gain)
         return best
 
@@ -100,7 +93,16 @@ class Search:
 
     @cached_property
     def _training(self) -> Training:
-        return Training(self.fitter, self.labels, self.book, self.white)
+        return Training(self.fitter, self.labels, self.dictionary, self.white)
+
+    def held_out_error(self, tested: HeldOut) -> float:
+        """The RMSE of held-out rows, all outputs together, in noise units."""
+        return float(np.sqrt(tested.rss / max(self.fitter.space.count, 1)))
+
+    @property
+    def least_gain(self) -> float:
+        """The gain that the practical limit demands."""
+        return self.fitter.space.count * self.settings.practical_limit**2
 
 
 @dataclass(frozen=True)
@@ -112,7 +114,6 @@ class Selection:
     fit: Fit
     steps: tuple[Step, ...]
     rejected: tuple[str, ...] = ()
-    improvements: dict[str, Improvement] = field(default_factory=dict)
     accepted: tuple[tuple[Fit, HeldOut], ...] = ()
     identified: tuple[str, ...] = ()
 
@@ -128,11 +129,10 @@ def select(search: Search, quick: bool = False) -> Selection:
     fit = search.fitter.fit(())
     steps: list[Step] = []
     rejected: set[frozenset[str]] = set()
-    real: dict[str, Improvement] = {}
     before = search.tested(fit)
     accepted = [(fit, before)]
     visited = {frozenset(fit.names)}
-    _note(steps, search, fit, before, "start", "", True, "the model as recalibrated")
+    _note(steps, search, fit, before, "start", "", "the model as recalibrated")
     while len(fit.members) < search.settings.effects_at_most:
         grown = _next(search, fit, rejected)
         if grown is None and not quick:
@@ -143,18 +143,15 @@ def select(search: Search, quick: bool = False) -> Selection:
         name = " + ".join(new)
         gain = fit.rss - grown.rss
         if not _matters(search, gain, len(new)):
-            _note(steps, search, fit, before, "reject", name, False, SMALL, gain)
+            _note(steps, search, fit, before, "reject", name, SMALL, gain)
             break
         after = search.tested(grown)
         better = improvement(before, after, search.labels)
         if not better.real:
             rejected.add(frozenset(new))
-            _note(
-                steps, search, fit, after, "reject", name, False, "held-out rows are not predicted better", gain, better
-            )
+            _note(steps, search, fit, after, "reject", name, NO_BETTER, gain, better)
             continue
-        real |= dict.fromkeys(new, better)
-        _note(steps, search, grown, after, "add", name, True, BOTH, gain, better)
+        _note(steps, search, grown, after, "add", name, BOTH, gain, better)
         fit = _retested(search, grown, steps, accepted)
         accepted.append((grown, after))
         if frozenset(fit.names) in visited:  # effects selected before: try another path from here
@@ -165,7 +162,7 @@ def select(search: Search, quick: bool = False) -> Selection:
         before = search.tested(fit)
     fit = search.fitter.refined(fit.members)
     rejected_names = sorted(name for names in rejected for name in names)
-    return Selection(fit, tuple(steps), tuple(rejected_names), real, tuple(accepted), fit.names)
+    return Selection(fit, tuple(steps), tuple(rejected_names), tuple(accepted), fit.names)
 
 
 def with_identified_by_likelihood(
@@ -176,15 +173,18 @@ def with_identified_by_likelihood(
     """
     steps = list(before.steps)
     tested = search.tested(after.fit)
-    _note(steps, search, before.fit, tested, "add", name, True, UNITS, gain, better)
+    _note(steps, search, before.fit, tested, "add", name, UNITS, gain, better)
     steps[-1] = replace(steps[-1], names=(*before.fit.names, name), threshold=limit)
-    dropped = [effect_name for effect_name in before.fit.names if effect_name not in after.fit.names]
-    added = [effect_name for effect_name in after.fit.names if effect_name not in before.fit.names]
-    for action, names in (("drop", dropped), ("add", added)):
+    for action, names in zip(("drop", "add"), _changes(before.fit.names, after.fit.names), strict=True):
         if names:
-            _note(steps, search, after.fit, tested, action, ", ".join(names), True, f"fitted again given {name}")
+            _note(steps, search, after.fit, tested, action, ", ".join(names), f"fitted again given {name}")
             steps[-1] = replace(steps[-1], names=(*after.fit.names, name))
     return replace(after, steps=tuple(steps))
+
+
+def _changes(before: Sequence[str], after: Sequence[str]) -> tuple[list[str], list[str]]:
+    """The names that were dropped, and those that were added."""
+    return [name for name in before if name not in after], [name for name in after if name not in before]
 
 
 def _matters(search: Search, gain: float, names: int) -> bool:
@@ -195,28 +195,26 @@ def _matters(search: Search, gain: float, names: int) -> bool:
 
 def _next(search: Search, fit: Fit, rejected: set[frozenset[str]]) -> Fit | None:
     """The best fit with one more effect that passes the threshold; None where there is none."""
-    candidates = search.open(fit.members)
     limit = search.thresholds.library
     # the threshold is that of the grid: the gain of a finer fit is no evidence
     alone = {name for names in rejected if len(names) == 1 for name in names}
     candidates = [
-        candidate for candidate in candidates if candidate.member.name not in alone and candidate.gain > limit
+        candidate
+        for candidate in search.open(fit.members)
+        if candidate.member.name not in alone and candidate.gain > limit
     ]
-    fits = [larger for larger in search.refined(fit.members, candidates) if fit.rss - larger.rss > limit]
-    fits = [larger for larger in fits if larger.score < fit.score]
-    return fits[0] if fits else None
+    fits = search.refined(fit.members, candidates)
+    return next((larger for larger in fits if fit.rss - larger.rss > limit and larger.score < fit.score), None)
 
 
 def masked(search: Search, fit: Fit, rejected: set[frozenset[str]]) -> Fit | None:
-    """The best fit with two more effects, neither of which is significant without the other; else
-    None.
+    """The best fit with two more effects, each significant only with the other; else None.
 
     An effect that was rejected alone may be one of them: without the other its fit was biased.
     """
     limit = search.thresholds.library
-    firsts = search.open(fit.members)[:MASKED]
     pairs: list[Fit] = []
-    for first in firsts:
+    for first in search.open(fit.members)[:MASKED]:
         members = (*fit.members, first.member)
         seconds = [
             second
@@ -226,9 +224,9 @@ def masked(search: Search, fit: Fit, rejected: set[frozenset[str]]) -> Fit | Non
         if not seconds or first.gain + seconds[0].gain < TWO * limit:
             continue
         pairs.append(search.fitter.fit([*members, seconds[0].member]))
-    nearest = sorted(pairs, key=lambda pair: pair.score)[:PAIRS]
+    nearest = sorted(pairs, key=attrgetter("score"))[:PAIRS]
     fits = [search.fitter.refined(pair.members) for pair in nearest]
-    best = min(fits, key=lambda pair_fit: pair_fit.score, default=None)
+    best = min(fits, key=attrgetter("score"), default=None)
     if best is None or fit.rss - best.rss < TWO * limit or best.score > fit.score:
         return None
     alone = [search.fitter.fit(best.without(k)).rss - best.rss for k in range(len(fit.members), len(best.members))]
@@ -236,9 +234,7 @@ def masked(search: Search, fit: Fit, rejected: set[frozenset[str]]) -> Fit | Non
 
 
 def _retested(search: Search, fit: Fit, steps: list[Step], accepted: list[tuple[Fit, HeldOut]]) -> Fit:
-    """The fit after each effect was exchanged for every candidate, and dropped, where that is
-    better.
-    """
+    """The fit after each effect was exchanged for every candidate, or dropped, if that is better."""
     for _ in range(4):
         better = _swapped(search, fit) or _dropped(search, fit)
         if better is None:
@@ -247,13 +243,12 @@ def _retested(search: Search, fit: Fit, steps: list[Step], accepted: list[tuple[
             fit = better
             continue
         action = "drop" if len(better.members) < len(fit.members) else "swap"
-        dropped = [name for name in fit.names if name not in better.names]
-        added = [name for name in better.names if name not in fit.names]
+        dropped, added = _changes(fit.names, better.names)
         text = f"{', '.join(dropped)} for {', '.join(added)}" if added else ", ".join(dropped)
-        why = "fits better given the others" if added else "no longer beyond the noise"
+        why = "fits better given the others" if added else "no longer significant"
         fit = better
         accepted.append((fit, search.tested(fit)))
-        _note(steps, search, fit, accepted[-1][1], action, text, True, why)
+        _note(steps, search, fit, accepted[-1][1], action, text, why)
     return fit
 
 
@@ -270,11 +265,8 @@ def _swapped(search: Search, fit: Fit) -> Fit | None:
 
 def _dropped(search: Search, fit: Fit) -> Fit | None:
     """A fit without an effect that is not significant given the others; None where all are."""
-    for at in range(len(fit.members) - 1):
-        less = search.fitter.fit(fit.without(at))
-        if less.rss - fit.rss < search.thresholds.library:
-            return less
-    return None
+    smaller_fits = (search.fitter.fit(fit.without(at)) for at in range(len(fit.members) - 1))
+    return next((smaller for smaller in smaller_fits if smaller.rss - fit.rss < search.thresholds.library), None)
 
 
 def _note(
@@ -284,23 +276,22 @@ def _note(
     tested: HeldOut,
     action: str,
     name: str,
-    accepted: bool,
     reason: str,
     gain: float = np.nan,
     better: Improvement | None = None,
 ) -> None:
-    count = max(search.fitter.space.count, 1)
+    """Add a step to the path."""
     steps.append(
         Step(
             number=len(steps),
             action=action,
             name=name,
             names=fit.names,
-            accepted=accepted,
+            accepted=action != "reject",
             reason=reason,
             gain=gain,
             threshold=search.thresholds.library,
-            held_out=float(np.sqrt(np.sum(tested.white**2) / count)),
+            held_out=search.held_out_error(tested),
             held_out_gain=np.nan if better is None else better.gain,
             held_out_error=np.nan if better is None else better.error,
         )
@@ -311,22 +302,14 @@ def concluding(search: Search, selection: Selection, fit: Fit, labels: Mapping[s
     """The path of a selection, and its changes in the final fit: effects dropped or added, and
     generic terms (`labels` by their names). All held-out errors refer to the same noise.
     """
-    count = max(search.fitter.space.count, 1)
-    errors = iter([float(np.sqrt(np.sum(held_out_rows.white**2) / count)) for _, held_out_rows in selection.accepted])
-    path = [step for step in selection.steps if step.reason not in (NO_FORM, BESIDE, TERM)]
+    errors = iter([search.held_out_error(tested) for _, tested in selection.accepted])
+    path = [step for step in selection.steps if step.reason not in (NO_FORM, AS_WELL, TERM)]
     steps = [replace(step, held_out=next(errors)) if step.accepted else step for step in path]
     named = tuple(name for name in fit.names if name not in labels)
-    tested = search.tested(fit)
-    dropped = [name for name in selection.identified if name not in named]
-    added = [name for name in named if name not in selection.identified]
+    dropped, added = _changes(selection.identified, named)
     terms = [labels[name] for name in fit.names if name in labels]
-    for action, names, why in (("drop", dropped, NO_FORM), ("add", added, BESIDE), ("add", terms, TERM)):
+    for action, names, why in (("drop", dropped, NO_FORM), ("add", added, AS_WELL), ("add", terms, TERM)):
         if names:
-            _note(steps, search, fit, tested, action, ", ".join(names), True, why)
+            _note(steps, search, fit, search.tested(fit), action, ", ".join(names), why)
             steps[-1] = replace(steps[-1], names=named)
-    return tuple(steps)
-
-
-def renumbered(steps: Sequence[Step]) -> tuple[Step, ...]:
-    """Steps numbered from 0."""
     return tuple(replace(step, number=at) for at, step in enumerate(steps))

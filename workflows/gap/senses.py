@@ -1,4 +1,4 @@
-"""Reversed signs: an output or a column that counts against the convention.
+"""Reversed signs: an output or a column whose sign is opposite to the convention.
 
 An effect has the sign that physics gives it, and a load that resists winds a drive up. Where the
 data fit far better with the opposite sign, a note says so first: effects selected with the wrong
@@ -9,9 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
+from operator import attrgetter
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...declarations import Output
 from ...models.effects.effect import kind_of
@@ -32,8 +33,6 @@ SHAPES = 12
 ROWS = 600
 LEAST = 20
 """Number of rows from which a sign is tested."""
-
-
 STEPS = 4
 """Number of effects that are fitted one after the other: a dominating wave has no sign."""
 ENOUGH = 0.98
@@ -60,34 +59,34 @@ def turned(
     blocks = list(_blocks(data, library, columns))
     sentences = []
     for at, output in enumerate(data.outputs):
-        mine = rows + at * len(data)
-        q = basis(base[mine])
-        output_blocks = [(candidate, projected_out(block[mine], q)) for candidate, block in blocks]
+        output_rows = rows + at * len(data)
+        q = basis(base[output_rows])
+        output_blocks = [(candidate, projected_out(block[output_rows], q)) for candidate, block in blocks]
         y = projected_out(data.measured[output.name][rows], q)
         p = projected_out(predicted[output.name][rows], q)
         as_given = _best(y - p, output_blocks)
-        ways = {"reading": _best(-y - p, output_blocks), "gap": _best(p - y, output_blocks)}
-        way = min(ways, key=lambda name: ways[name].rss)
-        if ways[way].rss < FAR * as_given.rss:
-            sentences.append(_note(data, output.name, way, ways[way], as_given, library))
+        reversed_output, reversed_gap = _best(-y - p, output_blocks), _best(p - y, output_blocks)
+        best = min(reversed_output, reversed_gap, key=attrgetter("rss"))
+        if best.rss < FAR * as_given.rss:
+            ratio = float(np.sqrt(as_given.rss / max(best.rss, 1e-300)))
+            note = _of_output if best is reversed_output else partial(_of_gap, data, library)
+            sentences.append(f"is the sign of {output.name} reversed? {note(output.name, best.name, ratio)}")
         elif text := _falls(data, output, predicted[output.name]):
             sentences.append(text)
     return sentences
 
 
 def _falls(data: GapData, output: Output, predicted: Array) -> str:
-    """The note on a prediction that falls with the load, which winds a drive up; empty where it
-    does not.
-    """
+    """The note on a prediction that falls with the load, which winds a drive up, else empty."""
     load = next((c for c in data.inputs if c.role in (Role.TORQUE, Role.FORCE)), None)
     if load is None or kind_of(output.unit) not in POSITIONS or not np.ptp(predicted):
         return ""
     if float(np.corrcoef(data.readings[load.role], predicted)[0, 1]) > FALLS:
         return ""
     return (
-        f"is the sign of {output.name} or of {load.name} the other way round? The prediction falls "
-        f"as {load.name} rises, and a load that resists winds a drive up: give sense = -1 to what "
-        f"counts against docs/conventions.md ({output.name} and its prediction, or {load.name})"
+        f"is the sign of {output.name} or of {load.name} reversed? The prediction falls as "
+        f"{load.name} rises, and a load that resists winds a drive up: give sense = -1 to what is "
+        f"opposite to docs/conventions.md ({output.name} and its prediction, or {load.name})"
     )
 
 
@@ -104,9 +103,7 @@ def _blocks(data: GapData, library: Sequence[Candidate], columns: Columns) -> It
 
 
 def _best(gap: Array, blocks: Sequence[tuple[Candidate, Array]]) -> _Best:
-    """A few effects on a gap (n,), each the best on the residual of those before it, within
-    bounds.
-    """
+    """A few effects on a gap (n,), each the best on the residual of those before it."""
     whole, name, taken = float(gap @ gap), "", set[str]()
     for _ in range(STEPS):
         tried = [
@@ -124,9 +121,7 @@ def _best(gap: Array, blocks: Sequence[tuple[Candidate, Array]]) -> _Best:
 
 
 def _residual_of(gap: Array, candidate: Candidate, x: Array) -> tuple[float, Array]:
-    """The residual sum of squares, and the residual, of a gap after the columns (n, m) of an
-    effect, within bounds.
-    """
+    """The residual sum of squares and the residual of a gap after bounded columns (n, m)."""
     kept = np.linalg.norm(x, axis=0) > 0.0
     low, high = (ends[kept] for ends in candidate.bounds)
     x = x[:, kept]
@@ -139,8 +134,7 @@ def _residual_of(gap: Array, candidate: Candidate, x: Array) -> tuple[float, Arr
 
 def _within(x: Array, gap: Array, low: Array, high: Array) -> Array:
     """Sizes within their bounds: those that leave them are held at the end, the others refitted."""
-    held: NDArray[np.bool_] = np.zeros(len(low), dtype=bool)
-    sizes = np.zeros(len(low))
+    held, sizes = np.zeros(len(low), dtype=bool), np.zeros(len(low))
     for _ in range(len(low)):
         rest = gap - x[:, held] @ sizes[held]
         sizes[~held] = np.linalg.lstsq(x[:, ~held], rest, rcond=1e-9)[0]
@@ -152,21 +146,23 @@ def _within(x: Array, gap: Array, low: Array, high: Array) -> Array:
     return sizes
 
 
-def _note(data: GapData, output: str, way: str, best: _Best, as_given: _Best, library: Sequence[Candidate]) -> str:
-    """The note about one output."""
-    ratio = np.sqrt(as_given.rss / max(best.rss, 1e-300))
-    head = f"is the sign of {output} the other way round? "
-    if way == "reading":
-        what = f"Turned, it is {ratio:.3g} times nearer to its prediction"
-        more = f" with {best.name}" if best.name else ""
-        return f"{head}{what}{more}; give it sense = -1 if a positive reading means the opposite of docs/conventions.md"
-    needs = {role for candidate in library if candidate.name == best.name for role in candidate.effect.needs}
+def _of_output(output: str, effect: str, ratio: float) -> str:
+    """The note on an output that is nearer to its prediction with the opposite sign."""
+    more = f" with {effect}" if effect else ""
+    return (
+        f"With the opposite sign it is {ratio:.3g} times nearer to its prediction{more}; give it "
+        "sense = -1 if a positive value means the opposite of docs/conventions.md"
+    )
+
+
+def _of_gap(data: GapData, library: Sequence[Candidate], output: str, effect: str, ratio: float) -> str:
+    """The note on a gap that effects explain better with the opposite sign."""
+    needs = {role for candidate in library if candidate.name == effect for role in candidate.effect.needs}
     acting = [c.name for c in data.target.columns if c.role in needs]
     of = f", or {' or '.join(acting)}," if acting else ""
-    of_what = f" ({best.name} first)" if best.name else ""
+    first = f" ({effect} first)" if effect else ""
     return (
-        f"{head}With the opposite sign of the gap the effects of the library{of_what} leave "
-        f"{ratio:.3g} times less. If {output} and its prediction{of} count against "
-        "docs/conventions.md, give them sense = -1; if not, the simulation has too much of "
-        "it"
+        f"With the opposite sign of the gap the effects of the library{first} leave a residual that is "
+        f"{ratio:.3g} times smaller. If {output} and its prediction{of} are opposite to "
+        "docs/conventions.md, give them sense = -1; if not, the simulation contains too much of the effect"
     )

@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...gap_records import Measurement
-from ...models.effects.readings import readings_of
 from ...models.inputs.distribution import Array
 from ...models.measurable import Column, Role
 from .data import GapData
 from .fit import Fit
 from .library import Columns
 from .linear import basis, projected_out
+from .next.rows import placed, zero_prediction
 from .predictor import predictor
 from .setup import Setup
 
@@ -26,7 +26,7 @@ WIDER = 1.6
 """Factor by which the range of an input is extended."""
 CERTAIN = 12.0
 """Squared distance in noise units from which explanations are separated."""
-UNSEEN = {
+OTHER_QUANTITIES = {
     frozenset(
         ["viscous_friction", "read_out_lag"]
     ): "record runs that accelerate: a lag follows the speed itself, friction the torque it needs",
@@ -46,12 +46,10 @@ class Design:
 
 
 def separating(setup: Setup, levels: Array, fit: Fit, rival: Fit) -> Measurement:
-    """The best of a few designs: each input varied alone, or further; `levels` (q,) are those of
-    the noise.
-    """
+    """The best of a few designs, each input varied alone or further, at noise of `levels` (q,)."""
     names = frozenset(set(fit.names) ^ set(rival.names))
-    if names in UNSEEN:
-        return Measurement(UNSEEN[names])
+    if names in OTHER_QUANTITIES:
+        return Measurement(OTHER_QUANTITIES[names])
     best: tuple[float, Design] | None = None
     for design in _designs(setup.data, np.random.default_rng([setup.plan.seed, 3])):
         if not _within(setup, design):
@@ -60,12 +58,12 @@ def separating(setup: Setup, levels: Array, fit: Fit, rival: Fit) -> Measurement
         if np.isfinite(size) and (best is None or size > 1.05 * best[0]):
             best = (size, design)
     if best is None or best[0] < 1e-3:
-        return Measurement("no design of these inputs separates them: another quantity is needed")
+        return Measurement("no design of these inputs separates them: another quantity has to be measured")
     size, design = best
-    readings = int(min(np.ceil(CERTAIN / size**2), 10**6))
-    many = f"{readings} readings separate" if readings > 1 else "1 reading separates"
-    text = f"{design.text}: {many} them ({size:.2g} of the noise per measurement)"
-    return Measurement(text, design.inputs, size, readings)
+    count = int(min(np.ceil(CERTAIN / size**2), 10**6))
+    subject = f"{count} measurements separate" if count > 1 else "1 measurement separates"
+    text = f"{design.text}: {subject} them ({size:.2g} of the noise per measurement)"
+    return Measurement(text, design.inputs, size, count)
 
 
 def _within(setup: Setup, design: Design) -> bool:
@@ -76,9 +74,7 @@ def _within(setup: Setup, design: Design) -> bool:
 
 
 def _designs(data: GapData, rng: np.random.Generator) -> Iterator[Design]:
-    """More of the same; each input varied independently, in the present range and further; all
-    inputs at once.
-    """
+    """More of the same; each input varied alone, in its range and further; all inputs at once."""
     rows = rng.choice(len(data), size=min(ROWS, len(data)), replace=False)
     now = {name: values[np.sort(rows)] for name, values in data.readings.table.items()}
     yield Design("more measurements like these", now, {})
@@ -116,31 +112,16 @@ def _apart(
 
 
 def _difference(setup: Setup, levels: Array, design: Design, fit: Fit, rival: Fit) -> float:
-    """Rms per measurement [noise] of the prediction of `fit` outside the span of the rival's
-    columns.
-    """
-    data = _at(setup.data, design.table)
-    columns = Columns(data, predictor(setup.plan, data) if setup.plan.model else _nothing(data))
+    """Rms per measurement [noise] of the prediction of `fit` that the rival cannot explain."""
+    data = placed(setup.data, design.table)
+    columns = Columns(data, predictor(setup.plan, data) if setup.plan.model else zero_prediction(data))
     level = np.repeat(levels, len(data))
-    mine = sum(
+    explained = sum(
         (columns.of(m.candidate, m.shape) @ c for m, c in zip(fit.members, fit.coefficients, strict=True)),
         np.zeros(len(level)),
     )
     free = [columns.of(m.candidate, m.shape) for m in rival.members]
-    ones = np.zeros((len(level), len(data.outputs)))
-    for k in range(len(data.outputs)):
-        ones[k * len(data) : (k + 1) * len(data), k] = 1.0
+    ones = np.kron(np.eye(len(data.outputs)), np.ones((len(data), 1)))
     q = basis(np.hstack([ones, *free]) / level[:, None])
-    residual = projected_out(np.asarray(mine) / level, q)
+    residual = projected_out(np.asarray(explained) / level, q)
     return float(np.sqrt(np.mean(residual**2)))
-
-
-def _nothing(data: GapData) -> Any:
-    zero = {o.name: np.zeros(len(data)) for o in data.outputs}
-    return lambda changes: zero
-
-
-def _at(data: GapData, table: Mapping[str, NDArray[Any]]) -> GapData:
-    """The data's columns at other operating points."""
-    n = len(next(iter(table.values())))
-    return replace(data, readings=readings_of(data.target.columns, table), rows=np.arange(n), measured={}, predicted={})

@@ -81,16 +81,14 @@ def prepared(plan: GapPlan, full: GapData) -> Setup:
     forms, columns = generic(data, parts["predicted"])
     library, more_notes = with_lots(candidates(plan.library, data), data, parts["residual"])
     laws = {o.name: law_of(plan, o.name) for o in data.outputs} if data.target.population else {}
-    if why := nameless(data, laws):
+    if why := unidentifiable(data, laws):
         plan = replace(plan, settings=replace(plan.settings, effects_at_most=0))
         more_notes.append(why)
     return Setup(
         plan=plan,
         data=data,
-        library=tuple(candidate for candidate in library if not candidate.on_scatter),
-        on_scatter=tuple(candidate for candidate in library if candidate.on_scatter)
-        if plan.settings.effects_at_most
-        else (),
+        library=tuple(c for c in library if not c.on_scatter),
+        on_scatter=tuple(c for c in library if c.on_scatter and plan.settings.effects_at_most),
         forms=tuple(forms),
         generic=groups_of(columns),
         laws=laws,
@@ -101,9 +99,7 @@ def prepared(plan: GapPlan, full: GapData) -> Setup:
 
 
 def residual_of(setup: Setup, fit: Fit, but: Sequence[str] = ()) -> Array:
-    """Residual (N,) of a fit, in the outputs' units; the effects named in `but` are not
-    subtracted.
-    """
+    """Residual (N,) of a fit, in the outputs' units, without subtracting the effects in `but`."""
     residual = setup.residual - setup.base @ fit.free
     for member, coefficients in zip(fit.members, fit.coefficients, strict=True):
         if member.name not in but:
@@ -111,7 +107,7 @@ def residual_of(setup: Setup, fit: Fit, but: Sequence[str] = ()) -> Array:
     return np.asarray(residual)
 
 
-def nameless(data: GapData, laws: Mapping[str, Law]) -> str:
+def unidentifiable(data: GapData, laws: Mapping[str, Law]) -> str:
     """Why no cause can be identified from a batch; empty where one can."""
     if laws and len(data) < LEAST_NAMED:
         return f"cannot tell with n = {len(data)}: no cause is identified from fewer than {LEAST_NAMED} units"
@@ -125,9 +121,7 @@ def nameless(data: GapData, laws: Mapping[str, Law]) -> str:
 
 
 def moved_to(setup: Setup, at: Mapping[str, float], changes: Mapping[str, Array]) -> Setup:
-    """The setup with the model at other parameters, its columns taken with `changes` inside the
-    model.
-    """
+    """The setup with the model at other parameters, its columns with `changes` inside it."""
     return replace(setup, **_parts(setup.plan, setup.data, at, changes))
 
 
@@ -157,8 +151,7 @@ def thinned(plan: GapPlan, full: GapData) -> tuple[GapData, tuple[str, ...]]:
         return full, ()
     rng = np.random.default_rng([plan.seed, 1])
     edges = np.linspace(0, len(full), most + 1)
-    drawn = np.floor(edges[:-1] + rng.random(most) * np.diff(edges)).astype(np.int64)
-    rows = np.unique(drawn)
+    rows = np.unique(np.floor(edges[:-1] + rng.random(most) * np.diff(edges)).astype(np.int64))
     text = (
         f"{len(full)} rows: effects are searched on {len(rows)} of them, one at random out of each "
         "stretch of equal length (settings.rows_used)"
@@ -172,50 +165,49 @@ def recalibrated(plan: GapPlan, data: GapData, predicted: Mapping[str, Array]) -
     """
     if plan.rebuild is None or not plan.free:
         return {name: nominal(plan, name) for name in plan.free}
-    names = list(plan.free)
-    middle = np.array([nominal(plan, name) for name in names])
-    half = np.array([plan.free[name] for name in names])
-    measured = data.stacked(data.measured)
-    zeros = zeros_of(data)
-    scale = np.repeat(
-        [max(float(np.std(data.measured[o.name] - predicted[o.name])), 1e-300) for o in data.outputs], len(data)
-    )
-    q = basis(zeros / scale[:, None])
+    middle = np.array([nominal(plan, name) for name in plan.free])
+    half, measured = np.array(list(plan.free.values()), dtype=float), data.stacked(data.measured)
+    scatters = [max(float(np.std(data.measured[o.name] - predicted[o.name])), 1e-300) for o in data.outputs]
+    scale = np.repeat(scatters, len(data))
+    q, population = basis(zeros_of(data) / scale[:, None]), data.target.population
 
-    population = data.target.population
+    def parameters(x: Array) -> dict[str, float]:
+        return dict(zip(plan.free, (middle + x * half).tolist(), strict=True))
 
     def residual(x: Array) -> Array:
-        moved = _moved(plan, data, dict(zip(names, (middle + x * half).tolist(), strict=True)))
+        scaled = (measured - _moved(plan, data, parameters(x))) / scale
         if population:
-            return np.append(np.sqrt(len(data)) * np.mean((measured - moved) / scale), x)
-        return projected_out((measured - moved) / scale, q)
+            return np.append(np.sqrt(len(data)) * np.mean(scaled), x)
+        return projected_out(scaled, q)
 
     solution = optimize.least_squares(
         residual,
-        np.zeros(len(names)),
+        np.zeros(len(half)),
         bounds=(-1.0, 1.0),
         max_nfev=25,
         diff_step=[1e-3],
         loss="linear" if population else "soft_l1",
     )
-    return dict(zip(names, (middle + solution.x * half).tolist(), strict=True))
+    return parameters(solution.x)
 
 
 def _gradient(
     plan: GapPlan, data: GapData, at: Mapping[str, float], changes: Mapping[str, Array] = NO_CHANGES
 ) -> tuple[tuple[str, ...], Array]:
-    """Free parameters with an effect on the outputs, and the change (N, p) per tolerance of
-    each.
-    """
-    count = len(data) * len(data.outputs)
-    names, columns = [], []
-    for name, tolerance in plan.free.items() if plan.rebuild is not None else ():
-        up, down = (_moved(plan, data, {**at, name: at[name] + s * STEP * tolerance}, changes) for s in (1.0, -1.0))
-        column = (up - down) / (2.0 * STEP)
-        if np.isfinite(column).all() and np.abs(column).max(initial=0.0) > 0.0:
-            names.append(name)
-            columns.append(column)
-    return tuple(names), np.column_stack(columns) if columns else np.zeros((count, 0))
+    """Free parameters with an effect on the outputs, and the change (N, p) per tolerance of each."""
+    columns = {name: change_of(plan, data, at, name, changes) for name in plan.free if plan.rebuild is not None}
+    acting = {name: c for name, c in columns.items() if np.isfinite(c).all() and np.any(c)}
+    empty = np.zeros((len(data) * len(data.outputs), 0))
+    return tuple(acting), np.column_stack([empty, *acting.values()])
+
+
+def change_of(
+    plan: GapPlan, data: GapData, at: Mapping[str, float], name: str, changes: Mapping[str, Array] = NO_CHANGES
+) -> Array:
+    """The change (N,) of the outputs per tolerance of a free parameter, by central differences."""
+    ends = (at[name] + sign * STEP * plan.free[name] for sign in (1.0, -1.0))
+    up, down = (_moved(plan, data, {**at, name: end}, changes) for end in ends)
+    return np.asarray((up - down) / (2.0 * STEP))
 
 
 def nominal(plan: GapPlan, name: str) -> float:
@@ -231,31 +223,22 @@ def _moved(
     plan: GapPlan, data: GapData, parameters: Mapping[str, float], changes: Mapping[str, Array] = NO_CHANGES
 ) -> Array:
     assert plan.rebuild is not None
-    predict = predictor(plan, data, plan.rebuild(parameters))
-    predicted = predict(changes)
-    return data.stacked(predicted)
+    return data.stacked(predictor(plan, data, plan.rebuild(parameters))(changes))
 
 
 def zeros_of(data: GapData) -> Array:
     """A column of ones for each output whose zero is free (N, zeros)."""
-    n, outputs = len(data), data.outputs
-    columns = np.zeros((n * len(outputs), len(data.zeros)))
-    for at, name in enumerate(data.zeros):
-        which = [o.name for o in outputs].index(name)
-        columns[which * n : (which + 1) * n, at] = 1.0
-    return columns
+    of_zero = np.array([[float(o.name == name) for name in data.zeros] for o in data.outputs])
+    return np.asarray(np.kron(of_zero, np.ones((len(data), 1))), dtype=np.float64)
 
 
 def values_of(data: GapData) -> dict[str, Array]:
-    """Inputs that the size of the noise may follow: numbers that vary, and magnitudes of signed
-    ones.
-    """
+    """Inputs that the size of the noise may follow: numbers that vary, also their magnitudes."""
     inputs: dict[str, Array] = {}
     for column in data.inputs:
         if column.role in (Role.DIRECTION, Role.REPEAT):
             continue
-        values = np.asarray(data.readings.table[column.name], dtype=float)
-        inputs[column.name] = values
+        inputs[column.name] = values = data.values(column.name)
         if (values < 0).any() and (values > 0).any():
             inputs[f"|{column.name}|"] = np.abs(values)
     return inputs

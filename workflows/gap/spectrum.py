@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import pandas as pd
 
@@ -9,6 +11,7 @@ from ...models.inputs.distribution import Array
 from ...models.measurable import Role
 from .data import GapData
 from .generic import order_grid
+from .noise import Noise
 
 COLUMNS = ("output", "order", "before", "after", "threshold")
 MOST = 20_000
@@ -19,11 +22,8 @@ NODES = 1e-9
 """Fraction of a cosine's squares below which the sine has only rounding errors."""
 
 
-def spectrum(
-    data: GapData, before: dict[str, Array], after: dict[str, Array], noise: dict[str, float], limit: float
-) -> pd.DataFrame:
-    """Amplitude of each order in the residuals (n,) by output, and the threshold that noise
-    reaches.
+def spectrum(data: GapData, residuals: pd.DataFrame, noises: Sequence[Noise], limit: float) -> pd.DataFrame:
+    """Amplitude of each order in the residuals of every output, and the threshold by its noise.
 
     `limit` is a threshold on minus the logarithm of a probability. Empty without an angle.
     """
@@ -33,19 +33,16 @@ def spectrum(
     angle = np.asarray(data.readings[Role.ANGLE], dtype=float)[rows]
     orders = order_grid(data)
     parts = []
-    for output in data.outputs:
-        level = noise[output.name] * np.sqrt(4.0 * limit / len(rows))
-        parts.append(
-            pd.DataFrame(
-                {
-                    "output": output.name,
-                    "order": orders,
-                    "before": amplitudes(angle, orders, before[output.name][rows]),
-                    "after": amplitudes(angle, orders, after[output.name][rows]),
-                    "threshold": level,
-                }
-            )
-        )
+    for output, noise in zip(data.outputs, noises, strict=True):
+        before, after = (residuals[f"{output.name}_{side}"].to_numpy()[rows] for side in ("before", "after"))
+        columns = {
+            "output": output.name,
+            "order": orders,
+            "before": amplitudes(angle, orders, before),
+            "after": amplitudes(angle, orders, after),
+            "threshold": noise.level * np.sqrt(4.0 * limit / len(rows)),
+        }
+        parts.append(pd.DataFrame(columns))
     return pd.concat(parts, ignore_index=True)
 
 

@@ -1,4 +1,4 @@
-"""The uncertainty (stage 8): a block bootstrap of the whole selection."""
+"""The uncertainty of the parameters: a block bootstrap of the whole selection."""
 
 from __future__ import annotations
 
@@ -13,16 +13,14 @@ from ...errors import RunError
 from ...models.inputs.distribution import Array
 from ..execution import Execution, Lost, executor_of
 from .analysis import Analysis
-from .fit import Fit
-from .progress import GapProgress, Tell, silent
+from .fit import Fit, is_term
+from .progress import GapProgress, Report, silent
 from .replicates import Replicate, Replicates
 from .select import Search, select
-from .unresolved import is_term
 
 PHASE = "bootstrap"
-
 CHUNK = 4
-"""Largest number of replicates that a process makes in one go."""
+"""Largest number of replicates that a process computes together."""
 
 
 @dataclass(frozen=True)
@@ -37,9 +35,7 @@ class Spread:
         return float(np.mean([name in replicate for replicate in self.replicates]))
 
     def interval(self, owner: str, name: str, linear: tuple[float, float]) -> tuple[float, float]:
-        """Percentiles of a parameter over the replicates that have it; `linear` for fewer than
-        20.
-        """
+        """Percentiles of a parameter over the replicates with it; `linear` for fewer than 20."""
         values = [replicate[owner][name] for replicate in self.replicates if owner in replicate]
         if len(values) < 20 or not np.all(np.isfinite(linear)):
             return linear
@@ -50,7 +46,7 @@ class Spread:
 
 @dataclass(frozen=True)
 class Chunk:
-    """The numbers of replicates that are made in one go, for the analysis called `name`."""
+    """The numbers of replicates that are computed together, for the analysis called `name`."""
 
     numbers: tuple[int, ...]
     name: str
@@ -67,18 +63,18 @@ class Chunk:
 
 
 def bootstrap(
-    analysis: Analysis, fit: Fit, kept: Replicates, workers: Execution | int = 1, tell: Tell = silent
+    analysis: Analysis, fit: Fit, replicates: Replicates, workers: Execution | int = 1, report: Report = silent
 ) -> Spread:
     """The selection repeated on records with the residuals of `fit`, drawn in blocks.
 
-    Replicates that are kept already are not made again. Raises RunError where processes are lost.
+    Replicates that have ended are not repeated. Raises RunError where processes are lost.
     """
     plan = analysis.setup.plan
     count = plan.settings.bootstrap
-    missing = kept.missing(count)
+    missing = replicates.missing(count)
     task = partial(_replicates, analysis.search, fit, plan.seed)
-    begin, already_kept = time.monotonic(), len(kept.found)
-    tell(GapProgress(PHASE, count - len(missing), count))
+    begin, ended_before = time.monotonic(), len(replicates.ended)
+    report(GapProgress(PHASE, count - len(missing), count))
     with executor_of(workers) as executor:
         size = max(1, min(CHUNK, len(missing) // (4 * max(1, executor.workers))))
         name = secrets.token_hex(8)
@@ -87,12 +83,12 @@ def bootstrap(
             if isinstance(outcome, Lost):
                 raise RunError(
                     f"{chunk.called}: {outcome.reason}; finished replicates are kept in "
-                    f"{kept.path}, continue with --resume"
+                    f"{replicates.path}, continue with --resume"
                 )
-            kept.keep(outcome)
-            done, remaining = len(kept.found) - already_kept, len(kept.missing(count))
-            tell(GapProgress(PHASE, count - remaining, count, (time.monotonic() - begin) * remaining / done))
-    return Spread(tuple(kept.found[number] for number in range(count)), plan.settings.interval)
+            replicates.add(outcome)
+            done, remaining = len(replicates.ended) - ended_before, len(replicates.missing(count))
+            report(GapProgress(PHASE, count - remaining, count, (time.monotonic() - begin) * remaining / done))
+    return Spread(tuple(replicates.ended[number] for number in range(count)), plan.settings.interval)
 
 
 def _replicates(search: Search, fit: Fit, seed: int, chunk: Chunk) -> dict[int, Replicate]:
@@ -104,8 +100,8 @@ def _replicate(search: Search, fit: Fit, seed: int, number: int) -> Replicate:
     again = replace(search, fitter=search.fitter.of_record(_drawn(search, fit, rng)))
     selected = select(again, quick=True).fit
     # the generic terms are in every replicate, as in the answer
-    if terms := [member for member in fit.members if is_term(member)]:
-        selected = again.fitter.refined([*selected.members, *terms])
+    if fit.terms:
+        selected = again.fitter.refined([*selected.members, *fit.terms])
     return {
         member.name: member.candidate.values(member.shape, coefficients)
         for member, coefficients in zip(selected.members, selected.coefficients, strict=True)
@@ -115,16 +111,12 @@ def _replicate(search: Search, fit: Fit, seed: int, number: int) -> Replicate:
 
 def _drawn(search: Search, fit: Fit, rng: np.random.Generator) -> Array:
     """A whitened record: the prediction of the fit, and its residuals redrawn in stretches."""
-    y = search.fitter.y
-    fitted = y - fit.residual
-    outputs = len(search.fitter.space.noises)
-    n = search.fitter.space.rows_per_output
+    space, y = search.fitter.space, search.fitter.y
+    n = space.rows_per_output
     length = max(1, round(n ** (1.0 / 3.0)))
-    stretches = int(np.ceil(n / length))
-    starts = rng.integers(0, n, stretches)
+    starts = rng.integers(0, n, int(np.ceil(n / length)))
     rows = ((starts[:, None] + np.arange(length)).ravel() % n)[:n]
-    parts = [fit.residual[k * n : (k + 1) * n] for k in range(outputs)]
+    parts = [fit.residual[k * n : (k + 1) * n] for k in range(len(space.noises))]
     inflated = np.sqrt(n / max(n - len(fit.free) - sum(map(len, fit.coefficients)), 1))
     noise = np.concatenate([(part - part.mean())[rows] * inflated for part in parts])
-    tail = np.zeros(len(y) - len(noise))
-    return np.asarray(fitted + np.concatenate([noise, tail]))
+    return np.asarray(y - fit.residual + np.pad(noise, (0, space.prior)))

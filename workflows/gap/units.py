@@ -1,6 +1,4 @@
-"""Batches as units: repeated measurements of a unit are merged, and a least number of units is
-needed.
-"""
+"""Batches as units: repeated measurements of a unit are merged, and units are counted."""
 
 from __future__ import annotations
 
@@ -27,7 +25,7 @@ def numbered(cells: pd.DataFrame, columns: Sequence[Column], place: str, notes: 
         return cells
     name = unit.name
     if name not in cells:
-        notes.append(f"{place}: no column {name}: each row counts as a unit of its own")
+        notes.append(f"{place}: no column {name}: each row counts as a separate unit")
         number = np.arange(1, len(cells) + 1)
         return cells.assign(**{name: number.astype(str) if unit.text else number})
     if unit.text:
@@ -52,7 +50,7 @@ def one_per_unit(
     labels = [c.name for c in columns if c.role in (Role.UNIT, Role.LOT) and c.name in frame]
     if not labels:
         return frame, []
-    if faults := _readings_of_parts(frame, columns, place):
+    if faults := _several_per_unit(frame, columns, place):
         return frame, faults
     number = frame.groupby(labels, sort=False, dropna=False).ngroup().to_numpy()
     units, rows = len(np.unique(number)), len(frame)
@@ -62,28 +60,26 @@ def one_per_unit(
     repeat = next((c.name for c in columns if c.role is Role.REPEAT and c.name in frame), None)
     if units < rows and repeat is None:
         notes.append(
-            f"{rows - units} rows repeat the label of a unit: each counts as a unit of its own; a "
-            "column repeat says that a unit was measured again"
+            f"{rows - units} rows repeat the label of a unit: each counts as a separate unit; a "
+            "column repeat states that a unit was measured again"
         )
     if repeat is None:
         return frame, []
     if units < rows:
-        notes.append(f"{rows} readings of {units} units: each unit is the mean of its readings")
+        notes.append(f"{rows} measurements of {units} units: each unit is the mean of its measurements")
     merged = frame.drop(columns=repeat).groupby(number, sort=True)
     means = merged.agg({name: "first" if name in labels else "mean" for name in frame.columns if name != repeat})
     return means.set_axis(frame.index[~pd.Series(number).duplicated().to_numpy()]), []
 
 
-def _readings_of_parts(frame: pd.DataFrame, columns: Sequence[Column], place: str) -> list[Fault]:
-    """Faults of columns that make a row one of many measurements of a unit: a batch has no law for
-    these.
-    """
+def _several_per_unit(frame: pd.DataFrame, columns: Sequence[Column], place: str) -> list[Fault]:
+    """Faults of columns that make a row one of many measurements of a unit, which have no law."""
     text = (
-        "a batch is compared by one reading of each unit: give the largest (or the mean) of its "
-        "readings, set [parameters] positions to how many they are, and leave this column out"
+        "a batch is compared by one measurement of each unit: give the largest (or the mean) of its "
+        "measurements, set [parameters] positions to their number, and remove this column"
     )
-    names = [c.name for c in columns if c.role is Role.INPUT and c.name in frame]
-    return [Fault(f"{place}: column {name}", text) for name in names]
+    inputs = (c.name for c in columns if c.role is Role.INPUT and c.name in frame)
+    return [Fault(f"{place}: column {name}", text) for name in inputs]
 
 
 def too_few(frame: pd.DataFrame, columns: Sequence[Column], place: str) -> list[Fault]:

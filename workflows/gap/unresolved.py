@@ -14,9 +14,10 @@ from ...models.effects.readings import labels_of
 from ...models.effects.unresolved import Term, Unresolved
 from ...models.inputs.distribution import Array
 from ...models.measurable import Column, Role
+from .close import Corrected
 from .data import GapData
 from .fit import Fitter, Member
-from .generic import FROM_LEAST, LEVELS, ODD, STEP, SWING, Form, origin
+from .generic import FROM_LEAST, LEVELS, ODD, STEP, SWING, Form, knots, origin, stretches
 from .library import Candidate
 from .linear import basis, projected_out
 
@@ -26,16 +27,22 @@ form of one column is then the effect itself.
 """
 
 
-def is_term(member: Member) -> bool:
-    """Whether a member of a fit is a generic term."""
-    return isinstance(member.candidate.effect, Unresolved)
+def effect_of(member: Member) -> Unresolved:
+    """The effect of a generic term."""
+    effect = member.candidate.effect
+    assert isinstance(effect, Unresolved)
+    return effect
 
 
 def label(member: Member) -> str:
     """The label of a term on the path of a selection."""
-    effect = member.candidate.effect
-    assert isinstance(effect, Unresolved)
-    return f"unresolved term of {' x '.join(effect.term.variables)}"
+    return f"unresolved term of {' x '.join(effect_of(member).term.variables)}"
+
+
+def table_of(member: Member, model: Corrected) -> dict[str, Any]:
+    """The `[[unresolved]]` table of a term in a corrected model."""
+    effect = effect_of(member)
+    return effect.term.table(effect.coefficients(model.effect(member.name)))
 
 
 def term_of(form: Form, data: GapData, output: str) -> Term | None:
@@ -51,7 +58,7 @@ def term_of(form: Form, data: GapData, output: str) -> Term | None:
     if form.variable not in columns or data.target.population:
         return None
     base = Term(output, form.variable, "constant", turns=turns)
-    x = np.asarray(data.readings.table[form.variable], dtype=float)
+    x = data.values(form.variable)
     if form.kind == "order":
         return _wave(base, form, data)
     if form.kind == "product":
@@ -69,9 +76,7 @@ def term_of(form: Form, data: GapData, output: str) -> Term | None:
 
 
 def _spline(base: Term, column: Column, x: Array) -> Term:
-    fine = 6 if column.role in (Role.TORQUE, Role.FORCE) else 4
-    count = min(fine, max(2, len(x) // 25))
-    inner = np.unique(np.quantile(x, np.linspace(0, 1, count + 1)))
+    inner = knots(x, stretches(column, len(x)))
     if len(inner) < 3:
         return replace(base, shape="power", signed=True)
     return replace(base, shape="spline", knots=tuple(inner.tolist()))
@@ -86,7 +91,7 @@ def _power(base: Term, form: Form, x: Array) -> Term:
 
 def _product(base: Term, form: Form, data: GapData, columns: dict[str, Column]) -> Term:
     second = form.further_variables[0]
-    x, y = (np.asarray(data.readings.table[n], dtype=float) for n in (form.variable, second))
+    x, y = data.values(form.variable), data.values(second)
     if form.powers is None:
         term = replace(base, shape="product", zero=float(x.mean()), scale=float(x.std()))
         return replace(term, times=second, times_zero=float(y.mean()), times_scale=float(y.std()))
@@ -112,19 +117,15 @@ def _wave(base: Term, form: Form, data: GapData) -> Term:
     if not form.by:
         return term
     by = (*form.further_variables, *(c.name for c in data.inputs if str(c.role) == form.by))[0]
-    size = float(np.abs(np.asarray(data.readings.table[by], dtype=float)).max())
+    size = float(np.abs(data.values(by)).max())
     return replace(term, times=by, times_exponent=float(form.by_power), times_scale=size)
 
 
 def member_of(term: Term, data: GapData, fitter: Fitter, named: Sequence[Member]) -> Member | None:
-    """A term as a member of a fit with identified effects, orthogonal to those that lie in its
-    span; None where nothing else remains.
-    """
-    whole = _member(Unresolved(term), data)
-    form = projected_out(fitter.white(whole), fitter.q)
+    """A term as a member of a fit, orthogonal to the `named` effects in its span, or None."""
+    form = projected_out(fitter.white(member_with(Unresolved(term), data)), fitter.q)
     q, r, order = linalg.qr(form, mode="economic", pivoting=True)
-    good = np.abs(np.diag(r)) > 1e-5 * max(float(np.abs(r[0, 0])), 1e-300)
-    rank = int(good.sum())
+    rank = int(np.sum(np.abs(np.diag(r)) > 1e-5 * max(float(np.abs(r[0, 0])), 1e-300)))
     q, r, kept = q[:, :rank], r[:rank, :rank], order[:rank]
     inside = [q.T @ column for column in _within(q, fitter, named)]
     if len(kept) == 1:
@@ -135,33 +136,24 @@ def member_of(term: Term, data: GapData, fitter: Fitter, named: Sequence[Member]
         return None
     mix = np.zeros((term.count, rest.shape[1]))
     mix[kept] = np.linalg.solve(r, rest)
-    size = np.abs(mix).max(axis=0)
-    return _mixed(term, data, mix / size)
+    return _mixed(term, data, mix / np.abs(mix).max(axis=0))
 
 
 def whole_of(member: Member, data: GapData) -> Member:
     """A term with all columns of its form."""
-    effect = member.candidate.effect
-    assert isinstance(effect, Unresolved)
-    return _member(Unresolved(effect.term), data)
+    return member_with(Unresolved(effect_of(member).term), data)
 
 
 def _within(q: NDArray[Any], fitter: Fitter, named: Sequence[Member]) -> list[Array]:
-    """Columns of identified effects that lie in the span of a form with basis q (N, r)."""
-    inside = []
-    for member in named:
-        if is_term(member):
-            continue
-        columns = projected_out(fitter.white(member), fitter.q)
-        for column in columns.T:
-            if float(np.sum((q.T @ column) ** 2)) > WITHIN * float(column @ column) > 0.0:
-                inside.append(column)
-    return inside
+    """Columns of effects that lie in the span of a form with basis q (N, r)."""
+    columns = (column for member in named for column in projected_out(fitter.white(member), fitter.q).T)
+    return [c for c in columns if float(np.sum((q.T @ c) ** 2)) > WITHIN * float(c @ c) > 0.0]
 
 
 def _mixed(term: Term, data: GapData, mix: Array) -> Member:
-    return _member(Unresolved(term, mix if mix.shape[1] < term.count or term.count > 1 else None), data)
+    return member_with(Unresolved(term, mix if mix.shape[1] < term.count or term.count > 1 else None), data)
 
 
-def _member(effect: Unresolved, data: GapData) -> Member:
+def member_with(effect: Unresolved, data: GapData) -> Member:
+    """A term as a member of a fit."""
     return Member(Candidate(effect, effect.own_parameters(data.target), ()))

@@ -46,9 +46,8 @@ def summary_of(folder: Path) -> tuple[str, ...]:
 
 def record(result: GapResult) -> dict[str, Any]:
     """The content of `gap.json`."""
-    drawing = result.drawing
     return {
-        **({"simulated": asdict(drawing)} if drawing else {}),
+        **({"simulated": asdict(result.drawing)} if result.drawing else {}),
         "verdict": result.verdict,
         "effects": [_effect(effect) for effect in result.effects],
         "alternatives": [_rival(rival) for rival in result.rivals],
@@ -71,11 +70,9 @@ def record(result: GapResult) -> dict[str, Any]:
 
 
 def _numbers(by_output: Mapping[str, float]) -> float | dict[str, float]:
-    """A number for a single output; for several a number by output, and the total in noise
-    units.
-    """
-    outputs = [name for name in by_output if name != "total"]
-    return by_output[outputs[0]] if len(outputs) == 1 else dict(by_output)
+    """A number for a single output; for several one by output, and the total in noise units."""
+    first, *others = (size for name, size in by_output.items() if name != "total")
+    return dict(by_output) if others else first
 
 
 def _region(region: Region) -> dict[str, Any]:

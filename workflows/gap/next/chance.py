@@ -47,38 +47,30 @@ class Duel:
         """The probability that the right one ends up ahead by more than `by`, with `times` the
         measurements; the prior probability of each follows from its fit.
         """
-        mine = 1.0 / (1.0 + np.exp(-0.5 * np.clip(self.ahead, -60.0, 60.0)))
-        first, second = self._ahead(times, by, 0, 1), self._ahead(times, by, 1, 0)
-        return float(mine * first + (1.0 - mine) * second)
+        prior = 1.0 / (1.0 + np.exp(-0.5 * np.clip(self.ahead, -60.0, 60.0)))
+        return float(prior * self._ahead(times, by, 0, 1) + (1.0 - prior) * self._ahead(times, by, 1, 0))
 
     def _ahead(self, times: float, by: float, right: int, wrong: int) -> float:
         """The probability that `right`, if it is true, ends up ahead."""
-        right_covariance, wrong_covariance = (
-            np.eye(len(self.apart)) + times * self.wide[k] @ self.wide[k].T for k in (right, wrong)
-        )
+        covariances = [np.eye(len(self.apart)) + times * self.wide[k] @ self.wide[k].T for k in (right, wrong)]
+        right_root, wrong_root = (linalg.cholesky(covariance, lower=True) for covariance in covariances)
         draws = np.random.default_rng(0).standard_normal((len(self.apart), DRAWN))
         sign = 1.0 if right == 0 else -1.0
         apart = sign * np.sqrt(times) * self.apart[:, None]
-        roots = [linalg.cholesky(covariance, lower=True) for covariance in (right_covariance, wrong_covariance)]
-        theirs = linalg.solve_triangular(roots[1], apart + roots[0] @ draws, lower=True)
-        gained = np.sum(theirs**2, axis=0) - np.sum(draws**2, axis=0)
+        of_wrong = linalg.solve_triangular(wrong_root, apart + right_root @ draws, lower=True)
+        gained = np.sum(of_wrong**2, axis=0) - np.sum(draws**2, axis=0)
         return float(np.mean(gained + sign * self.ahead > by))
 
     def times_until(self, chance: float) -> float:
-        """The multiple of the measurements at which the right one fits better with that
-        probability; inf where no multiple suffices.
-        """
+        """The multiple of the measurements for that probability; inf where none suffices."""
         if self.chance(MOST) < chance:
             return float("inf")
         least = next((k for k in (1.0 / MOST, 1.0) if self.chance(k) < chance), None)
         if least is None:
             return 1.0 / MOST
-
-        def short(power: float) -> float:
-            return self.chance(float(np.exp(power))) - chance
-
         ends = (np.log(least), np.log(MOST))
-        return float(np.exp(optimize.brentq(short, *ends, xtol=1e-3)))
+        power = optimize.brentq(lambda power: self.chance(float(np.exp(power))) - chance, *ends, xtol=1e-3)
+        return float(np.exp(power))
 
 
 def _open(record: Array, new: Array) -> Array:
@@ -87,7 +79,7 @@ def _open(record: Array, new: Array) -> Array:
     kept = size > 0.0
     if not kept.any():
         return np.zeros((len(new), 0))
-    gram = (record[:, kept] / size[kept]).T @ (record[:, kept] / size[kept])
-    values, vectors = np.linalg.eigh(gram)
+    scaled = record[:, kept] / size[kept]
+    values, vectors = np.linalg.eigh(scaled.T @ scaled)
     root = vectors / np.sqrt(np.maximum(values, 1e-10))
     return np.asarray((new[:, kept] / size[kept]) @ root)

@@ -34,25 +34,25 @@ class Contest:
 
     @classmethod
     def of(
-        cls, record: tuple[Predictions, Predictions], points: tuple[Predictions, Predictions], readings: int
+        cls, record: tuple[Predictions, Predictions], points: tuple[Predictions, Predictions], count: int
     ) -> Contest:
-        """The contest from both predictions at the record and at candidates of `readings`
-        measurements, all whitened; the rows of a candidate are adjacent.
+        """The contest from both predictions at the record and at candidates of `count` measurements,
+        all whitened; the rows of a candidate are adjacent.
         """
-        mine, rival = record
+        explanation, rival = record
         square = np.sum(rival.columns**2, axis=0) + np.sum(points[1].columns ** 2, axis=0)
         kept = square > 0.0
         scale = 1.0 / np.sqrt(square[kept])
         x, new = rival.columns[:, kept] * scale, points[1].columns[:, kept] * scale
-        y = mine.values - rival.values
+        y = explanation.values - rival.values
         start, *_ = np.linalg.lstsq(x, y, rcond=1e-9)
         y, residual = y - x @ start, points[0].values - points[1].values - new @ start
         return cls(
             gram=x.T @ x + RIDGE * np.eye(len(scale)),
             cross=x.T @ y,
             square=float(y @ y),
-            residual=residual.reshape(-1, readings),
-            columns=new.reshape(-1, readings, len(scale)),
+            residual=residual.reshape(-1, count),
+            columns=new.reshape(-1, count, len(scale)),
         )
 
     def level(self, chosen: Chosen) -> tuple[float, Array, Array]:
@@ -64,7 +64,7 @@ class Contest:
         inverse = np.asarray(np.linalg.inv(self.gram + x.T @ x), dtype=np.float64)
         cross = self.cross + x.T @ y
         coefficients = inverse @ cross
-        return (max(self.square + float(y @ y) - float(cross @ coefficients), 0.0), coefficients, inverse)
+        return max(self.square + float(y @ y) - float(cross @ coefficients), 0.0), coefficients, inverse
 
     def with_each(self, chosen: Chosen) -> Array:
         """Discrimination (C,) with these candidates and each one in addition."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 
 import numpy as np
 import scipy
@@ -14,7 +14,7 @@ from .points import Axis, Table, with_labels
 
 CYCLES = 7
 """Number of cycles that are tried, as a power of two."""
-READINGS = 20
+PER_CYCLE = 20
 """Number of measurements of a cycle."""
 LOCKED = "rv_lost_motion"
 PATH = Column("repeat", "", "number of the cycle", False, role=Role.REPEAT)
@@ -25,31 +25,29 @@ def along_path(data: GapData) -> bool:
     return data.target.model == LOCKED
 
 
-def in_cycles(readings: int) -> tuple[int, int]:
-    """The number of cycles, and of measurements in each, that give about `readings` in all."""
-    count = max(1, round(readings / READINGS))
-    return count, max(readings // count, 1)
+def in_cycles(total: int) -> tuple[int, int]:
+    """The number of cycles, and of measurements in each, that give about `total` measurements."""
+    count = max(1, round(total / PER_CYCLE))
+    return count, max(total // count, 1)
 
 
-def cycles(data: GapData, axes: Iterable[Axis], each: int, seed: int) -> Table:
-    """A table of cycles of `each` rows: the torque from its lower end to its upper one and back,
+def cycles(data: GapData, axes: Sequence[Axis], rows: int, seed: int) -> Table:
+    """A table of cycles of so many rows: the torque from its lower end to its upper one and back,
     other inputs constant in a cycle; the first cycles take the whole range, or one side of it.
     """
-    axes = tuple(axes)
     moving = [axis for axis in axes if axis.column.role not in (Role.TORQUE, Role.DIRECTION)]
     ends, other_fractions = _drawn(len(moving), seed)
     torque = next(axis for axis in axes if axis.column.role is Role.TORQUE)
     low, high = torque.at(ends[:, 0]), torque.at(ends[:, 1])
-    fraction = (np.arange(each) + 1.0) / each
+    fraction = (np.arange(rows) + 1.0) / rows
     wave = 1.0 - np.abs(2.0 * fraction - 1.0)
     table = {torque.column.name: (low[:, None] + (high - low)[:, None] * wave).ravel()}
     for at, axis in enumerate(moving):
-        table[axis.column.name] = np.repeat(axis.at(other_fractions[:, at]), each)
+        table[axis.column.name] = np.repeat(axis.at(other_fractions[:, at]), rows)
     for axis in axes:
         if axis.column.role is Role.DIRECTION:
             table[axis.column.name] = np.tile(np.where(fraction <= 0.5, 1.0, -1.0), len(ends))
-    whole = with_labels(data, table)
-    return {**whole, PATH.name: np.repeat(np.arange(len(ends), dtype=float), each)}
+    return {**with_labels(data, table), PATH.name: np.repeat(np.arange(len(ends), dtype=float), rows)}
 
 
 def _drawn(other_inputs: int, seed: int) -> tuple[Array, Array]:

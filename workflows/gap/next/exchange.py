@@ -31,7 +31,7 @@ def exchanged(contests: Sequence[Contest], count: int) -> Chosen:
         alternating = np.concatenate([np.sort(added([contest], count)) for contest in contests])
         starts.append(alternating[:: len(contests)][:count])
     designs = [_settled(contests, start) for start in starts]
-    return max(designs, key=lambda design: _worst([c.level(design)[0] for c in contests]))
+    return max(designs, key=lambda design: _level(contests, design))
 
 
 def added(contests: Sequence[Contest], count: int) -> Chosen:
@@ -45,10 +45,10 @@ def added(contests: Sequence[Contest], count: int) -> Chosen:
 def _settled(contests: Sequence[Contest], chosen: Chosen) -> Chosen:
     """A design whose points are exchanged in turn until that gains nothing."""
     for _ in range(PASSES):
-        before = _worst([contest.level(chosen)[0] for contest in contests])
+        before = _level(contests, chosen)
         for at in range(len(chosen)):
             chosen = _improved(contests, chosen, at)
-        if _worst([contest.level(chosen)[0] for contest in contests]) < (1.0 + BETTER) * before:
+        if _level(contests, chosen) < (1.0 + BETTER) * before:
             break
     return chosen
 
@@ -57,10 +57,7 @@ def _improved(contests: Sequence[Contest], chosen: Chosen, at: int) -> Chosen:
     """The design with one of its points exchanged, where that is better."""
     rest = np.delete(chosen, at)
     point, level = _best(contests, rest)
-    now = _worst([contest.level(chosen)[0] for contest in contests])
-    if level <= (1.0 + BETTER) * now:
-        return chosen
-    return np.insert(rest, at, point)
+    return np.insert(rest, at, point) if level > (1.0 + BETTER) * _level(contests, chosen) else chosen
 
 
 def _best(contests: Sequence[Contest], chosen: Chosen) -> tuple[int, float]:
@@ -71,6 +68,7 @@ def _best(contests: Sequence[Contest], chosen: Chosen) -> tuple[int, float]:
     return best, float(merit[best])
 
 
-def _worst(levels: Sequence[float]) -> float:
-    """The least of the levels, and a little of their mean."""
+def _level(contests: Sequence[Contest], chosen: Chosen) -> float:
+    """The least of the levels of a design, and a little of their mean."""
+    levels = [contest.level(chosen)[0] for contest in contests]
     return (1.0 - MEAN) * min(levels) + MEAN * float(np.mean(levels))

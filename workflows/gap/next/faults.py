@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from ....errors import Fault
 from ....models.measurable import Role
 from ..data import GapData
@@ -12,9 +10,7 @@ from .points import NO_POINT, RANGE, axes_of, candidates, inside
 
 
 def range_faults(plan: GapPlan, data: GapData, place: str) -> list[Fault]:
-    """Faults of ranges of missing columns, of times that are past, and of ranges that contain no
-    point of the model.
-    """
+    """Faults of ranges of missing columns, of past times, and of ranges without a point."""
     wanted = plan.next_measurement
     if wanted is None:
         return []
@@ -23,9 +19,9 @@ def range_faults(plan: GapPlan, data: GapData, place: str) -> list[Fault]:
     for name, span in wanted.ranges.items():
         text = ""
         if name not in known:
-            text = f"{place} has no such column, so the next table has none either; leave it out"
+            text = f"{place} has no such column, so the next table has none either; remove this range"
         elif known[name].role is Role.TIME:
-            last = float(np.max(data.readings.table[name]))
+            last = float(data.values(name).max())
             text = f"ends before the record, at {last:g}" if span.high <= last else ""
         if text:
             faults.append(Fault(f"{RANGE}.{name}", text))

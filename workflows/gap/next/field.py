@@ -21,12 +21,12 @@ from ..plan import NextPlan
 from ..setup import Setup
 from ..space import Space
 from .contest import Chosen
-from .cycles import LOCKED, PATH, along_path, cycles, in_cycles
-from .points import NO_POINT, RANGE, Axis, Table, axes_of, candidates, inside, turning
+from .cycles import PATH, along_path, cycles, in_cycles
+from .points import NO_POINT, RANGE, Axis, Table, axes_of, candidates, inside, turning, usual_step
 from .rows import Predictions, base_at, columns_at, placed, predictions
 
 
-class _Onward(Columns):
+class _Following(Columns):
     """Columns of candidates at K measurements that follow on the record, along its path."""
 
     def __init__(self, setup: Setup, table: Table) -> None:
@@ -37,8 +37,7 @@ class _Onward(Columns):
         whole = {name: np.concatenate([old[name], table[name]]) for name in old}
         data = placed(setup.data, whole)
         super().__init__(data, columns_at(setup, data).predict)
-        blocks = [np.arange(new) + count + k * (count + new) for k in range(len(data.outputs))]
-        self._rows = np.concatenate(blocks)
+        self._rows = _of_outputs(count + np.arange(new), count + new, len(data.outputs))
 
     def of(self, candidate: Candidate, shape: Mapping[str, float]) -> Array:
         """Columns (K, m) at the measurements that follow."""
@@ -52,13 +51,13 @@ class Ahead:
 
     def __init__(self, setup: Setup, noises: Sequence[Noise], table: Table, base: Array) -> None:
         self.table, self.base = table, base
-        self.columns: Columns = _Onward(setup, table)
+        self.columns: Columns = _Following(setup, table)
         self._space = Space(tuple(replace(noise, sigma=np.full(len(self), noise.level), good=None) for noise in noises))
 
     def __len__(self) -> int:
         return len(next(iter(self.table.values())))
 
-    def says(self, fit: Fit) -> Predictions:
+    def predicted(self, fit: Fit) -> Predictions:
         """The prediction of a fit for them, whitened along their path."""
         return self.white(predictions(self.columns, self.base, fit))
 
@@ -81,10 +80,8 @@ class Field:
     columns: Columns
     noises: Sequence[Noise]
 
-    def says(self, fit: Fit) -> Predictions:
-        """The prediction of a fit for every candidate, whitened; the rows of a candidate are
-        adjacent.
-        """
+    def predicted(self, fit: Fit) -> Predictions:
+        """The prediction of a fit for all candidates, whitened, the rows of each adjacent."""
         return self.white(predictions(self.columns, self.base, fit))
 
     def white(self, prediction: Predictions) -> Predictions:
@@ -105,18 +102,19 @@ class Field:
         return self.per_candidate * len(self.noises)
 
     def table(self, chosen: Chosen) -> tuple[Table, Array]:
-        """The points in the order of measuring, and the columns (N, p) of the free parameters
-        there.
-        """
+        """The points in the order of measuring, and the free parameters' columns (N, p) there."""
         rows = (chosen[:, None] * self.per_candidate + np.arange(self.per_candidate)).ravel()
         table = {name: values[rows] for name, values in self.data.readings.table.items()}
-        count = len(self.data)
-        whole = [rows + k * count for k in range(len(self.noises))]
         known = self.setup.data.readings.table
         if PATH.name in known:
             table[PATH.name] = np.full(len(rows), float(np.max(known[PATH.name])) + 1.0)
         ordered = {name: table[name] for name in known if name in table}
-        return ordered, self.base[np.concatenate(whole)]
+        return ordered, self.base[_of_outputs(rows, len(self.data), len(self.noises))]
+
+
+def _of_outputs(rows: NDArray[np.int64], count: int, outputs: int) -> NDArray[np.int64]:
+    """Some of `count` rows in each of the outputs, one below the other."""
+    return np.concatenate([rows + k * count for k in range(outputs)])
 
 
 def _chained(blocks: Array, rho: float) -> Array:
@@ -129,23 +127,20 @@ def _chained(blocks: Array, rho: float) -> Array:
 
 
 def field_of(setup: Setup, noises: Sequence[Noise], wanted: NextPlan) -> Field:
-    """The field of all candidates within the ranges. Raises InputError where the model reaches
-    none.
-    """
-    count, each = in_cycles(wanted.readings) if along_path(setup.data) else (wanted.readings, 1)
-    axes = axes_of(setup.data, wanted.ranges, count * each)
-    seed = setup.plan.seed
-    path = along_path(setup.data)
-    table = cycles(setup.data, axes, each, seed) if path else candidates(setup.data, axes, seed)
-    good = inside(setup.plan.model, table).reshape(-1, each).all(axis=1)
+    """The field of all candidates in the ranges. Raises InputError where the model reaches none."""
+    path, seed = along_path(setup.data), setup.plan.seed
+    count, per_candidate = in_cycles(wanted.readings) if path else (wanted.readings, 1)
+    axes = axes_of(setup.data, wanted.ranges, count * per_candidate)
+    table = cycles(setup.data, axes, per_candidate, seed) if path else candidates(setup.data, axes, seed)
+    good = inside(setup.plan.model, table).reshape(-1, per_candidate).all(axis=1)
     if not good.any():
         raise refuse(RANGE, NO_POINT)
     sure = good if path else good & ~turning(axes, table)
     good = sure if sure.any() else good
-    table = {name: values[np.repeat(good, each)] for name, values in table.items()}
+    table = {name: values[np.repeat(good, per_candidate)] for name, values in table.items()}
     more = (PATH,) if path and PATH.name not in setup.data.readings.table else ()
     data = placed(setup.data, table, more)
-    return Field(setup, axes, data, each, base_at(setup, data), columns_at(setup, data), noises)
+    return Field(setup, axes, data, per_candidate, base_at(setup, data), columns_at(setup, data), noises)
 
 
 def ahead(field: Field, chosen: Chosen) -> Ahead:
@@ -165,11 +160,9 @@ def timed(setup: Setup, axes: Sequence[Axis], table: Table) -> Table:
     name = _time(setup.data)
     if name is None:
         return table
-    old = np.asarray(setup.data.readings.table[name], dtype=float)
     span = next(axis.span for axis in axes if axis.column.name == name)
     count = len(table[name])
-    usual = float(np.median(np.diff(old))) if len(old) > 1 else 1.0
-    step = min(usual, (span.high - span.low) / max(count - 1, 1))
+    step = min(usual_step(setup.data.values(name)), (span.high - span.low) / max(count - 1, 1))
     places = step * np.arange(count)
     times = np.maximum.accumulate(np.asarray(table[name], dtype=float) - places) + places
     late = span.high - places[::-1]
@@ -179,18 +172,16 @@ def timed(setup: Setup, axes: Sequence[Axis], table: Table) -> Table:
 def like_now(setup: Setup, noises: Sequence[Noise], count: int) -> Ahead:
     """`count` measurements like those of the record, continued in time; of a path its beginning."""
     n, rng = len(setup.data), np.random.default_rng([setup.plan.seed, 11])
-    if setup.data.target.model == LOCKED or count >= n:
+    if along_path(setup.data) or count >= n:
         rows = np.resize(np.arange(n), count)
     else:
         rows = np.sort(rng.choice(n, count, replace=False))
     table: dict[str, NDArray[Any]] = {name: values[rows] for name, values in setup.data.readings.table.items()}
     name = _time(setup.data)
     if name is not None:
-        old = np.asarray(setup.data.readings.table[name], dtype=float)
-        step = float(np.median(np.diff(old))) if n > 1 else 1.0
-        table[name] = old.max() + step * (1.0 + np.arange(count))
-    whole = np.concatenate([rows + k * n for k in range(len(setup.data.outputs))])
-    return Ahead(setup, noises, table, setup.base[whole])
+        old = setup.data.values(name)
+        table[name] = old.max() + usual_step(old) * (1.0 + np.arange(count))
+    return Ahead(setup, noises, table, setup.base[_of_outputs(rows, n, len(setup.data.outputs))])
 
 
 def _time(data: GapData) -> str | None:

@@ -1,11 +1,10 @@
-"""The next measurement of an analysis that has ended: its points, and their expected
-discrimination.
-"""
+"""The next measurement of an analysis that has ended: its points and expected discrimination."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 
 import numpy as np
 import pandas as pd
@@ -16,18 +15,18 @@ from ..ambiguity import Other
 from ..fit import Fit
 from ..plan import NextPlan
 from ..result import Ending
-from ..separate import UNSEEN
+from ..separate import OTHER_QUANTITIES
 from .exchange import exchanged
 from .field import Ahead, Field, ahead, field_of, like_now
 from .sensitivities import contest, sensitivity, wanted_effects
 from .separations import HOPELESS, LITTLE, NONE, SUPPORT, design, most, paired, separation
-from .telling import telling
+from .telling import decisive_inputs
 from .units import further_units, of_scatter
 
 FILE = "next_measurement.csv"
-NOTHING = "one effect fits these data: nothing has to be separated"
+NOTHING = "a single effect fits these data: nothing has to be separated"
 NO_FORM = "the gap is detected already, and more measurements do not give it a form of the library"
-READING = "it depends on the measured value itself: no points can be planned for it"
+ON_VALUE = "it depends on the measured value itself: no points can be planned for it"
 PREDICT = "put the simulator's prediction at these points into the table before it is analysed"
 LIKE = "points of the record's kind: the mounting and its zero are assumed to stay unchanged"
 Key = tuple[tuple[str, ...], tuple[str, ...]]
@@ -43,9 +42,7 @@ class Planned:
 
 
 def next_measurement(end: Ending) -> Planned | None:
-    """The next measurement; None where none was requested. Raises InputError where the ranges
-    contain no point.
-    """
+    """The next measurement, if requested. Raises InputError where the ranges contain no point."""
     wanted = end.setup.plan.next_measurement
     if wanted is None:
         return None
@@ -60,8 +57,8 @@ def _of_rivals(end: Ending, wanted: NextPlan) -> Planned:
     """Points that separate the best explanation from each of its rivals."""
     plannable, measurements = [], dict[Key, Measurement]()
     for rival in end.analysis.rivals:
-        if _reads(end, end.fit) or _reads(end, rival.fit):
-            measurements[_key(rival)] = Measurement(READING)
+        if _acts_on_value(end, end.fit) or _acts_on_value(end, rival.fit):
+            measurements[rival.names, rival.instead_of] = Measurement(ON_VALUE)
         else:
             plannable.append(rival)
     batch = end.setup.data.target.population
@@ -73,7 +70,7 @@ def _of_rivals(end: Ending, wanted: NextPlan) -> Planned:
         records.append(record)
         measurements[record.names, record.instead_of] = Measurement(record.text, readings=record.needed)
     planned = new is not None and any(record.possible for record in records)
-    return _planned(end, new if planned else None, inputs, tuple(records), (), (), measurements)
+    return _planned(end, new if planned else None, inputs, tuple(records), measurements=measurements)
 
 
 def _of_points(
@@ -86,20 +83,19 @@ def _of_points(
     place = field_of(end.setup, noises, wanted)
     pairs = [paired(end, rival, place) for rival in rivals]
     count = _count(place, wanted)
-    gains = np.array([most(pair, count) for pair in pairs])
+    gains = [most(pair, count) for pair in pairs]
     separable = [pair for pair, gain in zip(pairs, gains, strict=True) if gain > HOPELESS * count]
     useful = [pair for pair, gain in zip(pairs, gains, strict=True) if gain > LITTLE] or separable
     chosen, better = design(end, place, useful or pairs[:1], count)
     pairs = [next((b for b in better if b.rival is p.rival), p) for p in pairs]
     new = ahead(place, chosen)
     alike = like_now(end.setup, noises, len(new))
-    separable_ids = {id(pair.rival) for pair in separable}
     records = [separation(end, pair, new, alike) for pair in pairs]
     records = [
-        record if id(pair.rival) in separable_ids else _inseparable(record, pair.rival)
-        for record, pair in zip(records, pairs, strict=True)
+        record if gain > HOPELESS * count else _inseparable(record, pair.rival)
+        for record, pair, gain in zip(records, pairs, gains, strict=True)
     ]
-    return records, new, telling(place, (useful or pairs)[0].contests[0], chosen)
+    return records, new, decisive_inputs(place, (useful or pairs)[0].contests[0], chosen)
 
 
 def _of_batch(
@@ -115,24 +111,22 @@ def _of_batch(
         record = separation(end, paired(end, rival), new, alike)
         gained = record.expected - record.now
         records.append(record if gained > HOPELESS * len(new) else _inseparable(record, rival))
-    return records, new, tuple(name for name in wanted.ranges)
+    return records, new, tuple(wanted.ranges)
 
 
 def _inseparable(record: Separation, rival: Other) -> Separation:
     """The record of a pair that no design separates, with the quantity that would."""
     names = frozenset(set(rival.names) ^ set(rival.instead_of))
-    text = f"{NONE}: {UNSEEN[names]}" if names in UNSEEN else f"{NONE}: another quantity is needed"
-    return replace(record, needed=0, text=text, possible=False)
+    text = OTHER_QUANTITIES.get(names, "another quantity has to be measured")
+    return replace(record, needed=0, text=f"{NONE}: {text}", possible=False)
 
 
 def _of_effects(end: Ending, wanted: NextPlan) -> Planned:
-    """Points at which the effects nearest to the threshold, or the listed ones, would be
-    detected.
-    """
+    """Points at which the effects nearest to the threshold, or the listed ones, are detected."""
     null_model = end.analysis.initial_null_model
     noises, setup = null_model.search.fitter.space.noises, null_model.setup
     sought, notes = wanted_effects(end, wanted)
-    sought = [effect for effect in sought if not _reads(end, effect.fit)]
+    sought = [effect for effect in sought if not _acts_on_value(end, effect.fit)]
     if not sought:
         text = NO_FORM if end.verdict == "unnamed" else "no effect can be planned for"
         return Planned(NextMeasurement(text, notes=tuple(notes)))
@@ -143,23 +137,23 @@ def _of_effects(end: Ending, wanted: NextPlan) -> Planned:
         place = field_of(setup, noises, wanted)
         count = _count(place, wanted)
         contests = [contest(place, effect) for effect in sought]
-        chosen = exchanged(contests, min(count, SUPPORT))
-        chosen = np.resize(chosen, count)
-        new, inputs = ahead(place, chosen), telling(place, contests[0], chosen)
+        chosen = np.resize(exchanged(contests, min(count, SUPPORT)), count)
+        new, inputs = ahead(place, chosen), decisive_inputs(place, contests[0], chosen)
         alike = like_now(setup, noises, len(new))
     sensitivities = tuple(sensitivity(end, effect, new, alike) for effect in sought)
-    return _planned(end, new, inputs, (), sensitivities, tuple(notes), {})
+    return _planned(end, new, inputs, effects=sensitivities, notes=tuple(notes))
 
 
 def _planned(
     end: Ending,
     new: Ahead | None,
     inputs: tuple[str, ...],
-    pairs: tuple[Separation, ...],
-    effects: tuple[Sensitivity, ...],
-    notes: tuple[str, ...],
-    measurements: Mapping[Key, Measurement],
+    pairs: tuple[Separation, ...] = (),
+    effects: tuple[Sensitivity, ...] = (),
+    notes: tuple[str, ...] = (),
+    measurements: Mapping[Key, Measurement] = MappingProxyType({}),
 ) -> Planned:
+    """The record with the planned points, or the reasons why there are none."""
     if new is None:
         text = "; ".join(dict.fromkeys(pair.text for pair in pairs)) or NONE
         return Planned(NextMeasurement(text, pairs=pairs, effects=effects, notes=notes), None, measurements)
@@ -180,11 +174,7 @@ def _measurement(record: Separation, new: Ahead | None, inputs: Sequence[str]) -
     return Measurement(f"{record.text} ({FILE})", ends, rms, record.needed)
 
 
-def _key(rival: Other) -> Key:
-    return rival.names, rival.instead_of
-
-
-def _reads(end: Ending, fit: Fit) -> bool:
+def _acts_on_value(end: Ending, fit: Fit) -> bool:
     """Whether an effect in a fit acts on the measurement itself, as rounding does."""
     data = end.setup.data
     return any(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 from typing import Any
@@ -54,18 +54,18 @@ class Axis:
         return np.asarray(np.clip(np.round(values, max(places, 0)), low, high))
 
 
-def axes_of(data: GapData, ranges: Mapping[str, Span], readings: int) -> tuple[Axis, ...]:
+def axes_of(data: GapData, ranges: Mapping[str, Span], count: int) -> tuple[Axis, ...]:
     """Every numeric input: in its configured range, else in that of the data."""
     return tuple(
-        Axis(column, _span(data, column, ranges.get(column.name), readings))
+        Axis(column, _span(data, column, ranges.get(column.name), count))
         for column in data.target.columns
         if not column.text and column.role is not Role.REPEAT
     )
 
 
-def _span(data: GapData, column: Column, wanted: Span | None, readings: int) -> Span:
+def _span(data: GapData, column: Column, wanted: Span | None, count: int) -> Span:
     """The range of a column; times that are past are excluded."""
-    now = _now(data, column, readings)
+    now = _now(data, column, count)
     if wanted is None:
         return now
     if column.role is Role.TIME:
@@ -73,23 +73,27 @@ def _span(data: GapData, column: Column, wanted: Span | None, readings: int) -> 
     return wanted
 
 
-def _now(data: GapData, column: Column, readings: int) -> Span:
+def _now(data: GapData, column: Column, count: int) -> Span:
     """The range of the data; time continues by one usual step per measurement."""
-    values = np.asarray(data.readings.table[column.name], dtype=float)
+    values = data.values(column.name)
     low, high = float(values.min()), float(values.max())
     if column.role is Role.TIME:
-        step = float(np.median(np.diff(values))) if len(values) > 1 else 1.0
-        return Span(high + step, high + readings * step)
+        step = usual_step(values)
+        return Span(high + step, high + count * step)
     if column.role is Role.DIRECTION:
         return Span(low, high, tuple(np.unique(values).tolist()))
     return Span(low, high)
 
 
-def candidates(data: GapData, axes: Iterable[Axis], seed: int) -> Table:
-    """A table of points that cover the box of these axes, its corners and its edges, and points of
-    the record inside it.
+def usual_step(times: Array) -> float:
+    """The median step of a clock (n,)."""
+    return float(np.median(np.diff(times))) if len(times) > 1 else 1.0
+
+
+def candidates(data: GapData, axes: Sequence[Axis], seed: int) -> Table:
+    """A table of points that cover the box of these axes, its corners and edges, and points of the
+    record inside it.
     """
-    axes = tuple(axes)
     moving = [axis for axis in axes if axis.span.high > axis.span.low]
     fractions = np.vstack([_inside(len(moving), seed), _corners(len(moving)), _edges(len(moving))])
     table = {axis.column.name: np.full(len(fractions), axis.span.low) for axis in axes}
@@ -99,9 +103,7 @@ def candidates(data: GapData, axes: Iterable[Axis], seed: int) -> Table:
 
 
 def with_labels(data: GapData, table: Table) -> dict[str, NDArray[Any]]:
-    """The table with the columns of labels: new units, known lots, and the next number of the
-    repeat.
-    """
+    """The table with the columns of labels: new units, known lots, and the next repeat's number."""
     count = len(next(iter(table.values()))) if table else 1
     labelled: dict[str, NDArray[Any]] = dict(table)
     for column in data.target.columns:
@@ -116,9 +118,7 @@ def with_labels(data: GapData, table: Table) -> dict[str, NDArray[Any]]:
 
 
 def inside(model: MeasurableModel | None, table: Table) -> NDArray[np.bool_]:
-    """Rows (n,) of a table that are in the range of the model; a missing column counts as
-    unknown.
-    """
+    """Rows (n,) of a table that are in the range of the model; missing columns are unknown."""
     count = len(next(iter(table.values())))
     within = np.ones(count, dtype=bool)
     if model is not None:
@@ -161,18 +161,16 @@ def _corners(inputs: int) -> Array:
 def _edges(inputs: int) -> Array:
     """Each input from end to end, the others in the middle or at one end together."""
     steps = np.linspace(0.0, 1.0, 17)
-    lines = [np.full((0, inputs), 0.5)]
-    for at in range(inputs):
-        for level in (0.0, 0.5, 1.0):
-            line = np.full((len(steps), inputs), level)
-            line[:, at] = steps
-            lines.append(line)
+    lines = [np.zeros((0, inputs))]
+    for at, level in product(range(inputs), (0.0, 0.5, 1.0)):
+        lines.append(np.full((len(steps), inputs), level))
+        lines[-1][:, at] = steps
     return np.vstack(lines)
 
 
-def _visited(data: GapData, axes: tuple[Axis, ...]) -> dict[str, Array]:
+def _visited(data: GapData, axes: Sequence[Axis]) -> dict[str, Array]:
     """Points of the record that lie in the box, evenly along it."""
-    table = {axis.column.name: np.asarray(data.readings.table[axis.column.name], dtype=float) for axis in axes}
+    table = {axis.column.name: data.values(axis.column.name) for axis in axes}
     within = np.ones(len(data), dtype=bool)
     for axis in axes:
         values = table[axis.column.name]

@@ -1,6 +1,4 @@
-"""Measurements at other operating points: the prediction of an explanation, and its free
-columns.
-"""
+"""Measurements at other operating points: predictions of an explanation, and its free columns."""
 
 from __future__ import annotations
 
@@ -17,7 +15,7 @@ from ..fit import Fit, Fitter, Member
 from ..library import Columns, Predict
 from ..linear import basis, projected_out
 from ..predictor import predictor
-from ..setup import STEP, Setup, zeros_of
+from ..setup import Setup, change_of, zeros_of
 from .points import Table
 
 STRIDE = 0.02
@@ -25,9 +23,7 @@ STRIDE = 0.02
 
 
 def placed(data: GapData, table: Table, more: tuple[Column, ...] = ()) -> GapData:
-    """The data's columns at the rows of a table, nothing measured there; `more` are columns that
-    are not in the data.
-    """
+    """The data's columns, and `more` ones, at the rows of a table, nothing measured there."""
     count = len(next(iter(table.values())))
     target = replace(data.target, columns=(*data.target.columns, *more))
     return replace(
@@ -47,25 +43,19 @@ def columns_at(setup: Setup, data: GapData) -> Columns:
     """Columns of effects at rows where nothing was measured."""
     plan = setup.plan
     if plan.model is None:
-        return Columns(data, _nothing(data))
+        return Columns(data, zero_prediction(data))
     moved = plan.rebuild(setup.at) if plan.rebuild and setup.at else None
     return Columns(data, predictor(plan, data, moved))
 
 
 def base_at(setup: Setup, data: GapData) -> Array:
     """Columns (N, p) of the free parameters, each for its whole tolerance, and of the zeros."""
-    plan, columns = setup.plan, []
-    for name in setup.free:
-        assert plan.rebuild is not None
-        up, down = (
-            data.stacked(predictor(plan, data, plan.rebuild({**setup.at, name: value}))({}))
-            for value in (setup.at[name] + sign * STEP * plan.free[name] for sign in (1.0, -1.0))
-        )
-        columns.append((up - down) / (2.0 * STEP))
-    return np.column_stack([*columns, zeros_of(data)])
+    changes = [change_of(setup.plan, data, setup.at, name) for name in setup.free]
+    return np.column_stack([*changes, zeros_of(data)])
 
 
-def _nothing(data: GapData) -> Predict:
+def zero_prediction(data: GapData) -> Predict:
+    """The prediction 0 of every output, at rows for which a table has none."""
     zero = {o.name: np.zeros(len(data)) for o in data.outputs}
     return lambda changes: zero
 
@@ -105,9 +95,7 @@ def _moving(columns: Columns, member: Member, coefficients: Array) -> Iterator[A
 
 
 def of_record(fitter: Fitter, fit: Fit) -> Predictions:
-    """The prediction of a fit at the N whitened measurements of the record, followed by the
-    tolerances.
-    """
+    """The prediction of a fit at the N whitened rows of the record, followed by the tolerances."""
     prediction = predictions(fitter.columns, fitter.raw_base, fit)
     free = fitter.base.shape[1]
     columns = fitter.space.whiten(prediction.columns)

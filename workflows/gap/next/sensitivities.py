@@ -9,7 +9,7 @@ from scipy.special import chndtr
 
 from ....gap_next_records import Sensitivity
 from ....models.inputs.distribution import Array
-from ..ending_records import OWN
+from ..ending_records import UNIMITATED
 from ..fit import Fit, Member
 from ..plan import NextPlan
 from ..result import Ending
@@ -43,13 +43,10 @@ class Sought:
 
 
 def wanted_effects(end: Ending, wanted: NextPlan) -> tuple[list[Sought], list[str]]:
-    """The listed effects, or those nearest to the threshold; and why others cannot be planned
-    for.
-    """
+    """The listed effects, or those nearest to the threshold; and why others are not planned for."""
     search = end.analysis.initial_null_model.search
-    members = {
-        candidate.member.name: candidate.member for candidate in scan(search.fitter, search.white, search.book, ())
-    }
+    candidates = scan(search.fitter, search.white, search.dictionary, ())
+    members = {candidate.member.name: candidate.member for candidate in candidates}
     names = wanted.effects or tuple(wanted.amounts) or tuple(members)
     sought, notes = [], []
     listed = bool(wanted.effects or wanted.amounts)
@@ -57,32 +54,26 @@ def wanted_effects(end: Ending, wanted: NextPlan) -> tuple[list[Sought], list[st
         member = members.get(name)
         if member is None or member.candidate.is_nonlinear:
             why = "it does not apply to these data" if member is None else "its form changes with its size"
-            notes.append(f"{name}: no points can be planned, {why}")
+            notes.append(f"{name}: no points can be planned: {why}")
             continue
         effect = _sought(end, member, wanted.amounts.get(name))
-        if effect is not None and not listed and _detected(end, effect):
-            continue
         if effect is None:
-            notes.append(f"{name}: cannot be detected in these data, because free parameters do the same")
-            continue
-        sought.append(effect)
+            notes.append(f"{name}: cannot be detected in these data, because free parameters imitate it")
+        elif listed or not _detected(end, effect):
+            sought.append(effect)
         if not listed and len(sought) == NEAREST:
             break
     return sought, notes if listed else []
 
 
 def _detected(end: Ending, effect: Sought) -> bool:
-    """Whether the record shows the effect already: then its form is in question, not its
-    presence.
-    """
+    """Whether the record shows the effect: then its form is in question, not its presence."""
     detectable_norm = float(np.sqrt(end.analysis.initial_null_model.search.thresholds.library)) + NINE_OF_TEN
     return distance(*effect.record) > detectable_norm**2
 
 
 def _sought(end: Ending, member: Member, amount: float | None) -> Sought | None:
-    """The effect of the fitted or the relevant size, of a detectable size where the fit has
-    none.
-    """
+    """The effect of the fitted or the relevant size; where the fit has none, of a detectable one."""
     search = end.analysis.initial_null_model.search
     fit = search.fitter.fit([member])
     raw = search.fitter.columns.of(member.candidate, member.shape)
@@ -96,7 +87,7 @@ def _sought(end: Ending, member: Member, amount: float | None) -> Sought | None:
         size = _unit(raw)
         record = _record(end, fit, size)
         level = distance(*record)
-        if level <= OWN**2 * float(np.sum(record[0].values ** 2)) or level <= 0.0:
+        if level <= UNIMITATED**2 * float(np.sum(record[0].values ** 2)) or level <= 0.0:
             return None
         if amount is None:
             size = size * (np.sqrt(search.thresholds.library) + NINE_OF_TEN) / np.sqrt(level)
@@ -112,14 +103,11 @@ def _unit(raw: Array) -> Array:
 
 
 def _record(end: Ending, fit: Fit, size: Array) -> tuple[Predictions, Predictions]:
-    """The prediction of an effect of that size at the record, and of the null fit with its free
-    columns.
-    """
-    fitter = end.analysis.initial_null_model.search.fitter
-    (member,) = fit.members
-    values = fitter.white(member) @ size
-    base = of_record(fitter, fitter.fit(()))
-    return Predictions(values, base.columns), Predictions(np.zeros_like(values), base.columns)
+    """The predictions of an effect of that size, and of none, at the record; with free columns."""
+    null_model = end.analysis.initial_null_model
+    values = null_model.search.fitter.white(fit.members[0]) @ size
+    columns = of_record(null_model.search.fitter, null_model.null_fit).columns
+    return Predictions(values, columns), Predictions(np.zeros_like(values), columns)
 
 
 def _at(sought: Sought, at: Ahead | Field) -> tuple[Predictions, Predictions]:
@@ -136,9 +124,7 @@ def contest(field: Field, sought: Sought) -> Contest:
 
 
 def sensitivity(end: Ending, sought: Sought, new: Ahead, alike: Ahead) -> Sensitivity:
-    """The detection of an effect by the planned measurements, and by as many like the present
-    ones.
-    """
+    """The detection of an effect by the planned measurements, and by as many like present ones."""
     limit = end.analysis.initial_null_model.search.thresholds.library
     levels = [distance(*sought.record)]
     levels += [joined(*sought.record, *_at(sought, at)) for at in (new, alike)]

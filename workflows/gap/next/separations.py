@@ -1,6 +1,4 @@
-"""The design that separates the best explanation from its rivals, and its expected
-discrimination.
-"""
+"""The design that separates the best explanation from its rivals, and its discrimination."""
 
 from __future__ import annotations
 
@@ -45,7 +43,7 @@ class Pair:
     """
 
     rival: Other
-    mine: Predictions
+    best: Predictions
     fits: tuple[Fit, ...]
     records: tuple[Predictions, ...]
     contests: tuple[Contest, ...] = ()
@@ -64,14 +62,14 @@ class Pair:
 def paired(end: Ending, rival: Other, field: Field | None = None) -> Pair:
     """A pair, the rival at its fit; with a field, its contest there."""
     fitter = end.analysis.search.fitter
-    mine, record = of_record(fitter, end.fit), of_record(fitter, rival.fit)
-    contests = (_contest(end, field, mine, record, rival.fit),) if field else ()
-    return Pair(rival, mine, (rival.fit,), (record,), contests)
+    best, record = of_record(fitter, end.fit), of_record(fitter, rival.fit)
+    contests = (_contest(end, field, best, record, rival.fit),) if field else ()
+    return Pair(rival, best, (rival.fit,), (record,), contests)
 
 
-def _contest(end: Ending, field: Field, mine: Predictions, record: Predictions, rival: Fit) -> Contest:
-    points = field.says(end.fit), field.says(rival)
-    return Contest.of((mine, record), points, field.values_per_candidate)
+def _contest(end: Ending, field: Field, best: Predictions, record: Predictions, rival: Fit) -> Contest:
+    points = field.predicted(end.fit), field.predicted(rival)
+    return Contest.of((best, record), points, field.values_per_candidate)
 
 
 def most(pair: Pair, count: int) -> float:
@@ -103,7 +101,7 @@ def _with_worst(end: Ending, field: Field, pair: Pair, chosen: Chosen) -> Pair:
     fitter, best = end.analysis.search.fitter, pair
     for fit in variants(end.analysis.search, pair.rival.fit):
         record = of_record(fitter, fit)
-        tried = _contest(end, field, pair.mine, record, fit)
+        tried = _contest(end, field, pair.best, record, fit)
         if tried.level(chosen)[0] < WORSE * best.least(chosen):
             best = pair.with_fit(fit, record, tried)
     return best
@@ -114,29 +112,27 @@ def variants(search: Search, fit: Fit) -> list[Fit]:
     last, other_members = fit.members[-1], fit.members[:-1]
     if not last.shape or last.candidate.is_nonlinear:
         return []
-    at = np.array([k for k, member in enumerate(search.book.members) if member.name == last.name])
+    at = np.array([k for k, member in enumerate(search.dictionary.members) if member.name == last.name])
     q = search.fitter.spanned(other_members)
     gains = search.white.some(at).orthonormal(q).gains(projected_out(search.fitter.y, q))
     allowed = at[gains >= gains.max() - search.settings.set_distance]
     kept = allowed[np.unique(np.linspace(0, len(allowed) - 1, VARIANTS).round().astype(int))]
-    shapes = [search.book.members[k].shape for k in kept]
+    shapes = [search.dictionary.members[k].shape for k in kept]
     return [search.fitter.fit((*other_members, Member(last.candidate, shape))) for shape in shapes]
 
 
 def separation(end: Ending, pair: Pair, new: Ahead, alike: Ahead) -> Separation:
-    """The separation of a pair by the planned measurements, and by as many like the present
-    ones.
-    """
-    fit, mine = end.fit, new.says(end.fit)
+    """The separation of a pair by the planned measurements, and by as many like the present ones."""
+    planned_best = new.predicted(end.fit)
     levels = [
-        joined(pair.mine, record, mine, new.says(rival_fit))
+        joined(pair.best, record, planned_best, new.predicted(rival_fit))
         for rival_fit, record in zip(pair.fits, pair.records, strict=True)
     ]
     planned, like = (
-        Duel.of((pair.mine, pair.records[0]), (at.says(fit), at.says(pair.fits[0])), pair.rival.distance)
+        Duel.of((pair.best, pair.records[0]), (at.predicted(end.fit), at.predicted(pair.fits[0])), pair.rival.distance)
         for at in (new, alike)
     )
-    now = min(distance(pair.mine, record) for record in pair.records)
+    now = min(distance(pair.best, record) for record in pair.records)
     apart = end.analysis.search.settings.set_distance
     return record_of(pair.rival, (now, min(levels)), (planned, like), len(new), apart)
 
@@ -150,19 +146,19 @@ def record_of(
         nan = float("nan")
         return Separation(pair.names, pair.instead_of, *levels, nan, nan, nan, 0, NONE, possible=False)
     needed = count * planned.times_until(CERTAIN)
-    readings = max(FEWEST, int(np.ceil(needed))) if np.isfinite(needed) else 0
+    number = max(FEWEST, int(np.ceil(needed))) if np.isfinite(needed) else 0
     chance, like = planned.chance(), alike.chance()
     text = (
-        f"{count} readings at the planned points: chance {chance:.2f} that the right one fits "
+        f"{count} measurements at the planned points: probability {chance:.2f} that the right one fits "
         f"better ({like:.2f} with as many measurements like the present ones); "
     )
-    text += f"{readings} such readings for {CERTAIN}" if readings else f"no number brings {CERTAIN}"
-    return Separation(pair.names, pair.instead_of, *levels, chance, like, planned.chance(by=apart), readings, text)
+    text += f"{number} such measurements for {CERTAIN}" if number else f"no number reaches {CERTAIN}"
+    return Separation(pair.names, pair.instead_of, *levels, chance, like, planned.chance(by=apart), number, text)
 
 
-def joined(mine: Predictions, rival: Predictions, new_mine: Predictions, new_rival: Predictions) -> float:
+def joined(best: Predictions, rival: Predictions, new_best: Predictions, new_rival: Predictions) -> float:
     """The discrimination by the record and new measurements together."""
-    values = np.concatenate([mine.values, new_mine.values])
+    values = np.concatenate([best.values, new_best.values])
     rival_values = np.concatenate([rival.values, new_rival.values])
     columns = np.vstack([rival.columns, new_rival.columns])
     return distance(Predictions(values, columns), Predictions(rival_values, columns))

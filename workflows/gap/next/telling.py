@@ -14,18 +14,16 @@ CELLS = 12
 """Number of stretches of an input over which means are taken."""
 
 
-def telling(field: Field, contest: Contest, chosen: Chosen) -> tuple[str, ...]:
+def decisive_inputs(field: Field, contest: Contest, chosen: Chosen) -> tuple[str, ...]:
     """The two inputs on which the difference of the explanations depends most: by the correlation
     ratio of it, or of its square, over all candidates.
     """
     _, coefficients, _ = contest.level(chosen)
-    residual = (contest.residual - contest.columns @ coefficients).reshape(
-        len(contest.residual), -1, field.per_candidate
-    )
-    signed = residual.sum(axis=1).ravel()
+    residual = contest.residual - contest.columns @ coefficients
+    signed = residual.reshape(len(residual), -1, field.per_candidate).sum(axis=1).ravel()
 
     def strength(axis: Axis) -> float:
-        values = np.asarray(field.data.readings.table[axis.column.name], dtype=float)
+        values = field.data.values(axis.column.name)
         return max(_ratio(values, signed), _ratio(values, signed**2))
 
     moving = [axis for axis in field.axes if axis.span.high > axis.span.low and axis.column.role is not Role.TIME]
@@ -33,9 +31,7 @@ def telling(field: Field, contest: Contest, chosen: Chosen) -> tuple[str, ...]:
 
 
 def _ratio(values: Array, of: Array) -> float:
-    """Fraction of the variance of `of` (n,) explained by its means over stretches of `values`
-    (n,).
-    """
+    """Fraction of the variance of `of` (n,) explained by its means over stretches of values (n,)."""
     edges = np.unique(np.quantile(values, np.linspace(0.0, 1.0, CELLS + 1)))
     cell = np.searchsorted(edges[1:-1], values, side="right")
     count = np.bincount(cell)

@@ -1,3 +1,1 @@
-"""Populations: simulated and measured units compared, and their differences attributed to
-inputs.
-"""
+"""Simulated and measured units compared, and their differences attributed to inputs."""

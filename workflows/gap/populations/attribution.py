@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from operator import itemgetter
 
 import numpy as np
 
-from ....gap_population_records import Attribution, InputChange
+from ....gap_population_records import Attribution
 from ....models.effects.readings import unit_numbers
 from ....models.inputs.distribution import Array
+from ..data import GapData
 from ..law import on_scatter
 from ..result import Ending
 from ..setup import LEAST_NAMED
@@ -31,21 +33,21 @@ def of_batch(end: Ending) -> tuple[Attribution, ...]:
     tables = Tables(UnitLaw(sources), y, u, settings.parts_out_of_limits)
     weighed = Weighed(tables, settings.set_distance, settings.interval, *_rival(end, tables))
     if weighed.gain <= tables.chance(settings.false_rate, end.setup.plan.seed):
-        text = _subtracted_effects(end) or f"no input of its own: cannot tell with n = {len(y)}"
-        verdict = "none" if _subtracted_effects(end) else "cannot tell"
-        return (Attribution(names, output.name, "", (), verdict, (), text),)
+        given = _subtracted_effects(end)
+        text = given or f"no change of an input is significant: cannot tell with n = {len(y)}"
+        return (Attribution(names, output.name, "", (), "none" if given else "cannot tell", (), text),)
     attributions = decided(weighed, names, output.name, output.unit)
-    if not sources.basis:
-        return attributions
-    return tuple(replace(attribution, text=f"{attribution.text} ({sources.basis})") for attribution in attributions)
+    basis = f" ({sources.basis})" if sources.basis else ""
+    return tuple(replace(attribution, text=f"{attribution.text}{basis}") for attribution in attributions)
 
 
 def decided(weighed: Weighed, effect: str, output: str, unit: str) -> tuple[Attribution, ...]:
-    """One record per remaining kind of change, or a single one that says why none remains."""
+    """A record for each remaining kind of change, or a single record with why none remains."""
 
     def of(kind: str, verdict: str, text: str, names: tuple[str, ...] = ()) -> Attribution:
-        changes = _records(weighed, kind, unit) if kind else ()
-        return Attribution(effect, output, kind, names, verdict, changes, text)
+        records = [weighed.record(change, unit) for change in weighed.tables.changes if change.kind == kind]
+        records.sort(key=lambda record: (bool(record.excluded_because), record.distance))
+        return Attribution(effect, output, kind, names, verdict, tuple(records), text)
 
     if not weighed.standing or not weighed.explained:
         if weighed.mixed:
@@ -64,17 +66,9 @@ def decided(weighed: Weighed, effect: str, output: str, unit: str) -> tuple[Attr
     return tuple(of(kind, verdict, text, kind_names) for kind, kind_names in names.items() if kind_names)
 
 
-def _records(weighed: Weighed, kind: str, unit: str) -> tuple[InputChange, ...]:
-    changes = [change for change in weighed.tables.changes if change.kind == kind]
-    records = [weighed.record(change, unit) for change in changes]
-    return tuple(sorted(records, key=lambda record: (bool(record.excluded_because), record.distance)))
-
-
 def explanation(weighed: Weighed, unit: str) -> str:
-    """The remaining changes, and the measurement that would decide between them, in one
-    sentence.
-    """
-    names = [_way(change) for change in weighed.standing]
+    """A sentence on the remaining changes, and the measurement that would decide between them."""
+    names = [_described(change) for change in weighed.standing]
     names += [weighed.rival] if weighed.mixed else []
     if len(names) == 1:
         change = weighed.standing[0]
@@ -85,14 +79,11 @@ def explanation(weighed: Weighed, unit: str) -> str:
     listed = ", ".join(names[:6]) + (f" and {len(names) - 6} more" if len(names) > 6 else "")
     text = f"cannot tell with n = {len(weighed.tables.y)} between {listed}"
     parts = {change.source: parts_of(change, change.best[0]) for change in weighed.standing if change.source}
-    known = {source: k for source, k in parts.items() if k}
-    if not known:
-        return text
-    first = min(known, key=lambda source: known[source])
-    return f"{text}; measure the {first.part} of {known[first]} parts"
+    source, count = min(((s, k) for s, k in parts.items() if k), key=itemgetter(1), default=(None, 0))
+    return text if source is None else f"{text}; measure the {source.part} of {count} parts"
 
 
-def _way(change: Change) -> str:
+def _described(change: Change) -> str:
     """The change of an input, or of the gauge, in words."""
     kind = "noise" if change.source is None and change.kind == "widening" else change.kind
     return f"{kind} of {change.name}"
@@ -108,10 +99,9 @@ def _refused(end: Ending) -> str:
     if not end.setup.plan.settings.effects_at_most or count < LEAST_NAMED:
         return f"cannot tell with n = {count} which input it is due to"
     setup = end.analysis.initial_null_model.setup
-    if any(
-        on_scatter(active.effect, active.values, setup.data.readings, setup.data.target) for active in setup.plan.active
-    ):
-        return "cannot tell to which input: the model contains an effect on the scatter already"
+    readings, target = setup.data.readings, setup.data.target
+    if any(on_scatter(active.effect, active.values, readings, target) for active in setup.plan.active):
+        return "cannot tell which input it is due to: the model contains an effect on the scatter already"
     return ""
 
 
@@ -129,18 +119,20 @@ def trends(end: Ending) -> tuple[str, ...]:
 
 
 def _subtracted_effects(end: Ending) -> str:
-    """The sentence on effects that are subtracted before attribution; empty where there are
-    none.
-    """
-    out = [name for name in end.fit.names if name not in (*trends(end), *end.analysis.initial_null_model.batch.levels)]
-    return f"given {', '.join(out)}, nothing remains to attribute to an input" if out else ""
+    """The sentence on effects that are subtracted before attribution, empty without any."""
+    attributable = (*trends(end), *end.analysis.initial_null_model.batch.levels)
+    subtracted = [name for name in end.fit.names if name not in attributable]
+    return f"given {', '.join(subtracted)}, nothing remains to attribute to an input" if subtracted else ""
 
 
 def _units(end: Ending) -> tuple[Array, Array]:
-    """Units (n,) that count, given the effects on single units, and their order (n,) from 0 to
-    1.
-    """
+    """Units (n,) that count, given the effects on single units, and their order (n,)."""
     initial = end.analysis.initial_null_model
-    numbers = unit_numbers(initial.setup.data.readings).astype(float)
     units = initial.batch.units(end.fit, trends(end))
-    return units.x + units.law.mean, (numbers / max(numbers.max(), 1.0))[initial.noises[0].counted]
+    return units.x + units.law.mean, order_of(initial.setup.data)[initial.noises[0].counted]
+
+
+def order_of(data: GapData) -> Array:
+    """The order (n,) of the units, from 0 to 1."""
+    numbers = unit_numbers(data.readings).astype(float)
+    return np.asarray(numbers / max(numbers.max(), 1.0))

@@ -1,5 +1,5 @@
-"""Units compared with the model's: a batch with the population, before and after correction; units
-that are simulated one by one with the values at the same inputs.
+"""Units compared with the model's, before and after correction: a batch with the population, or
+units that are simulated one by one with the values at the same inputs.
 """
 
 from __future__ import annotations
@@ -43,8 +43,8 @@ def compared(end: Ending) -> tuple[PopulationLine, ...]:
     lines: tuple[PopulationLine, ...] = ()
     for stream, model in enumerate(models):
         for at, output in enumerate(end.setup.data.outputs):
-            beside = end.setup.data.measured[output.name] - residuals[at]
-            simulated = plain[output.name] if model == "before" else beside
+            corrected = end.setup.data.measured[output.name] - residuals[at]
+            simulated = plain[output.name] if model == "before" else corrected
             lines += _of_pairs(end, at, model, stream, simulated)
     return lines
 
@@ -52,7 +52,7 @@ def compared(end: Ending) -> tuple[PopulationLine, ...]:
 def _of_batch(end: Ending, model: str, stream: int) -> tuple[PopulationLine, ...]:
     """The lines of the deviations of units from the model's prediction."""
     initial = end.analysis.initial_null_model
-    setup, fit = (end.setup, end.fit) if model == "after" else (initial.setup, initial.empty)
+    setup, fit = (end.setup, end.fit) if model == "after" else (initial.setup, initial.null_fit)
     output, kept = setup.data.outputs[0], initial.noises[0].counted
     law, middle = initial.setup.laws[output.name], 0.0
     for effect in end.analysis.scatter[:1] if model == "after" else ():
@@ -61,19 +61,14 @@ def _of_batch(end: Ending, model: str, stream: int) -> tuple[PopulationLine, ...
     readings = setup.data.readings
     order = unit_numbers(readings)[kept].astype(float)
     lots = between_lots(labels_of(readings[Role.LOT])[1][kept]) if Role.LOT in readings else None
-    looks = looks_of(
-        output.unit, order, two_of(law), unlike(law.histogram.ppf((np.arange(len(x)) + 0.5) / len(x))), lots
-    )
-    settings, rng = setup.plan.settings, np.random.default_rng([setup.plan.seed, 14, stream])
-    count = batches(len(x))
-    drawn = law.histogram.rvs(size=(count, len(x)), random_state=rng)
+    quantiles = law.histogram.ppf((np.arange(len(x)) + 0.5) / len(x))
+    looks = looks_of(output.unit, order, two_of(law), unlike(quantiles), lots)
+    rng = np.random.default_rng([setup.plan.seed, 14, stream])
+    drawn = law.histogram.rvs(size=(batches(len(x)), len(x)), random_state=rng)
     shown = setup.data.measured[output.name][kept] - x
-    offset = {
-        "mean": float(shown.mean()),
-        "median": float(shown.mean()),
-        "first to last unit": float(along(order)(shown[None])[0]),
-    }
-    whole = Compared(looks, x, drawn, settings.false_rate, LEAST_NAMED)
+    mean, trend = float(shown.mean()), float(along(order)(shown[None])[0])
+    offset = {"mean": mean, "median": mean, "first to last unit": trend}
+    whole = Compared(looks, x, drawn, setup.plan.settings.false_rate, LEAST_NAMED)
     return whole.lines(model, output.name, offset, rng)
 
 
@@ -88,21 +83,17 @@ def _of_pairs(end: Ending, at: int, model: str, stream: int, simulated: Array) -
     if float(np.std(r)) <= EXACT * scale and abs(float(r.mean())) <= EXACT * scale:
         shown = _shown(s, order)
         return tuple(_unchanged_line(look, model, output.name, shown.get(look.name, 0.0)) for look in looks)
-    rng = np.random.default_rng([setup.plan.seed, 15, stream, at])
-    settings = setup.plan.settings
-    count = batches(len(r))
+    rng, count = np.random.default_rng([setup.plan.seed, 15, stream, at]), batches(len(r))
     drawn = rng.permuted(np.tile(r, (count, 1)), axis=1) * rng.choice([-1.0, 1.0], (count, len(r)))
     # one supplier is drawn as such: permuted measurements would keep a second one
     normal = float(np.std(r)) * rng.standard_normal((count, len(r)))
     looks = tuple(_drawn(look, normal) if look.name == "two suppliers" else look for look in looks)
-    whole = Compared(looks, r, drawn, settings.false_rate, LEAST_NAMED)
+    whole = Compared(looks, r, drawn, setup.plan.settings.false_rate, LEAST_NAMED)
     return whole.lines(model, output.name, _shown(s, order), rng)
 
 
 def _looks(unit: str, s: Array, order: Array) -> tuple[Look, ...]:
-    """Statistics of differences (b, n) from simulated values s (n,): those of s + x minus those of
-    s.
-    """
+    """Statistics of differences (b, n) from simulated s (n,): those of s + x minus those of s."""
 
     def beyond(of: Statistic) -> Statistic:
         return lambda x: of(s + x) - float(of(s[None])[0])

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.special import chdtri
 
@@ -37,7 +38,7 @@ LEAST = 1e-7
 
 @dataclass(frozen=True)
 class Change:
-    """One input (None: the gauge) changed in one way.
+    """A change of one input (None: of the gauge).
 
     Amounts are in the unit of the output, for a widening they are factors; `per` turns a shift into
     the input's unit. `low` and `high` are the admissible ones. `log` (m,) is the log likelihood of
@@ -81,17 +82,14 @@ class Change:
     @property
     def free(self) -> tuple[float, float]:
         """The likeliest amount, admissible or not, and its log likelihood."""
-        x, log = self._dense
-        at = int(np.argmax(log))
-        return float(x[at]), float(log[at])
+        return _peak(*self._dense)
 
     @property
     def best(self) -> tuple[float, float]:
         """The likeliest admissible amount, and its log likelihood."""
         x, log = self._dense
         log = np.where((x >= self.low - 1e-12) & (x <= self.high + 1e-12), log, -np.inf)
-        at = int(np.argmax(log))
-        return float(x[at]), float(log[at])
+        return _peak(x, log)
 
     def interval(self, quantile: float) -> tuple[float, float]:
         """Amounts whose log likelihood is within `quantile` (of chi2) of the highest one."""
@@ -113,6 +111,11 @@ class Change:
         if self.source is None:
             return float("nan")
         return amount if self.kind == "widening" else self.shown(amount) / self.source.tolerance
+
+
+def _peak(x: Array, log: Array) -> tuple[float, float]:
+    at = int(np.argmax(log))
+    return float(x[at]), float(log[at])
 
 
 @dataclass(frozen=True)
@@ -140,20 +143,15 @@ class Tables:
 
     @cached_property
     def changes(self) -> tuple[Change, ...]:
-        """Every input changed in every way, the gauge last, on a fine grid where it may explain the
-        batch.
-        """
+        """Each change of every input, the gauge last, on a fine grid where it may explain the batch."""
         coarse = (*self._shifts(), *self._widenings(), *self._trends())
         top = max(float(change.log.max()) for change in coarse)
         fine: dict[tuple[str, bool, str], tuple[Array, Array]] = {}
         return tuple(change if change.log.max() < top - NEAR else self._finely(change, fine) for change in coarse)
 
     def _finely(self, change: Change, kept: dict[tuple[str, bool, str], tuple[Array, Array]]) -> Change:
-        """The change with more amounts about the likeliest; inputs that act alike have the same
-        grid.
-        """
-        alike = change.kind != "widening"
-        key = (change.kind, change.clipped, "" if alike else change.name)
+        """The change with more amounts about the likeliest; inputs that act alike share a grid."""
+        key = (change.kind, change.clipped, change.name if change.kind == "widening" else "")
         if key not in kept:
             low, high = change.likely
             between = np.linspace(low, high, POINTS)
@@ -180,9 +178,7 @@ class Tables:
         return self.law.blurred(amounts) if change.source is None else self.law.widened(change.source, amounts)
 
     def _off(self, amounts: Array, over: Array | float = 1.0) -> Array:
-        """Log likelihoods (m,) of measurements that are off by amounts, or by amounts times
-        `over`.
-        """
+        """Log likelihoods (m,) of measurements that are off by amounts times `over`."""
         x, base = self.law.x, self.law.base
         return np.array([np.interp(self.y - by * over, x, base).sum() for by in amounts])
 
@@ -229,7 +225,7 @@ class Tables:
         Half of the rate is reserved for trends, which have at most two forms.
         """
         law, near = self.law, np.abs(SHIFTS) < 1.5
-        off = (law.read_off(by) for by in SHIFTS[near][::3] * law.std)
+        off = (law.off(by) for by in SHIFTS[near][::3] * law.std)
         tried = np.vstack([law.shifts[near][::2], *off, *(table[::2] for _, table in law.wider), law.noisy[1::2]])
         fraction = np.exp(law.base) * law.step
         kept = np.flatnonzero(fraction > LEAST)
@@ -248,17 +244,14 @@ class Tables:
     def between(self, table: Array, by: Array) -> Array:
         """Values of a table (m, k) over SHIFTS and the lattice at shifts (n,) and the units."""
         row = np.clip(np.interp(by / self.law.std, SHIFTS, np.arange(len(SHIFTS))), 0.0, len(SHIFTS) - 1.001)
-        column = np.clip((self.y - self.law.x[0]) / self.law.step, 0.0, len(self.law.x) - 1.001)
-        i, j = row.astype(np.int64), column.astype(np.int64)
-        a, b = row - i, column - j
+        i, (j, b) = row.astype(np.int64), placed(self.law, self.y)
+        a = row - i
         low = table[i, j] * (1.0 - b) + table[i, j + 1] * b
         high = table[i + 1, j] * (1.0 - b) + table[i + 1, j + 1] * b
         return np.asarray(low * (1.0 - a) + high * a)
 
     def shares_below(self, change: Change, amount: float) -> Array:
-        """Fraction (n,) of units of the changed model below each unit; uniform if the change is
-        true.
-        """
+        """Fraction (n,) of the changed model's units below each unit; uniform if it is true."""
         over = np.ones_like(self.y) if change.kind == "shift" else self.u
         if change.kind == "widening":
             return np.asarray(np.interp(self.y, self.law.x, below(self.density(change, amount))))
@@ -270,13 +263,18 @@ class Tables:
         """Log density (k,) of the model with that input changed; a trend has none."""
         if change.kind == "widening" or change.clipped:
             return np.asarray(self._densities(change, np.array([amount]))[0])
-        return self.law.read_off(amount)
+        return self.law.off(amount)
+
+
+def placed(law: UnitLaw, y: Array) -> tuple[NDArray[np.int64], Array]:
+    """The lattice point (n,) below each unit (n,), and the fraction of the step beyond it."""
+    at = np.clip((y - law.x[0]) / law.step, 0.0, len(law.x) - 1.001)
+    low = at.astype(np.int64)
+    return low, at - low
 
 
 def counted(law: UnitLaw, y: Array) -> Array:
     """Units (n,) on the lattice (k,)."""
-    at = np.clip((y - law.x[0]) / law.step, 0.0, len(law.x) - 1.001)
-    low = at.astype(np.int64)
-    part, size = at - low, len(law.x)
+    (low, part), size = placed(law, y), len(law.x)
     counts = np.bincount(low, 1.0 - part, size) + np.bincount(low + 1, part, size)
     return counts.astype(np.float64)

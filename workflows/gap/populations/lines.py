@@ -12,10 +12,10 @@ from ....models.inputs.distribution import Array
 from .statistics import Look, values_of
 
 LEVEL = 0.9
-SEEN = 0.9
+DETECTED = 0.9
 """Probability of detecting a difference of the stated size."""
 COMMON = 0.05
-DIFFERS, UNSEEN = "differs", "no difference detected; one of {} would have been"
+DIFFERS, NOT_DETECTED = "differs", "no difference detected; one of {} would have been"
 DRAWN = 500_000
 """Approximate number of units of all simulated batches together."""
 AGAIN = 200
@@ -53,32 +53,20 @@ class Compared:
     def lines(
         self, model: str, output: str, offset: dict[str, float], rng: np.random.Generator
     ) -> tuple[PopulationLine, ...]:
-        """One line per statistic; a difference exceeds what any line reaches by chance."""
+        """A line for each statistic; a difference exceeds what any line reaches by chance."""
         simulated = values_of(self.looks, self.drawn)
         measured = {name: float(value[0]) for name, value in values_of(self.looks, self.x[None]).items()}
         middle = {name: float(np.mean(value)) for name, value in simulated.items()}
         limits = self._limits(simulated, middle)
         drawn = rng.integers(0, len(self.x), (AGAIN, len(self.x)))
         again = values_of(tuple(look for look in self.looks if look.signed), self.x[drawn])
+        values = {name: (middle[name], measured[name], limits[name], simulated[name]) for name in middle}
         return tuple(
-            self._line(
-                look,
-                model,
-                output,
-                middle[look.name],
-                measured[look.name],
-                offset,
-                limits[look.name],
-                simulated[look.name],
-                again.get(look.name),
-            )
-            for look in self.looks
+            self._line(look, model, output, offset, *values[look.name], again.get(look.name)) for look in self.looks
         )
 
     def _limits(self, simulated: dict[str, Array], middle: dict[str, float]) -> dict[str, float]:
-        """The deviation of each statistic from its mean by chance, for all of them together
-        (Sidak).
-        """
+        """The deviation of each statistic from its mean by chance, for all together (Sidak)."""
         rate = 1.0 - (1.0 - self.rate) ** (1.0 / len(self.looks))
         limits = {}
         for look in self.looks:
@@ -91,9 +79,9 @@ class Compared:
         look: Look,
         model: str,
         output: str,
+        offset: dict[str, float],
         simulated: float,
         measured: float,
-        offset: dict[str, float],
         limit: float,
         drawn: Array,
         again: Array | None,
@@ -104,25 +92,10 @@ class Compared:
             half = float(ndtri(0.5 + 0.5 * LEVEL) * np.std(again))
             low, high = difference - half, difference + half
         beyond = abs(difference) > limit if look.signed else difference > limit
-        shows = limit + float(ndtri(SEEN) * np.std(drawn))
-        text = DIFFERS if beyond else UNSEEN.format(f"{shows:.3g} {look.unit}".rstrip())
+        shows = limit + float(ndtri(DETECTED) * np.std(drawn))
+        text = DIFFERS if beyond else NOT_DETECTED.format(f"{shows:.3g} {look.unit}".rstrip())
         enough = beyond or len(self.x) >= self.least
-        if not enough:
-            text = f"cannot tell with n = {len(self.x)}"
-        by = offset.get(look.name, 0.0)
-        return PopulationLine(
-            model,
-            output,
-            look.aspect,
-            look.name,
-            look.unit,
-            simulated + by,
-            measured + by,
-            difference,
-            low,
-            high,
-            limit,
-            shows,
-            text,
-            bool(enough),
-        )
+        text = text if enough else f"cannot tell with n = {len(self.x)}"
+        what, by = (model, output, look.aspect, look.name, look.unit), offset.get(look.name, 0.0)
+        numbers = (simulated + by, measured + by, difference, low, high, limit, shows)
+        return PopulationLine(*what, *numbers, text, bool(enough))

@@ -9,18 +9,20 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
+from operator import attrgetter
 
 import numpy as np
 from scipy.special import chdtri, ndtri
 
 from ....gap_population_records import Attribution, InputChange
-from ....models.effects.readings import readings_of, unit_numbers
+from ....models.effects.readings import readings_of
 from ....models.inputs.distribution import Array
 from ....models.measurable import Column, Role
 from ..predictor import predictor
 from ..result import Ending
 from ..scan import generic_residual
 from ..setup import LEAST_NAMED
+from .attribution import order_of
 
 GAIN_LOW, GAIN_HIGH = -0.5, 1.0
 BIAS_AT_MOST = 3.0
@@ -29,12 +31,13 @@ once.
 """
 NEWTON = 3
 STEP = 1e-4
-READ_AGAIN = 3
+MEASURED_AGAIN = 3
+"""Number of parts whose measurement is to be repeated."""
 
 
 @dataclass(frozen=True)
 class Wrong:
-    """One input recorded wrongly (or the zero of an output), and the residual given it.
+    """An input recorded wrongly (or the zero of an output), and the residual given it.
 
     `amount` is how much too large it was recorded, `residual_square` the squared whitened residual
     given it, `moved` (N,) the change of the model's prediction, whitened.
@@ -53,7 +56,7 @@ class Wrong:
 
 @dataclass(frozen=True)
 class Records:
-    """The units of an analysis, and every way in which one recorded input may be wrong."""
+    """The units of an analysis, and all errors that a recorded input may have."""
 
     end: Ending
 
@@ -71,8 +74,7 @@ class Records:
     @cached_property
     def order(self) -> Array:
         """The order of the units, from 0 to 1."""
-        numbers = unit_numbers(self.end.setup.data.readings).astype(float)
-        return np.asarray(numbers / max(numbers.max(), 1.0))
+        return order_of(self.end.setup.data)
 
     @property
     def inputs(self) -> tuple[Column, ...]:
@@ -91,13 +93,12 @@ class Records:
 
     @cached_property
     def wrong(self) -> tuple[Wrong, ...]:
-        """Every input, wrong in every way."""
+        """Every error of every input."""
         return tuple(self._every())
 
     def _every(self) -> Iterator[Wrong]:
-        table = self.end.setup.data.readings.table
         for column in self.inputs:
-            size = float(np.sqrt(np.mean(np.asarray(table[column.name], dtype=float) ** 2)))
+            size = float(np.sqrt(np.mean(self.end.setup.data.values(column.name) ** 2)))
             weight = column.unit == ""  # of a cost: no measurement with a step offset
             for kind in ("gain",) if weight else ("bias", "gain", "trend"):
                 if size > 0.0:
@@ -133,7 +134,7 @@ class Records:
 
     def _moved(self, column: Column, kind: str, amount: float) -> Array:
         """The prediction for the right input minus that for the recorded one, whitened."""
-        recorded = np.asarray(self.end.setup.data.readings.table[column.name], dtype=float)
+        recorded = self.end.setup.data.values(column.name)
         if kind == "gain":
             right = recorded / (1.0 + amount)
         else:
@@ -141,12 +142,9 @@ class Records:
         return self._white(self._predicted({column.name: right}) - self.uncorrected_prediction)
 
     def _predicted(self, changed: dict[str, Array]) -> Array:
-        setup = self.end.setup
-        data = setup.data
-        table = {**data.readings.table, **changed}
-        data = replace(data, readings=readings_of(data.target.columns, table))
-        outputs = predictor(setup.plan, data)({})
-        return data.stacked({o.name: outputs[o.name] for o in data.outputs})
+        plan, data = self.end.setup.plan, self.end.setup.data
+        data = replace(data, readings=readings_of(data.target.columns, {**data.readings.table, **changed}))
+        return data.stacked(predictor(plan, data)({}))
 
     def _white(self, columns: Array) -> Array:
         return self.end.analysis.search.fitter.space.whiten(columns)
@@ -160,9 +158,7 @@ class Records:
 
     @cached_property
     def score_of_identified(self) -> float:
-        """The squared residual given the identified effects and all zeros, plus the price of
-        both.
-        """
+        """The squared residual given the identified effects and all zeros, plus their price."""
         fit, fitter = self.end.fit, self.end.analysis.search.fitter
         count = sum(member.candidate.count for member in fit.members)
         return float(fit.rss + self.price * (count + fitter.q.shape[1]))
@@ -181,9 +177,7 @@ class Records:
 
 
 def of_recorded(end: Ending) -> tuple[Attribution, ...]:
-    """The recorded inputs that alone may cause the deviations of units; empty where these are
-    noise.
-    """
+    """The recorded inputs that alone may cause the units' deviations, empty where these are noise."""
     if len(end.setup.data) < LEAST_NAMED:
         return ()
     records = Records(end)
@@ -196,12 +190,15 @@ def of_recorded(end: Ending) -> tuple[Attribution, ...]:
     top = min(*(wrong.residual_square + records.price for wrong in every), records.score_of_identified, records.gauges)
     max_distance = end.setup.plan.settings.set_distance
     standing = [
-        wrong for wrong in every if not wrong.objection and wrong.residual_square + records.price - top <= max_distance
+        wrong
+        for wrong in every
+        if not wrong.objection
+        and wrong.residual_square + records.price - top <= max_distance
+        and records.explains(wrong)
     ]
-    standing = [wrong for wrong in standing if records.explains(wrong)]
     if not any(wrong.is_input for wrong in standing):
         return () if end.fit.members or not end.analysis.significant else (_none(end, best),)
-    standing.sort(key=lambda wrong: wrong.residual_square)
+    standing.sort(key=attrgetter("residual_square"))
     return _records_of(end, records, standing, top, max_distance)
 
 
@@ -221,7 +218,7 @@ def _records_of(
     attributions = []
     for kind in dict.fromkeys(wrong.kind for wrong in standing):
         errors = [wrong for wrong in (*records.wrong, *records.zeros) if wrong.kind == kind]
-        errors.sort(key=lambda wrong: wrong.residual_square)
+        errors.sort(key=attrgetter("residual_square"))
         records_of_kind = tuple(
             _record(end, wrong, wrong in standing, wrong.residual_square + records.price - top) for wrong in errors
         )
@@ -242,7 +239,7 @@ def _record(end: Ending, wrong: Wrong, stands: bool, distance: float) -> InputCh
         float("nan"),
         max(distance, 0.0),
         why,
-        READ_AGAIN if stands and wrong.is_input else 0,
+        MEASURED_AGAIN if stands and wrong.is_input else 0,
     )
 
 
@@ -251,9 +248,8 @@ def _text(end: Ending, records: Records, standing: list[Wrong], alone: bool) -> 
     if alone:
         size = f"{first.amount:.3g} {first.unit}".rstrip()
         return f"{first.kind} of {first.name} as it was recorded ({size}) explains these units"
-    names = [f"{wrong.kind} of {wrong.name}" for wrong in standing]
-    names += list(end.fit.names)
-    return f"cannot tell between {', '.join(names)}; measure {first.name} of {READ_AGAIN} parts again"
+    names = [*(f"{wrong.kind} of {wrong.name}" for wrong in standing), *end.fit.names]
+    return f"cannot tell between {', '.join(names)}; measure {first.name} of {MEASURED_AGAIN} parts again"
 
 
 def _outputs(end: Ending) -> str:

@@ -22,8 +22,7 @@ def attribution_of(end: Ending) -> tuple[Attribution, ...]:
 
 
 def inputs_instead(end: Ending, attributions: Sequence[Attribution]) -> tuple[Rival, ...]:
-    """A rival: a shift of the process mean, where a shifted input would make units look like a
-    mixture.
+    """A rival: a shift of the process mean, where a shifted input makes units look like a mixture.
 
     Clipped interference changes the shape of the distribution as a second supplier does.
     """

@@ -31,9 +31,9 @@ NORMAL = Law(-8.0, 1.0 / 64.0, -0.5 * LATTICE**2, 1.0)
 
 @dataclass(frozen=True)
 class Look:
-    """One statistic: its aspect, its name, its unit, and whether it has a sign.
+    """A statistic: its aspect, its name, its unit, and whether it has a sign.
 
-    A `signed` one has an interval; the others are never negative, and positive by chance alone.
+    A `signed` statistic has an interval; others are never negative, and positive by chance alone.
     """
 
     aspect: str
@@ -66,8 +66,8 @@ def unlike(quantiles: Array) -> Statistic:
 
 
 def between_lots(of_lot: NDArray[np.int64]) -> Statistic | None:
-    """The F ratio of the means of lots (number (n,) of each unit's lot); None with fewer than two
-    lots of enough units.
+    """The F ratio of the means of lots, by the number (n,) of each unit's lot; None without two lots
+    of enough units.
     """
     counts = np.bincount(of_lot)
     large_lots = np.flatnonzero(counts >= LEAST_UNITS)

@@ -69,18 +69,21 @@ class UnitLaw:
 
     @cached_property
     def noisy(self) -> Array:
-        """Log densities (m, k) of units read with the noise NOISES."""
+        """Log densities (m, k) of units measured with the noise NOISES."""
         return self.blurred(NOISES * self.std)
 
-    def read_off(self, by: float) -> Array:
+    def off(self, by: float) -> Array:
         """Log density (k,) of measurements that are all shifted by `by`."""
         return np.asarray(np.interp(self.x - by, self.x, self.base))
 
     @cached_property
     def std(self) -> float:
         """Standard deviation of the units without clipping: the scale of the lattice."""
-        terms = self.sources.total.clipped + self.sources.total.free
-        return float(np.sqrt(total_cumulants(terms)[1, 0])) / self.sources.unit
+        return float(np.sqrt(self._cumulants[1, 0])) / self.sources.unit
+
+    @cached_property
+    def _cumulants(self) -> Array:
+        return total_cumulants(self.sources.total.clipped + self.sources.total.free)
 
     @cached_property
     def step(self) -> float:
@@ -90,8 +93,7 @@ class UnitLaw:
     @cached_property
     def first(self) -> int:
         """Lattice index of the first point."""
-        terms = self.sources.total.clipped + self.sources.total.free
-        middle = float(total_cumulants(terms)[0, 0]) / self.sources.unit
+        middle = float(self._cumulants[0, 0]) / self.sources.unit
         return int(np.floor(middle / self.step)) - POINTS // 2
 
     @cached_property
@@ -113,8 +115,7 @@ class UnitLaw:
             return self._built_anew(source, factors, self.sources.widened)
         term = self.sources.term(source)
         linear, ones = term.linear * factors, np.ones(len(factors))
-        low = term.constant - term.linear
-        constant = low * ones + linear if source.from_zero else term.constant * ones
+        constant = (term.constant - term.linear) * ones + linear if source.from_zero else term.constant * ones
         bent = None if term.quadratic is None else term.quadratic * factors**2
         changed = self._sum((replace(term, constant=constant, linear=linear, quadratic=bent),))
         side = self.sources.total.clipped if source.clipped else self.sources.total.free
@@ -129,9 +130,8 @@ class UnitLaw:
         return self._log(transform, np.concatenate([start for _, start in sums]), *self._free)
 
     def blurred(self, noise: Array) -> Array:
-        """Log density (m, k) of units read with a normal error of standard deviation `noise`."""
-        index = np.arange(POINTS // 2 + 1)
-        rate = 2.0 * np.pi * index / (POINTS * self.step)
+        """Log density (m, k) of units measured with a normal error of standard deviation `noise`."""
+        rate = 2.0 * np.pi * np.arange(POINTS // 2 + 1) / (POINTS * self.step)
         blur = np.exp(-0.5 * (noise[:, None] * rate) ** 2)
         transform, start = self._free
         return self._log(*self._clipped, transform * blur, np.full(len(noise), start[0]))

@@ -54,9 +54,7 @@ class Weighed:
         return 2.0 * (self.top - self.likely) <= self.distance
 
     def behind(self, change: Change) -> float:
-        """Twice the log likelihood by which the best admissible amount of a change is behind the
-        best of all.
-        """
+        """Twice the log likelihood by which the best admissible amount is behind the best of all."""
         return 2.0 * (self.top - change.best[1])
 
     @cached_property
@@ -105,9 +103,7 @@ class Weighed:
         return f"it would need {amount:.3g} times its tolerance"
 
     def _units_to_separate(self, change: Change) -> int:
-        """The number of units that would separate it from the best, by the divergence of their
-        laws.
-        """
+        """The number of units that separate it from the best, by the divergence of their laws."""
         best = self.standing[0]
         if "trend" in (change.kind, best.kind) or change is best:
             return 0
