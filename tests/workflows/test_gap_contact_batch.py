@@ -81,5 +81,7 @@ def test_readings_at_angles_are_refused(tmp_path: Path) -> None:
     words = ["gap", str(tmp_path / "gap.toml"), str(tmp_path / "u.csv"), "--out"]
     ended = CliRunner().invoke(app, [*words, str(tmp_path / "out"), "--quiet"])
     assert ended.exit_code == 2
-    assert "column output_angle_deg: a batch is compared by one measurement of each unit" in " ".join(ended.output.split())
+    assert "column output_angle_deg: a batch is compared by one measurement of each unit" in " ".join(
+        ended.output.split()
+    )
     assert not (tmp_path / "out").exists()
