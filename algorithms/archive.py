@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from .arrays import Array, Integers, SavedState, State
+from ..arrays import Array, Integers
 from .engine.ordering import in_order, lowest_ranks_in_order
+from .states import SavedState, State
 
 ROOM = 1000
 """Feasible designs that are kept at least: as many as a report recomputes at full accuracy."""

@@ -6,9 +6,10 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from .arrays import Array, Flags, Integers, SavedState, State
+from ..arrays import Array, Flags, Integers
 from .engine.ordering import in_order
 from .indicators import REFERENCE, hypervolume, nondominated
+from .states import SavedState, State
 
 TOGETHER = 16
 """Batches that wait at most for a common computation."""

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from ..errors import refuse
 from ..files import write_bytes
 from ..sealed import sealed, unsealed
-from .arrays import SavedState, State, joined, part
+from .states import SavedState, State, joined, part
 
 FORMAT = 3
 EVERY = 2.0

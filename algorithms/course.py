@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .arrays import Array, Flags, Integers
+from ..arrays import Array, Flags, Integers
 from .indicators import hypervolume, nondominated
 
 CURVE = ("generation", "evaluations", "cpu_s", "value", "feasible_fraction")

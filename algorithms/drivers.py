@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 from pymoo.core.population import Population
 from pymoo.core.termination import NoTermination
 
+from ..arrays import Array
 from ..problems.tolerance_problem import ToleranceProblem
-from .arrays import Array, SavedState, State
 from .engine import Space
 from .settings import AlgorithmSettings
+from .states import SavedState, State
 
 VALUES = ("X", "F", "G", "H")
 

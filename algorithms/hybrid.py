@@ -7,9 +7,9 @@ from typing import ClassVar
 
 import numpy as np
 
+from ..arrays import Array
 from ..counts import INDIVIDUALS, POINTS
 from ..problems.interfaces import Provable
-from .arrays import Array
 from .engine import GDE3Engine, Space
 from .exact.bounds import restricted, upper_limit
 from .exact.branch import Branch

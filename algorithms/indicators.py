@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .arrays import Array, Flags
+from ..arrays import Array, Flags
 
 REFERENCE = 1.1
 """Reference point of the normalised hypervolume, in every objective."""

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..counts import PAIRED
 from ..errors import Fault, raise_all
-from .arrays import Array
 from .settings import AlgorithmSettings, Crossover, Mutation
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ from pymoo.operators.mutation.gauss import GaussianMutation
 from pymoo.operators.mutation.pm import PM
 from pymoo.operators.sampling.rnd import FloatRandomSampling
 
-from .arrays import Array, Flags
+from ..arrays import Array, Flags
 from .settings import Crossover, Mutation
 
 if TYPE_CHECKING:

@@ -9,12 +9,13 @@ from functools import cache
 
 import numpy as np
 
+from ..arrays import Array
 from ..problems.tolerance_problem import ToleranceProblem
 from .archive import Archive
-from .arrays import Array, SavedState, State, joined, part
 from .attained import Attained
 from .engine.survival import violation_of
 from .settings import Budget
+from .states import SavedState, State, joined, part
 
 
 class BudgetSpent(Exception):

@@ -11,12 +11,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
+from ..arrays import Array
 from ..problems.tolerance_problem import ToleranceProblem
-from .arrays import Array, SavedState, State, joined, part
 from .drivers import Driver, Unsavable, driver
 from .exact.finish import finished
 from .run import BudgetSpent, Progress, Run, Values
 from .settings import AlgorithmSettings, Budget, Solver
+from .states import SavedState, State, joined, part
 
 __all__ = ["Keeper", "Progress", "SearchResult", "State", "search"]
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import time
 
+from ..arrays import Array
 from ..problems.tolerance_problem import ToleranceProblem
-from .arrays import Array
 from .course import Course
 from .run import Run
 from .search import drive

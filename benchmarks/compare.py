@@ -25,8 +25,10 @@ from types import ModuleType
 
 import numpy as np
 
+from tolevo.arrays import Array
+
 from . import peers, promised
-from .task import Array, OutOfTime, Recorder, Task
+from .task import OutOfTime, Recorder, Task
 from .tasks.cost_rss import cost_rss
 from .tasks.mixed_process import mixed_process
 from .tasks.rv_backlash import rv_backlash

@@ -9,11 +9,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from tolevo.arrays import Array
 from tolevo.configuration.reader import read
 from tolevo.problems.settings import Settings
 
 from .parts import Watched, beyond
-from .task import Array, Task
+from .task import Task
 
 CONFIGS = Path(__file__).parents[1] / "configs"
 BEYOND = 10.0

@@ -22,7 +22,7 @@ from statistics import median
 import numpy as np
 from scipy.optimize import brentq
 
-from tolevo.models.inputs.distribution import Array
+from tolevo.arrays import Array
 from tolevo.models.rv_reducer.contact.contact import LoadedContact
 from tolevo.models.rv_reducer.contact.errors import PartErrors
 from tolevo.models.rv_reducer.contact.mesh import Mesh

@@ -23,7 +23,7 @@ import numba
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from tolevo.models.inputs.distribution import Array
+from tolevo.arrays import Array
 from tolevo.models.rv_reducer.dynamics.contact_mesh import tabulated
 from tolevo.models.rv_reducer.dynamics.steady import Oscillator, steady_state
 from tolevo.models.rv_reducer.dynamics.tabulated import TabulatedMesh

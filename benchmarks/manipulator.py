@@ -19,7 +19,7 @@ from statistics import median
 
 import numpy as np
 
-from tolevo.models.inputs.distribution import Array
+from tolevo.arrays import Array
 from tolevo.models.manipulator.forward import exact_pose
 from tolevo.models.manipulator.geometry import Manipulator, TaskRing
 from tolevo.models.manipulator.maps import first_order

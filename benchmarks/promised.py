@@ -14,12 +14,13 @@ import numpy as np
 from tolevo.algorithms.nsga2 import NSGA2
 from tolevo.algorithms.search import search
 from tolevo.algorithms.settings import Budget, Mutation
+from tolevo.arrays import Array
 
 from . import memory
 from .outcome import verdict
 from .peers import tolevo_exact
 from .proven import Found, cases
-from .task import REFERENCE, Array, Recorder, Task
+from .task import REFERENCE, Recorder, Task
 
 if TYPE_CHECKING:
     from .compare import Measured, Results

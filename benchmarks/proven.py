@@ -22,11 +22,12 @@ from tolevo.algorithms.exact.choices import least_cost
 from tolevo.algorithms.hybrid import Hybrid
 from tolevo.algorithms.search import search
 from tolevo.algorithms.settings import Budget
+from tolevo.arrays import Array
 from tolevo.configuration import read
 from tolevo.problems.settings import Bound, Settings
 from tolevo.problems.tolerance_problem import ToleranceProblem
 
-from .parts import Array, Parts, WatchedParts
+from .parts import Parts, WatchedParts
 from .tasks.mixed_process import PARTS, evaluate
 
 LIMITS = (0.02, 0.03, 0.045, 0.06, 0.08, 0.11, 0.15, 0.2)

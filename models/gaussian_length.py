@@ -15,12 +15,11 @@ two unequal ones Hoyt's, and of three equal ones Maxwell's.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import chdtri, dawsn, erfc, ndtri
 
+from ..arrays import Array
 from .roots import bracketed_roots
 
-Array = NDArray[np.float64]
 ANGLES = 16
 """Midpoints of phi in a quarter turn: the error of P is up to 1e-6 from r = sqrt(l_1) on, and up to
 1e-4 below."""

@@ -12,10 +12,11 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..declarations import Output, Parameter, Value, Variable
 from ..section import Section
 from .gear import Gear
-from .inputs.distribution import Array, Distribution
+from .inputs.distribution import Distribution
 from .sources import Sources
 
 

@@ -8,10 +8,10 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..declarations import Output, Parameter
 from ..units import converted
 from .gear import Gear
-from .inputs.distribution import Array
 from .measurable import NO_CHANGES, Column, MeasurableModel, Role
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from .arrays import Array
+from ..arrays import Array
 
 if TYPE_CHECKING:
     from .tolerance_problem import ToleranceProblem

@@ -13,8 +13,8 @@ from functools import cached_property
 
 import numpy as np
 
+from ..arrays import Array
 from ..models.capability import Knowledge, Norm, norm_of
-from .arrays import Array
 from .draws import Draws, Sums
 from .promise import ASSURED, Promise, assured_percent, normal_yield
 

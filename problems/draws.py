@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import ndtr
 
+from ..arrays import Array
 from ..models.capability import Knowledge
-from .arrays import Array
 from .promise import AT_ONCE, DRAWS
 
 LEAST = 1e-300

@@ -23,11 +23,11 @@ from functools import cached_property
 
 import numpy as np
 
+from ..arrays import Array
 from ..models.capability.norm import Surplus
 from ..models.costs import CostCurve
 from ..models.propagation.even import Even
 from ..models.propagation.symmetric_sum import SymmetricSum, Tangent
-from .arrays import Array
 
 
 @dataclass(frozen=True, slots=True)

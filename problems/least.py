@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from .arrays import Array, Flags, Integers
+from ..arrays import Array, Flags, Integers
 from .forms import Feature, Form, Way
 from .spread import spread_of
 

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..arrays import Array
 from ..declarations import Output, Variable
 from ..errors import Fault
-from .arrays import Array
 from .settings import Bound
 
 if TYPE_CHECKING:

@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from ..arrays import Array, Integers
 from ..declarations import Assumption, Kind, Variable
 from ..models.capability import PartSample
 from ..models.costs import CostCurve
@@ -17,7 +18,6 @@ from ..models.machines.offers import PLUG_IN, Offer, departures, samples_of
 from ..models.machines.reading import Owner, read_offers
 from ..section import Section
 from ..units import split_unit
-from .arrays import Array, Integers
 from .declaration import ConfiguredProblem, Declaration, Interval
 from .interfaces import Checks, Differentiable, Drawing
 from .machined_tolerance import MachinedTolerance

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from ..arrays import Array, Integers
 from ..models.costs import CostCurve
 from ..models.machines import GoodPartsBySpread
 from ..models.machines.offers import Offer, Way
-from .arrays import Array, Integers
 
 SCALE = 3.0
 """Half-widths of a normal input with Cp = 1 per standard deviation."""

@@ -17,7 +17,7 @@ from functools import cached_property
 import numpy as np
 from scipy.optimize import brentq
 
-from .arrays import Array, Flags
+from ..arrays import Array, Flags
 from .draws import Draws
 from .promise import ASSURED, assured_percent
 from .response import Response, evaluations

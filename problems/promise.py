@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from scipy.special import ndtr, ndtri
 
+from ..arrays import Array
 from ..section import Range, Section
-from .arrays import Array
 
 PLUG_IN, PREDICTIVE, ASSURED = "plug_in", "predictive", "assured"
 STATEMENTS = (PLUG_IN, PREDICTIVE, ASSURED)

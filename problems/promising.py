@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from .arrays import Array
+from ..arrays import Array
 from .deviations import Deviations, PromisedOutput
 from .interfaces import Differentiable
 from .promise import ASSURED, PROMISED

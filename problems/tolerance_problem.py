@@ -12,10 +12,10 @@ import numpy as np
 import pandas as pd
 from pymoo.core.problem import Problem
 
+from ..arrays import Array, Integers
 from ..declarations import Assumption, Output, Variable, completed
 from ..errors import Fault, ModelError
 from ..section import Section
-from .arrays import Array, Integers
 from .assumptions import assumptions_of
 from .declaration import ConfiguredProblem, Declaration, Interval
 from .designs import designs_frame

@@ -9,10 +9,10 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from ..arrays import Array
 from ..errors import Fault
 from ..models.capability import Knowledge
 from ..section import Section
-from .arrays import Array
 from .declaration import ConfiguredProblem, Declaration, Interval
 from .interfaces import Written
 from .promise import ASSURANCE, PLUG_IN, PROMISED, YIELD, Promise, read_promise

@@ -20,8 +20,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import ndtri
 
+from ..arrays import Array
 from ..models.capability import Knowledge
-from .arrays import Array
 
 
 @dataclass(frozen=True, eq=False)

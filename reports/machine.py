@@ -7,11 +7,10 @@ from html import escape
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from .document import section
 
-Array = NDArray[np.float64]
 WIDTH, HEIGHT, EDGE = 640.0, 420.0, 46.0
 VIEW = (np.radians(-60.0), np.radians(18.0))
 """Azimuth and elevation of the eye."""

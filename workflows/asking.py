@@ -7,17 +7,15 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from ..algorithms.archive import Archive
 from ..algorithms.drivers import driver
 from ..algorithms.indicators import nondominated
 from ..algorithms.settings import AlgorithmSettings, Solver
+from ..arrays import Array
 from ..errors import Fault, raise_all
 from ..problems.designs import designs_frame
 from ..problems.tolerance_problem import ToleranceProblem
-
-Array = NDArray[np.float64]
 
 
 def askable(name: str, algorithm: AlgorithmSettings | None) -> list[Fault]:

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from .. import tables
+from ..arrays import Array
 from ..declarations import Variable
 from ..errors import nearest, raise_all
 from ..likely_units import unit_hint
@@ -16,9 +15,6 @@ from ..problems.interfaces import Checks
 from ..problems.slips import slip
 from ..problems.tolerance_problem import ToleranceProblem
 from .blocks import ArrayRows, Computed
-
-Array = NDArray[np.float64]
-
 
 GRAIN = 64
 """Designs that are evaluated at once."""

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..arrays import Array, Flags, Integers, SavedState, State
+from ...arrays import Array, Flags, Integers
+from ..states import SavedState, State
 from .survival import survivors, violation_of
 
 if TYPE_CHECKING:

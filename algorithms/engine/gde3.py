@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..arrays import Array, Flags, Integers
+from ...arrays import Array, Flags, Integers
 from .base import ArrayEngine, Space
 from .operators import differential
 

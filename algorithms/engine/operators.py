@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..arrays import Array, Integers
+from ...arrays import Array, Integers
 from .base import Space
 
 CROSSED = 0.5

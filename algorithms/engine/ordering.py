@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Array, Flags, Integers
+from ...arrays import Array, Flags, Integers
 
 PASSES = 16
 """Ranks that are computed one after the other; where more are needed, all are computed at once."""

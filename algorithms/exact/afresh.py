@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..arrays import Array
+from ...arrays import Array
 from ..run import Run
 from .branch import Branch
 

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...arrays import Array
 from ...problems.forms import Form
 from ...problems.spread import Spread
-from ..arrays import Array
 from .prices import Prices, only_roots
 from .slsqp import ascend
 

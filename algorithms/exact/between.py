@@ -7,9 +7,9 @@ from functools import reduce
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arrays import Array
 from ...problems.forms import Form
 from ...problems.spread import largest_parts
-from ..arrays import Array
 from .choices import Optimum, least_cost
 from .prices import less_rounding, spread_at, tabulated
 

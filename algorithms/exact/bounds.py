@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ...arrays import Array, Flags
 from ...errors import ModelError
 from ...problems.forms import Feature, Form, Way
 from ...problems.interfaces import Provable
 from ...problems.least import least_values
 from ...problems.tolerance_problem import ToleranceProblem
-from ..arrays import Array, Flags
 from .between import least_bounds
 from .choices import cost_range
 from .pieces import convex_pieces

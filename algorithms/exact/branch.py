@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import scipy
 
+from ...arrays import Array
 from ...problems.interfaces import Differentiable
-from ..arrays import Array
 from ..indicators import nondominated
 from ..run import Run
 from .slsqp import slsqp

@@ -14,9 +14,9 @@ from itertools import pairwise
 
 import numpy as np
 
+from ...arrays import Array, Flags, Integers
 from ...problems.forms import Feature, Form
 from ...problems.spread import Spread, largest_parts
-from ..arrays import Array, Flags, Integers
 from .ascent import Ascent
 from .combination import Combination
 from .combination import Optimum as Optimum

@@ -9,10 +9,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arrays import Array, Integers
 from ...models.costs.joint import Joint
 from ...problems.forms import Form, Way
 from ...problems.spread import Spread, spread_of
-from ..arrays import Array, Integers
 from .prices import Prices
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..arrays import Array, Flags
+from ...arrays import Array, Flags
 from ..run import Run
 from .afresh import tested_afresh
 from .branch import NEARLY, Branch, joint

@@ -11,10 +11,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from ...arrays import Array, Flags, Integers
 from ...problems.forms import Form
 from ...problems.interfaces import Provable
 from ...problems.least import least_value
-from ..arrays import Array, Flags, Integers
 from ..run import Run
 from .bounds import row_limits
 from .choices import Optimum, least_cost

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...arrays import Array
 from ...problems.forms import Form
 from ...problems.interfaces import Provable
 from ...problems.tolerance_problem import ToleranceProblem
-from ..arrays import Array
 from .combination import Optimum
 
 

@@ -11,8 +11,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...arrays import Array
 from ...problems.forms import Form
-from ..arrays import Array
 from .combination import Combination, Optimum
 from .separable import Leaf, Squares, least_leaf
 

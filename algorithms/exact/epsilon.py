@@ -13,9 +13,9 @@ import itertools
 
 import numpy as np
 
+from ...arrays import Array
 from ...errors import refuse
 from ...problems.tolerance_problem import ToleranceProblem
-from ..arrays import Array
 from ..indicators import nondominated
 from ..run import Run
 from .branch import Branch, joint_front

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..arrays import Array
+from ...arrays import Array
 from ..indicators import nondominated
 from ..run import BudgetSpent, Run
 from ..settings import Budget

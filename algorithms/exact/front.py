@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import scipy
 
+from ...arrays import Array, Flags
 from ...problems.forms import Form
-from ..arrays import Array, Flags
 from .choices import Optimum, contributions, least_cost
 from .combination import Combination
 from .path import Path, arc_length

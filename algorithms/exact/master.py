@@ -17,9 +17,9 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from ...arrays import Array, Flags
 from ...problems.forms import Feature, Form
 from ...problems.spread import largest_parts, spread_of
-from ..arrays import Array, Flags
 from .combination import Combination
 from .prices import ROUNDING
 from .programme import Programme

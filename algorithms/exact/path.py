@@ -18,8 +18,8 @@ from functools import cached_property
 
 import numpy as np
 
+from ...arrays import Array
 from ...models.roots import bracketed_roots
-from ..arrays import Array
 from .combination import Combination, Solved
 
 DECADES = 40.0

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...arrays import Array
 from ...problems.forms import Feature, Form
-from ..arrays import Array
 from .combination import Optimum
 
 MOST = 300_000

@@ -19,9 +19,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arrays import Array, Flags, Integers
 from ...problems.forms import Feature, Form, Way
 from ...problems.spread import Spread, spread_of
-from ..arrays import Array, Flags, Integers
 
 ROUNDING = 1e-13
 """Relative allowance for rounding in a bound."""

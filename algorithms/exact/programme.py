@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..arrays import Array, Flags
+from ...arrays import Array, Flags
 from .combination import Combination, Solved
 from .prices import ROUNDING
 from .slsqp import ascend, slsqp

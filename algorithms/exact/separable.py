@@ -21,9 +21,9 @@ from heapq import heappop, heappush
 
 import numpy as np
 
+from ...arrays import Array, Flags
 from ...models.costs import Reciprocal
 from ...problems.forms import Form
-from ..arrays import Array, Flags
 from .prices import ROUNDING, only_roots
 from .slsqp import ascend
 

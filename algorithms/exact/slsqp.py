@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import scipy
 
-from ..arrays import Array
+from ...arrays import Array
 
 
 @dataclass(frozen=True, slots=True)

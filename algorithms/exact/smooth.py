@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ...arrays import Array
 from ...problems.interfaces import Differentiable
 from ...problems.tolerance_problem import ToleranceProblem
-from ..arrays import Array
 from ..run import Run
 
 STEP = 1e-4

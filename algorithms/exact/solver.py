@@ -7,11 +7,11 @@ from typing import ClassVar
 
 import numpy as np
 
+from ...arrays import Array, Flags
 from ...counts import POINTS
 from ...problems.forms import Form
 from ...problems.interfaces import Provable
 from ...problems.tolerance_problem import ToleranceProblem
-from ..arrays import Array, Flags
 from ..run import Run
 from ..settings import Solver
 from .bounds import reason, restricted, row_limits, upper_limit

@@ -9,7 +9,9 @@ from typing import Any
 import numpy as np
 from deap import algorithms, base, tools
 
-from ..task import Array, Recorder
+from tolevo.arrays import Array
+
+from ..task import Recorder
 
 DISTRIBUTION, LABEL = "deap", "NSGA-II"
 POPULATION = 100

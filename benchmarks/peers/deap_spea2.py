@@ -8,7 +8,9 @@ import random
 import numpy as np
 from deap import algorithms, base, tools
 
-from ..task import Array, Recorder
+from tolevo.arrays import Array
+
+from ..task import Recorder
 from .deap_nsga2 import POPULATION, Individual, evaluate
 
 DISTRIBUTION, LABEL = "deap", "SPEA2"

@@ -10,7 +10,9 @@ import numpy as np
 from jmetal.algorithm.multiobjective.gde3 import GDE3
 from jmetal.util.termination_criterion import StoppingByEvaluations
 
-from ..task import Array, Recorder
+from tolevo.arrays import Array
+
+from ..task import Recorder
 from .jmetalpy_nsga2 import OneByOne
 
 DISTRIBUTION, LABEL = "jmetalpy", "GDE3"

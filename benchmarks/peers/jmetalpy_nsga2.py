@@ -14,7 +14,9 @@ from jmetal.operator.crossover import SBXCrossover
 from jmetal.operator.mutation import PolynomialMutation
 from jmetal.util.termination_criterion import StoppingByEvaluations
 
-from ..task import Array, Recorder
+from tolevo.arrays import Array
+
+from ..task import Recorder
 
 DISTRIBUTION, LABEL = "jmetalpy", "NSGA-II"
 

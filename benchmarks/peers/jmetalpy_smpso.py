@@ -12,7 +12,9 @@ from jmetal.operator.mutation import PolynomialMutation
 from jmetal.util.archive import CrowdingDistanceArchive
 from jmetal.util.termination_criterion import StoppingByEvaluations
 
-from ..task import Array, Recorder
+from tolevo.arrays import Array
+
+from ..task import Recorder
 from .jmetalpy_nsga2 import OneByOne
 
 DISTRIBUTION, LABEL = "jmetalpy", "SMPSO"

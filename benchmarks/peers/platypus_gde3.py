@@ -8,7 +8,9 @@ import random
 import numpy as np
 from platypus import GDE3, DifferentialEvolution, Problem, Real
 
-from ..task import Array, Recorder
+from tolevo.arrays import Array
+
+from ..task import Recorder
 
 DISTRIBUTION, LABEL = "platypus-opt", "GDE3"
 

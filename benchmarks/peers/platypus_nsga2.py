@@ -8,7 +8,9 @@ import random
 import numpy as np
 from platypus import NSGAII, Problem, Real
 
-from ..task import Array, Recorder
+from tolevo.arrays import Array
+
+from ..task import Recorder
 
 DISTRIBUTION, LABEL = "platypus-opt", "NSGA-II"
 

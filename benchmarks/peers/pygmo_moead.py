@@ -6,7 +6,9 @@ from __future__ import annotations
 import numpy as np
 import pygmo
 
-from ..task import Array, Recorder
+from tolevo.arrays import Array
+
+from ..task import Recorder
 from .pygmo_nsga2 import POPULATION, Batch
 
 DISTRIBUTION, LABEL = "pygmo", "MOEA/D"

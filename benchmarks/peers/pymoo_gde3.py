@@ -5,7 +5,9 @@ from __future__ import annotations
 from pymoo.algorithms.moo.gde3 import GDE3
 from pymoo.optimize import minimize
 
-from ..task import Array, Recorder
+from tolevo.arrays import Array
+
+from ..task import Recorder
 from .pymoo_nsga2 import Batch
 
 DISTRIBUTION, LABEL = "pymoo", "GDE3 CR 0.9"

@@ -8,7 +8,9 @@ from pymoo.algorithms.moo.nsga2 import NSGA2
 from pymoo.core.problem import Problem
 from pymoo.optimize import minimize
 
-from ..task import Array, Recorder
+from tolevo.arrays import Array
+
+from ..task import Recorder
 
 DISTRIBUTION, LABEL = "pymoo", "NSGA-II"
 

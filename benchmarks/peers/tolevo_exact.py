@@ -13,8 +13,9 @@ from tolevo.algorithms.exact.front import front
 from tolevo.algorithms.exact.solver import Exact, closed_form
 from tolevo.algorithms.search import search
 from tolevo.algorithms.settings import Budget
+from tolevo.arrays import Array
 
-from ..task import Array, Recorder, Task
+from ..task import Recorder, Task
 
 DISTRIBUTION, LABEL = "tolevo", "exact"
 POINTS = 1000

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from tolevo.algorithms.engine import GDE3Engine
+from tolevo.arrays import Array
 
-from ..task import Array, Recorder
+from ..task import Recorder
 from .tolevo_nsga2 import POPULATION, evolve, space
 
 DISTRIBUTION, LABEL = "tolevo", "array GDE3 CR 0.9"

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from tolevo.algorithms.engine import ArrayEngine, NSGA2Engine, Space
+from tolevo.arrays import Array
 
-from ..task import Array, Recorder
+from ..task import Recorder
 
 DISTRIBUTION, LABEL = "tolevo", "array NSGA-II"
 POPULATION = 100

@@ -5,8 +5,9 @@ from __future__ import annotations
 from tolevo.algorithms.exact.solver import Exact
 from tolevo.algorithms.search import search
 from tolevo.algorithms.settings import Budget
+from tolevo.arrays import Array
 
-from ..task import Array, Recorder, Task
+from ..task import Recorder, Task
 
 DISTRIBUTION, LABEL = "tolevo", "exact (SLSQP)"
 

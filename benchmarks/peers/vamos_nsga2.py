@@ -6,7 +6,9 @@ from __future__ import annotations
 import numpy as np
 import vamos
 
-from ..task import Array, Recorder
+from tolevo.arrays import Array
+
+from ..task import Recorder
 
 DISTRIBUTION, LABEL = "vamos-optimization", "NSGA-II, numba"
 

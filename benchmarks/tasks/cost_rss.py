@@ -11,8 +11,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from tolevo.arrays import Array
+
 from ..parts import Parts, WatchedParts
-from ..task import Array, Task
+from ..task import Task
 
 LOW, HIGH = 0.005, 0.1
 POINTS = 20_000

@@ -11,8 +11,10 @@ from itertools import product
 import moocore
 import numpy as np
 
+from tolevo.arrays import Array
+
 from ..parts import Parts, WatchedParts
-from ..task import Array, Task
+from ..task import Task
 from .cost_rss import HIGH, LOW, optima
 
 POINTS = 10_000

@@ -17,13 +17,14 @@ from tolevo.algorithms.exact.bounds import proof
 from tolevo.algorithms.exact.solver import Exact
 from tolevo.algorithms.search import search
 from tolevo.algorithms.settings import Budget
+from tolevo.arrays import Array
 from tolevo.models.propagation import Convolution, Propagation
 from tolevo.problems.rv_backlash import RvBacklash
 
 from ..configured import Source
 from ..outcome import kept_values
 from ..parts import Watched
-from ..task import Array, Task
+from ..task import Task
 
 STORED = Path(__file__).with_name("rv_backlash_front.csv")
 POINTS = 60

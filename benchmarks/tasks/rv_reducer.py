@@ -15,11 +15,12 @@ import numpy as np
 from tolevo.algorithms.exact.solver import Exact
 from tolevo.algorithms.search import search
 from tolevo.algorithms.settings import Budget
+from tolevo.arrays import Array
 from tolevo.problems.rv_reducer import RvReducer
 
 from ..configured import Source
 from ..parts import Watched
-from ..task import Array, Task
+from ..task import Task
 
 STORED = Path(__file__).with_name("rv_reducer_front.csv")
 POINTS = 30

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arrays import Array
 from ...errors import Fault, raise_all
-from ..inputs.distribution import Array
 
 
 @dataclass(frozen=True, slots=True)

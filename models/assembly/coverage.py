@@ -8,7 +8,7 @@ import numpy as np
 import scipy
 from scipy.special import ndtri
 
-from ..inputs.distribution import Array
+from ...arrays import Array
 
 DIRECTIONS = 64
 NEWTON_STEPS = 30

@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
+from ...arrays import Array
 from ...declarations import Parameter, Value
 from ...errors import Fault, InputError, refuse
 from ...units import MRAD
-from ..inputs.distribution import Array
 from .chain import DatumFlowChain
 from .estimator import Estimator, kalman
 from .process import Process

@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..inputs.distribution import Array
+from ...arrays import Array
 from .transmission import GEARS, Transmission
 
 STEP = 1e-3

@@ -8,10 +8,11 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arrays import Array
 from ...declarations import Output, Value
 from ...errors import refuse
 from ...units import MRAD
-from ..inputs.distribution import Array, Distribution
+from ..inputs.distribution import Distribution
 from ..measurable import NO_CHANGES, Changeable, Column, MeasurableModel, Outside, Role
 from . import declared
 from .assemble import Departures, assemble

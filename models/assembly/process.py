@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arrays import Array
 from ...errors import Fault, raise_all
-from ..inputs.distribution import Array
 from .chain import DatumFlowChain
 
 TURN = 3

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...arrays import Array
 from ...errors import Fault, raise_all
-from ..inputs.distribution import Array
 from .process import Process
 
 READINGS = ("printed", "consistent")

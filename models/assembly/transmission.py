@@ -23,7 +23,7 @@ from math import pi
 
 import numpy as np
 
-from ..inputs.distribution import Array
+from ...arrays import Array
 from ..rv_reducer.contact.contact import LoadedContact
 from ..rv_reducer.contact.errors import PartErrors
 from ..rv_reducer.contact.mesh import Mesh

@@ -15,7 +15,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.special import ndtri
 
-from ..inputs.distribution import Array
+from ...arrays import Array
 from ..propagation.moments import cornish_fisher
 
 

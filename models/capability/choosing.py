@@ -20,9 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
+from ...arrays import Array
 from .norm import factor_of
 
-Array = NDArray[np.float64]
 RISKS = (0.4, 0.3, 0.2, 0.1, 0.05, 0.02, 0.01)
 """Levels of the norm that are tried, as fractions of the allowed risk: 0.98 first for 0.95.
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from ..inputs.distribution import Array
+from ...arrays import Array
 
 CONFIDENCE = 0.95
 

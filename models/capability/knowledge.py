@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from ..inputs.distribution import Array
+from ...arrays import Array
 
 LEAST = 5
 """Parts from which a sample is used; the posterior mean of a variance needs 4 of them."""

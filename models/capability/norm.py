@@ -30,7 +30,7 @@ import numpy as np
 import scipy
 from scipy.special import ndtri
 
-from ..inputs.distribution import Array
+from ...arrays import Array
 from .knowledge import Knowledge
 
 

@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from ...arrays import Array
 from ...likely_units import unit_hint
 from ...section import POSITIVE, Range, Section
 from ...units import converted, fits
 from ..inputs import Normal
-from ..inputs.distribution import Array
 from .indices import Index, capability
 from .knowledge import Gauge, Knowledge, Prior, knowledge_of
 from .stability import Finding, distribution_type, findings

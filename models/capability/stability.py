@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from ..inputs.distribution import Array
+from ...arrays import Array
 
 LEVEL = 0.01
 """Probability of a false finding in a sample of a stable normal process, all tests together."""

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .curve import Array, CostCurve
+from ...arrays import Array
+from .curve import CostCurve
 
 
 @dataclass(frozen=True, slots=True)

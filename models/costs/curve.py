@@ -6,11 +6,9 @@ from abc import ABC, abstractmethod
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...arrays import Array
 from ..roots import bracketed_roots
-
-Array = NDArray[np.float64]
 
 
 class CostCurve(ABC):

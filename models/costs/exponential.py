@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import wrightomega
 
-from .curve import Array, CostCurve
+from ...arrays import Array
+from .curve import CostCurve
 
 STRAIGHT = 1e8
 """Ratio of the prices above which that of the square is negligible."""

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .curve import Array, CostCurve
+from ...arrays import Array
+from .curve import CostCurve
 from .reciprocal import Reciprocal
 from .reciprocal_power import ReciprocalPower, stationary_power
 from .reciprocal_squared import ReciprocalSquared

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from .curve import Array, CostCurve
+from ...arrays import Array
+from .curve import CostCurve
 from .reciprocal_power import stationary_power
 
 

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .curve import Array, CostCurve
+from ...arrays import Array
+from .curve import CostCurve
 
 STEPS = 6
 """Newton steps: the error falls at least by a third in the first and is squared after."""

@@ -7,7 +7,8 @@ from itertools import accumulate, pairwise
 
 import numpy as np
 
-from .curve import Array, CostCurve
+from ...arrays import Array
+from .curve import CostCurve
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,8 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...arrays import Array
 from ..measurable import NO_CHANGES, MeasurableModel
-from .effect import Action, Array, Effect, Readings, Target, Values
+from .effect import Action, Effect, Readings, Target, Values
 from .readings import Table, readings_of, target_of
 
 

@@ -12,12 +12,12 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arrays import Array
 from ...declarations import Output
 from ...units import dimension, unit_key
 from ..gear import Gear
 from ..measurable import Changeable, Column, Role
 
-Array = NDArray[np.float64]
 Values = Mapping[str, float]
 """Parameters of an effect by name."""
 FAMILIES = (

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arrays import Array
 from ..measurable import Role
-from .effect import Array, Readings
+from .effect import Readings
 
 FEW = 0.1
 """Reversals per row above which rows are not a path."""

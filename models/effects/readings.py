@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arrays import Array
 from ...declarations import Output
 from ...units import converted
 from ..measurable import Changeable, Column, MeasurableModel, Role
-from .effect import Array, Readings, Target
+from .effect import Readings, Target
 from .path import follows_load
 
 Table = Mapping[str, NDArray[Any]]

@@ -11,9 +11,10 @@ from typing import ClassVar
 
 import numpy as np
 
+from ...arrays import Array
 from ...declarations import Output
 from ..measurable import Role
-from .effect import Action, Array, Effect, EffectParameter, Readings, Target, Values, quantity, value_or_zero
+from .effect import Action, Effect, EffectParameter, Readings, Target, Values, quantity, value_or_zero
 
 Columns = Mapping[str, Callable[[], Array]]
 """Columns (n,) by the stems of their weights, each computed when it is called."""

@@ -15,8 +15,9 @@ from typing import Any
 import numpy as np
 import scipy
 
+from ...arrays import Array
 from ..measurable import Role
-from .effect import Action, Array, Effect, EffectParameter, Readings, Target, Values
+from .effect import Action, Effect, EffectParameter, Readings, Target, Values
 from .readings import SESSION, labels_of
 
 SHAPES = ("constant", "spline", "power", "step", "wave", "swing", "product", "levels", "curve")

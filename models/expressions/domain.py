@@ -16,12 +16,11 @@ from collections.abc import Mapping
 from functools import reduce
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...arrays import Array
 from .formula import Formula
 from .tree import Call, Expression, Operation
 
-Array = NDArray[np.float64]
 Values = list[Array]
 
 

@@ -7,12 +7,10 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...arrays import Array
 from .parser import parse
 from .tree import Expression, Name
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

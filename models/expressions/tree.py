@@ -7,11 +7,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...arrays import Array
 from .functions import FUNCTIONS, crosses_zero, span
 
-Array = NDArray[np.float64]
 Values = Sequence[Array]
 """Values of the nodes below a node; arrays that broadcast."""
 

@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.special import betainc, betaincinv, betaln, xlog1py, xlogy
 
-from .distribution import Array, WithinZone
+from ...arrays import Array
+from .distribution import WithinZone
 
 
 @dataclass(frozen=True, slots=True)

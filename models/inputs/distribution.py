@@ -7,11 +7,9 @@ from dataclasses import Field, fields
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...arrays import Array
 from ...section import Range
-
-Array = NDArray[np.float64]
 
 
 def allowed(parameter: Field[Any]) -> Range:

@@ -6,7 +6,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from .distribution import Array, Distribution
+from ...arrays import Array
+from .distribution import Distribution
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.special import ndtr, ndtri
 
-from .distribution import Array, Distribution
+from ...arrays import Array
+from .distribution import Distribution
 
 TAIL = 8.0
 """Standard deviations on either side that count; beyond them lies 1.2e-15 of the mass."""

@@ -6,7 +6,8 @@ from abc import abstractmethod
 
 import numpy as np
 
-from .distribution import Array, WithinZone
+from ...arrays import Array
+from .distribution import WithinZone
 
 TINY = np.finfo(float).tiny
 

@@ -8,7 +8,8 @@ from typing import ClassVar
 import numpy as np
 from scipy.special import erf, gamma, log_ndtr, xlog1py
 
-from .distribution import Array, Distribution
+from ...arrays import Array
+from .distribution import Distribution
 
 REACH = 8.2
 """Largest radius in units of sigma; beyond them lies 2.5e-15 of the mass."""

@@ -10,7 +10,8 @@ import numpy as np
 import scipy
 from scipy.special import ndtr, owens_t
 
-from .distribution import Array, Distribution
+from ...arrays import Array
+from .distribution import Distribution
 from .normal import TAIL, density
 
 OUTER = 1e-9

@@ -8,7 +8,8 @@ from functools import cache
 import numpy as np
 from scipy.special import ndtr, ndtri
 
-from .distribution import Array, WithinZone
+from ...arrays import Array
+from .distribution import WithinZone
 from .normal import density
 
 REACH = 12.0

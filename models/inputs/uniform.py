@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .distribution import Array, WithinZone
+from ...arrays import Array
+from .distribution import WithinZone
 
 
 @dataclass(frozen=True, slots=True)

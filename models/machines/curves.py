@@ -9,10 +9,10 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from ...arrays import Array
 from ..costs import CostCurve, Table
 from .machine import Machine
 
-Array = NDArray[np.float64]
 KNOTS = 2049
 """Limits at which scatter and cost are tabulated for their inverses."""
 STEPS = 1

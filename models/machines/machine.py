@@ -23,7 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import ndtr
 
-from ..inputs.distribution import Array
+from ...arrays import Array
 from ..inputs.normal import density
 
 GUARD = 1.645

@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from ..inputs.distribution import Array
+from ...arrays import Array
 from .geometry import Manipulator
 from .maps import first_order
 from .sources import NAMES, SCALES, Combination, matrix

@@ -6,8 +6,8 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
+from ...arrays import Array
 from ...units import MRAD, UM
-from ..inputs.distribution import Array
 from ..measurable import Changeable
 from . import sources
 from .geometry import Manipulator

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...arrays import Array
 from ...errors import Fault
-from ..inputs.distribution import Array
 from .forward import NoPose, exact_pose
 from .geometry import Manipulator
 from .inverse import posture

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from ...arrays import Array
 from ...declarations import Parameter, Value
 from ...units import MM
-from ..inputs.distribution import Array
 from .geometry import Manipulator, TaskRing
 from .indices import INDICES
 from .sources import NAMES, error_vector

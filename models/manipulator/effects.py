@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..inputs.distribution import Array
+from ...arrays import Array
 from .geometry import Manipulator
 from .inverse import CHAINS, posture
 from .maps import first_order

@@ -7,9 +7,9 @@ from dataclasses import fields
 
 import numpy as np
 
+from ...arrays import Array
 from ...errors import Fault
 from ...units import MM
-from ..inputs.distribution import Array
 from .geometry import Manipulator, TaskRing
 from .indices import GRID
 from .inverse import CHAINS, posture, reach

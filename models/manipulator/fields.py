@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arrays import Array
 from ..gaussian_length import exceedance, principal, quantile
-from ..inputs.distribution import Array
 
 Rows = NDArray[np.int64]
 EQUAL = 1e-9

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...arrays import Array
 from ...errors import Fault, InputError
-from ..inputs.distribution import Array
 from .geometry import Manipulator
 from .inverse import angles
 from .machine import UP, Machine, about_up, built

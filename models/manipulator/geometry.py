@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from ..inputs.distribution import Array
+from ...arrays import Array
 
 FollowUp = Literal["fixed", "rod"]
 Triple = tuple[float, float, float]

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...arrays import Array
 from ...errors import Fault, InputError
 from ...units import MM
-from ..inputs.distribution import Array
 from .geometry import Manipulator
 from .vectors import vector
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..inputs.distribution import Array
+from ...arrays import Array
 from . import sources
 from .geometry import Manipulator
 from .inverse import CHAINS, SIDE, axes

@@ -8,7 +8,7 @@ import numpy as np
 import scipy
 from scipy.special import ndtri
 
-from ..inputs.distribution import Array
+from ...arrays import Array
 from .forward import exact_pose
 from .geometry import Manipulator, TaskRing
 from .indices import Index

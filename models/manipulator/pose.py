@@ -8,10 +8,11 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arrays import Array
 from ...declarations import Output, Value
 from ...errors import raise_all
 from ...units import MM, MRAD
-from ..inputs.distribution import Array, Distribution
+from ..inputs.distribution import Distribution
 from ..measurable import NO_CHANGES, Column, MeasurableModel, Outside, Role
 from . import declared
 from .changes import CHANGEABLE, base_tilt, changed_errors

@@ -21,8 +21,8 @@ import scipy
 from numpy.typing import NDArray
 from scipy.special import ndtri
 
+from ...arrays import Array
 from ..gaussian_length import exceedance
-from ..inputs.distribution import Array
 from ..propagation import MonteCarlo
 
 Rows = NDArray[np.int64]

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...arrays import Array
 from ...errors import Fault, nearest, raise_all
 from ...units import MRAD, UM
-from ..inputs.distribution import Array
 
 PER_CHAIN = 21
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..inputs.distribution import Array
+from ...arrays import Array
 
 
 def vector(x: Array | float, y: Array | float, z: Array | float) -> Array:

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from ..inputs.distribution import Array
-from .lattice import Integers, spectrum, window
+from ...arrays import Array, Integers
+from .lattice import spectrum, window
 from .method import Propagation
 from .result import Estimate, Propagated
 from .sums import ClippedSum, Term, total_cumulants

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import erf, gamma, jv, ndtri, wofz
 
+from ...arrays import Array
 from ..inputs import Beta, Distribution, Normal, Trapezoid, Triangular, TruncatedNormal, Uniform
-from ..inputs.distribution import Array
 
 NEAR = 1e-3
 """Arguments below which a power series replaces a quotient."""

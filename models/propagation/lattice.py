@@ -12,10 +12,9 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from ..inputs.distribution import Array
+from ...arrays import Array, Integers
 from .sums import Term
 
-Integers = NDArray[np.int64]
 Spectrum = NDArray[np.complex128]
 
 

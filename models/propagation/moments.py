@@ -8,7 +8,7 @@ from math import comb
 import numpy as np
 from scipy.special import ndtr, ndtri
 
-from ..inputs.distribution import Array
+from ...arrays import Array
 from ..inputs.normal import density
 from .method import Propagation
 from .result import Estimate, Propagated

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
-from ..inputs.distribution import Array
+from ...arrays import Array
 from .method import Propagation
 from .result import Estimate, Propagated
 from .sums import ClippedSum, Term, total_cumulants
@@ -33,7 +32,7 @@ class MonteCarlo(Propagation):
     is at least 1/samples, the least error that a sample without a single hit supports.
     """
 
-    points: NDArray[np.float64]
+    points: Array
 
     @classmethod
     def draw(cls, samples: int, dimensions: int, rng: np.random.Generator) -> MonteCarlo:

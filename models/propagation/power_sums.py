@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from math import sqrt
 
-from ..inputs.distribution import Array
+from ...arrays import Array
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..inputs.distribution import Array
+from ...arrays import Array
 
 
 @dataclass(frozen=True, slots=True)

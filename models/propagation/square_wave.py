@@ -8,9 +8,9 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arrays import Array
 from .even import Even
 
-Array = NDArray[np.float64]
 Kinds = Mapping[Even, Sequence[int]]
 """By law, the columns of its scales."""
 CLOSE, SQUARED = 1e-14, 1e-8

@@ -7,7 +7,8 @@ from math import comb
 
 import numpy as np
 
-from ..inputs.distribution import Array, Distribution
+from ...arrays import Array
+from ..inputs.distribution import Distribution
 
 
 @dataclass(frozen=True, slots=True)

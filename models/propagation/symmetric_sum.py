@@ -22,10 +22,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtri
 
+from ...arrays import Array
 from .even import Even
 from .square_wave import Series, alike
 
-Array = NDArray[np.float64]
 REACH = 9.0
 """Standard deviations beyond which X is neglected."""
 TERMS = (48, 96, 192, 384, 768, 1536, 3072)

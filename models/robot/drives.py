@@ -7,7 +7,7 @@ from itertools import combinations
 
 import numpy as np
 
-from ..inputs.distribution import Array
+from ...arrays import Array
 
 WHOLE = 6
 """Least number of joints with which position and orientation can both be kept."""

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..inputs.distribution import Array
+from ...arrays import Array
 
 GRAVITY = 9.80665
 """Standard gravity [m/s^2]."""

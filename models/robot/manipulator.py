@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..inputs.distribution import Array
+from ...arrays import Array
 from ..manipulator import sources
 from ..manipulator.compensation import split
 from ..manipulator.geometry import Manipulator

@@ -13,7 +13,7 @@ from itertools import combinations
 
 import numpy as np
 
-from ..inputs.distribution import Array
+from ...arrays import Array
 
 COVERAGE = 0.9973
 

@@ -14,7 +14,7 @@ import scipy
 from numpy.typing import NDArray
 from scipy.special import ndtri
 
-from ..inputs.distribution import Array
+from ...arrays import Array
 from .drives import Drives
 from .measures import COVERAGE
 

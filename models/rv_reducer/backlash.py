@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ...arrays import Array
 from ..inputs import Distribution, Uniform
-from ..inputs.distribution import Array
 from ..propagation import ClippedSum, Term
 from ..propagation.sums import total_cumulants
 from . import involute

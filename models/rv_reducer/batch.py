@@ -8,11 +8,12 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arrays import Array
 from ...declarations import Output, Value
 from ...errors import raise_all
 from ...units import ARCMIN, UM
 from ..inputs import Uniform
-from ..inputs.distribution import Array, Distribution
+from ..inputs.distribution import Distribution
 from ..measurable import NO_CHANGES, Changeable, Column, MeasurableModel, Role
 from ..propagation import Convolution, Term
 from ..sources import Sources

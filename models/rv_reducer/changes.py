@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from ...arrays import Array
 from ...errors import Fault, raise_all
 from ...units import ARCMIN, MRAD, UM
-from ..inputs.distribution import Array
 from ..measurable import Changeable
 from .loaded_unit import LoadedUnit
 from .order_table import LEFT_OUT, OrderTable

@@ -8,10 +8,10 @@ from functools import cached_property
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...arrays import Array, Integers
 from ...declarations import Value
-from ..inputs.distribution import Array, Distribution
+from ..inputs.distribution import Distribution
 from ..measurable import NO_CHANGES
 from .batch_declared import LARGEST
 from .population.changed import changed
@@ -35,7 +35,6 @@ LAW = 16_384
 SHIFTED = 12
 """Clearances of the involute stage that each unit of the law is combined with."""
 SEEDS = {"means": 1, "law": 2}
-Integers = NDArray[np.int64]
 
 
 class ContactUnits:

@@ -7,9 +7,9 @@ from functools import cached_property
 
 import numpy as np
 
+from ...arrays import Array
 from ...units import ARCMIN, UM
 from ..inputs import Empirical
-from ..inputs.distribution import Array
 from ..propagation import ClippedSum, Term
 from ..sources import Source, Sources
 from .contact_batch import ContactUnits

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ..inputs.distribution import Array
+from ...arrays import Array
 from .geometry import RvGeometry
 
 LINEAR_ERRORS = (

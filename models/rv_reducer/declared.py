@@ -8,10 +8,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from math import radians
 
+from ...arrays import Array
 from ...declarations import READING, Kind, Parameter, Value, Variable, completed, number
 from ...errors import Fault
 from ...units import ARCMIN, MM, UM
-from ..inputs.distribution import Array, Distribution
+from ..inputs.distribution import Distribution
 from .backlash import Allocation, BacklashModel
 from .cycloid import LINEAR_ERRORS, EccentricityLaw
 from .geometry import RvGeometry

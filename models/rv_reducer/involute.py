@@ -7,7 +7,7 @@ from math import cos, radians, sin, sqrt
 
 import numpy as np
 
-from ..inputs.distribution import Array
+from ...arrays import Array
 from .geometry import RvGeometry
 
 REFERENCE_GRADE = 7

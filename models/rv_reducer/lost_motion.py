@@ -8,11 +8,12 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arrays import Array
 from ...declarations import Output, Value
 from ...errors import raise_all
 from ...units import ARCMIN
 from ..gear import RV_40E, Gear
-from ..inputs.distribution import Array, Distribution
+from ..inputs.distribution import Distribution
 from ..measurable import NO_CHANGES, Column, MeasurableModel, Outside, Role
 from . import loaded_unit
 from .changes import CHANGEABLE, Responses

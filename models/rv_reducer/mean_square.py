@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import ndtr
 
-from ..inputs.distribution import Array
+from ...arrays import Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..inputs.distribution import Array
+from ...arrays import Array
 from .geometry import RvGeometry
 
 

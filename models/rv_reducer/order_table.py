@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arrays import Array
 from ...units import ARCMIN
-from ..inputs.distribution import Array
 from .contact.mesh import Mesh
 from .dynamics.spectrum import ComplexArray, spectrum
 

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arrays import Array
 from ...errors import Fault, raise_all
-from ..inputs.distribution import Array
 from ..measurable import Outside
 
 SPEED = "must be above 0 (omit the column for quasi-static measurements; the sense of turning is `direction`)"

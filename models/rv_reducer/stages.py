@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..inputs.distribution import Array
+from ...arrays import Array
 from ..propagation import ClippedSum
 from ..propagation.power_sums import PowerSums
 from .batch import PART, summed

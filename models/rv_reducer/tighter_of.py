@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...arrays import Array
 from ..inputs import Uniform
-from ..inputs.distribution import Array, Distribution
+from ..inputs.distribution import Distribution
 from .tighter_planet import TighterPlanet, partial_moments, raw_moments
 
 

@@ -10,7 +10,8 @@ import scipy
 from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
-from ..inputs.distribution import Array, Distribution
+from ...arrays import Array
+from ..inputs.distribution import Distribution
 from ..inputs.uniform import Uniform
 
 UNIFORM = Uniform()

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
+from ...arrays import Array
 from ...units import UM
-from ..inputs.distribution import Array
 from .clearance_targets import Target
 from .geometry import RvGeometry
 from .modification import clearance, raw_clearance

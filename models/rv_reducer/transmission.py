@@ -9,11 +9,12 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arrays import Array
 from ...declarations import Output, Parameter, Value, number
 from ...errors import raise_all
 from ...units import ARCMIN, ARCSEC, MM, UM
 from ..gear import RV_40E, Gear
-from ..inputs.distribution import Array, Distribution
+from ..inputs.distribution import Distribution
 from ..measurable import NO_CHANGES, Column, MeasurableModel, Outside, Role
 from . import declared, loaded_unit
 from .changes import CHANGEABLE, Responses

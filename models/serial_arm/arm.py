@@ -8,10 +8,11 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arrays import Array
 from ...declarations import Output, Value
 from ...section import Section
 from ...units import MM
-from ..inputs.distribution import Array, Distribution
+from ..inputs.distribution import Distribution
 from ..measurable import NO_CHANGES, Column, MeasurableModel
 from . import declared
 from .chain import positions

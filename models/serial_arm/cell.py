@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..inputs.distribution import Array
+from ...arrays import Array
 from .chain import rotation
 
 KINDS = ("grid", "iso_cube")

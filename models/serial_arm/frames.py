@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..inputs.distribution import Array
+from ...arrays import Array
 from .chain import Chain, rotation
 
 

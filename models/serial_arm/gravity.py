@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..inputs.distribution import Array
+from ...arrays import Array
 from ..robot.joints import GRAVITY
 from .frames import Frames
 

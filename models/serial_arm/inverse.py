@@ -8,7 +8,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from ..inputs.distribution import Array
+from ...arrays import Array
 from .chain import Chain
 from .frames import Frames, frames
 

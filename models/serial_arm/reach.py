@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..inputs.distribution import Array
+from ...arrays import Array
 from .chain import Chain
 from .frames import Frames, frames
 from .inverse import Reached, reach

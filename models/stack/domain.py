@@ -7,8 +7,8 @@ from itertools import product
 import numpy as np
 import scipy
 
+from ...arrays import Array
 from ..expressions import domain_margin
-from ..inputs.distribution import Array
 from .made import Tolerances, limit_of
 from .mechanism import Mechanism
 

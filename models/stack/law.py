@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import ndtr, ndtri
 
+from ...arrays import Array
 from ..inputs import Normal
-from ..inputs.distribution import Array
 from ..propagation.even import Even, even_law
 from ..propagation.symmetric_sum import SymmetricSum
 from .made import Tolerances, mean_of, spread_of

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import ndtr
 
-from ..inputs.distribution import Array
+from ...arrays import Array
 from .made import Tolerances, limit_of, mean_of, spread_of
 from .mechanism import Mechanism
 

@@ -8,11 +8,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arrays import Array
 from ..expressions import Formula
 from ..inputs import Distribution
 from .made import Tolerances, mean_of, spread_of
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import ndtr, ndtri
 
-from ..inputs.distribution import Array
+from ...arrays import Array
 from ..propagation.monte_carlo import REPLICATES, power_of, replicates
 from .made import Tolerances
 from .mechanism import Mechanism

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ..arrays import Array
+from ...arrays import Array
 from .base import Interface
 
 if TYPE_CHECKING:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from ...arrays import Array
 from ...errors import Fault
-from ..arrays import Array
 from ..limits import impossible
 from ..money import rising
 from ..slips import unit_slips

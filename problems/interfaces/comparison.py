@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from ...arrays import Array
 from ...records import UnitsShown
-from ..arrays import Array
 from .base import Interface
 
 if TYPE_CHECKING:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from ..arrays import Array
+from ...arrays import Array
 from .base import Interface
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from ..arrays import Array
+from ...arrays import Array
 from ..declaration import Interval
 from .base import Interface
 

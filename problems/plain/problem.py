@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 from pymoo.core.problem import Problem
 
+from ...arrays import Array
 from ...declarations import number
-from ..arrays import Array
 from ..interfaces import WithEffects
 from ..settings import Bound, Settings
 from ..tolerance_problem import ToleranceProblem

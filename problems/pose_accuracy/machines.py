@@ -8,10 +8,10 @@ from functools import cached_property
 
 import numpy as np
 
+from ...arrays import Array, Integers
 from ...models.manipulator.fields import Field, worst_deviation, worst_exceedance, worst_quantile
 from ...models.manipulator.indices import GRID
 from ...models.manipulator.ring import Machines, Sample, main_plane
-from ..arrays import Array, Integers
 from .outputs import BOTH, LIMITED, OVER_MACHINES, UNITS
 
 Rows = Integers

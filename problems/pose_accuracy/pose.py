@@ -6,10 +6,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from ...arrays import Array
 from ...declarations import Value
 from ...errors import Fault
 from ...units import MM
-from ..arrays import Array
 
 PLACE = "parameters.pose"
 ENDS = ("r_mm", "z_mm")

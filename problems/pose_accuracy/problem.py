@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from ...arrays import Array
 from ...declarations import Assumption, number
 from ...errors import Fault
 from ...models.manipulator import declared
@@ -21,7 +22,6 @@ from ...models.manipulator.sources import matrix, orientation_combinations, posi
 from ...records import Bars
 from ...section import Section
 from ...units import MM, MRAD, UM
-from ..arrays import Array
 from ..declaration import ConfiguredProblem, Declaration, Interval
 from ..forms import Feature, Form, Way
 from ..interfaces import Documented, Page, Provable

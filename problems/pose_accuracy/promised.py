@@ -16,8 +16,8 @@ from typing import ClassVar
 import numpy as np
 from scipy.special import ndtr, ndtri
 
+from ...arrays import Array
 from ...declarations import number
-from ..arrays import Array
 from ..interfaces import Differentiable
 from ..process_problem import ProcessProblem, Shortfall
 from ..promise import PROMISED

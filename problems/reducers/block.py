@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import ndtri
 
+from ...arrays import Array, Integers
 from ...models.costs import CostCurve
 from ...models.rv_reducer.mean_square import MeanSquare, mean_square
 from ...units import ARCMIN
-from ..arrays import Array, Integers
 from ..rv_backlash import RvBacklash
 from ..rv_backlash.shift import Shift, columns_of, shift_of
 from ..rv_backlash.terms import BEARING, GRADE, bearing_term, ends, grades_of, unit_terms

@@ -8,8 +8,8 @@ from functools import cached_property
 import numpy as np
 import scipy
 
+from ...arrays import Array
 from ...models.costs import CostCurve
-from ..arrays import Array
 
 NODES = 6000
 """Prices at which a curve in closed form is tabulated."""

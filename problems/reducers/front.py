@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import Array, Integers
+from ...arrays import Array, Integers
 from .block import Block
 from .curve import PricedCurve
 from .least import Least, least, lower_bound

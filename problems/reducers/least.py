@@ -18,8 +18,8 @@ from typing import Any
 
 import numpy as np
 
+from ...arrays import Array, Integers
 from ...models.rv_reducer.mean_square import mean_square
-from ..arrays import Array, Integers
 from .block import Block
 
 PASSES = 32

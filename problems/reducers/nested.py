@@ -13,8 +13,8 @@ import numpy as np
 import scipy
 from scipy.special import gammaincinv
 
+from ...arrays import Array, Integers
 from ...models.propagation.monte_carlo import units_of
-from ..arrays import Array, Integers
 from ..rv_backlash import RvBacklash
 from .block import Block, block_of
 from .curve import PricedCurve

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...arrays import Array
 from ...models.costs import CostCurve
-from ..arrays import Array
 from ..forms import Feature, Form, Way
 from ..limits import narrowed
 from .gears import RMS, TE

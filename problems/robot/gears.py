@@ -9,9 +9,9 @@ from functools import cached_property
 import numpy as np
 import scipy
 
+from ...arrays import Array
 from ...declarations import Kind, Value, Variable, number
 from ...models.robot.sample import smooth_root
-from ..arrays import Array
 from ..reducers.nested import Nested
 from ..rv_backlash.terms import GRADE
 from ..rv_transmission_error.declared import DOCUMENT_MRAD

@@ -9,11 +9,11 @@ from functools import cached_property
 
 import numpy as np
 
+from ...arrays import Array
 from ...declarations import Value, number
 from ...models.robot.drives import Drives
 from ...models.robot.sample import AccuracySample
 from ...units import ARCMIN, MM, MRAD
-from ..arrays import Array
 
 NONE = 1e-18
 """Square of a rotation per rotation of a drive that is rounding."""

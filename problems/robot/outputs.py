@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import Any
 
+from ...arrays import Array
 from ...declarations import Output, Parameter
 from ...models.robot.manipulator import CALIBRATED
-from ..arrays import Array
 from ..settings import Bound
 
 Points = Iterable[Sequence[float] | Array]

@@ -10,10 +10,10 @@ from functools import cached_property
 import numpy as np
 import pandas as pd
 
+from ...arrays import Array
 from ...declarations import Assumption, Value
 from ...errors import Fault
 from ...models.robot.sample import ratio
-from ..arrays import Array
 from ..declaration import Interval
 from ..forms import Form
 from ..interfaces import Comparison, Documented, Page, Provable, Stored

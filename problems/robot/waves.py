@@ -7,10 +7,10 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
+from ...arrays import Array
 from ...models.assembly.coverage import radius_quantile
 from ...models.costs import Reciprocal
 from ...units import ARCMIN, ARCSEC
-from ..arrays import Array
 from ..reducers.curve import Clipped, PricedCurve
 from ..rv_transmission_error import RvTransmissionError
 from ..rv_transmission_error.declared import COSTS, DOCUMENT_MRAD, PRECISION, VARIABLES

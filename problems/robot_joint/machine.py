@@ -7,13 +7,13 @@ from functools import cached_property
 
 import numpy as np
 
+from ...arrays import Array
 from ...declarations import number
 from ...models.manipulator import declared
 from ...models.manipulator.indices import quadrature
 from ...models.manipulator.sources import NAMES, SCALES
 from ...models.robot.manipulator import ORDER, drives, gravity_torque, links
 from ...models.robot.sample import sobol_poses
-from ..arrays import Array
 from ..pose_accuracy.grouping import Grouping
 from ..robot.machine import Machine, Places
 

@@ -13,8 +13,8 @@ from functools import cached_property
 
 import numpy as np
 
+from ...arrays import Array
 from ...models.inputs import Distribution
-from ..arrays import Array
 
 LEVELS = 4001
 """Quantiles by which a law is compared with a uniform one."""

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..arrays import Array
+from ...arrays import Array
 from ..settings import Settings
 
 if TYPE_CHECKING:

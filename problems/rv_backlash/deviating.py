@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...arrays import Array
 from ...models.capability import Surplus
 from ...units import ARCMIN
-from ..arrays import Array
 from ..deviations import Deviations
 from ..forms import Feature, Form
 from ..promise import ASSURED, PROMISED

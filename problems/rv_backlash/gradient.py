@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...arrays import Array
 from ...models.propagation.sums import Term, total_cumulants
 from ...units import ARCMIN, MM
-from ..arrays import Array
 from .form import deviations
 from .machined_tolerances import TERMS
 from .terms import BEARING, GRADE

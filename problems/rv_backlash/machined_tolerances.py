@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...arrays import Array
 from ...models.costs import CostCurve
 from ...models.machines import convex_cost
 from ...models.propagation.sums import ClippedSum
 from ...models.rv_reducer.cycloid import LINEAR_ERRORS
-from ..arrays import Array
 from ..machined_tolerance import MachinedTolerance, curve_of
 
 if TYPE_CHECKING:

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...arrays import Array
 from ...models.costs import CostCurve, Reciprocal
 from ...models.propagation.even import UNIFORM, Even, even_law
 from ...models.propagation.sums import Term
 from ...units import ARCMIN
-from ..arrays import Array
 from .bent import LEVELS, SAFE, Cell, quantiles_of, uniform_below
 from .machined_tolerances import CELLS as CELLS_OF_MEANS
 from .machined_tolerances import pieces_of

@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from ...arrays import Array
 from ...declarations import number
 from ...errors import Fault
 from ...models.propagation import Convolution, Estimate, Moments, MonteCarlo, Propagated, Propagation
@@ -15,7 +16,6 @@ from ...models.propagation.sums import ClippedSum
 from ...models.rv_reducer import declared, modification
 from ...models.rv_reducer.backlash import Allocation, stage_means
 from ...units import ARCMIN, MM
-from ..arrays import Array
 from ..declaration import Declaration, Interval
 from ..deviations import Deviations
 from ..forms import Form

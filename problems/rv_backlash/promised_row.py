@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
+from ...arrays import Array
 from ...models.capability import Surplus
 from ...models.propagation.sums import Term
-from ..arrays import Array
 from ..forms import Way
 from ..promise import ASSURED
 from .deviating import MEAN, STD, doubt_of

@@ -19,10 +19,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...arrays import Array
 from ...models.costs import Reciprocal
 from ...models.propagation.sums import total_cumulants
 from ...units import ARCMIN
-from ..arrays import Array
 from ..forms import Feature, Form, Piece, Quantile, Way
 from ..limits import Limit
 from ..promise import PROMISED

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy
 
+from ...arrays import Array
 from ...units import ARCMIN, MM
-from ..arrays import Array
 from .terms import ends
 
 if TYPE_CHECKING:

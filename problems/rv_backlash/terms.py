@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...arrays import Array
 from ...models.propagation.sums import Term
-from ..arrays import Array
 from ..limits import narrowed
 from .machined_tolerances import TERMS
 

@@ -9,9 +9,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from ...arrays import Array
 from ...models.rv_reducer.population.measures import Measure, Measures
 from ...models.rv_reducer.population.statistics import Statistic, share_within
-from ..arrays import Array
 from .counterparts import Change
 
 

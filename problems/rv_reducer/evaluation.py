@@ -8,6 +8,7 @@ from functools import cached_property
 from math import log
 from types import MappingProxyType
 
+from ...arrays import Array
 from ...models.rv_reducer.population.elastic import Elastic, elastic
 from ...models.rv_reducer.population.gradient import NAMES
 from ...models.rv_reducer.population.measures import Measures
@@ -23,7 +24,6 @@ from ...models.rv_reducer.population.statistics import (
 )
 from ...models.rv_reducer.population.table import Table
 from ...models.rv_reducer.population.turn import Population, Turn
-from ..arrays import Array
 from .outputs import MEASURED
 from .units import UnitModel
 

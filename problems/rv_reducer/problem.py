@@ -9,6 +9,7 @@ from functools import cached_property, partial
 
 import numpy as np
 
+from ...arrays import Array
 from ...declarations import Value, Variable, number
 from ...errors import Fault
 from ...models.inputs import Uniform
@@ -17,7 +18,6 @@ from ...models.rv_reducer.population.lattice import nearest_prime
 from ...models.rv_reducer.population.unit_basis import stem
 from ...records import UnitsShown
 from ...units import ARCMIN, MM
-from ..arrays import Array
 from ..declaration import Declaration, Interval
 from ..interfaces import Accuracy, Comparison, Documented, Page, Variant, WithEffects
 from ..machined import Machined

@@ -15,10 +15,10 @@ from functools import cached_property
 
 import numpy as np
 
+from ...arrays import Array, Flags
 from ...models.rv_reducer.population.gradient import Slopes
 from ...models.rv_reducer.population.turn import Population
 from ...models.rv_reducer.population.unit_basis import stem
-from ..arrays import Array, Flags
 from ..machined_tolerance import MachinedTolerance
 from ..process_problem import ProcessProblem, Shortfall
 from ..promise import ASSURED, PROMISED, YIELD

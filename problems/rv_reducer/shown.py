@@ -7,12 +7,12 @@ from collections.abc import Mapping
 import numpy as np
 import pandas as pd
 
+from ...arrays import Array
 from ...declarations import Value, number
 from ...models.rv_reducer.population.gradient import Slopes
 from ...models.rv_reducer.population.lattice import Lattice, turn_lattice
 from ...models.rv_reducer.population.turn import Population
 from ...records import UnitsShown
-from ..arrays import Array
 from .evaluation import Evaluation
 
 FINE = 1021

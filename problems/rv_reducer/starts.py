@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...arrays import Array
 from ...models.rv_reducer.geometry import RvGeometry
-from ..arrays import Array
 from ..settings import Bound
 from .declared import DISC_TO_DISC
 

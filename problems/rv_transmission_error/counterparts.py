@@ -21,6 +21,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ...arrays import Array
 from ...models.assembly.assemble import Departures
 from ...models.effects.compose import Active
 from ...models.effects.effect import Target
@@ -28,7 +29,6 @@ from ...models.effects.readings import readings_of, target_from
 from ...models.measurable import Column, Role
 from ...models.rv_reducer.transmission import RvTransmission
 from ...units import ARCSEC
-from ..arrays import Array
 
 ORDER = 40
 """Waves per turn of the output that the angles of cranks cause."""

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...arrays import Array
 from ...models.assembly.chain import DatumFlowChain
-from ..arrays import Array
 from .declared import AXES
 
 COMPOSITES = ("sum", "rss")

@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from ...arrays import Array
 from ...declarations import Kind, Variable, number
 from ...errors import Fault, InputError
 from ...models.assembly import declared as assembly
@@ -19,7 +20,6 @@ from ...models.assembly.response import response
 from ...models.assembly.transmission import Transmission
 from ...models.inputs import Normal
 from ...units import ARCSEC, MRAD
-from ..arrays import Array
 from ..declaration import Declaration, Interval
 from ..forms import Form
 from ..interfaces import Documented, Page, Provable, WithEffects

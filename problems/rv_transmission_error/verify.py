@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from ...arrays import Array
 from ...models.assembly.coverage import normals
 from ...models.assembly.influence import Influence
 from ...models.assembly.transmission import Transmission, Turned
-from ..arrays import Array
 
 SAMPLE = 2048
 """Units among which those nearest to the quantile are sought."""

@@ -8,11 +8,11 @@ from functools import cached_property
 
 import numpy as np
 
+from ...arrays import Array
 from ...declarations import Kind, Parameter, Value, Variable, completed, number
 from ...models.costs import CostCurve, Reciprocal
 from ...models.serial_arm import declared
 from ...models.serial_arm.cell import Cell
-from ..arrays import Array
 from ..pose_accuracy.grouping import RANGE
 from ..reducers.nested import Nested
 from ..robot import definition

@@ -7,6 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
+from ...arrays import Array
 from ...declarations import number
 from ...models.robot.drives import WHOLE, Drives
 from ...models.serial_arm import declared
@@ -15,7 +16,6 @@ from ...models.serial_arm.frames import Frames, frames
 from ...models.serial_arm.gravity import gravity_torques
 from ...models.serial_arm.inverse import Reached, over_cell
 from ...units import MRAD, UM
-from ..arrays import Array
 from ..robot.machine import Machine, Places
 from .definition import Definition
 

@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from ...arrays import Array
 from ...errors import Fault
 from ...models.stack import Mechanism
-from ..arrays import Array
 from .definition import Correlation, Part, Requirement
 from .formulas import with_formula
 from .sensitivities import needless

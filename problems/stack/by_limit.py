@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from ...arrays import Array
 from ...models.stack import Law
-from ..arrays import Array
 from .joint import joint_variations
 
 if TYPE_CHECKING:

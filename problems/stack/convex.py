@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...arrays import Array, Flags
 from ...models.costs import Reciprocal
-from ..arrays import Array, Flags
 from ..forms import Feature, Form, Way
 from ..limits import Limit, narrowed
 from .definition import Part

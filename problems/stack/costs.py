@@ -7,8 +7,8 @@ from functools import cached_property
 
 import numpy as np
 
+from ...arrays import Array, Integers
 from ...models.costs.joint import Joint
-from ..arrays import Array, Integers
 from .definition import Part
 
 

@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
+from ...arrays import Array
 from ...models.capability import Knowledge, PartSample
 from ...models.costs import CostCurve
 from ...models.inputs import Distribution
 from ...models.machines import Machine
 from ...models.machines.offers import Offer
 from ...models.stack import Mechanism
-from ..arrays import Array
 from ..promise import Promise
 
 METHODS = ("worst_case", "rss", "shifted_rss", "monte_carlo")

@@ -8,11 +8,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from ...arrays import Array
 from ...errors import Fault, nearest
 from ...models.expressions import FUNCTIONS, Formula, FormulaError
 from ...models.stack import Mechanism, box, least_margin
 from ...units import family, to_unit
-from ..arrays import Array
 from .definition import Part, Requirement
 
 NEGLIGIBLE = 1e-12

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ..arrays import Array
+from ...arrays import Array
 from .definition import Requirement
 from .measured import Interval, Measured
 

@@ -13,9 +13,9 @@ from itertools import pairwise
 
 import numpy as np
 
+from ...arrays import Array
 from ...models.costs import Reciprocal
 from ...models.machines import GoodPartsBySpread, convex_cost
-from ..arrays import Array
 from ..forms import Way
 from .definition import Part, Process
 from .parts_as_made import by_spread, spread_and_mean

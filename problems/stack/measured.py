@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from ...arrays import Array
 from ...models.stack import (
     Law,
     Linear,
@@ -21,7 +22,6 @@ from ...models.stack import (
     spread_of,
 )
 from ...models.stack.linear import SIGMAS
-from ..arrays import Array
 from .definition import Definition, Part, Requirement
 
 Interval = tuple[float, float]

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ...arrays import Array, Integers
 from ...models.inputs import Normal
 from ...models.machines import GoodPartsBySpread
 from ...models.machines.offers import Offer
 from ...models.stack import AsMade, Tolerances
-from ..arrays import Array, Integers
 from .definition import Part, Process
 
 

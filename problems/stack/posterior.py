@@ -13,8 +13,8 @@ from functools import cached_property
 
 import numpy as np
 
+from ...arrays import Array, Integers
 from ...models.stack import AsMade, Tolerances, mean_of, spread_of
-from ..arrays import Array, Integers
 from ..draws import Draws, Sums
 from ..promise import AT_ONCE, DRAWS, assured_percent
 from .definition import Part

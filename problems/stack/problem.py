@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from ...arrays import Array, Integers
 from ...declarations import Assumption, Output, Variable
 from ...errors import Fault, ModelError
 from ...models.capability import PartSample
 from ...models.costs import CostCurve
 from ...models.stack import Linear, Tolerances
 from ...section import Section
-from ..arrays import Array, Integers
 from ..declaration import ConfiguredProblem, Declaration, Interval
 from ..forms import Form
 from ..interfaces import Accuracy, Checks, Differentiable, Documented, Drawing, Page, Provable, Written

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ...arrays import Array, Integers
 from ...models.capability import PartSample
 from ...models.machines import offers
-from ..arrays import Array, Integers
 from .definition import Part
 
 

@@ -7,9 +7,9 @@ from functools import cached_property
 
 import numpy as np
 
+from ...arrays import Array
 from ...models.capability import Norm, norm_of
 from ...models.stack import AsMade, Tolerances, mean_of, spread_of
-from ..arrays import Array
 from ..promise import ASSURED, Promise, normal_yield
 from .measured import Measured
 from .posterior import Posterior

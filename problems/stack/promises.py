@@ -8,11 +8,11 @@ from functools import cached_property
 
 import numpy as np
 
+from ...arrays import Array
 from ...declarations import Output
 from ...errors import Fault
 from ...models.capability import Level
 from ...models.stack import Tolerances
-from ..arrays import Array
 from ..promise import ASSURANCE, ASSURED, PLUG_IN, PROMISED, Promise
 from ..promise_outputs import assurances, contradictions, means_promise, outputs_of_promise
 from ..settings import Bound

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.special import ndtri
 
+from ...arrays import Array, Flags
 from ...models.capability.norm import Surplus, over
 from ...models.stack import Law
 from ...models.stack.linear import SIGMAS
-from ..arrays import Array, Flags
 from ..forms import Piece, Quantile
 from ..promise import ASSURED, PLUG_IN, PROMISED
 from .joint import VARIATIONS

@@ -17,8 +17,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.special import ndtr, ndtri
 
+from ...arrays import Array
 from ...models.roots import bracketed_roots
-from ..arrays import Array
 
 AT = np.array([0.1, 0.21, 0.35, 0.55])
 """Means, in standard deviations, at which tangents are drawn: at P = 0.9973 s is then at most

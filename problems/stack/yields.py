@@ -8,8 +8,8 @@ from functools import cached_property
 
 import numpy as np
 
+from ...arrays import Array, Integers
 from ...models.stack import Law, Sample, Tolerances, half_width, joint_yield_percent
-from ..arrays import Array, Integers
 from ..limits import Limit
 from ..settings import Settings
 from .measured import Measured

@@ -7,6 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
+from ...arrays import Array
 from ...declarations import number
 from ...errors import Fault, InputError
 from ...models.rv_reducer import modification
@@ -15,7 +16,6 @@ from ...models.rv_reducer.contact.errors import PartErrors
 from ...models.rv_reducer.contact.performance import backlash, loading
 from ...models.rv_reducer.geometry import RvGeometry
 from ...units import ARCMIN, MM
-from ..arrays import Array
 from ..declaration import Declaration, Interval
 from ..interfaces import Documented
 from ..settings import Settings

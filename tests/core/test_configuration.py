@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from tolevo import registry
+from tolevo.arrays import Array
 from tolevo.configuration import Configuration, read
 from tolevo.configuration.reader import read_table
 from tolevo.declarations import Kind, Output, Parameter, Variable
@@ -16,7 +17,6 @@ from tolevo.errors import InputError, refuse
 from tolevo.models.costs import Exponential, Reciprocal, Table
 from tolevo.models.inputs import Normal
 from tolevo.models.measurable import MeasurableModel
-from tolevo.problems.arrays import Array
 from tolevo.problems.declaration import Declaration
 from tolevo.problems.settings import Bound
 from tolevo.problems.tolerance_problem import ToleranceProblem

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tolevo.arrays import Array
 from tolevo.errors import InputError
 from tolevo.models.costs import (
     CURVES,
@@ -16,7 +17,6 @@ from tolevo.models.costs import (
     ReciprocalSquared,
     Table,
 )
-from tolevo.models.costs.curve import Array
 from tolevo.models.inputs import DISTRIBUTIONS, Beta, Normal, Rayleigh, Triangular, Uniform
 from tolevo.models.rv_reducer.lost_motion import RvLostMotion
 from tolevo.testing import CurveContract, DesignContract, DistributionContract, ModelContract

@@ -15,7 +15,7 @@ import pytest
 from scipy.optimize import root
 from scipy.spatial.transform import Rotation
 
-from tolevo.models.inputs.distribution import Array
+from tolevo.arrays import Array
 from tolevo.models.manipulator.calibration import identifiable
 from tolevo.models.manipulator.compensation import compensated, split
 from tolevo.models.manipulator.effects import KINDS, conditions, unit_effects

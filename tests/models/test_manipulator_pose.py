@@ -11,10 +11,10 @@ import pytest
 from typer.testing import CliRunner
 
 import tolevo
+from tolevo.arrays import Array
 from tolevo.cli import app
 from tolevo.configuration import read
 from tolevo.errors import InputError
-from tolevo.models.inputs.distribution import Array
 from tolevo.models.manipulator import declared
 from tolevo.models.manipulator.geometry import Manipulator, TaskRing
 from tolevo.models.manipulator.maps import first_order

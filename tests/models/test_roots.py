@@ -3,7 +3,8 @@
 import numpy as np
 from scipy.optimize.elementwise import find_root
 
-from tolevo.models.roots import Array, bracketed_roots
+from tolevo.arrays import Array
+from tolevo.models.roots import bracketed_roots
 
 
 def excess(x: Array, y: Array) -> Array:

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from tolevo import registry
+from tolevo.arrays import Array
 from tolevo.models.effects.compose import Active, predicted
-from tolevo.models.inputs.distribution import Array
 from tolevo.models.rv_reducer.batch import RvBatch
 from tolevo.problems.interfaces import WithEffects
 from tolevo.problems.pose_accuracy import PoseAccuracy

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tolevo.models.inputs.distribution import Array
+from tolevo.arrays import Array
 from tolevo.workflows.gap.close import least_squares
 
 STAIR = 5e-4

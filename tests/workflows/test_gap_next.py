@@ -12,10 +12,10 @@ from scipy import stats
 from typer.testing import CliRunner
 
 from tolevo import registry
+from tolevo.arrays import Array
 from tolevo.cli import app
 from tolevo.configuration.gap import read_gap
 from tolevo.gap_records import GapResult
-from tolevo.models.inputs.distribution import Array
 from tolevo.workflows.gap import gap
 from tolevo.workflows.gap.read import read_data
 

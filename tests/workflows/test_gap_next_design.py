@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tolevo.models.inputs.distribution import Array
+from tolevo.arrays import Array
 from tolevo.workflows.gap.next.chance import Duel
 from tolevo.workflows.gap.next.contest import Contest
 from tolevo.workflows.gap.next.exchange import exchanged

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from tolevo import registry
+from tolevo.arrays import Array
 from tolevo.declarations import Output
 from tolevo.models.effects.effect import Readings, Target
 from tolevo.models.effects.readings import readings_of, target_from
 from tolevo.models.effects.shapes import OneColumn, Weight
-from tolevo.models.inputs.distribution import Array
 from tolevo.models.measurable import Column, Role
 from tolevo.workflows.gap.data import GapData
 from tolevo.workflows.gap.library import candidates, not_considered

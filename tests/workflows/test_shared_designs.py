@@ -15,11 +15,12 @@ from tolevo.algorithms.nsga2 import NSGA2
 from tolevo.algorithms.run import Run, Values, values_of
 from tolevo.algorithms.search import SearchResult, search
 from tolevo.algorithms.settings import Budget
+from tolevo.arrays import Array
 from tolevo.problems.rv_backlash import RvBacklash
 from tolevo.problems.rv_reducer import RvReducer
 from tolevo.problems.settings import Settings
 from tolevo.workflows.execution import Execution
-from tolevo.workflows.run.designs import Array, Designs
+from tolevo.workflows.run.designs import Designs
 
 BUDGET = Budget(generations=3)
 

@@ -7,16 +7,14 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
+from ...arrays import Array
 from ...declarations import Kind, Variable
 from ...problems.interfaces import Comparison, Drawing
 from ...problems.tolerance_problem import ToleranceProblem
 from .notation import drawing_number, inspection, notation, process_of
 from .roughness import SHARE, roughness
 from .steps import without_last_digits
-
-Array = NDArray[np.float64]
 
 
 def allocation(

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
+from ...arrays import Array
 from ...problems.tolerance_problem import ToleranceProblem
 from .slopes import Slopes, tolerances_of
 
-Array = NDArray[np.float64]
 CANCELLED = 1e-3
 """Fraction of the magnitudes below which a sum of contributions counts as zero."""
 

@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from ...arrays import Array
 from ...problems.designs import designs_of
 from ...problems.interfaces import Accuracy, Comparison
 from ...problems.settings import Bound
@@ -26,8 +27,6 @@ from .settings import ChoiceSettings
 from .slopes import slopes_of
 from .steps import rule_message, step_of, values_of
 from .tolerances import tolerances
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

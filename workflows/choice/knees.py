@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from ...arrays import Array
+
 ARM = 0.1
 """Length of the arms of a bend, as a fraction of the length of the front."""
 COMPARED = 500

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arrays import Array
 from .neighbours import Mask, Neighbours
 from .ranking import Ranking, best
 
-Array = NDArray[np.float64]
 ROUNDS = 40
 """Rounds of pricing at most."""
 PAIRS = 24

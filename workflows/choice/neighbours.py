@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arrays import Array
 from ...problems.interfaces import Drawing
 from ...problems.tolerance_problem import ToleranceProblem
 
-Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 SLACK = 1e-9
 """Relative difference that counts as none."""

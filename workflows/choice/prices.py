@@ -7,12 +7,12 @@ import pandas as pd
 import scipy
 from numpy.typing import NDArray
 
+from ...arrays import Array
 from ...problems.interfaces import Drawing
 from ...problems.tolerance_problem import ToleranceProblem
 from .rule import COST
 from .slopes import Slopes, tolerances_of
 
-Array = NDArray[np.float64]
 PROVEN = 0.01
 """Gap [percent] up to which a point counts as optimal, so that multipliers hold there."""
 FITS = 1.0

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arrays import Array
 from ...problems.interfaces import Accuracy
 from ...problems.limits import limits_of
 from ...problems.settings import Bound
@@ -14,7 +15,6 @@ from ...problems.tolerance_problem import ToleranceProblem
 from .neighbours import SLACK
 from .rule import COST
 
-Array = NDArray[np.float64]
 BATCH = 64
 """Designs that are evaluated at once: every output of each is held meanwhile."""
 

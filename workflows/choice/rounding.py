@@ -9,6 +9,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arrays import Array
 from ...problems.interfaces import Accuracy
 from ...problems.settings import Bound
 from ...problems.tolerance_problem import ToleranceProblem
@@ -16,7 +17,6 @@ from .moves import by_moves
 from .neighbours import Neighbours, neighbours
 from .ranking import Ranking, best
 
-Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 ALL = 8
 """Variables up to which every combination of neighbours is tried at once."""

@@ -10,10 +10,10 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arrays import Array
 from ...problems.settings import Bound
 from .settings import ChoiceSettings
 
-Array = NDArray[np.float64]
 COST = "cost"
 
 

@@ -7,12 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
+from ...arrays import Array
 from .rule import COST, Points
 from .rules import chosen
 
-Array = NDArray[np.float64]
 FACTORS = (0.8, 1.2)
 
 

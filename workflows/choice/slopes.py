@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arrays import Array
 from ...declarations import Kind, Variable
 from ...problems.interfaces import Differentiable
 from ...problems.tolerance_problem import ToleranceProblem
 from .rule import COST
 
-Array = NDArray[np.float64]
 STEP = 1e-3
 """Relative step of a tolerance where an output has no derivative."""
 MOST = 1000

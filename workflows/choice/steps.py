@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...declarations import Kind, Variable
 from ...errors import Fault
@@ -13,7 +12,6 @@ from ...problems.tolerance_problem import ToleranceProblem
 from ...units import converted
 from .settings import IT_GRADES, PREFERRED, ChoiceSettings, Step
 
-Array = NDArray[np.float64]
 R20 = (1.0, 1.12, 1.25, 1.4, 1.6, 1.8, 2.0, 2.24, 2.5, 2.8, 3.15, 3.55, 4.0, 4.5, 5.0, 5.6, 6.3, 7.1, 8.0, 9.0)
 """Preferred numbers, basic series R20 (ISO 3:1973)."""
 SHARE = 0.01

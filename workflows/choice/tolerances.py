@@ -5,9 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from ...declarations import Kind, Variable
 from ...models.costs import CostCurve, Table
 from ...models.costs.reading import curve_table
@@ -15,8 +12,6 @@ from ...problems.interfaces import Drawing
 from ...problems.tolerance_problem import ToleranceProblem
 from ...units import converted
 from .steps import half_widths, size_mm
-
-Array = NDArray[np.float64]
 
 
 def tolerances(

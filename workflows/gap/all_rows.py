@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...models.inputs.distribution import Array
+from ...arrays import Array
 from .close import refitted
 from .data import GapData
 from .noise import Noise, outliers, size_follows

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import optimize
 
-from ...models.inputs.distribution import Array
+from ...arrays import Array
 from .data import GapData
 from .fit import Fitter, Member
 from .linear import ConditionalGroups, Groups, unit

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy import optimize, special
 
+from ...arrays import Array
 from ...models.effects.compose import Active, acting, added, changes_of
-from ...models.inputs.distribution import Array
 from ...models.measurable import MeasurableModel
 from .data import GapData
 from .fit import Fit, Member

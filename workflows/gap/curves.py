@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...arrays import Array
 from ...models.effects.unresolved import Term, Unresolved
-from ...models.inputs.distribution import Array
 from ...models.measurable import Role
 from .abstain import acts_in
 from .data import GapData

@@ -10,10 +10,10 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from ...arrays import Array
 from ...declarations import Output
 from ...models.effects import Readings, Target
 from ...models.effects.readings import SESSION, readings_of, target_from
-from ...models.inputs.distribution import Array
 from ...models.measurable import Column, Role
 from ...units import converted, dimension
 from .clocks import in_time

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...arrays import Array
 from ...models.effects.population.law import Law
-from ...models.inputs.distribution import Array
 
 BATCHES = 400
 """Simulated batches from which the floor is computed."""

@@ -17,7 +17,7 @@ from sklearn.model_selection import LeaveOneGroupOut
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import SplineTransformer
 
-from ...models.inputs.distribution import Array
+from ...arrays import Array
 from .generic import wave
 
 KNOTS = 8

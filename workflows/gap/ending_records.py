@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from ...arrays import Array
 from ...gap_records import (
     Detectable,
     FoundEffect,
@@ -20,7 +21,6 @@ from ...gap_records import (
     Score,
 )
 from ...models.effects import EffectParameter
-from ...models.inputs.distribution import Array
 from .ambiguity import correlation
 from .blocks import improvement
 from .close import corrected

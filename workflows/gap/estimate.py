@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ...models.inputs.distribution import Array
+from ...arrays import Array
 from .linear import Groups, basis, products, projected_out
 from .noise import Noise, autocorrelation, outliers, residual_scale, robust_scale, size_follows
 from .scan import evidence

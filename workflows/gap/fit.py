@@ -10,9 +10,9 @@ from operator import itemgetter
 import numpy as np
 from scipy import optimize
 
+from ...arrays import Array
 from ...models.effects import EffectParameter
 from ...models.effects.unresolved import Unresolved
-from ...models.inputs.distribution import Array
 from .library import Candidate, Columns
 from .linear import ConditionalGroups, Groups, basis, projected_out, unit
 from .space import Space

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...models.inputs.distribution import Array
+from ...arrays import Array
 from .distance import distance, floor
 from .population import held_out_units
 from .result import Ending, ended, rmse

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from scipy import linalg
 from scipy.interpolate import BSpline
 
+from ...arrays import Array
 from ...models.effects.readings import SESSION, labels_of, unit_numbers
 from ...models.gear import SUN
-from ...models.inputs.distribution import Array
 from ...models.measurable import Column, Role
 from ...units import converted
 from .data import GapData

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arrays import Array
 from ...models.effects.effect import Effect, Readings, Target
 from ...models.effects.population.law import Law
 from ...models.effects.population.units import OfUnits
 from ...models.effects.readings import readings_of, target_of
-from ...models.inputs.distribution import Array
 from ...models.measurable import Column
 from ...models.sources import Sources
 from .plan import GapPlan

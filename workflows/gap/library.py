@@ -11,6 +11,7 @@ from math import log
 import numpy as np
 
 from ... import registry
+from ...arrays import Array
 from ...models.effects import Effect, EffectParameter, Target
 from ...models.effects.compose import Active
 from ...models.effects.inside import InsideSeveral
@@ -18,7 +19,6 @@ from ...models.effects.population.units import OfUnits
 from ...models.effects.readings import labels_of
 from ...models.effects.shapes import Shape
 from ...models.effects.unresolved import Unresolved
-from ...models.inputs.distribution import Array
 from ...models.measurable import Role
 from .data import GapData
 from .law import on_scatter

@@ -10,10 +10,10 @@ from itertools import product
 import numpy as np
 from scipy import optimize, special
 
+from ...arrays import Array
 from ...models.effects.compose import Active
 from ...models.effects.effect import EffectParameter, Target
 from ...models.effects.population.law import Law
-from ...models.inputs.distribution import Array
 from .distance import likelier
 from .law import law_with
 from .library import Candidate, carried

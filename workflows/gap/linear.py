@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg
 
-from ...models.inputs.distribution import Array
+from ...arrays import Array
 
 GONE = 1e-7
 """Fraction of a column's square below which it lies in the span of others."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arrays import Array
 from ...gap_records import Region
-from ...models.inputs.distribution import Array
 from ...models.measurable import Role
 from .fit import Fit, Fitter
 from .generic import PREDICTED, Form

@@ -12,8 +12,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...arrays import Array
 from ...models.effects import EffectParameter
-from ...models.inputs.distribution import Array
 from .analysis import Analysis
 from .close import Corrected
 from .fit import Fit, Fitter, Member, is_term

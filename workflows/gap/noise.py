@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg, special
 
-from ...models.inputs.distribution import Array
+from ...arrays import Array
 from .linear import basis, projected_out, whitening
 
 GRID = np.concatenate([np.arange(0.0, 0.9, 0.05), [0.9, 0.93, 0.96, 0.98, 0.99]])

@@ -12,8 +12,8 @@ from itertools import pairwise
 import numpy as np
 from scipy import special
 
+from ...arrays import Array
 from ...models.effects.instrument.delay import Delay
-from ...models.inputs.distribution import Array
 from .close import widened
 from .data import GapData
 from .fit import Fit, Fitter, Member

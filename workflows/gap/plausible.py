@@ -7,8 +7,8 @@ from math import radians, tau
 
 import numpy as np
 
+from ...arrays import Array
 from ...models.effects.effect import kind_of
-from ...models.inputs.distribution import Array
 from ...models.measurable import Role
 from ...units import converted
 from .data import GapData

@@ -16,11 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtri
 
+from ...arrays import Array
 from ...models.effects import Target
 from ...models.effects.compose import Active
 from ...models.effects.population.law import Law
 from ...models.effects.population.units import OfUnits
-from ...models.inputs.distribution import Array
 from ...models.measurable import Role
 from .ambiguity import INSTRUMENT
 from .blocks import Improvement

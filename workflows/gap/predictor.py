@@ -9,9 +9,9 @@ from types import MappingProxyType
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
+from ...arrays import Array
 from ...models.effects.compose import acting, added, changes_of, with_zero
 from ...models.effects.effect import Action
-from ...models.inputs.distribution import Array
 from ...models.measurable import NO_CHANGES, MeasurableModel
 from .data import GapData
 from .law import on_scatter

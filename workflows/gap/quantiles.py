@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
+from ...arrays import Array
 from ...models.effects.compose import Active, predicted
-from ...models.inputs.distribution import Array
 from ...models.measurable import MeasurableModel
 from .data import GapData
 from .plan import GapPlan

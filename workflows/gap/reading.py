@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from ...arrays import Array
 from ...declarations import Output
 from ...models.effects.instrument.lattice import step_of
-from ...models.inputs.distribution import Array
 from .fit import Fit, Fitter
 from .library import Candidate, Columns
 from .setup import Setup

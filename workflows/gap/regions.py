@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
+from ...arrays import Array
 from ...declarations import Output
 from ...gap_records import Region, Shape
 from ...models.effects.readings import unit_numbers
-from ...models.inputs.distribution import Array
 from ...models.measurable import Role
 from .fit import Fit
 from .generic import PREDICTED, Form, order_of_units

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...models.inputs.distribution import Array
+from ...arrays import Array
 from .abstain import acts_in
 from .analysis import Analysis, without
 from .blocks import HeldOut

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from ...models.inputs.distribution import Array
+from ...arrays import Array
 from ...models.measurable import Role
 from .fit import Fit, Fitter, Member
 from .generic import Form

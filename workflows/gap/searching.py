@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ...models.inputs.distribution import Array
+from ...arrays import Array
 from ...models.measurable import Role
 from .blocks import block_labels
 from .estimate import Remainder, estimated

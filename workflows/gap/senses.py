@@ -14,11 +14,11 @@ from operator import attrgetter
 
 import numpy as np
 
+from ...arrays import Array
 from ...declarations import Output
 from ...models.effects.effect import kind_of
 from ...models.effects.inside import InsideSeveral
 from ...models.effects.shapes import POSITIONS
-from ...models.inputs.distribution import Array
 from ...models.measurable import Role
 from .data import GapData
 from .library import Candidate, Columns, grid

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arrays import Array
 from ...gap_records import Measurement
-from ...models.inputs.distribution import Array
 from ...models.measurable import Column, Role
 from .data import GapData
 from .fit import Fit

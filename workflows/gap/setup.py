@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from scipy import optimize
 
+from ...arrays import Array
 from ...errors import raise_all
 from ...models.effects.population.law import Law
-from ...models.inputs.distribution import Array
 from ...models.measurable import NO_CHANGES, Role
 from .data import GapData
 from .fit import Fit

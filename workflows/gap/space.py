@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...models.inputs.distribution import Array
+from ...arrays import Array
 from .noise import Noise
 
 

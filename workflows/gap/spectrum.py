@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
-from ...models.inputs.distribution import Array
+from ...arrays import Array
 from ...models.measurable import Role
 from .data import GapData
 from .generic import order_grid

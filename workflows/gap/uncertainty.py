@@ -9,8 +9,8 @@ from functools import partial
 
 import numpy as np
 
+from ...arrays import Array
 from ...errors import RunError
-from ...models.inputs.distribution import Array
 from ..execution import Execution, Lost, executor_of
 from .analysis import Analysis
 from .fit import Fit, is_term

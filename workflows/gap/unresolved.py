@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg
 
+from ...arrays import Array
 from ...models.effects.readings import labels_of
 from ...models.effects.unresolved import Term, Unresolved
-from ...models.inputs.distribution import Array
 from ...models.measurable import Column, Role
 from .close import Corrected
 from .data import GapData

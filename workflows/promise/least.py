@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...algorithms.exact.afresh import feasible_afresh
 from ...algorithms.exact.bounds import row_limits
@@ -18,11 +17,11 @@ from ...algorithms.hybrid import Hybrid
 from ...algorithms.run import Run
 from ...algorithms.search import search
 from ...algorithms.settings import Budget
+from ...arrays import Array
 from ...problems.forms import Form
 from ...problems.stack import Stack
 from ...problems.tolerance_problem import ToleranceProblem
 
-Array = NDArray[np.float64]
 Solved: TypeAlias = tuple[Form, Optimum]
 """The form of a problem, and its least cost."""
 EVALUATIONS = 600

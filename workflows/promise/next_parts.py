@@ -12,11 +12,11 @@ from dataclasses import replace
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 from scipy.special import ndtri
 
 from ...algorithms.exact.choices import Optimum
 from ...algorithms.exact.solver import closed_form
+from ...arrays import Array
 from ...models.capability import Knowledge
 from ...problems.forms import Form
 from ...problems.promise import PROMISED
@@ -27,7 +27,6 @@ from ..choice.slopes import slopes_of
 from .anew import known_of, with_knowledge
 from .least import Least, Solved, cheapest, solved
 
-Array = NDArray[np.float64]
 MORE = 20
 """Parts that are measured next."""
 FIRST = 3

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
+from ...arrays import Array
 from ...problems.designs import designs_of
 from ...problems.promise import ASSURANCE, ASSURED, STATEMENTS, YIELD, Promise
 from ...problems.stack import Stack
@@ -20,7 +20,6 @@ from .limits import promised_limits
 from .next_parts import next_parts
 from .shapes import any_not_normal, bootstrapped, withheld
 
-Array = NDArray[np.float64]
 SURE = 2.0
 """Standard errors by which an assurance by units may fall short of the confidence."""
 COSTS = ("statement", "cost", "dearer_percent", YIELD, ASSURANCE)

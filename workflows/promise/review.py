@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 from scipy import stats
 
+from ...arrays import Array
 from ...models.capability import PartSample
 from ...models.inputs import Distribution
 from ...problems.promise import ASSURANCE
@@ -20,7 +20,6 @@ from .anew import cheapest_at
 from .least import Least, cheapest
 from .limits import promised_limits
 
-Array = NDArray[np.float64]
 CHANGED = 0.01
 """Probability below which a difference of scatter or mean is not attributed to chance."""
 SAME = 0.02

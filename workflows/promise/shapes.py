@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import stats
 
+from ...arrays import Array
 from ...models.capability import PartSample, cumulants_drawn, fraction_within_limits
 from ...problems.interfaces import Checks
 from ...problems.stack import Stack
 from ...problems.tolerance_problem import ToleranceProblem
 
-Array = NDArray[np.float64]
 FEW = 20
 """Parts below which a skewed sample does not carry an assurance."""
 NOT_NORMAL = ("shape", "outlier")

@@ -8,18 +8,17 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from ...algorithms.exact.branch import NEARLY, Branch
 from ...algorithms.run import Progress, Run
 from ...algorithms.settings import Budget
+from ...arrays import Array
 from ...problems.designs import designs_of
 from ...problems.interfaces import Comparison, Variant
 from ...problems.tolerance_problem import ToleranceProblem
 from ...records import RunResult
 from .units import NEAR, shown_point
 
-Array = NDArray[np.float64]
 INFEASIBLE = "no allocation found that keeps the limits at this grade"
 RIGID = "backlash_"
 """Prefix of the outputs that are searched within a fraction of a second."""

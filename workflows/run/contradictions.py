@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...algorithms.exact.bounds import restricted, row_limits, upper_limit
 from ...algorithms.exact.choices import least_cost
 from ...algorithms.exact.front import tightest
 from ...algorithms.exact.pieces import convex_pieces
+from ...arrays import Array
 from ...errors import Fault
 from ...models.stack import Law
 from ...problems.forms import Form
@@ -16,7 +16,6 @@ from ...problems.interfaces import Provable
 from ...problems.stack import Stack
 from ...problems.tolerance_problem import ToleranceProblem
 
-Array = NDArray[np.float64]
 CLOSE = 1e-9
 """Relative excess that may be rounding."""
 HALVINGS = 40

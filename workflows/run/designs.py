@@ -10,10 +10,8 @@ from dataclasses import dataclass
 from functools import partial
 from importlib.metadata import version
 
-import numpy as np
-from numpy.typing import NDArray
-
 from ...algorithms.run import Values, values_of
+from ...arrays import Array
 from ...problems.tolerance_problem import ToleranceProblem
 from ..execution import (
     Background,
@@ -28,8 +26,6 @@ from ..execution import (
     next_of,
     pinned,
 )
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

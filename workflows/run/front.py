@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from ...algorithms.archive import ROOM, lowest_ranks
 from ...algorithms.indicators import nondominated
 from ...algorithms.search import SearchResult
+from ...arrays import Array
 from ...problems.designs import designs_of
 from ...problems.interfaces import Accuracy
 from ...problems.tolerance_problem import ToleranceProblem
 
-Array = NDArray[np.float64]
 EXACT = "exact, least cost within the limits"
 """Label of the exact optimum among the references."""
 FEW = 100

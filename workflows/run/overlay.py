@@ -8,19 +8,18 @@ from __future__ import annotations
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from ...algorithms.exact.solver import Exact
 from ...algorithms.indicators import nondominated
 from ...algorithms.nsga2 import NSGA2
 from ...algorithms.settings import AlgorithmSettings, Budget, Crossover, Mutation
+from ...arrays import Array
 from ...problems.interfaces import Accuracy
 from ...problems.tolerance_problem import ToleranceProblem
 from .plan import RunPlan
 from .proofs import distance_words
 from .references import SideSearch
 
-Array = NDArray[np.float64]
 ABOVE = "above_best_known_percent"
 """Column: how much more a point costs than the best known front at its other objective."""
 ROUNDING = 1e-9

@@ -5,16 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...arrays import Array
 from ...problems.designs import designs_of
 from ...problems.interfaces import Checks
 from ...problems.tolerance_problem import ToleranceProblem
 from ...records import RunResult
 from ..promise.limits import promised_limits
 from .choices import chosen_point
-
-Array = NDArray[np.float64]
 
 
 def with_capability(result: RunResult, problem: ToleranceProblem) -> RunResult:

@@ -5,18 +5,17 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...algorithms.exact.branch import Branch
 from ...algorithms.exact.epsilon import scale_of
 from ...algorithms.run import Run
 from ...algorithms.settings import Budget
+from ...arrays import Array
 from ...errors import Fault, raise_all
 from ...problems.interfaces import Checks, Differentiable
 from ...problems.limits import Limit
 from ...problems.tolerance_problem import ToleranceProblem
 
-Array = NDArray[np.float64]
 ATTEMPTS = 3
 """Searches for the least value, each from the result of the last."""
 

@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from ...algorithms.exact.solver import Exact
 from ...algorithms.ga import GA
 from ...algorithms.search import search
 from ...algorithms.settings import AlgorithmSettings, Budget, Crossover, Mutation
+from ...arrays import Array
 from ...problems.designs import designs_of
 from ...problems.interfaces import Accuracy, Documented
 from ...problems.settings import Bound
@@ -22,7 +22,6 @@ from .plan import RunPlan
 from .proofs import Exact as ExactFront
 from .proofs import exact_front
 
-Array = NDArray[np.float64]
 DISTANCE = "distance_to_front"
 """Column: from a reference to the nearest front point, in sides of the box of the hypervolume."""
 ALIKE = 1e-6

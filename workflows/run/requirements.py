@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from ...algorithms.exact.ascent import Ascent
 from ...algorithms.exact.bounds import reason, restricted, row_limits
@@ -14,13 +13,13 @@ from ...algorithms.exact.choices import Optimum, least_cost
 from ...algorithms.exact.combination import Combination
 from ...algorithms.exact.pieces import convex_pieces
 from ...algorithms.exact.programme import Programme
+from ...arrays import Array
 from ...problems.forms import Form
 from ...problems.interfaces import Provable
 from ...problems.spread import largest_parts, spread_of
 from ...problems.tolerance_problem import ToleranceProblem
 from ...records import RunResult
 
-Array = NDArray[np.float64]
 LOOSER = 0.1
 """Fraction of its limit by which each requirement is relaxed."""
 SLACK = 1e-9

@@ -19,7 +19,8 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.stats import norm, rankdata
 
-Array = NDArray[np.float64]
+from ...arrays import Array
+
 ALPHA = 0.05
 """Chance that the best setting of all leaves."""
 FIRST = 5

@@ -6,9 +6,10 @@ from math import cos, inf, log, pi, tau
 
 import numpy as np
 
+from ....arrays import Array
 from ...gear import PINS
 from ...measurable import Role
-from ..effect import Array, EffectParameter, Readings, Target, Values, quantity
+from ..effect import EffectParameter, Readings, Target, Values, quantity
 from ..shapes import OneColumn, Weight, no_waves, turns
 
 BELL, ENDING = 1.0, 2.0

@@ -6,8 +6,9 @@ from math import inf
 
 import numpy as np
 
+from ....arrays import Array
 from ...measurable import Role
-from ..effect import Array, Readings, Target, Values
+from ..effect import Readings, Target, Values
 from ..shapes import POSITIONS, OneColumn, Weight, speed_unit
 
 

@@ -9,8 +9,9 @@ from math import inf, sqrt
 
 import numpy as np
 
+from ....arrays import Array
 from ...measurable import Role
-from ..effect import Action, Array, Effect, EffectParameter, Readings, Target, Values, quantity
+from ..effect import Action, Effect, EffectParameter, Readings, Target, Values, quantity
 from ..readings import usual_step
 
 LONGEST = 20.0

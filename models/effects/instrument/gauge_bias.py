@@ -6,7 +6,8 @@ from math import inf
 
 import numpy as np
 
-from ..effect import Array, Readings, Target, Values
+from ....arrays import Array
+from ..effect import Readings, Target, Values
 from ..shapes import OneColumn, Weight
 
 

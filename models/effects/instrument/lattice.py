@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..effect import Array
+from ....arrays import Array
 
 FINEST = 1e-6
 """Least step, as a fraction of the range of the measurements, that is searched for."""

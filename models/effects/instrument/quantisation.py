@@ -7,7 +7,8 @@ from functools import partial
 
 import numpy as np
 
-from ..effect import Action, Array, Effect, EffectParameter, Readings, Target, Values, quantity, value_or_zero
+from ....arrays import Array
+from ..effect import Action, Effect, EffectParameter, Readings, Target, Values, quantity, value_or_zero
 from .lattice import step_of
 
 

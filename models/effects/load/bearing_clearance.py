@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..effect import Array, EffectParameter, Readings, Target, Values, quantity
+from ....arrays import Array
+from ..effect import EffectParameter, Readings, Target, Values, quantity
 from ..shapes import POSITIONS, Load, LoadShape, Weight
 
 

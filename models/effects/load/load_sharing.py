@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from ....arrays import Array
 from ...gear import PINS
 from ...measurable import Role
-from ..effect import Array, Readings, Target
+from ..effect import Readings, Target
 from ..shapes import Load, Orders
 
 

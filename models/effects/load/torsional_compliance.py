@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from ..effect import Array, Readings, Target, Values
+from ....arrays import Array
+from ..effect import Readings, Target, Values
 from ..shapes import POSITIONS, Load, LoadShape, Weight
 
 

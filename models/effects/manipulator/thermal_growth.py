@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from ....arrays import Array
 from ...measurable import Role
-from ..effect import Array, EffectParameter, Readings, Target, Values, quantity
+from ..effect import EffectParameter, Readings, Target, Values, quantity
 from ..inside import InsideSeveral
 from ..shapes import warming
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import scipy
 
-from ..effect import Array
+from ....arrays import Array
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,9 @@ from typing import ClassVar
 
 import numpy as np
 
+from ....arrays import Array
 from ...measurable import Role
-from ..effect import Array, EffectParameter, Readings, Target, Values, quantity, value_or_zero
+from ..effect import EffectParameter, Readings, Target, Values, quantity, value_or_zero
 from ..readings import labels_of, unit_numbers
 from ..shapes import Weight
 from .law import Law

@@ -6,9 +6,10 @@ from math import inf
 
 import numpy as np
 
+from ....arrays import Array
 from ....units import unit_key
 from ...measurable import Role
-from ..effect import Array, EffectParameter, Readings, Target, Values
+from ..effect import EffectParameter, Readings, Target, Values
 from ..readings import labels_of
 from ..shapes import Weight
 from .units import OfUnits, size_of

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..effect import Array, EffectParameter, Readings, Target, Values, quantity, value_or_zero
+from ....arrays import Array
+from ..effect import EffectParameter, Readings, Target, Values, quantity, value_or_zero
 from .law import Law
 from .units import OfUnits
 

@@ -11,7 +11,8 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ..effect import Action, Array, Effect, EffectParameter, Readings, Target, Values, value_or_zero
+from ....arrays import Array
+from ..effect import Action, Effect, EffectParameter, Readings, Target, Values, value_or_zero
 from ..shapes import Weight
 from .law import Law
 

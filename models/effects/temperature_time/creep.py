@@ -6,8 +6,9 @@ from math import inf
 
 import numpy as np
 
+from ....arrays import Array
 from ...measurable import Role
-from ..effect import Array, EffectParameter, Readings, Target, Values, quantity
+from ..effect import EffectParameter, Readings, Target, Values, quantity
 from ..shapes import OneColumn, Weight
 
 

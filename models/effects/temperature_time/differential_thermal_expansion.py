@@ -6,8 +6,9 @@ from math import inf
 
 import numpy as np
 
+from ....arrays import Array
 from ...measurable import Role
-from ..effect import Action, Array, EffectParameter, Readings, Target, Values, quantity, value_or_zero
+from ..effect import Action, EffectParameter, Readings, Target, Values, quantity, value_or_zero
 from ..shapes import POSITIONS, OneColumn, Weight, warming
 
 DISC = "disc_temperature_K"

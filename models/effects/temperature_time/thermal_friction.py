@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from ....arrays import Array
 from ...measurable import Role
-from ..effect import Array, EffectParameter, Readings, Target, Values, quantity
+from ..effect import EffectParameter, Readings, Target, Values, quantity
 from ..shapes import OneColumn, Weight, warming
 
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from math import inf
 
+from ....arrays import Array
 from ...measurable import Role
-from ..effect import Array, Readings, Target, Values
+from ..effect import Readings, Target, Values
 from ..shapes import OneColumn, Weight, warming
 
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from ....arrays import Array
 from ...measurable import Role
-from ..effect import Array, Readings, Target, Values
+from ..effect import Readings, Target, Values
 from ..shapes import POSITIONS, OneColumn, Weight
 
 

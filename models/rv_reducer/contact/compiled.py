@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...inputs.distribution import Array
+from ....arrays import Array, Complex
 from .errors import PartErrors
 from .gaps import Axes, Displacements, displacements, teeth
-from .geometry import Complex, ContactGeometry, nominal_pin, unit
+from .geometry import ContactGeometry, nominal_pin, unit
 from .kernel import rotations
 from .nominal import Nominal
 

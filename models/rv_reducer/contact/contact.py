@@ -12,9 +12,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from ....arrays import Array
 from ....errors import raise_all
 from ....units import ARCMIN
-from ...inputs.distribution import Array
 from .errors import PartErrors
 from .faults import faults
 from .gaps import gaps

@@ -9,7 +9,7 @@ from typing import Self
 
 import numpy as np
 
-from ...inputs.distribution import Array
+from ....arrays import Array
 
 _ERRORS = {
     ("units", "discs", "pins"): ("pin_radius", "hole_radius", "radial_position", "tangential_position"),

@@ -8,9 +8,9 @@ from typing import Self
 
 import numpy as np
 
-from ...inputs.distribution import Array
+from ....arrays import Array, Complex
 from .errors import PartErrors
-from .geometry import Complex, ContactGeometry, curve, foot, nominal_pin, unit
+from .geometry import ContactGeometry, curve, foot, nominal_pin, unit
 from .nominal import Nominal
 
 

@@ -12,12 +12,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ...inputs.distribution import Array
+from ....arrays import Array, Complex
 from ..geometry import RvGeometry
 
-Complex = NDArray[np.complex128]
 _SPACING = 1e-3
 """Spacing [rad] of the points of C from which its nearest point is sought."""
 _BOTTOM = 0.9

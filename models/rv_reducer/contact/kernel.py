@@ -13,7 +13,7 @@ from typing import Any
 import numba
 import numpy as np
 
-from ...inputs.distribution import Array
+from ....arrays import Array
 from .nominal import STEEP
 
 LANES = 128

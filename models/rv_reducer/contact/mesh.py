@@ -7,7 +7,7 @@ from typing import Self
 
 import numpy as np
 
-from ...inputs.distribution import Array
+from ....arrays import Array
 from .gaps import Gaps
 
 _ARMLESS = 1e-9

@@ -7,8 +7,8 @@ from typing import Self
 
 import numpy as np
 
-from ...inputs.distribution import Array
-from .geometry import Complex, ContactGeometry, curve, foot, lever, nominal_pin
+from ....arrays import Array, Complex
+from .geometry import ContactGeometry, curve, foot, lever, nominal_pin
 
 STEEP = 1500.0
 """Bend [1/m] from which the series of the osculating circle is not used: radii below 0.7 mm."""

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...inputs.distribution import Array
+from ....arrays import Array
 from .contact import LoadedContact
 from .errors import PartErrors
 

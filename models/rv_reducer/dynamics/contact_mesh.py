@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from ....arrays import Array
 from ....units import ARCMIN
-from ...inputs.distribution import Array
 from ..contact.mesh import Mesh as ContactMesh
 from .tabulated import TabulatedMesh
 

@@ -12,7 +12,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from ...inputs.distribution import Array
+from ....arrays import Array
 
 SECOND = np.array([-1.0, 16.0, -30.0, 16.0, -1.0]) / 12.0
 FIRST = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / 12.0

@@ -7,7 +7,7 @@ import warnings
 import numpy as np
 from numpy.typing import NDArray
 
-from ...inputs.distribution import Array
+from ....arrays import Array
 from .mesh import Mesh
 from .steady import Oscillator, steady_state
 from .sweep import ELEMENTS, resolved

@@ -6,7 +6,7 @@ from typing import Protocol
 
 import numpy as np
 
-from ...inputs.distribution import Array
+from ....arrays import Array
 
 
 class Mesh(Protocol):

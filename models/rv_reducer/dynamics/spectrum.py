@@ -8,7 +8,7 @@ from math import ceil
 import numpy as np
 from numpy.typing import NDArray
 
-from ...inputs.distribution import Array
+from ....arrays import Array
 
 ComplexArray = NDArray[np.complex128]
 

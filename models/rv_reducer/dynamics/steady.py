@@ -15,7 +15,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ...inputs.distribution import Array
+from ....arrays import Array
 from .cyclic import second_symbol, solve
 from .mesh import Mesh, operating_stiffness
 from .train import Train

@@ -9,7 +9,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from ...inputs.distribution import Array
+from ....arrays import Array
 
 Loads = Callable[[Array], tuple[Array, Array]]
 """Torque and tangent stiffness (m, n) at twists (m, 1)."""

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ....arrays import Array
 from ....errors import Fault
-from ...inputs.distribution import Array
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from .lattice import Single
+from ....arrays import Single
 
 BLOCK = 512
 """Units in one block."""

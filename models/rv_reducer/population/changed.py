@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from ....arrays import Array
 from ....units import UM
-from ...inputs.distribution import Array
 from ..contact.geometry import ContactGeometry, unit
 from ..cycloid import pin_circle_growth
 from .sample import BaseSample

@@ -14,11 +14,11 @@ from types import ModuleType
 import numpy as np
 from numpy.typing import NDArray
 
-from ...inputs.distribution import Array
+from ....arrays import Array, Single
 from ..contact.contact import Engine, uses_numba
 from .elastic_springs import Loading, Springs
 from .gradient import NAMES, Slopes
-from .lattice import Lattice, Single
+from .lattice import Lattice
 from .scaled import Scaled
 from .table import Table
 from .touch import packed

@@ -11,12 +11,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ....arrays import Array, Single
 from ....units import ARCMIN
-from ...inputs.distribution import Array
 from ..contact.gaps import Gaps
 from ..contact.mesh import Mesh
 from .arrays import along_direction
-from .lattice import Single
 
 BLOCK = 256
 """Units in one block, so that they stay in the cache."""

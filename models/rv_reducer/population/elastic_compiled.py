@@ -15,7 +15,7 @@ from typing import Any
 import numba
 import numpy as np
 
-from .lattice import Single
+from ....arrays import Single
 
 Mesh = tuple[Single, Single, Any]
 """Gaps (contacts, lanes), stiffness (contacts), and contacts by disc and flank (discs, 2, 2)."""

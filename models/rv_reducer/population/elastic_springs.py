@@ -6,9 +6,9 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
+from ....arrays import Single
 from ....units import ARCMIN
 from ..contact.performance import LOST_MOTION_SHARE
-from .lattice import Single
 from .table import Table
 
 LEAST_SHARE = 1e-4

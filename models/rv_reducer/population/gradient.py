@@ -11,12 +11,12 @@ from importlib import import_module
 
 import numpy as np
 
+from ....arrays import Array, Complex, Single
 from ....units import ARCMIN, UM
-from ...inputs.distribution import Array
 from ..contact.contact import Engine, uses_numba
-from ..contact.geometry import Complex, ContactGeometry, unit
+from ..contact.geometry import ContactGeometry, unit
 from .design import ERRORS
-from .lattice import Lattice, Single
+from .lattice import Lattice
 from .sample import BaseSample
 from .scaled import bore_axes, crank_lines, pitch_turn, sides
 from .table import Table

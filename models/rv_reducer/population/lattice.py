@@ -8,12 +8,10 @@ from math import gcd
 import numpy as np
 from numpy.typing import NDArray
 
-from ...inputs.distribution import Array
+from ....arrays import Array, Complex, Single
 from ..contact.gaps import Axes
-from ..contact.geometry import Complex, ContactGeometry, lever, unit
+from ..contact.geometry import ContactGeometry, lever, unit
 from .profile import LEAST_LEVER, Profile
-
-Single = NDArray[np.float32]
 
 
 def turn_lattice(positions: int, teeth: int) -> Array:

@@ -9,8 +9,8 @@ from functools import cached_property, partial
 import numpy as np
 from numpy.typing import NDArray
 
+from ....arrays import Array
 from ....units import ARCMIN, UM
-from ...inputs.distribution import Array
 from .gradient import Slopes
 from .statistics import Involute, Statistic, deviation, mean, ordered_quantile, quantile, share_below, share_within
 from .turn import Turn

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from ....arrays import Array
 from ....units import ARCMIN, MRAD, UM
-from ...inputs.distribution import Array
 from ..contact.errors import PartErrors
 from ..contact.geometry import ContactGeometry
 from .design import UnitDesign

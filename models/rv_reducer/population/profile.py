@@ -17,7 +17,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from ...inputs.distribution import Array
+from ....arrays import Array
 from ..contact.geometry import ContactGeometry, lever
 from ..contact.nominal import Nominal
 

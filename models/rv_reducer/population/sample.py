@@ -11,8 +11,8 @@ import scipy
 from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
+from ....arrays import Array
 from ...inputs import Distribution, Uniform
-from ...inputs.distribution import Array
 from ..contact.geometry import ContactGeometry
 
 PIN_ERRORS = ("pin_position", "pin_hole_radius", "pin_radius")

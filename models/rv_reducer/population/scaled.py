@@ -6,11 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ....arrays import Array, Complex, Single
 from ....units import ARCMIN, UM
-from ...inputs.distribution import Array
-from ..contact.geometry import Complex, ContactGeometry, unit
+from ..contact.geometry import ContactGeometry, unit
 from .design import UnitDesign
-from .lattice import Single
 from .sample import BaseSample
 
 

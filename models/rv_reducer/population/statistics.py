@@ -13,7 +13,7 @@ from functools import lru_cache
 import numpy as np
 from scipy.special import betainc, ndtr
 
-from ...inputs.distribution import Array
+from ....arrays import Array
 from ..tighter_planet import TighterPlanet
 
 SMOOTHING = 0.01

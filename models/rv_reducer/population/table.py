@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ....arrays import Array, Single
 from ....units import ARCMIN, MM, UM
-from ...inputs.distribution import Array
-from .lattice import Lattice, Single
+from .lattice import Lattice
 
 COLUMNS = ("gap", "lever", "radial", "tangential", "x", "y", "cos", "sin", "by_shift")
 

@@ -8,8 +8,9 @@ from importlib import import_module
 import numpy as np
 from numpy.typing import NDArray
 
+from ....arrays import Single
 from ..contact.contact import Engine, uses_numba
-from .lattice import Lattice, Single
+from .lattice import Lattice
 from .scaled import Scaled
 from .table import Table
 

@@ -6,12 +6,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...inputs.distribution import Array
+from ....arrays import Array, Single
 from ..contact.contact import Engine
 from ..contact.geometry import ContactGeometry
 from .design import UnitDesign
 from .gradient import Slopes, pull_back
-from .lattice import Lattice, Single, turn_lattice
+from .lattice import Lattice, turn_lattice
 from .sample import BaseSample, Hierarchy
 from .scaled import Scaled
 from .table import Table

@@ -9,10 +9,10 @@ from types import MappingProxyType
 import numpy as np
 from scipy.special import ndtr
 
+from ....arrays import Array
 from ....declarations import Value, number
 from ....units import ARCMIN, MM
 from ...inputs import Distribution
-from ...inputs.distribution import Array
 from .. import declared, involute
 from ..contact.geometry import ContactGeometry
 from ..tighter_planet import TighterPlanet

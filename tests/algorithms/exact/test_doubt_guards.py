@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tolevo.algorithms.arrays import Array
 from tolevo.algorithms.exact import doubt
 from tolevo.algorithms.exact.choices import cost_range, least_cost
 from tolevo.algorithms.exact.combination import Combination
 from tolevo.algorithms.exact.doubt import GAP, _Reweighted, _within, least_under_doubt
 from tolevo.algorithms.exact.points import only_points
 from tolevo.algorithms.exact.separable import Leaf, least_leaf
+from tolevo.arrays import Array
 from tolevo.models.capability import Surplus
 from tolevo.models.costs import Reciprocal
 from tolevo.models.propagation.even import EvenPlateau

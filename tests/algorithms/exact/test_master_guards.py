@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 import scipy
 
-from tolevo.algorithms.arrays import Array
 from tolevo.algorithms.exact import master
 from tolevo.algorithms.exact.choices import cost_range
 from tolevo.algorithms.exact.combination import Combination
 from tolevo.algorithms.exact.master import GAP, Master, Solution
 from tolevo.algorithms.exact.programme import Programme
+from tolevo.arrays import Array
 from tolevo.models.costs import Reciprocal
 from tolevo.problems.forms import Feature, Form, Way
 from tolevo.problems.spread import Spread, spread_of

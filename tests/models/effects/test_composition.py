@@ -8,10 +8,11 @@ import pytest
 from numpy.typing import NDArray
 
 from tolevo import registry
+from tolevo.arrays import Array
 from tolevo.declarations import Output, Parameter, Value
 from tolevo.models.effects.compose import Active, predicted
 from tolevo.models.effects.readings import target_of
-from tolevo.models.inputs.distribution import Array, Distribution
+from tolevo.models.inputs.distribution import Distribution
 from tolevo.models.measurable import NO_CHANGES, Changeable, Column, MeasurableModel, Role
 
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import linalg, optimize
 
-from ....models.inputs.distribution import Array
+from ....arrays import Array
 from .rows import Predictions
 
 MOST = 1e4

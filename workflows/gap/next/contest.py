@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ....models.inputs.distribution import Array
+from ....arrays import Array
 from .rows import Predictions
 
 RIDGE = 1e-10

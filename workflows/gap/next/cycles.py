@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import scipy
 
-from ....models.inputs.distribution import Array
+from ....arrays import Array
 from ....models.measurable import Column, Role
 from ..data import GapData
 from .points import Axis, Table, with_labels

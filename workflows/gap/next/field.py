@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ....arrays import Array
 from ....errors import refuse
 from ....models.effects.readings import SESSION
-from ....models.inputs.distribution import Array
 from ....models.measurable import Role
 from ..data import GapData
 from ..fit import Fit

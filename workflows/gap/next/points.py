@@ -11,7 +11,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from ....models.inputs.distribution import Array
+from ....arrays import Array
 from ....models.measurable import Column, MeasurableModel, Role
 from ..data import GapData
 from ..plan import Span

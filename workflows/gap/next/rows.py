@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ....arrays import Array
 from ....models.effects.readings import readings_of
-from ....models.inputs.distribution import Array
 from ....models.measurable import Column
 from ..data import GapData
 from ..fit import Fit, Fitter, Member

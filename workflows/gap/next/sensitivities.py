@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import chndtr
 
+from ....arrays import Array
 from ....gap_next_records import Sensitivity
-from ....models.inputs.distribution import Array
 from ..ending_records import UNIMITATED
 from ..fit import Fit, Member
 from ..plan import NextPlan

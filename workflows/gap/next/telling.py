@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ....models.inputs.distribution import Array
+from ....arrays import Array
 from ....models.measurable import Role
 from .contest import Chosen, Contest
 from .field import Field

@@ -7,9 +7,9 @@ from operator import itemgetter
 
 import numpy as np
 
+from ....arrays import Array
 from ....gap_population_records import Attribution
 from ....models.effects.readings import unit_numbers
-from ....models.inputs.distribution import Array
 from ..data import GapData
 from ..law import on_scatter
 from ..result import Ending

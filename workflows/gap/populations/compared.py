@@ -8,9 +8,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from ....arrays import Array
 from ....gap_population_records import PopulationLine
 from ....models.effects.readings import labels_of, unit_numbers
-from ....models.inputs.distribution import Array
 from ....models.measurable import Role
 from ..predictor import predictor
 from ..result import Ending

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.special import chdtri
 
+from ....arrays import Array
 from ....models.effects.population.law import Law
-from ....models.inputs.distribution import Array
 from ....models.sources import Source
 from .unit_law import FACTORS, NOISES, REACH, SHIFTS, UnitLaw, below
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import ndtri
 
+from ....arrays import Array
 from ....gap_population_records import PopulationLine
-from ....models.inputs.distribution import Array
 from .statistics import Look, values_of
 
 LEVEL = 0.9

@@ -14,9 +14,9 @@ from operator import attrgetter
 import numpy as np
 from scipy.special import chdtri, ndtri
 
+from ....arrays import Array
 from ....gap_population_records import Attribution, InputChange
 from ....models.effects.readings import readings_of
-from ....models.inputs.distribution import Array
 from ....models.measurable import Column, Role
 from ..predictor import predictor
 from ..result import Ending

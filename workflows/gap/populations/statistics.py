@@ -12,8 +12,8 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from ....arrays import Array
 from ....models.effects.population.law import Law
-from ....models.inputs.distribution import Array
 from ..distance import likelier
 
 Statistic = Callable[[Array], Array]

@@ -13,10 +13,9 @@ from typing import Any
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 from scipy import fft
 
-from ....models.inputs.distribution import Array
+from ....arrays import Array, Integers
 from ....models.propagation import Term
 from ....models.propagation.lattice import Spectrum, spectrum, window
 from ....models.propagation.sums import total_cumulants
@@ -35,7 +34,6 @@ NOISES = np.linspace(0.0, 2.0, 21)
 """Standard deviations of a gauge, in those of the units."""
 SHIFTS = np.concatenate([np.arange(-REACH, -2.5, 0.1), np.arange(-2.5, 2.5, 0.03), np.arange(2.5, REACH, 0.1)])
 """In standard deviations of the units."""
-Integers = NDArray[np.int64]
 
 
 @dataclass(frozen=True)

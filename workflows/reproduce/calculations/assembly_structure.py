@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from ....arrays import Array
 from ....declarations import Output, Value, number
 from ....models.assembly.chain import AdjustmentWeights, DatumFlowChain
 from ....models.assembly.process import plane_process
@@ -16,7 +17,6 @@ from ....records import Axis
 from ..calculation import Calculation, Computed, ComputedTable, Quantity
 from .results import output, parameter
 
-Array = NDArray[np.float64]
 STEPS = range(1, 5)
 PAIRS = tuple((a, b) for a in STEPS for b in STEPS)
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ....arrays import Array
 from ....declarations import Output, Value, number
 from ....models.rv_reducer.contact.contact import LoadedContact
 from ....models.rv_reducer.contact.errors import PartErrors
@@ -19,7 +19,6 @@ from ....units import MM, UM
 from ..calculation import Calculation, Computed, ComputedTable
 from .results import assumed, parameter, quantities
 
-Array = NDArray[np.float64]
 PHASES = 72
 """Phases of an error that turns with its disc, among which the worst is sought."""
 

@@ -14,6 +14,7 @@ from ....algorithms.course import Box, Course
 from ....algorithms.nsga2 import NSGA2
 from ....algorithms.settings import Budget, Crossover, Mutation
 from ....algorithms.watched import watch
+from ....arrays import Array
 from ....csv_text import read_own_csv
 from ....declarations import Output, Value, number
 from ....directory import not_whole
@@ -26,7 +27,6 @@ from ..calculation import Calculation, Computed, ComputedTable, Quantity
 from ..sampling import share_error
 from .results import assumed, output, parameter
 
-Array = NDArray[np.float64]
 KEYS = {
     "population": "algorithm.population",
     "crossover": "algorithm.crossover.probability",

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ....arrays import Array
 from ....declarations import Value
 from ....models.manipulator import declared
 from ....models.manipulator.indices import grid
@@ -15,7 +15,6 @@ from ....models.manipulator.sources import NAMES
 from ..calculation import Calculation, Computed
 from .results import output, quantities, tabulated
 
-Array = NDArray[np.float64]
 POSES, AZIMUTHS = 5, 24
 GROUPS = {
     "base": ("origin",),

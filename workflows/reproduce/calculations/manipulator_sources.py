@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ....arrays import Array
 from ....declarations import Output, Value
 from ....models.manipulator import declared
 from ....models.manipulator.indices import INDICES, grid, sensitivity
@@ -17,7 +17,6 @@ from ....units import MM, MRAD
 from ..calculation import Calculation, Computed, ComputedTable, Quantity
 from .results import quantities, tabulated
 
-Array = NDArray[np.float64]
 POSES = 9
 """Poses per axis at which the maps are evaluated."""
 NOTHING = 1e-9

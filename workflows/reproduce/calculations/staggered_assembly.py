@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ....arrays import Array
 from ....declarations import Value, number
 from ....models.propagation import Convolution, Propagated
 from ....models.propagation.sums import ClippedSum
@@ -22,7 +22,6 @@ from ..calculation import Calculation, Chart, Computed, ComputedTable
 from . import reducer_inputs
 from .results import assumed, output, parameter, quantities, tabulated
 
-Array = NDArray[np.float64]
 COVERAGE = 0.9973
 ANGLES = 40
 """Crank angles over a pin pitch at which the contact model is evaluated."""

@@ -6,8 +6,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ....arrays import Array
 from ....declarations import Parameter, Value, number
 from ....errors import raise_all, refuse
 from ....models.rv_reducer import clearance_targets as targets
@@ -23,7 +23,6 @@ from ....units import ARCMIN, MM, UM
 from ..calculation import Calculation, Chart, Computed, ComputedTable
 from .results import assumed, output, parameter, quantities, tabulated
 
-Array = NDArray[np.float64]
 FILMS = ((1.0, 30.0, 45.0), (1.9, 20.0, 60.0), (3.5, 20.0, 90.0), (6.1, 0.0, 180.0))
 """Films [um] and their bands [deg] that bring the raw clearance to the printed dr_p = -0.070 mm."""
 TABLE_STEP_DEG = 10.0

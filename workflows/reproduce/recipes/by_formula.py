@@ -7,16 +7,14 @@ from dataclasses import dataclass
 from math import sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ....arrays import Array
 from ....claim_records import ComputedTable
 from ....errors import ModelError
 from ....models.expressions import Formula
 from ....units import converted
 from ..calculation import Quantity
 from .recipe import Recipe, Recomputed
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import binom
 
+from ....arrays import Array
 from ....declarations import Value, completed, number
 from ....models.effects.compose import Active, predicted
 from ....models.inputs.distribution import Distribution
@@ -18,7 +19,6 @@ from ..calculation import Quantity
 from ..sampling import share_error
 from .recipe import Recipe, Recomputed, continuous
 
-Array = NDArray[np.float64]
 STATISTICS = ("value", "mean", "std", "min", "max", "range", "quantile", "fraction_above", "fraction_below")
 """`value` is that of a single row; `quantile` needs a level, a fraction a threshold."""
 FRACTIONS = ("fraction_above", "fraction_below")

@@ -9,9 +9,9 @@ import pandas as pd
 import scipy
 from statsmodels.api import OLS
 
+from ....arrays import Array
 from ..records import Factor
 from .contrasts import Contrast
-from .resampling import Array
 from .runs import complete
 
 

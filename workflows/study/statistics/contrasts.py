@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
+from ....arrays import Array
 from ..records import Factor, Level
-from .resampling import Array
 
 
 @dataclass(frozen=True, slots=True)

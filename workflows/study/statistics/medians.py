@@ -8,7 +8,8 @@ import numpy as np
 import pandas as pd
 from scipy.stats import bootstrap
 
-from .resampling import LEVEL, Array
+from ....arrays import Array
+from .resampling import LEVEL
 from .runs import Runs
 
 percentile_bootstrap = partial(

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from .resampling import Array, Estimates, crossed, over_settings, random_settings
+from ....arrays import Array
+from .resampling import Estimates, crossed, over_settings, random_settings
 
 
 def effects(values: Array, shares: Array, rng: np.random.Generator) -> Estimates:

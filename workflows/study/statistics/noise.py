@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from .resampling import Array, Estimates, crossed, fixed_settings, over_settings, random_settings
+from ....arrays import Array
+from .resampling import Estimates, crossed, fixed_settings, over_settings, random_settings
 
 
 def noise_share(values: Array, group: int, rng: np.random.Generator) -> Estimates:

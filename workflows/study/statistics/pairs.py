@@ -16,9 +16,9 @@ import pandas as pd
 from scipy.stats import friedmanchisquare, rankdata, wilcoxon
 from statsmodels.stats.multitest import multipletests
 
+from ....arrays import Array
 from .contrasts import Contrast
 from .medians import interval_of_median
-from .resampling import Array
 from .runs import Runs
 
 ALPHA = 0.05

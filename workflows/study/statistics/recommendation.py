@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from ....arrays import Array
 from ....records import Recommendation, Response
 from ..records import Level
 from .medians import percentile_bootstrap
 from .pairs import ALPHA, paired, pairs_needed
-from .resampling import Array
 from .runs import Runs
 
 UNKNOWN = (np.nan, np.nan, np.nan)

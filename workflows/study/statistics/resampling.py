@@ -14,10 +14,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import t
 
-Array = NDArray[np.float64]
+from ....arrays import Array
+
 Statistic = Callable[[Array, Array], Array]
 """From weights of the settings (draws, settings) and of the runs (draws, settings or 1, replicates)
 to estimates (draws, statistics)."""

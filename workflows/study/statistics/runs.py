@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
+from ....arrays import Array
 from ..records import LARGER_IS_BETTER
-from .resampling import Array
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,12 +7,13 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from ....arrays import Array
 from ..designs.morris import SHARE
 from ..records import StudySettings
 from . import morris, sobol
 from .contrasts import Contrast
 from .noise import noise_share
-from .resampling import Array, Estimates
+from .resampling import Estimates
 from .runs import Runs, complete
 from .shares import factorial_shares, key_shares, surface_shares
 

@@ -11,11 +11,12 @@ from itertools import combinations
 import numpy as np
 import pandas as pd
 
+from ....arrays import Array
 from ..records import Factor
 from .anova import model
 from .contrasts import Contrast
 from .noise import variance
-from .resampling import Array, Estimates, crossed, fixed_settings, fraction_of
+from .resampling import Estimates, crossed, fixed_settings, fraction_of
 from .runs import complete
 
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from ....arrays import Array
 from ..designs.sobol import PARTS
-from .resampling import Array, Estimates, crossed, fraction_of, over_settings, random_settings
+from .resampling import Estimates, crossed, fraction_of, over_settings, random_settings
 
 SOBOL_LEVEL = 0.90
 """Level of the intervals: the one at which they are calibrated."""

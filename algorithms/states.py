@@ -1,16 +1,12 @@
-"""Types of numpy arrays in annotations, and states of searches that consist of arrays."""
+"""States of searches that consist of arrays."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
-Integers = NDArray[np.int64]
 State = dict[str, NDArray[Any]]
 SavedState = Mapping[str, NDArray[Any]]
 
