@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from pathlib import Path
 
 from ...errors import Fault
@@ -10,19 +11,20 @@ from ..options import ReadOptions
 from ..record import Dialect, Table
 from ..unit_text import known_unit
 from .reading import characteristics
+from .records import Characteristic
 
 
 def table_of_aqdef(path: Path, place: str, options: ReadOptions) -> tuple[Table | None, list[Fault]]:
     """The values of a file, those of one row measured one after the other on one part.
 
-    Values that are not valid are empty cells. A column is named after its characteristic, and after
-    its part as well where two have the same name; `time` and `batch` are those of the first one.
+    Values that are not valid are empty cells. A column is named after its characteristic; where two
+    have the same name after its part as well, and in one part after its number.
+    `time` and `batch` are those of the first characteristic.
     """
     measured, faults = characteristics(path, place, options.encoding)
     if not measured:
         return None, faults
-    labels = [characteristic.label for characteristic in measured]
-    names = [c.label if labels.count(c.label) == 1 else f"{c.part} {c.label}" for c in measured]
+    names = _names(measured)
     rows = max(len(characteristic.values) for characteristic in measured)
     if not rows:
         faults.append(Fault(place, "holds no values"))
@@ -41,6 +43,14 @@ def table_of_aqdef(path: Path, place: str, options: ReadOptions) -> tuple[Table 
     )
     cells, headers = Columns(columns, range(1, rows + 1)), {name: name for name in columns}
     return Table(cells, Dialect("aqdef", header=0), units, notes, tuple(names), headers), faults
+
+
+def _names(measured: list[Characteristic]) -> list[str]:
+    """A name for each characteristic, as short as it is the only one."""
+    forms = [(c.label, f"{c.part} {c.label}", f"{c.part} {c.label} {c.number}") for c in measured]
+    counts = [Counter(form) for form in zip(*forms, strict=True)]
+    names = [next(name for name, count in zip(form, counts, strict=True) if count[name] == 1) for form in forms]
+    return names if len(set(names)) == len(names) else [form[-1] for form in forms]
 
 
 def _padded(values: list[float | None], rows: int) -> list[object]:

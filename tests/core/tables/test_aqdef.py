@@ -145,3 +145,10 @@ def test_as_a_table(tmp_path: Path) -> None:
     assert found.frame["Rundlauf"].tolist() == [-0.0012, 0.0021]
     assert found.units == {"Ø Bohrung": "mm", "Rundlauf": "mm"}
     assert found.notes == ("Ø Bohrung: 1 values are missing or not valid",)
+
+
+def test_characteristics_of_one_name_keep_their_columns(tmp_path: Path) -> None:
+    (tmp_path / "p.dfq").write_bytes((HEAD.replace("Ø Bohrung", "Rundlauf") + KEYS).encode("cp1252"))
+    frame = tolevo.read_table(tmp_path / "p.dfq").frame
+    assert frame["Zykloidenscheibe Rundlauf 10"].tolist() == [25.004, None]
+    assert frame["Zykloidenscheibe Rundlauf 20"].tolist() == [-0.0012, 0.0021]
