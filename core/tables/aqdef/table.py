@@ -18,8 +18,8 @@ def table_of_aqdef(path: Path, place: str, options: ReadOptions) -> tuple[Table 
     """The values of a file, those of one row measured one after the other on one part.
 
     Values that are not valid are empty cells. A column is named after its characteristic; where two
-    have the same name after its part as well, and in one part after its number.
-    `time` and `batch` are those of the first characteristic.
+    have the same name after its part as well, and in one part after its number, or else its
+    place in the file. `time` and `batch` are those of the first characteristic.
     """
     measured, faults = characteristics(path, place, options.encoding)
     if not measured:
@@ -47,7 +47,10 @@ def table_of_aqdef(path: Path, place: str, options: ReadOptions) -> tuple[Table 
 
 def _names(measured: list[Characteristic]) -> list[str]:
     """A name for each characteristic, as short as it is the only one."""
-    forms = [(c.label, f"{c.part} {c.label}", f"{c.part} {c.label} {c.number}") for c in measured]
+    forms = [
+        (c.label, f"{c.part} {c.label}", f"{c.part} {c.label} {c.number}", f"{c.part} {c.label} #{at}")
+        for at, c in enumerate(measured, start=1)
+    ]
     counts = [Counter(form) for form in zip(*forms, strict=True)]
     names = [next(name for name, count in zip(form, counts, strict=True) if count[name] == 1) for form in forms]
     return names if len(set(names)) == len(names) else [form[-1] for form in forms]

@@ -152,3 +152,13 @@ def test_characteristics_of_one_name_keep_their_columns(tmp_path: Path) -> None:
     frame = tolevo.read_table(tmp_path / "p.dfq").frame
     assert frame["Zykloidenscheibe Rundlauf 10"].tolist() == [25.004, None]
     assert frame["Zykloidenscheibe Rundlauf 20"].tolist() == [-0.0012, 0.0021]
+
+
+def test_characteristics_that_nothing_tells_apart_are_named_by_their_place(tmp_path: Path) -> None:
+    text = HEAD.replace("Ø Bohrung", "Rundlauf").replace(
+        "K2001/2 20", "K1001/2 4712\nK1002/2 Zykloidenscheibe\nK2001/2 10"
+    )
+    (tmp_path / "p.dfq").write_bytes((text + KEYS).encode("cp1252"))
+    frame = tolevo.read_table(tmp_path / "p.dfq").frame
+    assert frame["Zykloidenscheibe Rundlauf #1"].tolist() == [25.004, None]
+    assert frame["Zykloidenscheibe Rundlauf #2"].tolist() == [-0.0012, 0.0021]
