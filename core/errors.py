@@ -57,6 +57,10 @@ class RunError(TolevoError):
     """A run failed after it had begun."""
 
 
+class StorageError(RunError):
+    """Results could not be written; the message states the remedy and how to continue."""
+
+
 class ModelError(TolevoError):
     """A model or problem broke its own contract (shape, finiteness)."""
 

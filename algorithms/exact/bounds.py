@@ -26,13 +26,19 @@ of units, whose rounding is magnified by a limit far out in the tail."""
 class Proof:
     """Proven lower bounds (n,) of the costs of n points, NaN where there is none.
 
-    `statement` states the problem for which the bound holds, or why there is none; `omitted_limits`
-    names the limits that it ignores.
+    `statement` states the problem for which the bound holds, or why there is none, which `missing`
+    says alone; `omitted_limits` names the limits that it ignores.
     """
 
     bound: Array
     statement: str
     omitted_limits: tuple[str, ...] = ()
+    missing: str = ""
+
+    @classmethod
+    def without(cls, points: int, why: str) -> Proof:
+        """No bound of any of so many points, and the reason."""
+        return cls(np.full(points, np.nan), f"nothing is proven: {why}", missing=why)
 
     def gap_percent(self, cost: Array) -> Array:
         """Distance (n,) of costs from their bounds, in percent; NaN where the bound is 0."""
@@ -50,7 +56,7 @@ def proof(problem: ToleranceProblem, values: Mapping[str, Array], points: int) -
     form = Provable.of(problem).form()
     missing = reason(problem, form)
     if missing or form is None:
-        return Proof(np.full(points, np.nan), missing)
+        return Proof.without(points, missing)
     if not points:
         return Proof(np.empty(0), form.statement, form.relaxed)
     limits = np.stack(
@@ -119,18 +125,15 @@ def within_reach(form: Form, limits: Array) -> Flags:
 def reason(problem: ToleranceProblem, form: Form | None) -> str:
     """Why nothing can be proven of the points of a problem; empty where something can."""
     if "cost" not in problem.objectives:
-        return "nothing is proven: cost is not an objective"
+        return "cost is not an objective"
     if form is None:
-        return "nothing is proven: the problem has no convex form"
+        return "the problem has no convex form"
     known_by = ("cost", *form.outputs, *form.stands.values())
     others = [name for name in problem.objectives if name not in known_by]
     if others:
         known = ", ".join(form.outputs)
         why = Provable.of(problem).unproven()
-        return (
-            f"nothing is proven: no convex form of {', '.join(others)} is known (there is one of "
-            f"{known}){f': {why}' if why else ''}"
-        )
+        return f"no convex form of {', '.join(others)} is known (there is one of {known}){f': {why}' if why else ''}"
     return ""
 
 

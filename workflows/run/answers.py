@@ -214,7 +214,8 @@ class Sentences:
     def proof(self, proven: Proof) -> str:
         gap = self.result.front["gap_percent"].to_numpy(dtype=float)
         if np.all(np.isnan(gap)):
-            return f"How far the points are from the optimum is not proven ({reason(proven)})."
+            why = proven.missing or proven.statement or "there is no bound of the cost"
+            return f"How far the points are from the optimum is not proven ({why})."
         if not informative(proven, gap):
             return (
                 "How far the points are from the optimum is not known: the proven bound is not informative, because it "
@@ -242,11 +243,6 @@ def _step(limit: Limit) -> float:
         return abs(limit.high) * TENTH or 1.0
     remaining = 100.0 - limit.low if limit.unit == "percent" else np.inf
     return min(abs(limit.low), remaining if remaining > 0.0 else np.inf) * TENTH or 1.0
-
-
-def reason(proven: Proof) -> str:
-    """The reason why nothing is proven, without the statement that nothing is."""
-    return proven.statement.removeprefix("nothing is proven: ") or "there is no bound of the cost"
 
 
 def words(name: str) -> str:

@@ -33,7 +33,7 @@ EXACT = 1e-3
 """Gap [percent] below which a point counts as optimal."""
 INFORMATIVE = 25.0
 """Median gap [percent] beyond which a bound that leaves limits out is not informative."""
-INTERRUPTED = "nothing is proven: the run was interrupted; the bounds are computed when --resume has finished it"
+INTERRUPTED = "the run was interrupted; the bounds are computed when --resume has finished it"
 CLOSED = 1e-7
 """Relative gap up to which a front counts as exact."""
 
@@ -69,10 +69,9 @@ def with_bounds(
     Where a run was `interrupted`, proofs that take long are left out.
     """
     frame = frame.assign(bound=np.nan, gap_percent=np.nan)
-    nothing = np.full(len(frame), np.nan)
     frame = frame[[name for name in frame if name != "knee"] + ["knee"] * ("knee" in frame)]
     if interrupted and takes_long(problem):
-        return frame, Proof(nothing, INTERRUPTED)
+        return frame, Proof.without(len(frame), INTERRUPTED)
     eligible = frame[frame["feasible"].astype(bool)] if "feasible" in frame else frame
     eligible = eligible if within is None else eligible[within[frame.index.isin(eligible.index)]]
     form = Provable.of(problem).form()
@@ -82,7 +81,7 @@ def with_bounds(
     try:
         bounds = proof(problem, values, len(eligible))
     except ModelError as error:
-        return frame, Proof(nothing, f"nothing is proven: {error}; please report it")
+        return frame, Proof.without(len(frame), f"{error}; please report it")
     if len(eligible) and "cost" in values:
         frame.loc[eligible.index, "bound"] = bounds.bound
         frame.loc[eligible.index, "gap_percent"] = bounds.gap_percent(values["cost"])

@@ -13,7 +13,7 @@ from typing import TypeVar
 from sqlalchemy import ColumnElement, Connection, Table, bindparam, delete, func, or_, select, update
 from sqlalchemy.exc import DBAPIError
 
-from ...errors import RunError
+from ...errors import StorageError
 from ..execution import Closing
 from .backend import DAMAGE, WRITING, Backend
 from .migrations import migrate
@@ -98,14 +98,14 @@ class Store(Closing):
     def write(self, work: Callable[[Connection], Result]) -> Result:
         """Do `work` in one transaction, whole or not at all; it may be done again.
 
-        Raises RunError where it cannot be written; what is there stays.
+        Raises StorageError where it cannot be written; what is there stays.
         """
         try:
             return self._repeated(lambda: self._in_transaction(work))
         except DBAPIError as error:
             why, remedy = self.backend.explained(error)
             message = f"cannot be written: {why}; {remedy}, then run the same command with --resume"
-            raise RunError(f"{self.backend.display_name} {message}") from error
+            raise StorageError(f"{self.backend.display_name} {message}") from error
 
     def _in_transaction(self, work: Callable[[Connection], Result], writing: bool = True) -> Result:
         engine = self.backend.engine.execution_options(**{WRITING: writing})

@@ -11,7 +11,7 @@ import pandas as pd
 
 from ...csv_text import csv_text
 from ...directory import KINDS, Ownership, owned
-from ...errors import Fault, RunError
+from ...errors import Fault, RunError, StorageError
 from ...files import write_text, write_with
 from ..execution import Executor
 from .analysed import analysed, known_lines
@@ -92,7 +92,7 @@ def _study(
             where, saved = database.backend.display_name, _saved(database, plan, site)
             raise RunError(f"{where}: {reason(error)}; {saved}") from error
         except RunError as error:
-            how = "" if GO_ON in str(error) else f"; {GO_ON}"
+            how = "" if isinstance(error, StorageError) else f"; {GO_ON}"
             raise RunError(f"{error}; {_count(database, plan, site)}{how}") from error
     return _written(plan, data, place, finished)
 
