@@ -105,7 +105,7 @@ def columns(d: pd.DataFrame) -> dict[str, Array]:
 
 
 def read_off(d: pd.DataFrame, added: Array, rng: np.random.Generator) -> pd.DataFrame:
-    """Readings with a noise of 1 beside the simulation."""
+    """Measurements with a noise of 1 beside the simulation."""
     predicted = 0.2 * d["torque"]
     return d.assign(te_predicted=predicted, te=predicted + added + 2 + rng.normal(size=len(d)))
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from .algorithms.settings import AlgorithmSettings, Crossover, Mutation
 from .declarations import Kind, Output, Parameter, Value, Variable
 from .models.costs import CostCurve
-from .models.effects.effect import Action, Effect, EffectParameter, Readings, Target
+from .models.effects.effect import Action, Effect, EffectParameter, Measurements, Target
 from .models.effects.shapes import OneColumn, Weight
 from .models.inputs import Distribution
 from .models.measurable import Changeable, Column, MeasurableModel, Role
@@ -52,6 +52,7 @@ __all__ = [
     "Factor",
     "Kind",
     "MeasurableModel",
+    "Measurements",
     "Mutation",
     "OneColumn",
     "Output",
@@ -60,7 +61,6 @@ __all__ = [
     "Parameter",
     "Points",
     "Provable",
-    "Readings",
     "Role",
     "RunResult",
     "Settings",

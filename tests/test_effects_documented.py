@@ -8,7 +8,7 @@ import pytest
 from tolevo import registry
 from tolevo.declarations import Output
 from tolevo.models.effects.effect import FAMILIES, Effect, EffectParameter, Target
-from tolevo.models.effects.readings import target_from, target_of
+from tolevo.models.effects.measurements import target_from, target_of
 from tolevo.models.gear import RV_40E
 from tolevo.testing import COLUMNS
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from .. import tables
 from ..errors import Fault, raise_all
 from ..models.effects.compose import Active, predicted
-from ..models.effects.readings import target_of
+from ..models.effects.measurements import target_of
 from ..models.measurable import MeasurableModel
 from ..models.table import MeasuredTable
 from .blocks import Computed, FrameRows, Rows

@@ -8,7 +8,7 @@ from dataclasses import replace
 from .. import registry
 from ..declarations import Assumption, Variable
 from ..models.effects.effect import Target
-from ..models.effects.readings import target_of
+from ..models.effects.measurements import target_of
 from ..problems.interfaces import Checks, WithEffects
 from ..problems.money import unit_of_cost
 from ..problems.settings import VariableSetting

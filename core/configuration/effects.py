@@ -9,7 +9,7 @@ from typing import Any
 from ..errors import nearest
 from ..models.effects.compose import Active
 from ..models.effects.effect import Effect, EffectParameter, Target
-from ..models.effects.readings import target_of
+from ..models.effects.measurements import target_of
 from ..models.effects.unresolved import Unresolved
 from ..models.measurable import MeasurableModel
 from ..section import Range, Section, shown

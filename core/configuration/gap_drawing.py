@@ -10,7 +10,7 @@ from .. import registry
 from ..declarations import Kind, Variable
 from ..gap_drawing_records import Dimension, Drawing, DrawnZone
 from ..models.effects.compose import Active
-from ..models.effects.readings import target_of
+from ..models.effects.measurements import target_of
 from ..models.inputs import Distribution, Uniform
 from ..models.inputs.reading import written
 from ..problems.settings import Settings, VariableSetting

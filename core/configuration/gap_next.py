@@ -10,7 +10,7 @@ import numpy as np
 
 from .. import registry
 from ..errors import nearest
-from ..models.effects.readings import EXTRAS
+from ..models.effects.measurements import EXTRAS
 from ..models.measurable import Column, MeasurableModel, Role
 from ..models.table import MeasuredTable
 from ..section import POSITIVE, Range, Section, shown

@@ -7,7 +7,7 @@ from dataclasses import fields
 from typing import Any
 
 from ..models.effects.compose import Active
-from ..models.effects.readings import target_of
+from ..models.effects.measurements import target_of
 from ..models.effects.unresolved import SHAPES, Term, Unresolved, unresolved_of
 from ..models.measurable import MeasurableModel
 from ..section import Section, shown

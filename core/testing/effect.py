@@ -10,8 +10,8 @@ from typing import ClassVar
 import numpy as np
 
 from ..declarations import Output
-from ..models.effects.effect import FAMILIES, Action, Effect, EffectParameter, Readings, Target
-from ..models.effects.readings import readings_of, target_from
+from ..models.effects.effect import FAMILIES, Action, Effect, EffectParameter, Measurements, Target
+from ..models.effects.measurements import measurements_of, target_from
 from ..models.gear import RV_40E
 from ..models.measurable import Column, Role
 
@@ -60,10 +60,10 @@ class EffectContract:
         outputs = (Output("reading_arcsec", "arcsec", ""),)
         return replace(target_from("table", outputs, self.columns(), table), gear=RV_40E)
 
-    def _bench(self) -> tuple[Effect, Readings, Target]:
+    def _bench(self) -> tuple[Effect, Measurements, Target]:
         table = self.table()
         target = self.target(table)
-        return self.effect_type(), readings_of(target.columns, table), target
+        return self.effect_type(), measurements_of(target.columns, table), target
 
     def _values(self, seed: int, zero: bool = False) -> dict[str, float]:
         effect, _, target = self._bench()
@@ -74,8 +74,8 @@ class EffectContract:
         return values | (dict.fromkeys(amplitudes, 0.0) if zero else {})
 
     def _act(self, values: dict[str, float], rows: slice | np.ndarray = slice(None)) -> Action:
-        effect, readings, target = self._bench()
-        part = readings_of(target.columns, {k: v[rows] for k, v in readings.table.items()})
+        effect, measurements, target = self._bench()
+        part = measurements_of(target.columns, {k: v[rows] for k, v in measurements.table.items()})
         return effect.act(part, values, target)
 
     def test_says_what_it_is(self) -> None:
@@ -146,10 +146,10 @@ class EffectContract:
 
     def test_picklable(self) -> None:
         again = pickle.loads(pickle.dumps(self.effect_type()))
-        _, readings, target = self._bench()
+        _, measurements, target = self._bench()
         values = self._values(1)
         expected = _done(self._act(values))
-        for name, column in _done(again.act(readings, values, target)).items():
+        for name, column in _done(again.act(measurements, values, target)).items():
             np.testing.assert_array_equal(column, expected[name])
 
 

@@ -77,8 +77,8 @@ class PinBending(own.OneColumn):
     formula, reference = "c T |T|", "Timoshenko, Strength of Materials, 1930"
     weight = own.Weight("bending", "c, twist per torque squared", per="Nm^2", low=-np.inf)
 
-    def column(self, readings, values, target):
-        return readings[own.Role.TORQUE] * np.abs(readings[own.Role.TORQUE])
+    def column(self, measurements, values, target):
+        return measurements[own.Role.TORQUE] * np.abs(measurements[own.Role.TORQUE])
 
 
 @dataclass(frozen=True)

@@ -1,5 +1,5 @@
 """Named physical effects that a model may miss: one effect per file."""
 
-from .effect import Action, Effect, EffectParameter, Readings, Target
+from .effect import Action, Effect, EffectParameter, Measurements, Target
 
-__all__ = ["Action", "Effect", "EffectParameter", "Readings", "Target"]
+__all__ = ["Action", "Effect", "EffectParameter", "Measurements", "Target"]

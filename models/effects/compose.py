@@ -14,8 +14,8 @@ import numpy as np
 
 from ...arrays import Array
 from ..measurable import NO_CHANGES, MeasurableModel
-from .effect import Action, Effect, Readings, Target, Values
-from .readings import Table, readings_of, target_of
+from .effect import Action, Effect, Measurements, Target, Values
+from .measurements import Table, measurements_of, target_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +42,7 @@ def predicted(
     if not active:
         return with_zero(model.predict(table, rng), zero)
     target = target_of(model, name, table)
-    actions = acting(active, readings_of(target.columns, table), target)
+    actions = acting(active, measurements_of(target.columns, table), target)
     changes = changes_of(actions) or NO_CHANGES
     outputs = with_zero(model.predict(table, rng, changes), zero)
     means = model.means(changes) if any(action.population for action in actions) else {}
@@ -54,9 +54,9 @@ def with_zero(outputs: Mapping[str, Array], zero: Mapping[str, float]) -> dict[s
     return {name: values + zero[name] if name in zero else values for name, values in outputs.items()}
 
 
-def acting(effects: Sequence[Active], readings: Readings, target: Target) -> list[Action]:
+def acting(effects: Sequence[Active], measurements: Measurements, target: Target) -> list[Action]:
     """The action of each effect on the rows."""
-    return [effect.effect.act(readings, effect.values, target) for effect in effects]
+    return [effect.effect.act(measurements, effect.values, target) for effect in effects]
 
 
 def changes_of(actions: Iterable[Action]) -> dict[str, Array]:

@@ -100,7 +100,7 @@ class Target:
     quantities that may be changed inside, and whether each row is a unit of a population.
 
     Where the table is known, `largest` holds the largest magnitude of a column by role (in the
-    units of `Readings`), `labels` the labels of unit and lot, and `locked` whether the rows follow
+    units of `Measurements`), `labels` the labels of unit and lot, and `locked` whether the rows follow
     the load of a unit with a locked input (None where no table is known); `pace` is the usual
     step of the clock [s], `derived` are roles that follow from another column. With `several`
     outputs the names of an effect's parameters begin with that of their output. `gear` has the
@@ -136,7 +136,7 @@ class Target:
 
 
 @dataclass(frozen=True, slots=True)
-class Readings:
+class Measurements:
     """The rows of a table as effects receive them: by column name, and by role in fixed units.
 
     By role: angle [rad], torque [N m], force [N], direction [+1, -1], speed [rpm], temperature
@@ -262,12 +262,12 @@ class Effect(ABC):
         """
         return {}
 
-    def act(self, readings: Readings, values: Values, target: Target) -> Action:
+    def act(self, measurements: Measurements, values: Values, target: Target) -> Action:
         """Its action on the rows, with `values` of its parameters by name."""
         place = self.place(target)
         if place is None:
-            return self.own_action(readings, values, target)
-        return Action(changes={place.name: np.full(len(readings), values[place.name])})
+            return self.own_action(measurements, values, target)
+        return Action(changes={place.name: np.full(len(measurements), values[place.name])})
 
     def described(self, values: Values, target: Target) -> dict[str, tuple[float, str]]:
         """Quantities reported in addition to the parameters (amplitude, phase): value and unit."""
@@ -282,7 +282,7 @@ class Effect(ABC):
         """Its parameters where no quantity inside has its name."""
 
     @abstractmethod
-    def own_action(self, readings: Readings, values: Values, target: Target) -> Action:
+    def own_action(self, measurements: Measurements, values: Values, target: Target) -> Action:
         """Its action on the rows where no quantity inside has its name."""
 
 

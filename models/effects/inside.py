@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .effect import Action, Effect, EffectParameter, Readings, Target, Values, value_or_zero
+from .effect import Action, Effect, EffectParameter, Measurements, Target, Values, value_or_zero
 
 CHAINS = (1, 2, 3)
 """Numbers of the chains of a manipulator, each with an arm and its drive."""
@@ -19,7 +19,7 @@ class Inside(Effect):
     def own_parameters(self, target: Target) -> tuple[EffectParameter, ...]:
         return ()
 
-    def own_action(self, readings: Readings, values: Values, target: Target) -> Action:
+    def own_action(self, measurements: Measurements, values: Values, target: Target) -> Action:
         return Action()
 
 
@@ -35,8 +35,8 @@ class InsideSeveral(Inside):
     def own_parameters(self, target: Target) -> tuple[EffectParameter, ...]:
         return tuple(number for number, _ in self.numbers(target))
 
-    def own_action(self, readings: Readings, values: Values, target: Target) -> Action:
-        factor = self.factor(readings, values)
+    def own_action(self, measurements: Measurements, values: Values, target: Target) -> Action:
+        factor = self.factor(measurements, values)
         numbers = self.numbers(target)
         return Action(changes={name: value_or_zero(values, number.name) * factor for number, name in numbers})
 
@@ -44,6 +44,6 @@ class InsideSeveral(Inside):
         """The linear parameters, each with the quantity that it changes."""
         return ()
 
-    def factor(self, readings: Readings, values: Values) -> np.ndarray:
+    def factor(self, measurements: Measurements, values: Values) -> np.ndarray:
         """The factor (n,) of the parameters."""
-        return np.ones(len(readings))
+        return np.ones(len(measurements))

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from ...arrays import Array
 from ..measurable import Role
-from .effect import Readings
+from .effect import Measurements
 
 FEW = 0.1
 """Reversals per row above which rows are not a path."""
@@ -41,44 +41,44 @@ def play(x: Array, width: float, starts: NDArray[np.bool_] | None = None) -> Arr
     return low
 
 
-def along_path(readings: Readings, x: Array, width: float) -> Array:
+def along_path(measurements: Measurements, x: Array, width: float) -> Array:
     """`play` over rows in the order of measurement; each unit and repeat has a separate path."""
-    order, starts = readings.in_order, _starts(readings)
+    order, starts = measurements.in_order, _starts(measurements)
     values = np.empty(len(x))
     values[order] = play(x[order], width, starts)
     return values
 
 
-def follows_load(readings: Readings) -> bool:
+def follows_load(measurements: Measurements) -> bool:
     """Whether the rows are a load path on a unit at rest: the direction is that of the load's
     steps, it seldom reverses, and nothing moves.
     """
-    load = next((role for role in (Role.TORQUE, Role.FORCE) if role in readings), None)
-    if load is None or Role.DIRECTION not in readings or _moves(readings):
+    load = next((role for role in (Role.TORQUE, Role.FORCE) if role in measurements), None)
+    if load is None or Role.DIRECTION not in measurements or _moves(measurements):
         return False
-    order, within = readings.in_order, ~_starts(readings)[1:]
-    steps = np.diff(np.asarray(readings[load], dtype=float)[order])[within]
-    sign = np.asarray(readings[Role.DIRECTION], dtype=float)[order]
+    order, within = measurements.in_order, ~_starts(measurements)[1:]
+    steps = np.diff(np.asarray(measurements[load], dtype=float)[order])[within]
+    sign = np.asarray(measurements[Role.DIRECTION], dtype=float)[order]
     reversals = int(np.count_nonzero(np.diff(sign)))
     along = float(0.5 * (sign[1:] + sign[:-1])[within] @ steps)
     return 0 < reversals <= FEW * len(sign) and along > MOSTLY * float(np.abs(steps).sum())
 
 
-def _moves(readings: Readings) -> bool:
+def _moves(measurements: Measurements) -> bool:
     """Whether a speed is not 0, or the angle changes from row to row by more than a twist."""
-    if Role.SPEED in readings and np.any(readings[Role.SPEED]):
+    if Role.SPEED in measurements and np.any(measurements[Role.SPEED]):
         return True
-    angle = readings[Role.ANGLE] if Role.ANGLE in readings else np.zeros(len(readings))
-    steps = np.abs(np.diff(np.asarray(angle, dtype=float)[readings.in_order]))
+    angle = measurements[Role.ANGLE] if Role.ANGLE in measurements else np.zeros(len(measurements))
+    steps = np.abs(np.diff(np.asarray(angle, dtype=float)[measurements.in_order]))
     return bool(np.ptp(angle) > TWIST and np.median(steps) > 0.0)
 
 
-def _starts(readings: Readings) -> NDArray[np.bool_]:
+def _starts(measurements: Measurements) -> NDArray[np.bool_]:
     """Where (n,) a path begins, in the order of measurement."""
-    order, starts = readings.in_order, np.zeros(len(readings), dtype=bool)
+    order, starts = measurements.in_order, np.zeros(len(measurements), dtype=bool)
     starts[:1] = True
     for role in (Role.UNIT, Role.REPEAT):
-        if role in readings:
-            labels = readings[role][order]
+        if role in measurements:
+            labels = measurements[role][order]
             starts[1:] |= np.asarray(labels[1:] != labels[:-1], dtype=bool)
     return starts

@@ -14,7 +14,7 @@ import numpy as np
 from ...arrays import Array
 from ...declarations import Output
 from ..measurable import Role
-from .effect import Action, Effect, EffectParameter, Readings, Target, Values, quantity, value_or_zero
+from .effect import Action, Effect, EffectParameter, Measurements, Target, Values, quantity, value_or_zero
 
 Columns = Mapping[str, Callable[[], Array]]
 """Columns (n,) by the stems of their weights, each computed when it is called."""
@@ -49,12 +49,12 @@ class Shape(Effect):
         linear = [weight.of(output, target) for output in self.reached(target) for weight in weights]
         return (*linear, *self.shape_parameters(target))
 
-    def own_action(self, readings: Readings, values: Values, target: Target) -> Action:
-        columns = self.columns(readings, values, target)
+    def own_action(self, measurements: Measurements, values: Values, target: Target) -> Action:
+        columns = self.columns(measurements, values, target)
         weights = self.weights(target)
         actions = {}
         for output in self.reached(target):
-            total = np.zeros(len(readings))
+            total = np.zeros(len(measurements))
             for weight in weights:
                 size = value_or_zero(values, weight.of(output, target).name)
                 if size != 0.0:
@@ -77,7 +77,7 @@ class Shape(Effect):
         """The linear parameters of one output."""
 
     @abstractmethod
-    def columns(self, readings: Readings, values: Values, target: Target) -> Columns:
+    def columns(self, measurements: Measurements, values: Values, target: Target) -> Columns:
         """The column (n,) of each weight, by its stem."""
 
 
@@ -89,11 +89,11 @@ class OneColumn(Shape):
     def weights(self, target: Target) -> tuple[Weight, ...]:
         return (self.weight,)
 
-    def columns(self, readings: Readings, values: Values, target: Target) -> Columns:
-        return {self.weights(target)[0].stem: lambda: self.column(readings, values, target)}
+    def columns(self, measurements: Measurements, values: Values, target: Target) -> Columns:
+        return {self.weights(target)[0].stem: lambda: self.column(measurements, values, target)}
 
     @abstractmethod
-    def column(self, readings: Readings, values: Values, target: Target) -> Array:
+    def column(self, measurements: Measurements, values: Values, target: Target) -> Array:
         """The column (n,) that the weight multiplies."""
 
 
@@ -135,19 +135,19 @@ class Orders(Shape):
         """The unit that the components are divided by."""
         return ""
 
-    def factor(self, readings: Readings) -> Array | float:
+    def factor(self, measurements: Measurements) -> Array | float:
         """The factor of the waves."""
         return 1.0
 
-    def columns(self, readings: Readings, values: Values, target: Target) -> Columns:
+    def columns(self, measurements: Measurements, values: Values, target: Target) -> Columns:
         return {
-            f"{part}_{order_key(order)}": partial(self._wave, readings, order, function)
+            f"{part}_{order_key(order)}": partial(self._wave, measurements, order, function)
             for order in self.orders_of(target)
             for part, function in (("cos", np.cos), ("sin", np.sin))
         }
 
-    def _wave(self, readings: Readings, order: float, function: Callable[[Array], Array]) -> Array:
-        return self.factor(readings) * function(order * readings[Role.ANGLE])
+    def _wave(self, measurements: Measurements, order: float, function: Callable[[Array], Array]) -> Array:
+        return self.factor(measurements) * function(order * measurements[Role.ANGLE])
 
     def described(self, values: Values, target: Target) -> dict[str, tuple[float, str]]:
         description: dict[str, tuple[float, str]] = {}
@@ -206,9 +206,9 @@ class Load:
         return "N" if Load.role(target) is Role.FORCE else "Nm"
 
     @staticmethod
-    def of(readings: Readings) -> Array:
+    def of(measurements: Measurements) -> Array:
         """The load (n,) [N m or N]."""
-        return np.asarray(readings[Role.TORQUE if Role.TORQUE in readings else Role.FORCE])
+        return np.asarray(measurements[Role.TORQUE if Role.TORQUE in measurements else Role.FORCE])
 
     @staticmethod
     def share(target: Target, low: float, high: float) -> tuple[float, float]:
@@ -227,9 +227,9 @@ class LoadShape(OneColumn):
         return Load.applies(target, self.needs)
 
 
-def warming(readings: Readings) -> Array:
+def warming(measurements: Measurements) -> Array:
     """tau (n,) [K]: temperature less 20 degC, which is not fitted."""
-    return np.asarray(readings[Role.TEMPERATURE]) - REFERENCE_TEMPERATURE
+    return np.asarray(measurements[Role.TEMPERATURE]) - REFERENCE_TEMPERATURE
 
 
 def speed_unit(target: Target) -> str:

@@ -17,8 +17,8 @@ import scipy
 
 from ...arrays import Array
 from ..measurable import Role
-from .effect import Action, Effect, EffectParameter, Readings, Target, Values
-from .readings import SESSION, labels_of
+from .effect import Action, Effect, EffectParameter, Measurements, Target, Values
+from .measurements import SESSION, labels_of
 
 SHAPES = ("constant", "spline", "power", "step", "wave", "swing", "product", "levels", "curve")
 
@@ -76,27 +76,27 @@ class Term:
         """Columns of the table that it is a function of, without the direction."""
         return (self.variable, self.times) if self.times else (self.variable,)
 
-    def columns(self, readings: Readings) -> Array:
+    def columns(self, measurements: Measurements) -> Array:
         """Its columns (n, count)."""
-        column = self._shape(readings)
+        column = self._shape(measurements)
         if self.times and self.shape != "product":
-            column = column * (self._second_factor(readings) ** self.times_exponent)[:, None]
+            column = column * (self._second_factor(measurements) ** self.times_exponent)[:, None]
         if self.turns:
-            column = column * np.asarray(readings[Role.DIRECTION], dtype=float)[:, None]
+            column = column * np.asarray(measurements[Role.DIRECTION], dtype=float)[:, None]
         return np.asarray(column, dtype=float)
 
-    def _second_factor(self, readings: Readings) -> Array:
-        scaled = (np.asarray(readings.table[self.times], dtype=float) - self.times_zero) / self.times_scale
+    def _second_factor(self, measurements: Measurements) -> Array:
+        scaled = (np.asarray(measurements.table[self.times], dtype=float) - self.times_zero) / self.times_scale
         return np.asarray(np.abs(scaled) if self.times_magnitude else scaled)
 
-    def _shape(self, readings: Readings) -> Array:
+    def _shape(self, measurements: Measurements) -> Array:
         if self.shape == "constant":
-            return np.ones((len(readings), 1))
+            return np.ones((len(measurements), 1))
         if self.shape == "wave":
-            return _cosine_and_sine(self.order * np.asarray(readings[Role.ANGLE], dtype=float))
+            return _cosine_and_sine(self.order * np.asarray(measurements[Role.ANGLE], dtype=float))
         if self.shape == "levels":
-            return self._levels(readings)
-        x = np.asarray(readings.table[self.variable], dtype=float)
+            return self._levels(measurements)
+        x = np.asarray(measurements.table[self.variable], dtype=float)
         if self.shape == "spline":
             ends = np.r_[[self.knots[0]] * 3, self.knots, [self.knots[-1]] * 3]
             inside = np.clip(x, self.knots[0], self.knots[-1])
@@ -109,15 +109,15 @@ class Term:
         if self.shape == "swing":
             return _cosine_and_sine(self.order * z)
         if self.shape == "product":
-            w = self._second_factor(readings)
+            w = self._second_factor(measurements)
             return np.column_stack([z * w, z * z * w, z * w * w, z * z * w * w])
         size = np.abs(z) ** self.exponent
         return (np.sign(z) * size if self.signed else size)[:, None]
 
-    def _levels(self, readings: Readings) -> Array:
-        if self.variable not in readings.table:
-            return np.zeros((len(readings), self.count))
-        names, which = labels_of(readings.table[self.variable])
+    def _levels(self, measurements: Measurements) -> Array:
+        if self.variable not in measurements.table:
+            return np.zeros((len(measurements), self.count))
+        names, which = labels_of(measurements.table[self.variable])
         matches = np.asarray(names[which][:, None] == np.array(self.labels), dtype=float)
         return np.asarray(matches[:, 1:] - matches[:, :1])
 
@@ -165,17 +165,17 @@ class Unresolved(Effect):
         unit = next(output.unit for output in target.outputs if output.name == self.term.output)
         return tuple(EffectParameter(f"c{k + 1}", unit, "coefficient", -np.inf) for k in range(self.mix.shape[1]))
 
-    def columns(self, readings: Readings) -> Array:
+    def columns(self, measurements: Measurements) -> Array:
         """Columns (n, m) of its parameters."""
-        return np.asarray(self.term.columns(readings) @ self.mix)
+        return np.asarray(self.term.columns(measurements) @ self.mix)
 
     def coefficients(self, values: Values) -> Array:
         """Coefficients of the term (count,)."""
         weights = np.array([values.get(f"c{k + 1}", 0.0) for k in range(self.mix.shape[1])])
         return np.asarray(self.mix @ weights)
 
-    def own_action(self, readings: Readings, values: Values, target: Target) -> Action:
-        return Action(output={self.term.output: self.term.columns(readings) @ self.coefficients(values)})
+    def own_action(self, measurements: Measurements, values: Values, target: Target) -> Action:
+        return Action(output={self.term.output: self.term.columns(measurements) @ self.coefficients(values)})
 
 
 def unresolved_of(table: Mapping[str, Any]) -> tuple[Unresolved, dict[str, float]]:

@@ -25,7 +25,7 @@ from ...arrays import Array
 from ...models.assembly.assemble import Departures
 from ...models.effects.compose import Active
 from ...models.effects.effect import Target
-from ...models.effects.readings import readings_of, target_from
+from ...models.effects.measurements import measurements_of, target_from
 from ...models.measurable import Column, Role
 from ...models.rv_reducer.transmission import RvTransmission
 from ...units import ARCSEC
@@ -91,7 +91,7 @@ def _over_turn(active: Active, torque: float, speed: float) -> Array:
     target = replace(target, gear=RvTransmission.gear)
     if not _adds_waves(active, target, columns):
         return np.zeros(SAMPLES)
-    action = active.effect.act(readings_of(columns, table), active.values, target)
+    action = active.effect.act(measurements_of(columns, table), active.values, target)
     return np.asarray(action.output.get(TE, np.zeros(SAMPLES)))
 
 

@@ -16,7 +16,7 @@ from tolevo.cli import app
 from tolevo.configuration import read
 from tolevo.configuration.gap import read_gap
 from tolevo.errors import InputError
-from tolevo.models.effects.readings import target_of
+from tolevo.models.effects.measurements import target_of
 from tolevo.section import Section
 from tolevo.units import converted, dimension, family, fits, to_unit
 

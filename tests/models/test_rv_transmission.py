@@ -56,7 +56,7 @@ def uneven() -> RvLostMotion:
 
 
 def te(model: RvTransmission, torque: float, **columns: Any) -> Array:
-    """Readings over one turn at one torque."""
+    """Measurements over one turn at one torque."""
     table = {"output_angle_deg": ANGLES, "torque_Nm": np.full(ANGLES.size, torque)}
     table |= {name: np.full(ANGLES.size, float(value)) for name, value in columns.items()}
     return model.predict(table, RNG)["te_arcsec"]

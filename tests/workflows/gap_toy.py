@@ -11,7 +11,7 @@ import numpy as np
 
 from tolevo.declarations import Output
 from tolevo.models.effects import EffectParameter
-from tolevo.models.effects.readings import readings_of, target_from
+from tolevo.models.effects.measurements import measurements_of, target_from
 from tolevo.models.effects.unresolved import Unresolved
 from tolevo.models.measurable import Column, Role
 from tolevo.workflows.gap.data import GapData
@@ -51,7 +51,7 @@ class Given:
     def of(self, candidate: Candidate, shape: Mapping[str, float]) -> Array:
         if isinstance(candidate.effect, Unresolved):
             assert self.data is not None
-            return candidate.effect.columns(self.data.readings)
+            return candidate.effect.columns(self.data.measurements)
         own = self.columns[candidate.name]
         found = own(*shape.values()) if callable(own) else own
         return np.asarray(found, dtype=float).reshape(N, -1)
@@ -96,7 +96,7 @@ def readings(**table: Array) -> GapData:
     outputs = (Output("te", "arcsec", ""),)
     target = target_from("table", outputs, columns, table)
     zero = {"te": np.zeros(N)}
-    return GapData(target, readings_of(columns, table), zero, zero, {}, np.arange(N))
+    return GapData(target, measurements_of(columns, table), zero, zero, {}, np.arange(N))
 
 
 def settling(

@@ -49,6 +49,6 @@ def test_every_row_is_a_unit_where_no_column_tells_them_apart(name: str, tmp_pat
 
 def test_times_and_batches_of_a_q_das_file_are_known(tmp_path: Path) -> None:
     data = read(tmp_path, "b.dfq")
-    table = data.readings.table
+    table = data.measurements.table
     np.testing.assert_allclose(table["time_s"], 60.0 * np.arange(20))
-    assert list(data.readings[Role.LOT]) == [f"L{at // 10}" for at in range(20)]
+    assert list(data.measurements[Role.LOT]) == [f"L{at // 10}" for at in range(20)]

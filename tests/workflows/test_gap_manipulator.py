@@ -93,7 +93,7 @@ def eccentric(table: Table) -> Array:
 
 
 def readings(table: Table, hidden: Array, rng: np.random.Generator) -> Array:
-    """Readings (6, n) with noise as large as what is hidden, positions and rotations apart."""
+    """Measurements (6, n) with noise as large as what is hidden, positions and rotations apart."""
     found = with_errors(table, {}) + hidden
     for part in (slice(0, 3), slice(3, 6)):
         size = np.sqrt(np.mean(hidden[part] ** 2))

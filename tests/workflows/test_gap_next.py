@@ -58,7 +58,7 @@ def bench(n: int, most: float, rng: np.random.Generator) -> pd.DataFrame:
 
 
 def read_off(points: pd.DataFrame, rng: np.random.Generator) -> pd.DataFrame:
-    """Readings of a shaft that winds up in proportion to the torque, and a simulation without."""
+    """Measurements of a shaft that winds up in proportion to the torque, and a simulation without."""
     predicted = 0.2 * points["torque"]
     te = predicted + STEEP * points["torque"] + 4.0 + rng.normal(0.0, NOISE, len(points))
     return points.assign(te_predicted=predicted, te=te)
@@ -114,7 +114,7 @@ def of_name(name: str, torque: Array) -> Array:
 
 
 def test_the_chance_is_that_of_readings_taken_there(record: pd.DataFrame, result: GapResult) -> None:
-    """Readings at the proposed points, drawn from either name as the record leaves it, and both
+    """Measurements at the proposed points, drawn from either name as the record leaves it, and both
     fitted again by least squares: the share in which the right one fits better.
     """
     planned, points = result.next_measurement, result.next_points

@@ -84,7 +84,7 @@ def test_the_worse_pair_has_its_say() -> None:
 
 
 def test_the_chance_is_what_simulation_counts() -> None:
-    """Readings drawn from either explanation as the record leaves it, both fitted again by least
+    """Measurements drawn from either explanation as the record leaves it, both fitted again by least
     squares on all of them: how often the right one fits better.
     """
     rng = np.random.default_rng(8)

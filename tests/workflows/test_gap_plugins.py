@@ -10,8 +10,8 @@ import pytest
 from tolevo import registry
 from tolevo.arrays import Array
 from tolevo.declarations import Output
-from tolevo.models.effects.effect import Readings, Target
-from tolevo.models.effects.readings import readings_of, target_from
+from tolevo.models.effects.effect import Measurements, Target
+from tolevo.models.effects.measurements import measurements_of, target_from
 from tolevo.models.effects.shapes import OneColumn, Weight
 from tolevo.models.measurable import Column, Role
 from tolevo.workflows.gap.data import GapData
@@ -31,14 +31,14 @@ class CableDrag(OneColumn):
     needs = (Role.ANGLE,)
     weight = Weight("amplitude", "c, the largest drag")
 
-    def column(self, readings: Readings, values: Mapping[str, float], target: Target) -> Array:
+    def column(self, readings: Measurements, values: Mapping[str, float], target: Target) -> Array:
         return np.asarray(np.sin(readings[Role.ANGLE]))
 
 
 def data(population: bool = False) -> GapData:
     target = target_from("table", (Output("te", "arcsec", ""),), COLUMNS, TABLE,
                          population=population)  # fmt: skip
-    readings = readings_of(COLUMNS, TABLE)
+    readings = measurements_of(COLUMNS, TABLE)
     return GapData(target, readings, {"te": TABLE["torque"]}, {}, {}, np.arange(30))
 
 

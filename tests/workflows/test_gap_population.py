@@ -301,7 +301,7 @@ def test_lots_of_one_unit_have_no_offset() -> None:
 
 
 def test_repeats_are_one_unit() -> None:
-    """Readings of a unit are no units: their mean is, once."""
+    """Measurements of a unit are no units: their mean is, once."""
     table = units(25, seed=13)
     rng = np.random.default_rng(2)
     twice = {name: np.repeat(values, 4) for name, values in table.items()}

@@ -20,7 +20,7 @@ MODELS = {"rv_batch": 'parameters.model = "document"\n[free]\n', "assembly": "[s
 
 
 def units(n: int, seed: int = 1) -> Frame:
-    """Readings of about the right size, from a normal law of our own."""
+    """Measurements of about the right size, from a normal law of our own."""
     y = 0.7 + 0.24 * np.random.default_rng(seed).standard_normal(n)
     return pd.DataFrame({"unit": np.arange(1, n + 1), "backlash_arcmin": np.abs(y)})
 
@@ -113,7 +113,7 @@ def test_twelve_units_far_off_have_no_input(tmp_path: Path) -> None:
 
 
 def test_units_that_may_be_anything_are_of_no_input(tmp_path: Path) -> None:
-    """Readings of another product: a wide, even spread from 5 to 50 arcmin."""
+    """Measurements of another product: a wide, even spread from 5 to 50 arcmin."""
     y = np.random.default_rng(2).uniform(5.0, 50.0, 60)
     ended = command(tmp_path, units(60).assign(backlash_arcmin=y))
     assert ended.exit_code == 0, ended.output
@@ -121,7 +121,7 @@ def test_units_that_may_be_anything_are_of_no_input(tmp_path: Path) -> None:
 
 
 def assembly(n: int, seed: int = 1) -> Frame:
-    """Readings that are not of the model: random angles beside random parts."""
+    """Measurements that are not of the model: random angles beside random parts."""
     rng = np.random.default_rng(seed)
     names = [f"{part}_{k}_mrad" for part in ("dtheta", "delta") for k in range(1, 5)]
     frame = pd.DataFrame({name: rng.normal(0.0, 3.0, n) for name in names})

@@ -11,10 +11,10 @@ import pytest
 from scipy import stats
 
 from tolevo.configuration.gap import read_gap
+from tolevo.models.effects.measurements import target_of
 from tolevo.models.effects.population.law import Law
 from tolevo.models.effects.population.lot_mixture import LotMixture
 from tolevo.models.effects.population.spread_inflation import SpreadInflation
-from tolevo.models.effects.readings import target_of
 from tolevo.models.rv_reducer.batch import RvBatch
 from tolevo.workflows.gap import gap
 from tolevo.workflows.gap.law import law_with

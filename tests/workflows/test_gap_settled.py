@@ -99,7 +99,7 @@ def test_terms_are_the_forms_that_they_stand_for(end: Ending) -> None:
         if term is None:
             continue
         seen.add(kind)
-        q = basis(np.column_stack([np.ones(len(own)), Unresolved(term).columns(setup.data.readings)]))
+        q = basis(np.column_stack([np.ones(len(own)), Unresolved(term).columns(setup.data.measurements)]))
         # splines are evaluated by the same code, powers by another order of the same operations
         assert np.abs(projected_out(own, q)).max() < 1e-6 * np.abs(own).max(), form
     assert len(seen) >= 12

@@ -144,7 +144,7 @@ def test_a_name_is_disbelieved_from_a_tenth_on(more: float, believed: bool) -> N
 
 def _beside(a: np.ndarray, knots: tuple[float, ...]) -> np.ndarray:
     """A mix of the columns of a spline that are orthogonal to a and a constant."""
-    own = Unresolved(Term("te", "speed", "spline", knots=knots)).columns(DATA.readings)
+    own = Unresolved(Term("te", "speed", "spline", knots=knots)).columns(DATA.measurements)
     q = np.linalg.qr(np.column_stack([np.ones(N), a]))[0]
     _, _, right = np.linalg.svd(q.T @ own)
     return np.asarray(right[2:].T)

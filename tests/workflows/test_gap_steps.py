@@ -1,4 +1,4 @@
-"""Readings in steps: named by the lattice that they are on, and by nothing else."""
+"""Measurements in steps: named by the lattice that they are on, and by nothing else."""
 
 from __future__ import annotations
 

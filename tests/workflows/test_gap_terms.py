@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 from tolevo.cli import app
 from tolevo.configuration.gap import gap_plan, read_gap
 from tolevo.gap_records import GapResult
-from tolevo.models.effects.effect import Readings
+from tolevo.models.effects.effect import Measurements
 from tolevo.models.effects.unresolved import Term
 from tolevo.models.measurable import Role
 from tolevo.workflows.gap import gap
@@ -46,9 +46,9 @@ def found(folder: Path, frame: pd.DataFrame, more: str = "") -> GapResult:
 def test_columns_of_levels_add_up_to_nothing_and_other_labels_have_none() -> None:
     term = Term("te", "session", "levels", labels=("a", "b", "c"))
     labels = np.array(["a", "b", "c", "d"])
-    columns = term.columns(Readings({"session": labels}, {Role.UNIT: labels}))
+    columns = term.columns(Measurements({"session": labels}, {Role.UNIT: labels}))
     np.testing.assert_array_equal(columns, [[-1, -1], [1, 0], [0, 1], [0, 0]])
-    nowhere = Readings({"torque": np.zeros(4)}, {Role.UNIT: labels})
+    nowhere = Measurements({"torque": np.zeros(4)}, {Role.UNIT: labels})
     np.testing.assert_array_equal(term.columns(nowhere), np.zeros((4, 2)))
 
 

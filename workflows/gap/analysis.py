@@ -206,7 +206,7 @@ def _answer(
 def _about(setup: Setup, search: Search, fit: Fit) -> Setup:
     """The setup linearised about the joint fit in the full model: the columns depend on it."""
     model = corrected(setup, search.fitter.space, fit)
-    changes = changes_of(acting(model.active, setup.data.readings, setup.data.target))
+    changes = changes_of(acting(model.active, setup.data.measurements, setup.data.target))
     return moved_to(setup, {**setup.at, **model.free()}, changes)
 
 

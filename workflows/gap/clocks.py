@@ -10,7 +10,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ...errors import Fault
-from ...models.effects.readings import SESSION, own_clocks
+from ...models.effects.measurements import SESSION, own_clocks
 from ...models.measurable import Column, Role
 
 LATE = 0.05

@@ -131,7 +131,7 @@ class Corrected:
     def predicted(self, data: GapData, values: Array | None = None) -> dict[str, Array]:
         """Every measured output (n,) at rows of data."""
         model = self if values is None else replace(self, values=values)
-        actions = acting(model.active, data.readings, data.target)
+        actions = acting(model.active, data.measurements, data.target)
         means = self.plan.model.means() if self.plan.model and data.target.population else {}
         whole = predictor(self.plan, data, model.model)(changes_of(actions))
         outputs = {o.name: whole[o.name] for o in data.outputs}

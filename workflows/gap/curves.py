@@ -40,7 +40,7 @@ def as_curve(fitter: Fitter, fit: Fit, small: int, large: int, data: GapData) ->
         return None
     output, part = data.outputs[acting[0]].name, parts[acting[0]]
     turns = Role.DIRECTION in small_member.candidate.effect.needs
-    y = part * np.asarray(data.readings[Role.DIRECTION], dtype=float) if turns else part
+    y = part * np.asarray(data.measurements[Role.DIRECTION], dtype=float) if turns else part
     knots, heights, off = _through(data.values(inputs[0]), y)
     if off > NO_CURVE:
         return None

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from ...arrays import Array
 from ...declarations import Output
-from ...models.effects import Readings, Target
-from ...models.effects.readings import SESSION, readings_of, target_from
+from ...models.effects import Measurements, Target
+from ...models.effects.measurements import SESSION, measurements_of, target_from
 from ...models.measurable import Column, Role
 from ...units import converted, dimension
 from .clocks import in_time
@@ -32,7 +32,7 @@ class GapData:
     """
 
     target: Target
-    readings: Readings
+    measurements: Measurements
     measured: Mapping[str, Array]
     predicted: Mapping[str, Array]
     std: Mapping[str, Array]
@@ -56,12 +56,12 @@ class GapData:
     @property
     def inputs(self) -> tuple[Column, ...]:
         """The input columns that hold numbers and vary."""
-        table = self.readings.table
+        table = self.measurements.table
         return tuple(c for c in self.target.columns if not c.text and np.ptp(table[c.name]) > 0)
 
     def values(self, name: str) -> Array:
         """Numbers (n,) of a column."""
-        return np.asarray(self.readings.table[name], dtype=float)
+        return np.asarray(self.measurements.table[name], dtype=float)
 
     def rows_of(self, output: int) -> slice:
         """The rows of an output among those of all, one output below the other (N,)."""
@@ -75,7 +75,7 @@ class GapData:
         """The same data at some of the rows."""
         return replace(
             self,
-            readings=_in_order(readings_of(self.target.columns, _some(self.readings.table, rows))),
+            measurements=_in_order(measurements_of(self.target.columns, _some(self.measurements.table, rows))),
             measured=_some(self.measured, rows),
             predicted=_some(self.predicted, rows),
             std=_some(self.std, rows),
@@ -114,7 +114,7 @@ def assembled(
         target = replace(target, several=len(plan.model.outputs) > 1)
     return GapData(
         target=target,
-        readings=_in_order(readings_of(columns, table)),
+        measurements=_in_order(measurements_of(columns, table)),
         measured={n: _sense(plan, n) * frame[n].to_numpy(dtype=float) for n in units},
         predicted={
             name: _sense(plan, column) * _converted(frame[column], _unit(plan, column, units[name]), units[name])
@@ -132,9 +132,9 @@ def assembled(
     )
 
 
-def _in_order(readings: Readings) -> Readings:
-    """Readings whose rows are in the order of measuring, independent of the clocks of sessions."""
-    return replace(readings, order=None)
+def _in_order(measurements: Measurements) -> Measurements:
+    """Measurements whose rows are in the order of measuring, independent of the clocks of sessions."""
+    return replace(measurements, order=None)
 
 
 def _sense(plan: GapPlan, name: str) -> float:

@@ -214,7 +214,7 @@ def rival_records(
 def residual_table(end: Ending, full: GapData) -> pd.DataFrame:
     """Every measurement with its predictions before and after correction, in measuring order."""
     setup = end.setup
-    inputs = {c.name: full.readings.table[c.name] for c in full.target.columns}
+    inputs = {c.name: full.measurements.table[c.name] for c in full.target.columns}
     frame = pd.DataFrame({"row": full.rows, **inputs})
     used = np.flatnonzero(np.isin(full.rows, setup.data.rows))
     start = end.analysis.initial_null_model

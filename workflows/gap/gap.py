@@ -199,7 +199,7 @@ def _summary(plan: GapPlan, data: GapData, end: Ending, spread: Spread | None) -
 
 def _region(data: GapData) -> dict[str, list[float]]:
     """The range of each input that the corrected model was fitted in."""
-    inputs = {c.name: data.readings.table[c.name] for c in data.inputs}
+    inputs = {c.name: data.measurements.table[c.name] for c in data.inputs}
     return {name: [float(values.min()), float(values.max())] for name, values in inputs.items()}
 
 

@@ -16,7 +16,7 @@ from scipy import linalg
 from scipy.interpolate import BSpline
 
 from ...arrays import Array
-from ...models.effects.readings import SESSION, labels_of, unit_numbers
+from ...models.effects.measurements import SESSION, labels_of, unit_numbers
 from ...models.gear import SUN
 from ...models.measurable import Column, Role
 from ...units import converted
@@ -98,7 +98,7 @@ def generic(data: GapData, predicted: Mapping[str, Array] | None = None) -> tupl
         forms.append((Form("direction", "direction", direction="odd"), sign[:, None]))
     forms += _products(inputs, values, sign)
     forms += _raw_products(inputs, values, sign)
-    if predicted is not None and not {Role.TORQUE, Role.FORCE} & set(data.readings.by_role):
+    if predicted is not None and not {Role.TORQUE, Role.FORCE} & set(data.measurements.by_role):
         forms += _against_predicted(data, predicted)
     if data.target.population:  # its mean is not free
         forms.append((Form("distribution", MEAN), np.ones((len(data), 1))))
@@ -106,7 +106,7 @@ def generic(data: GapData, predicted: Mapping[str, Array] | None = None) -> tupl
     forms += _steps(data)
     forms += _swings(inputs, values)
     forms += _levels(data)
-    if Role.ANGLE in data.readings:
+    if Role.ANGLE in data.measurements:
         forms += _orders(data)
     return [form for form, _ in forms], [columns for _, columns in forms]
 
@@ -121,7 +121,7 @@ def _against_predicted(data: GapData, predicted: Mapping[str, Array]) -> list[tu
 
 
 def _direction(data: GapData) -> Array | None:
-    sign = data.readings[Role.DIRECTION] if Role.DIRECTION in data.readings else np.zeros(1)
+    sign = data.measurements[Role.DIRECTION] if Role.DIRECTION in data.measurements else np.zeros(1)
     return np.asarray(sign, dtype=float) if np.ptp(sign) else None
 
 
@@ -234,7 +234,7 @@ def _swings(inputs: list[Column], values: dict[str, Array]) -> list[tuple[Form, 
 def _steps(data: GapData) -> list[tuple[Form, Array]]:
     """Steps in the order of measuring, each a separate form."""
     name = next((c.name for c in data.inputs if c.role is Role.TIME), "")
-    return _steps_in(np.arange(len(data)), name, "readings") if name else []
+    return _steps_in(np.arange(len(data)), name, "measurements") if name else []
 
 
 def _steps_in(at: NDArray[Any], name: str, what: str) -> list[tuple[Form, Array]]:
@@ -251,14 +251,14 @@ def _along_units(data: GapData) -> list[tuple[Form, Array]]:
     name = order_of_units(data)
     if not name:
         return []
-    at = np.argsort(np.argsort(unit_numbers(data.readings), kind="stable"))
+    at = np.argsort(np.argsort(unit_numbers(data.measurements), kind="stable"))
     curve = spline(at.astype(float), min(6, max(2, len(at) // 25)))
     return [(Form("trend", name), curve), *_steps_in(at, name, "units")]
 
 
 def order_of_units(data: GapData) -> str:
     """The column that numbers the units of a population, empty where there is none."""
-    if not data.target.population or Role.UNIT not in data.readings:
+    if not data.target.population or Role.UNIT not in data.measurements:
         return ""
     return next(c.name for c in data.target.columns if c.role is Role.UNIT)
 
@@ -266,10 +266,10 @@ def order_of_units(data: GapData) -> str:
 def _levels(data: GapData) -> list[tuple[Form, Array]]:
     """A separate level for each unit, lot or session."""
     names = [c.name for c in data.target.columns if c.role in (Role.UNIT, Role.LOT)]
-    names += [SESSION] if SESSION in data.readings.table else []
+    names += [SESSION] if SESSION in data.measurements.table else []
     forms = []
     for name in names:
-        labels, number = labels_of(data.readings.table[name])
+        labels, number = labels_of(data.measurements.table[name])
         if 2 <= len(labels) <= max(2, len(data) // 8):
             columns = (number[:, None] == np.arange(1, len(labels))).astype(float)
             forms.append((Form("interval", name, shape=LEVELS), columns))
@@ -278,9 +278,9 @@ def _levels(data: GapData) -> list[tuple[Form, Array]]:
 
 def order_grid(data: GapData) -> Array:
     """The orders of the periodogram, in steps of a quarter."""
-    angle = data.readings[Role.ANGLE]
+    angle = data.measurements[Role.ANGLE]
     least = 0.25 * np.ceil(4.0 * 2 * np.pi / max(float(np.ptp(angle)), 1e-9))
-    highest = OVER_A_WORKSPACE if Role.POSITION in data.readings else HIGHEST
+    highest = OVER_A_WORKSPACE if Role.POSITION in data.measurements else HIGHEST
     if data.target.gear is not None:
         highest = min(max(highest, data.target.gear.waves[-1] + BEYOND), MOST_ORDERS)
     return np.arange(max(0.25, min(least, 1.0)), highest + 0.1, 0.25)
@@ -288,8 +288,8 @@ def order_grid(data: GapData) -> Array:
 
 def _orders(data: GapData) -> list[tuple[Form, Array]]:
     """Waves of each order, alone and growing with the load."""
-    angle = np.asarray(data.readings[Role.ANGLE], dtype=float)
-    load = next((r for r in (Role.TORQUE, Role.FORCE) if r in data.readings), None)
+    angle = np.asarray(data.measurements[Role.ANGLE], dtype=float)
+    load = next((r for r in (Role.TORQUE, Role.FORCE) if r in data.measurements), None)
     if np.ptp(angle) < 0.1:
         return []
     column = next(c for c in data.inputs if c.role is Role.ANGLE)
@@ -298,7 +298,7 @@ def _orders(data: GapData) -> list[tuple[Form, Array]]:
         columns, form = wave(order * angle), Form("order", column.name, order=float(order))
         forms.append((form, columns))
         if load is not None and order == np.floor(order):
-            size = data.readings[load] / max(float(np.abs(data.readings[load]).max()), 1e-300)
+            size = data.measurements[load] / max(float(np.abs(data.measurements[load]).max()), 1e-300)
             forms.append((replace(form, by=str(load)), columns * size[:, None]))
     return forms + _modulated(data, column, angle)
 

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...arrays import Array
-from ...models.effects.effect import Effect, Readings, Target
+from ...models.effects.effect import Effect, Measurements, Target
+from ...models.effects.measurements import measurements_of, target_of
 from ...models.effects.population.law import Law
 from ...models.effects.population.units import OfUnits
-from ...models.effects.readings import readings_of, target_of
 from ...models.measurable import Column
 from ...models.sources import Sources
 from .plan import GapPlan
@@ -53,7 +53,7 @@ def law_of(plan: GapPlan, name: str) -> Law:
     columns = [c for c in plan.model.columns if c.needed]
     table = _units(columns, MAPPED)
     target = target_of(plan.model, plan.model_name, table)
-    readings = readings_of(target.columns, table)
+    measurements = measurements_of(target.columns, table)
     if sources and not sources.widened:
         law = _exact(sources, mean)
     else:
@@ -62,7 +62,7 @@ def law_of(plan: GapPlan, name: str) -> Law:
         drawn = np.asarray(outputs[name], dtype=float)
         law = estimated(drawn, mean, float(drawn.mean()))
     for active in plan.active:
-        if on_scatter(active.effect, active.values, readings, target):
+        if on_scatter(active.effect, active.values, measurements, target):
             law = law_with(law, active.effect, active.values, target)
     return replace(law, low=law.low - float(law.histogram.mean()))
 
@@ -87,20 +87,20 @@ def _mapped(law: Law, effect: Effect, values: Mapping[str, float], target: Targe
     rng = np.random.default_rng(0)
     units = law.histogram.ppf((rng.permutation(MAPPED) + 0.5) / MAPPED) + law.mean
     table = _units((c for c in target.columns if c.text), MAPPED)
-    action = effect.act(readings_of(target.columns, table), values, target)
+    action = effect.act(measurements_of(target.columns, table), values, target)
     assert action.population is not None
     return estimated(np.asarray(action.population(units, law.mean, rng)), law.mean, law.mean)
 
 
-def on_scatter(effect: Effect, values: Mapping[str, float], readings: Readings, target: Target) -> bool:
+def on_scatter(effect: Effect, values: Mapping[str, float], measurements: Measurements, target: Target) -> bool:
     """Whether an effect on a population does more than shift each unit by a fixed amount."""
-    act = effect.act(readings, values, target).population if target.population else None
+    act = effect.act(measurements, values, target).population if target.population else None
     if act is None:
         return False
 
     def moves(seed: int) -> Array:
         rng = np.random.default_rng(seed)
-        drawn = rng.normal(size=len(readings))
+        drawn = rng.normal(size=len(measurements))
         return np.asarray(act(drawn, 0.0, rng) - drawn)
 
     first, *repeats = map(moves, range(DRAWS))

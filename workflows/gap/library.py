@@ -15,8 +15,8 @@ from ...arrays import Array
 from ...models.effects import Effect, EffectParameter, Target
 from ...models.effects.compose import Active
 from ...models.effects.inside import InsideSeveral
+from ...models.effects.measurements import labels_of
 from ...models.effects.population.units import OfUnits
-from ...models.effects.readings import labels_of
 from ...models.effects.shapes import Shape
 from ...models.effects.unresolved import Unresolved
 from ...models.measurable import Role
@@ -145,7 +145,7 @@ class Columns:
     def _of_shape(self, effect: Shape, shape: Mapping[str, float]) -> Array:
         """Columns of an effect at the outputs, each computed once."""
         data, target = self.data, self.data.target
-        column_of = effect.columns(data.readings, shape, target)
+        column_of = effect.columns(data.measurements, shape, target)
         x = np.column_stack([column_of[weight.stem]() for weight in effect.weights(target)])
         if len(data.outputs) == 1:
             return np.asarray(x, dtype=np.float64)
@@ -155,13 +155,13 @@ class Columns:
 
     def _of_term(self, effect: Unresolved) -> Array:
         """Columns of a generic term, which acts at one output."""
-        columns = effect.columns(self.data.readings)
+        columns = effect.columns(self.data.measurements)
         parts = [columns if o.name == effect.term.output else np.zeros_like(columns) for o in self.data.outputs]
         return np.concatenate(parts)
 
     def _by_rows(self, effect: InsideSeveral, shape: Mapping[str, float]) -> Array:
         """Columns of quantities that change by a factor of each row: slopes times that factor."""
-        factor = np.tile(effect.factor(self.data.readings, shape), len(self.data.outputs))
+        factor = np.tile(effect.factor(self.data.measurements, shape), len(self.data.outputs))
         slopes = [self._slope(name) for _, name in effect.numbers(self.data.target)]
         return np.asarray(np.column_stack(slopes) * factor[:, None])
 
@@ -176,7 +176,7 @@ class Columns:
     def total(self, candidate: Candidate, values: Mapping[str, float]) -> Array:
         """What the effect with these values adds (N,)."""
         data = self.data
-        action = candidate.effect.act(data.readings, values, data.target)
+        action = candidate.effect.act(data.measurements, values, data.target)
         if action.changes:
             return data.stacked(self.predict(action.changes)) - data.stacked(self._base)
         zero = np.zeros(len(data))
@@ -231,7 +231,7 @@ def _on_scatter(candidate: Candidate, data: GapData) -> bool:
         return False
     values = {n.name: _step(n) for n in candidate.linear}
     values |= {n.name: n.choices[0] if n.choices else _within(n) for n in candidate.shape}
-    return on_scatter(candidate.effect, values, data.readings, data.target)
+    return on_scatter(candidate.effect, values, data.measurements, data.target)
 
 
 def _within(number: EffectParameter) -> float:
@@ -277,9 +277,9 @@ def _matters(effect: Effect, why: str, data: GapData) -> bool:
 
 def _at_one_angle(effect: Effect, data: GapData) -> bool:
     """Whether an effect of the angle has a single angle only: its waves then fit any offset."""
-    if Role.ANGLE not in effect.needs or Role.ANGLE not in data.readings:
+    if Role.ANGLE not in effect.needs or Role.ANGLE not in data.measurements:
         return False
-    return float(np.ptp(np.asarray(data.readings[Role.ANGLE], dtype=float))) < STILL
+    return float(np.ptp(np.asarray(data.measurements[Role.ANGLE], dtype=float))) < STILL
 
 
 def _unread(effect: Effect, data: GapData) -> bool:
@@ -294,9 +294,9 @@ def with_lots(library: Iterable[Candidate], data: GapData, residual: Array) -> t
     Offsets of all lots are confounded with that of all units: the lot with the least offset has
     none. Lots of too few units have none either.
     """
-    if Role.LOT not in data.readings:
+    if Role.LOT not in data.measurements:
         return list(library), []
-    labels, of_lot = labels_of(data.readings[Role.LOT])
+    labels, of_lot = labels_of(data.measurements[Role.LOT])
     counts = np.bincount(of_lot)
     offset = np.abs(np.bincount(of_lot, residual[: len(of_lot)])) / np.sqrt(counts)
     few = labels[counts < LEAST_UNITS]

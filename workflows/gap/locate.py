@@ -99,7 +99,7 @@ def _turning(
     columns = np.zeros((len(x) * len(setup.data.outputs), len(widths)))
     odd = np.clip(x[:, None] / widths, -1.0, 1.0)
     if form.direction:
-        odd = odd * np.asarray(setup.data.readings[Role.DIRECTION], dtype=float)[:, None]
+        odd = odd * np.asarray(setup.data.measurements[Role.DIRECTION], dtype=float)[:, None]
     columns[setup.data.rows_of(output)] = odd
     remaining = projected_out(fitter.space.whiten(columns), q)
     size = np.einsum("ij,ij->j", remaining, remaining)

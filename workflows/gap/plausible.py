@@ -24,7 +24,7 @@ MOST = {
     Role.POSITION: (1e3, "1 km"),
     Role.TIME: (3e8, "ten years"),
 }
-"""Span or magnitude, in the units of `Readings`, that is beyond a test bench."""
+"""Span or magnitude, in the units of `Measurements`, that is beyond a test bench."""
 LITTLE = radians(0.5)
 """[rad] Span that a turning angle exceeds; that of a unit with locked input does not."""
 FACTOR = 20.0
@@ -49,9 +49,9 @@ def implausible(data: GapData) -> list[str]:
 
 def _beyond(data: GapData) -> Iterator[str]:
     for role, (most, text) in MOST.items():
-        if role not in data.readings or data.target.units.get(role) in ("m", "m/s"):
+        if role not in data.measurements or data.target.units.get(role) in ("m", "m/s"):
             continue
-        x = np.asarray(data.readings[role], dtype=float)
+        x = np.asarray(data.measurements[role], dtype=float)
         size = np.ptp(x) if role in (Role.ANGLE, Role.TIME) else np.abs(x).max(initial=0.0)
         if size > most:
             yield f"{_doubt(data, role)} It reaches beyond {text}"
@@ -59,8 +59,8 @@ def _beyond(data: GapData) -> Iterator[str]:
 
 def _still(data: GapData) -> Iterator[str]:
     """An angle that hardly turns, on a unit that is not locked."""
-    turning = data.target.units.get(Role.ANGLE) == "rad" and Role.POSITION not in data.readings
-    span = float(np.ptp(data.readings[Role.ANGLE])) if turning else 0.0
+    turning = data.target.units.get(Role.ANGLE) == "rad" and Role.POSITION not in data.measurements
+    span = float(np.ptp(data.measurements[Role.ANGLE])) if turning else 0.0
     if 0.0 < span < LITTLE and not data.target.locked:
         yield f"{_doubt(data, Role.ANGLE)} It spans {np.degrees(span):.2g} deg in all"
 
@@ -80,10 +80,10 @@ def _scaled(data: GapData) -> Iterator[str]:
 
 def _stiff(data: GapData) -> Iterator[str]:
     """A measurement that follows the load as that of no gear or axis does."""
-    role = next((r for r in (Role.TORQUE, Role.FORCE) if r in data.readings), None)
+    role = next((r for r in (Role.TORQUE, Role.FORCE) if r in data.measurements), None)
     if role is None or data.target.population:
         return
-    load = np.asarray(data.readings[role], dtype=float)
+    load = np.asarray(data.measurements[role], dtype=float)
     for output in data.outputs:
         y = data.measured[output.name]
         spread = float(np.std(load) * np.std(y))
@@ -112,7 +112,7 @@ def unlikely(stiffness: float, unit: str, load: str, more: float = 1.0) -> str:
 
 def unlikely_numbers(fit: Fit, data: GapData) -> list[str]:
     """Sentences about fitted compliances that no drive has."""
-    load = "Nm" if Role.TORQUE in data.readings else "N"
+    load = "Nm" if Role.TORQUE in data.measurements else "N"
     return [
         f"the stiffness of torsional_compliance in {output.name} is {description}: are the units right?"
         for member, sizes in zip(fit.members, fit.coefficients, strict=True)

@@ -268,7 +268,7 @@ def _fitted_scatter(batch: Batch, units: Units, candidate: Candidate, level: str
     half = used.half_widths(x, at, batch.setup.plan.settings.interval)
     values, low, high = (kind.values(p) for p in (at, at - half, at + half))
     ends = {name: (low[name], high[name]) for name in values}
-    if Role.LOT in data.readings and isinstance(candidate.effect, OfUnits):
+    if Role.LOT in data.measurements and isinstance(candidate.effect, OfUnits):
         values |= candidate.effect.with_lots
     return Scatter(
         candidate,

@@ -34,7 +34,7 @@ class OfTable:
     """The prediction that the table carries; nothing can change inside."""
 
     def __init__(self, plan: GapPlan, data: GapData) -> None:
-        actions = acting(plan.active, data.readings, data.target)
+        actions = acting(plan.active, data.measurements, data.target)
         rng = np.random.default_rng(plan.seed)
         self._outputs = added(with_zero(data.predicted, plan.zero), actions, {}, rng)
 
@@ -52,9 +52,9 @@ class _OfModel:
 
     def __init__(self, plan: GapPlan, data: GapData, model: MeasurableModel) -> None:
         self._plan, self._data, self._model = plan, data, model
-        readings, target = data.readings, data.target
-        moving = [o for o in plan.active if not on_scatter(o.effect, o.values, readings, target)]
-        self._actions = acting(moving, readings, target)
+        measurements, target = data.measurements, data.target
+        moving = [o for o in plan.active if not on_scatter(o.effect, o.values, measurements, target)]
+        self._actions = acting(moving, measurements, target)
 
     def __reduce__(self) -> tuple[type[_OfModel], tuple[GapPlan, GapData, MeasurableModel]]:
         return type(self), (self._plan, self._data, self._model)
@@ -73,7 +73,7 @@ class OfRows(_OfModel):
     """Prediction row by row."""
 
     def _at(self, changes: Mapping[str, Array], rng: np.random.Generator) -> Mapping[str, Array]:
-        outputs = self._model.predict(self._data.readings.table, rng, changes or NO_CHANGES)
+        outputs = self._model.predict(self._data.measurements.table, rng, changes or NO_CHANGES)
         return with_zero(outputs, self._plan.zero)
 
 

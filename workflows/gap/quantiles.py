@@ -44,7 +44,7 @@ def spread_of_units(plan: GapPlan, data: GapData, end: Ending) -> pd.DataFrame:
 
 def _drawn(plan: GapPlan, data: GapData, model: MeasurableModel, effects: Sequence[Active]) -> dict[str, Array]:
     """Units (m,) drawn at the inputs of the data, equally many at each."""
-    table = data.readings.table
+    table = data.measurements.table
     runs = [
         predicted(model, plan.model_name, table, effects, np.random.default_rng([plan.seed, 9, number]), plan.zero)
         for number in range(-(-DRAWN // len(data)))

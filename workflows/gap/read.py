@@ -15,7 +15,7 @@ import pandas as pd
 from ... import tables
 from ...declarations import Output
 from ...errors import Fault, nearest, raise_all
-from ...models.effects.readings import SESSION
+from ...models.effects.measurements import SESSION
 from ...models.measurable import Column, Role
 from ...units import converted
 from .clocks import clock_faults, late

@@ -81,4 +81,4 @@ def _coarse(setup: Setup, output: Output, residual: Array) -> str:
 def _reads(setup: Setup, candidate: Candidate) -> bool:
     """Whether a candidate acts on the measurement itself."""
     values, data = {number.name: max(number.choices, default=1.0) for number in candidate.shape}, setup.data
-    return candidate.is_nonlinear and bool(candidate.effect.act(data.readings, values, data.target).reading)
+    return candidate.is_nonlinear and bool(candidate.effect.act(data.measurements, values, data.target).reading)

@@ -8,7 +8,7 @@ import pandas as pd
 from ...arrays import Array
 from ...declarations import Output
 from ...gap_records import Region, Shape
-from ...models.effects.readings import unit_numbers
+from ...models.effects.measurements import unit_numbers
 from ...models.measurable import Role
 from .fit import Fit
 from .generic import PREDICTED, Form, order_of_units
@@ -52,7 +52,7 @@ def along(setup: Setup, variable: str) -> Array | None:
     if variable.startswith(PREDICTED):
         return setup.predicted[variable.removeprefix(PREDICTED)]
     if variable == order_of_units(setup.data):
-        return np.asarray(unit_numbers(setup.data.readings), dtype=float)
+        return np.asarray(unit_numbers(setup.data.measurements), dtype=float)
     if variable not in {c.name for c in setup.data.inputs}:
         return None
     return setup.data.values(variable)
@@ -123,8 +123,8 @@ def _shape(setup: Setup, form: Form, output: Output, role: Role | None, curve: A
 
 def _parity(setup: Setup, curve: Array) -> str:
     """Whether a curve changes its sign with the load."""
-    role = Role.TORQUE if Role.TORQUE in setup.data.readings else Role.FORCE
-    load = np.asarray(setup.data.readings[role], dtype=float)
+    role = Role.TORQUE if Role.TORQUE in setup.data.measurements else Role.FORCE
+    load = np.asarray(setup.data.measurements[role], dtype=float)
     if not ((load < 0).any() and (load > 0).any()):
         return "unknown"
     size = np.abs(load) / np.abs(load).max()

@@ -81,7 +81,7 @@ def _falls(data: GapData, output: Output, predicted: Array) -> str:
     load = next((c for c in data.inputs if c.role in (Role.TORQUE, Role.FORCE)), None)
     if load is None or kind_of(output.unit) not in POSITIONS or not np.ptp(predicted):
         return ""
-    if float(np.corrcoef(data.readings[load.role], predicted)[0, 1]) > FALLS:
+    if float(np.corrcoef(data.measurements[load.role], predicted)[0, 1]) > FALLS:
         return ""
     return (
         f"is the sign of {output.name} or of {load.name} reversed? The prediction falls as "

@@ -76,7 +76,7 @@ def _within(setup: Setup, design: Design) -> bool:
 def _designs(data: GapData, rng: np.random.Generator) -> Iterator[Design]:
     """More of the same; each input varied alone, in its range and further; all inputs at once."""
     rows = rng.choice(len(data), size=min(ROWS, len(data)), replace=False)
-    now = {name: values[np.sort(rows)] for name, values in data.readings.table.items()}
+    now = {name: values[np.sort(rows)] for name, values in data.measurements.table.items()}
     yield Design("more measurements like these", now, {})
     moving = [c for c in data.inputs if c.role not in (Role.TIME, Role.REPEAT)]
     for column in moving:

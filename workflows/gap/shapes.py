@@ -47,13 +47,13 @@ def _formula(end: Ending, shape: Shape, fit: Fit) -> str:
     if x is None or shape.by:
         return ""
     if np.isfinite(shape.order):
-        x = np.mod(shape.order * setup.data.readings[Role.ANGLE], 2.0 * np.pi)
+        x = np.mod(shape.order * setup.data.measurements[Role.ANGLE], 2.0 * np.pi)
         name, period = f"({shape.order:g} {name})", 2.0 * np.pi
     at = [o.name for o in setup.data.outputs].index(shape.output)
     rows, noise = setup.data.rows_of(at), end.analysis.null_model.noises[at]
     good, y = noise.counted, residual_of(setup, fit)[rows]
     if shape.direction == "odd":
-        y = y * np.asarray(setup.data.readings[Role.DIRECTION], dtype=float)
+        y = y * np.asarray(setup.data.measurements[Role.DIRECTION], dtype=float)
     curve = Curve(x[good], y[good], noise.sigma[good], end.analysis.search.labels[rows][good], period)
     text = empirical(curve, name)
     return f"direction ({text})" if text and shape.direction == "odd" else text

@@ -27,10 +27,10 @@ def spectrum(data: GapData, residuals: pd.DataFrame, noises: Sequence[Noise], li
 
     `limit` is a threshold on minus the logarithm of a probability. Empty without an angle.
     """
-    if Role.ANGLE not in data.readings or np.ptp(data.readings[Role.ANGLE]) < 0.1:
+    if Role.ANGLE not in data.measurements or np.ptp(data.measurements[Role.ANGLE]) < 0.1:
         return pd.DataFrame({name: [] for name in COLUMNS})
     rows = np.linspace(0, len(data) - 1, min(len(data), MOST)).astype(int)
-    angle = np.asarray(data.readings[Role.ANGLE], dtype=float)[rows]
+    angle = np.asarray(data.measurements[Role.ANGLE], dtype=float)[rows]
     orders = order_grid(data)
     parts = []
     for output, noise in zip(data.outputs, noises, strict=True):

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy import linalg
 
 from ...arrays import Array
-from ...models.effects.readings import labels_of
+from ...models.effects.measurements import labels_of
 from ...models.effects.unresolved import Term, Unresolved
 from ...models.measurable import Column, Role
 from .close import Corrected
@@ -53,7 +53,7 @@ def term_of(form: Form, data: GapData, output: str) -> Term | None:
         name = next(c.name for c in data.inputs if c.role is Role.DIRECTION)
         return Term(output, name, "constant", turns=True)
     if form.shape == LEVELS and not data.target.population:
-        labels, _ = labels_of(data.readings.table[form.variable])
+        labels, _ = labels_of(data.measurements.table[form.variable])
         return Term(output, form.variable, "levels", labels=tuple(labels.tolist()))
     if form.variable not in columns or data.target.population:
         return None

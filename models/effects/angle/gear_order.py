@@ -7,7 +7,7 @@ from math import inf
 import numpy as np
 
 from ...measurable import Role
-from ..effect import EffectParameter, Readings, Target, Values, quantity, value_or_zero
+from ..effect import EffectParameter, Measurements, Target, Values, quantity, value_or_zero
 from ..shapes import Columns, Shape, Weight, no_waves, polar, turns
 
 HIGHEST = 130
@@ -49,8 +49,8 @@ class GearOrder(Shape):
         meaning = "k, waves per turn of the output"
         return (quantity("order", "", meaning, *ends, linear=False, choices=orders),)
 
-    def columns(self, readings: Readings, values: Values, target: Target) -> Columns:
-        phase = values["order"] * np.asarray(readings[Role.ANGLE], dtype=float)
+    def columns(self, measurements: Measurements, values: Values, target: Target) -> Columns:
+        phase = values["order"] * np.asarray(measurements[Role.ANGLE], dtype=float)
         return {"cos": lambda: np.cos(phase), "sin": lambda: np.sin(phase)}
 
     def described(self, values: Values, target: Target) -> dict[str, tuple[float, str]]:

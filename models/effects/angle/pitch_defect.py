@@ -9,7 +9,7 @@ import numpy as np
 from ....arrays import Array
 from ...gear import PINS
 from ...measurable import Role
-from ..effect import EffectParameter, Readings, Target, Values, quantity
+from ..effect import EffectParameter, Measurements, Target, Values, quantity
 from ..shapes import OneColumn, Weight, no_waves, turns
 
 BELL, ENDING = 1.0, 2.0
@@ -57,9 +57,9 @@ class PitchDefect(OneColumn):
     def missing(self, values: Values, target: Target) -> tuple[str, ...]:
         return tuple(name for name in super().missing(values, target) if name != "form")
 
-    def column(self, readings: Readings, values: Values, target: Target) -> Array:
+    def column(self, measurements: Measurements, values: Values, target: Target) -> Array:
         scans = target.gear.orders[PINS] if target.gear else 0.0
-        phase = scans * readings[Role.ANGLE] - np.radians(values["position_deg"])
+        phase = scans * measurements[Role.ANGLE] - np.radians(values["position_deg"])
         if values.get("form", BELL) == ENDING:
             away = np.abs((phase + pi) % tau - pi) / (tau * values["width"])
             return np.asarray(np.cos(0.5 * pi * np.minimum(away, 1.0)) ** 2)

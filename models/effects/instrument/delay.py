@@ -11,8 +11,8 @@ import numpy as np
 
 from ....arrays import Array
 from ...measurable import Role
-from ..effect import Action, Effect, EffectParameter, Readings, Target, Values, quantity
-from ..readings import usual_step
+from ..effect import Action, Effect, EffectParameter, Measurements, Target, Values, quantity
+from ..measurements import usual_step
 
 LONGEST = 20.0
 """Longest delay or lead of a channel, in usual steps of the clock."""
@@ -66,13 +66,13 @@ class Delay(Effect):
             return None
         return {numbers[name].name: 0.0 for name in rough}
 
-    def own_action(self, readings: Readings, values: Values, target: Target) -> Action:
+    def own_action(self, measurements: Measurements, values: Values, target: Target) -> Action:
         names = [own_parameter.name for own_parameter in self.own_parameters(target)]
         delays = {o.name: values.get(name, 0.0) for o, name in zip(target.outputs, names, strict=True)}
-        time = np.asarray(readings[Role.TIME], dtype=float)
-        signed = Role.SPEED in readings and Role.DIRECTION in readings
-        speed = np.asarray(readings[Role.SPEED] * readings[Role.DIRECTION]) if signed else None
-        late_by = partial(delayed, time=time, order=readings.order, speed=speed)
+        time = np.asarray(measurements[Role.TIME], dtype=float)
+        signed = Role.SPEED in measurements and Role.DIRECTION in measurements
+        speed = np.asarray(measurements[Role.SPEED] * measurements[Role.DIRECTION]) if signed else None
+        late_by = partial(delayed, time=time, order=measurements.order, speed=speed)
         return Action(reading={name: partial(late_by, by=by) for name, by in delays.items() if by != 0.0})
 
 

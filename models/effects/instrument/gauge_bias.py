@@ -7,7 +7,7 @@ from math import inf
 import numpy as np
 
 from ....arrays import Array
-from ..effect import Readings, Target, Values
+from ..effect import Measurements, Target, Values
 from ..shapes import OneColumn, Weight
 
 
@@ -22,5 +22,5 @@ class GaugeBias(OneColumn):
     reference = "AIAG, Measurement Systems Analysis, 2010"
     weight = Weight("offset", "c, constant that the instrument adds", low=-inf)
 
-    def column(self, readings: Readings, values: Values, target: Target) -> Array:
-        return np.ones(len(readings))
+    def column(self, measurements: Measurements, values: Values, target: Target) -> Array:
+        return np.ones(len(measurements))

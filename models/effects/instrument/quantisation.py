@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 
 from ....arrays import Array
-from ..effect import Action, Effect, EffectParameter, Readings, Target, Values, quantity, value_or_zero
+from ..effect import Action, Effect, EffectParameter, Measurements, Target, Values, quantity, value_or_zero
 from .lattice import step_of
 
 
@@ -35,7 +35,7 @@ class Quantisation(Effect):
             return None
         return {name: step or 0.0 for name, step in steps.items()}
 
-    def own_action(self, readings: Readings, values: Values, target: Target) -> Action:
+    def own_action(self, measurements: Measurements, values: Values, target: Target) -> Action:
         numbers = zip(target.outputs, self.own_parameters(target), strict=True)
         steps = {output.name: value_or_zero(values, number.name) for output, number in numbers}
         return Action(reading={name: partial(rounded, step=q) for name, q in steps.items() if q > 0.0})

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ....arrays import Array
-from ..effect import EffectParameter, Readings, Target, Values, quantity
+from ..effect import EffectParameter, Measurements, Target, Values, quantity
 from ..shapes import POSITIONS, Load, LoadShape, Weight
 
 
@@ -26,6 +26,6 @@ class BearingClearance(LoadShape):
         meaning = "T0, the load that takes up the clearance (0.02 to 0.5 of the largest)"
         return (quantity("load", Load.unit(target), meaning, low, high, linear=False),)
 
-    def column(self, readings: Readings, values: Values, target: Target) -> Array:
+    def column(self, measurements: Measurements, values: Values, target: Target) -> Array:
         up = values[self.shape_parameters(target)[0].name]
-        return np.clip(Load.of(readings) / max(up, np.finfo(float).tiny), -1.0, 1.0)
+        return np.clip(Load.of(measurements) / max(up, np.finfo(float).tiny), -1.0, 1.0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...measurable import Role
-from ..effect import Readings, Target, Values, kind_of
+from ..effect import Measurements, Target, Values, kind_of
 from ..shapes import Columns, Shape, Weight
 
 
@@ -36,6 +36,6 @@ class DirectionalOffset(Shape):
     def weights(self, target: Target) -> tuple[Weight, ...]:
         return (Weight("forward", "a, friction in + motion"), Weight("backward", "b, friction in - motion"))
 
-    def columns(self, readings: Readings, values: Values, target: Target) -> Columns:
-        direction = np.asarray(readings[Role.DIRECTION], dtype=float)
+    def columns(self, measurements: Measurements, values: Values, target: Target) -> Columns:
+        direction = np.asarray(measurements[Role.DIRECTION], dtype=float)
         return {"forward": lambda: np.maximum(direction, 0.0), "backward": lambda: np.minimum(direction, 0.0)}

@@ -6,7 +6,7 @@ import numpy as np
 
 from ....arrays import Array
 from ...measurable import Role
-from ..effect import EffectParameter, Readings, Target, Values, quantity
+from ..effect import EffectParameter, Measurements, Target, Values, quantity
 from ..path import along_path
 from ..shapes import Columns, Load, Shape, Weight
 
@@ -67,12 +67,12 @@ class FrictionHysteresis(Shape):
         needed += twists[: not set(twists) & set(values)]
         return tuple(name for name in needed if name not in values)
 
-    def columns(self, readings: Readings, values: Values, target: Target) -> Columns:
+    def columns(self, measurements: Measurements, values: Values, target: Target) -> Columns:
         def loop() -> Array:
-            load = Load.of(readings)
-            return along_path(readings, load, values[self.shape_parameters(target)[0].name]) - load
+            load = Load.of(measurements)
+            return along_path(measurements, load, values[self.shape_parameters(target)[0].name]) - load
 
-        return {MOVING.stem: lambda: np.asarray(readings[Role.DIRECTION], dtype=float), LOOP: loop}
+        return {MOVING.stem: lambda: np.asarray(measurements[Role.DIRECTION], dtype=float), LOOP: loop}
 
 
 def _of_loop(parameter: EffectParameter) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ....arrays import Array
-from ..effect import Readings, Target, Values
+from ..effect import Measurements, Target, Values
 from ..shapes import POSITIONS, Load, LoadShape, Weight
 
 
@@ -23,6 +23,6 @@ class HertzStiffening(LoadShape):
     def weights(self, target: Target) -> tuple[Weight, ...]:
         return (Weight(f"at_1_{Load.unit(target)}", "c, the twist at a load of 1"),)
 
-    def column(self, readings: Readings, values: Values, target: Target) -> Array:
-        load = Load.of(readings)
+    def column(self, measurements: Measurements, values: Values, target: Target) -> Array:
+        load = Load.of(measurements)
         return np.asarray(np.sign(load) * np.cbrt(load) ** 2)

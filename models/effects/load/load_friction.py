@@ -6,7 +6,7 @@ import numpy as np
 
 from ....arrays import Array
 from ...measurable import Role
-from ..effect import Readings, Target, Values
+from ..effect import Measurements, Target, Values
 from ..shapes import Load, LoadShape, Weight
 
 
@@ -29,5 +29,5 @@ class LoadFriction(LoadShape):
     def weights(self, target: Target) -> tuple[Weight, ...]:
         return (Weight("rate", "a, half of the loop per unit of load", Load.unit(target)),)
 
-    def column(self, readings: Readings, values: Values, target: Target) -> Array:
-        return np.asarray(np.abs(Load.of(readings)) * readings[Role.DIRECTION])
+    def column(self, measurements: Measurements, values: Values, target: Target) -> Array:
+        return np.asarray(np.abs(Load.of(measurements)) * measurements[Role.DIRECTION])

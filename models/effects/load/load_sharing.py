@@ -5,7 +5,7 @@ from __future__ import annotations
 from ....arrays import Array
 from ...gear import PINS
 from ...measurable import Role
-from ..effect import Readings, Target
+from ..effect import Measurements, Target
 from ..shapes import Load, Orders
 
 
@@ -24,5 +24,5 @@ class LoadSharing(Orders):
     def per(self, target: Target) -> str:
         return Load.unit(target)
 
-    def factor(self, readings: Readings) -> Array:
-        return Load.of(readings)
+    def factor(self, measurements: Measurements) -> Array:
+        return Load.of(measurements)

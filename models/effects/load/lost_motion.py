@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ....arrays import Array
-from ..effect import Readings, Target, Values
+from ..effect import Measurements, Target, Values
 from ..shapes import POSITIONS, Load, LoadShape, Weight
 
 
@@ -21,5 +21,5 @@ class LostMotion(LoadShape):
     reference = "Nordin and Gutman, Automatica 38, 2002"
     weight = Weight("half_width", "c, half of the lost motion")
 
-    def column(self, readings: Readings, values: Values, target: Target) -> Array:
-        return np.sign(Load.of(readings))
+    def column(self, measurements: Measurements, values: Values, target: Target) -> Array:
+        return np.sign(Load.of(measurements))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ....arrays import Array
-from ..effect import Readings, Target, Values
+from ..effect import Measurements, Target, Values
 from ..shapes import POSITIONS, Load, LoadShape, Weight
 
 
@@ -21,5 +21,5 @@ class TorsionalCompliance(LoadShape):
     def weights(self, target: Target) -> tuple[Weight, ...]:
         return (Weight("compliance", "1/K, twist per unit of torque", Load.unit(target)),)
 
-    def column(self, readings: Readings, values: Values, target: Target) -> Array:
-        return Load.of(readings)
+    def column(self, measurements: Measurements, values: Values, target: Target) -> Array:
+        return Load.of(measurements)

@@ -6,7 +6,7 @@ import numpy as np
 
 from ....arrays import Array
 from ...measurable import Role
-from ..effect import EffectParameter, Readings, Target, Values, quantity
+from ..effect import EffectParameter, Measurements, Target, Values, quantity
 from ..inside import CHAINS, InsideSeveral
 
 
@@ -30,5 +30,5 @@ class GravitySag(InsideSeveral):
         mass = quantity("moving_mass", "kg", meaning, 0.0, 100.0, linear=False)
         return (*super().own_parameters(target), mass)
 
-    def factor(self, readings: Readings, values: Values) -> Array:
-        return np.asarray(readings[Role.PAYLOAD] + values["moving_mass_kg"])
+    def factor(self, measurements: Measurements, values: Values) -> Array:
+        return np.asarray(measurements[Role.PAYLOAD] + values["moving_mass_kg"])

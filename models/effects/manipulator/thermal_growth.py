@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ....arrays import Array
 from ...measurable import Role
-from ..effect import EffectParameter, Readings, Target, Values, quantity
+from ..effect import EffectParameter, Measurements, Target, Values, quantity
 from ..inside import InsideSeveral
 from ..shapes import warming
 
@@ -24,5 +24,5 @@ class ThermalGrowth(InsideSeveral):
         meaning = "a, expansion per kelvin above 20 degC"
         return ((quantity("expansion_per_K", "ppm", meaning), "growth_ppm"),)
 
-    def factor(self, readings: Readings, values: Values) -> Array:
-        return warming(readings)
+    def factor(self, measurements: Measurements, values: Values) -> Array:
+        return warming(measurements)

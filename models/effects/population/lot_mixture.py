@@ -10,8 +10,8 @@ import numpy as np
 
 from ....arrays import Array
 from ...measurable import Role
-from ..effect import EffectParameter, Readings, Target, Values, quantity, value_or_zero
-from ..readings import labels_of, unit_numbers
+from ..effect import EffectParameter, Measurements, Target, Values, quantity, value_or_zero
+from ..measurements import labels_of, unit_numbers
 from ..shapes import Weight
 from .law import Law
 from .units import OfUnits, size_of
@@ -60,10 +60,16 @@ class LotMixture(OfUnits):
         return law.mixed(size_of(self.weight, values, target), values["share"])
 
     def units(
-        self, readings: Readings, values: Values, target: Target, drawn: Array, mean: float, rng: np.random.Generator
+        self,
+        measurements: Measurements,
+        values: Values,
+        target: Target,
+        drawn: Array,
+        mean: float,
+        rng: np.random.Generator,
     ) -> Array:
-        of_group = unit_numbers(readings)
-        if Role.LOT in readings and not value_or_zero(values, WITHIN.name):
-            of_group = labels_of(readings[Role.LOT])[1]
+        of_group = unit_numbers(measurements)
+        if Role.LOT in measurements and not value_or_zero(values, WITHIN.name):
+            of_group = labels_of(measurements[Role.LOT])[1]
         second = rng.random(int(of_group.max(initial=-1)) + 1) < values["share"]
         return drawn + size_of(self.weight, values, target) * second[of_group]

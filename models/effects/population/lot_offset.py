@@ -9,8 +9,8 @@ import numpy as np
 from ....arrays import Array
 from ....units import unit_key
 from ...measurable import Role
-from ..effect import EffectParameter, Readings, Target, Values
-from ..readings import labels_of
+from ..effect import EffectParameter, Measurements, Target, Values
+from ..measurements import labels_of
 from ..shapes import Weight
 from .units import OfUnits, size_of
 
@@ -38,9 +38,15 @@ class LotOffset(OfUnits):
         return _offset(lot).of(output, target) if lot and not prefix else None
 
     def units(
-        self, readings: Readings, values: Values, target: Target, drawn: Array, mean: float, rng: np.random.Generator
+        self,
+        measurements: Measurements,
+        values: Values,
+        target: Target,
+        drawn: Array,
+        mean: float,
+        rng: np.random.Generator,
     ) -> Array:
-        lots, of_lot = labels_of(readings[Role.LOT])
+        lots, of_lot = labels_of(measurements[Role.LOT])
         offsets = [size_of(_offset(str(lot)), values, target) for lot in lots]
         return np.asarray(drawn + np.array(offsets)[of_lot])
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import inf
 
-from ..effect import Readings
+from ..effect import Measurements
 from ..shapes import Weight
 from .units import MovedUnits
 
@@ -20,5 +20,5 @@ class ProcessMeanShift(MovedUnits):
     reference = "Montgomery, Introduction to Statistical Quality Control, 2013"
     weight = Weight("shift", "c, shift of the mean", low=-inf)
 
-    def pattern(self, readings: Readings) -> float:
+    def pattern(self, measurements: Measurements) -> float:
         return 1.0

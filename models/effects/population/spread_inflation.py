@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ....arrays import Array
-from ..effect import EffectParameter, Readings, Target, Values, quantity, value_or_zero
+from ..effect import EffectParameter, Measurements, Target, Values, quantity, value_or_zero
 from .law import Law
 from .units import OfUnits
 
@@ -27,6 +27,12 @@ class SpreadInflation(OfUnits):
         return law.widened(value_or_zero(values, "growth"))
 
     def units(
-        self, readings: Readings, values: Values, target: Target, drawn: Array, mean: float, rng: np.random.Generator
+        self,
+        measurements: Measurements,
+        values: Values,
+        target: Target,
+        drawn: Array,
+        mean: float,
+        rng: np.random.Generator,
     ) -> Array:
         return drawn + value_or_zero(values, "growth") * (drawn - mean)

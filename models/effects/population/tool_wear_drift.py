@@ -8,8 +8,8 @@ from typing import Any
 from numpy.typing import NDArray
 
 from ...measurable import Role
-from ..effect import Readings
-from ..readings import unit_numbers
+from ..effect import Measurements
+from ..measurements import unit_numbers
 from ..shapes import Weight
 from .units import MovedUnits
 
@@ -27,5 +27,5 @@ class ToolWearDrift(MovedUnits):
     along_units = True
     weight = Weight("rate_per_unit", "a, change from one unit to the next", low=-inf)
 
-    def pattern(self, readings: Readings) -> NDArray[Any]:
-        return unit_numbers(readings)
+    def pattern(self, measurements: Measurements) -> NDArray[Any]:
+        return unit_numbers(measurements)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....arrays import Array
-from ..effect import Action, Effect, EffectParameter, Readings, Target, Values, value_or_zero
+from ..effect import Action, Effect, EffectParameter, Measurements, Target, Values, value_or_zero
 from ..shapes import Weight
 from .law import Law
 
@@ -32,8 +32,8 @@ class OfUnits(Effect):
     def own_applies(self, target: Target) -> bool:
         return target.population and super().own_applies(target)
 
-    def own_action(self, readings: Readings, values: Values, target: Target) -> Action:
-        return Action(population=partial(self.units, readings, dict(values), target))
+    def own_action(self, measurements: Measurements, values: Values, target: Target) -> Action:
+        return Action(population=partial(self.units, measurements, dict(values), target))
 
     def carried(self, values: Values, target: Target) -> float:
         """The shift of the mean of the units by an effect on their scatter."""
@@ -45,7 +45,13 @@ class OfUnits(Effect):
 
     @abstractmethod
     def units(
-        self, readings: Readings, values: Values, target: Target, drawn: Array, mean: float, rng: np.random.Generator
+        self,
+        measurements: Measurements,
+        values: Values,
+        target: Target,
+        drawn: Array,
+        mean: float,
+        rng: np.random.Generator,
     ) -> Array:
         """The units (n,) with the effect, from `drawn` units whose mean in the model is `mean`."""
 
@@ -59,13 +65,19 @@ class MovedUnits(OfUnits):
         return (self.weight.of(target.outputs[0], target),)
 
     @abstractmethod
-    def pattern(self, readings: Readings) -> float | NDArray[Any]:
+    def pattern(self, measurements: Measurements) -> float | NDArray[Any]:
         """The factor of the parameter: a single value, or one per row (n,)."""
 
     def units(
-        self, readings: Readings, values: Values, target: Target, drawn: Array, mean: float, rng: np.random.Generator
+        self,
+        measurements: Measurements,
+        values: Values,
+        target: Target,
+        drawn: Array,
+        mean: float,
+        rng: np.random.Generator,
     ) -> Array:
-        return np.asarray(drawn + size_of(self.weight, values, target) * self.pattern(readings))
+        return np.asarray(drawn + size_of(self.weight, values, target) * self.pattern(measurements))
 
 
 def size_of(weight: Weight, values: Values, target: Target) -> float:

@@ -7,7 +7,7 @@ from math import inf
 import numpy as np
 
 from ...measurable import Role
-from ..effect import Readings, Target, Values
+from ..effect import Measurements, Target, Values
 from ..shapes import Columns, Load, Shape, Weight, speed_unit
 
 
@@ -38,9 +38,9 @@ class LoadViscous(Shape):
             Weight("drag", "b, against the motion", per),
         )
 
-    def columns(self, readings: Readings, values: Values, target: Target) -> Columns:
-        load, speed = Load.of(readings), np.asarray(readings[Role.SPEED], dtype=float)
+    def columns(self, measurements: Measurements, values: Values, target: Target) -> Columns:
+        load, speed = Load.of(measurements), np.asarray(measurements[Role.SPEED], dtype=float)
         return {
             "signed": lambda: np.asarray(load * speed),
-            "drag": lambda: np.asarray(np.abs(load) * speed * readings[Role.DIRECTION]),
+            "drag": lambda: np.asarray(np.abs(load) * speed * measurements[Role.DIRECTION]),
         }

@@ -7,7 +7,7 @@ from math import inf
 import numpy as np
 
 from ...measurable import Role
-from ..effect import EffectParameter, Readings, Target, Values, quantity
+from ..effect import EffectParameter, Measurements, Target, Values, quantity
 from ..shapes import Columns, Shape, Weight, speed_unit
 
 SLOWEST, FASTEST = 0.01, 0.7
@@ -42,9 +42,9 @@ class Stribeck(Shape):
         meaning = "v_s, speed at which e has fallen to 1/e of itself"
         return (quantity("speed", speed_unit(target), meaning, *ends, linear=False),)
 
-    def columns(self, readings: Readings, values: Values, target: Target) -> Columns:
-        direction = np.asarray(readings[Role.DIRECTION], dtype=float)
-        speed = np.asarray(readings[Role.SPEED], dtype=float)
+    def columns(self, measurements: Measurements, values: Values, target: Target) -> Columns:
+        direction = np.asarray(measurements[Role.DIRECTION], dtype=float)
+        speed = np.asarray(measurements[Role.SPEED], dtype=float)
         name = self.shape_parameters(target)[0].name
         falls = max(values[name], np.finfo(float).tiny)
         return {"excess": lambda: np.asarray(direction * np.exp(-((speed / falls) ** 2))), "level": lambda: direction}

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...measurable import Role
-from ..effect import EffectParameter, Readings, Target, Values, quantity
+from ..effect import EffectParameter, Measurements, Target, Values, quantity
 from ..shapes import Columns, Shape, Weight, no_waves
 
 Waves = NDArray[np.complex128]
@@ -52,16 +52,16 @@ class StructuralResonance(Shape):
             quantity("order", "", order, first, last, linear=False, choices=orders),
         )
 
-    def columns(self, readings: Readings, values: Values, target: Target) -> Columns:
-        wave = response(readings, values["order"], values["frequency_Hz"], values["damping"])
+    def columns(self, measurements: Measurements, values: Values, target: Target) -> Columns:
+        wave = response(measurements, values["order"], values["frequency_Hz"], values["damping"])
         return {"cos": lambda: np.ascontiguousarray(wave.real), "sin": lambda: wave.imag.copy()}
 
 
-def response(readings: Readings, order: float, frequency: float, damping: float) -> Waves:
+def response(measurements: Measurements, order: float, frequency: float, damping: float) -> Waves:
     """H exp(j k theta) (n,), complex; against the direction the wave runs backwards in time."""
-    turning = readings[Role.SPEED] / 60.0
-    if Role.DIRECTION in readings:
-        turning = turning * readings[Role.DIRECTION]
+    turning = measurements[Role.SPEED] / 60.0
+    if Role.DIRECTION in measurements:
+        turning = turning * measurements[Role.DIRECTION]
     ratio = order * turning / max(frequency, np.finfo(float).tiny)
     answer = 1.0 / (1.0 - ratio**2 + 2j * damping * ratio)
-    return np.asarray(answer * np.exp(1j * order * readings[Role.ANGLE]))
+    return np.asarray(answer * np.exp(1j * order * measurements[Role.ANGLE]))

@@ -6,7 +6,7 @@ import numpy as np
 
 from ....arrays import Array
 from ...measurable import Role
-from ..effect import Readings, Target, Values
+from ..effect import Measurements, Target, Values
 from ..shapes import OneColumn, Weight, speed_unit
 
 
@@ -24,5 +24,5 @@ class ViscousFriction(OneColumn):
     def weights(self, target: Target) -> tuple[Weight, ...]:
         return (Weight("rate", "a, per unit of speed", speed_unit(target)),)
 
-    def column(self, readings: Readings, values: Values, target: Target) -> Array:
-        return np.asarray(readings[Role.SPEED] * readings[Role.DIRECTION])
+    def column(self, measurements: Measurements, values: Values, target: Target) -> Array:
+        return np.asarray(measurements[Role.SPEED] * measurements[Role.DIRECTION])

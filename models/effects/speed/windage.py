@@ -6,7 +6,7 @@ import numpy as np
 
 from ....arrays import Array
 from ...measurable import Role
-from ..effect import Readings, Target, Values
+from ..effect import Measurements, Target, Values
 from ..shapes import OneColumn, Weight, speed_unit
 
 
@@ -24,8 +24,8 @@ class Windage(OneColumn):
     def weights(self, target: Target) -> tuple[Weight, ...]:
         return (Weight("rate", "a, per squared unit of speed", _squared(speed_unit(target))),)
 
-    def column(self, readings: Readings, values: Values, target: Target) -> Array:
-        return np.asarray(readings[Role.SPEED] ** 2 * readings[Role.DIRECTION])
+    def column(self, measurements: Measurements, values: Values, target: Target) -> Array:
+        return np.asarray(measurements[Role.SPEED] ** 2 * measurements[Role.DIRECTION])
 
 
 def _squared(unit: str) -> str:

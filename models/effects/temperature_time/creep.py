@@ -8,7 +8,7 @@ import numpy as np
 
 from ....arrays import Array
 from ...measurable import Role
-from ..effect import EffectParameter, Readings, Target, Values, quantity
+from ..effect import EffectParameter, Measurements, Target, Values, quantity
 from ..shapes import OneColumn, Weight
 
 
@@ -29,6 +29,6 @@ class Creep(OneColumn):
         low, high = (1e-4 * last, 0.5 * last) if last > 0.0 else (0.0, inf)
         return (quantity("begin", "s", "t0, when it begins to slow down", low, high, linear=False),)
 
-    def column(self, readings: Readings, values: Values, target: Target) -> Array:
-        since = np.maximum(readings[Role.TIME], 0.0)  # before its beginning nothing creeps
+    def column(self, measurements: Measurements, values: Values, target: Target) -> Array:
+        since = np.maximum(measurements[Role.TIME], 0.0)  # before its beginning nothing creeps
         return np.asarray(np.log1p(since / max(values["begin_s"], np.finfo(float).tiny)))

@@ -8,7 +8,7 @@ import numpy as np
 
 from ....arrays import Array
 from ...measurable import Role
-from ..effect import Action, EffectParameter, Readings, Target, Values, quantity, value_or_zero
+from ..effect import Action, EffectParameter, Measurements, Target, Values, quantity, value_or_zero
 from ..shapes import POSITIONS, OneColumn, Weight, warming
 
 DISC = "disc_temperature_K"
@@ -43,13 +43,13 @@ class DifferentialThermalExpansion(OneColumn):
             return (constant,)
         return (per_kelvin,) if target.largest else (constant, per_kelvin)
 
-    def own_action(self, readings: Readings, values: Values, target: Target) -> Action:
+    def own_action(self, measurements: Measurements, values: Values, target: Target) -> Action:
         if not target.changes(DISC):
-            return super().own_action(readings, values, target)
-        warmer = np.full(len(readings), value_or_zero(values, "temperature_difference_K"))
-        if Role.TEMPERATURE in readings:
-            warmer += value_or_zero(values, "temperature_share") * warming(readings)
+            return super().own_action(measurements, values, target)
+        warmer = np.full(len(measurements), value_or_zero(values, "temperature_difference_K"))
+        if Role.TEMPERATURE in measurements:
+            warmer += value_or_zero(values, "temperature_share") * warming(measurements)
         return Action(changes={DISC: warmer})
 
-    def column(self, readings: Readings, values: Values, target: Target) -> Array:
-        return np.asarray(warming(readings) * readings[Role.DIRECTION])
+    def column(self, measurements: Measurements, values: Values, target: Target) -> Array:
+        return np.asarray(warming(measurements) * measurements[Role.DIRECTION])

@@ -6,7 +6,7 @@ import numpy as np
 
 from ....arrays import Array
 from ...measurable import Role
-from ..effect import Readings, Target, Values
+from ..effect import Measurements, Target, Values
 from ..shapes import OneColumn, Weight
 
 
@@ -23,5 +23,5 @@ class Drift(OneColumn):
     along_units = True
     weight = Weight("rate", "a, per second", "s")
 
-    def column(self, readings: Readings, values: Values, target: Target) -> Array:
-        return np.asarray(readings[Role.TIME], dtype=float)
+    def column(self, measurements: Measurements, values: Values, target: Target) -> Array:
+        return np.asarray(measurements[Role.TIME], dtype=float)

@@ -6,7 +6,7 @@ import numpy as np
 
 from ....arrays import Array
 from ...measurable import Role
-from ..effect import EffectParameter, Readings, Target, Values, quantity
+from ..effect import EffectParameter, Measurements, Target, Values, quantity
 from ..shapes import OneColumn, Weight, warming
 
 
@@ -26,6 +26,6 @@ class ThermalFriction(OneColumn):
         meaning = "b, relative fall of the viscosity per kelvin"
         return (quantity("decay", "1/K", meaning, 0.005, 0.15, linear=False),)
 
-    def column(self, readings: Readings, values: Values, target: Target) -> Array:
-        fallen = np.expm1(-values["decay_per_K"] * warming(readings))
-        return np.asarray(readings[Role.DIRECTION] * fallen)
+    def column(self, measurements: Measurements, values: Values, target: Target) -> Array:
+        fallen = np.expm1(-values["decay_per_K"] * warming(measurements))
+        return np.asarray(measurements[Role.DIRECTION] * fallen)

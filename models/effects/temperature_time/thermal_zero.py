@@ -6,7 +6,7 @@ from math import inf
 
 from ....arrays import Array
 from ...measurable import Role
-from ..effect import Readings, Target, Values
+from ..effect import Measurements, Target, Values
 from ..shapes import OneColumn, Weight, warming
 
 
@@ -33,5 +33,5 @@ class ThermalZero(OneColumn):
     def own_reason(self, target: Target) -> str:
         return "the thermal effect on the units of a batch is differential_thermal_expansion"
 
-    def column(self, readings: Readings, values: Values, target: Target) -> Array:
-        return warming(readings)
+    def column(self, measurements: Measurements, values: Values, target: Target) -> Array:
+        return warming(measurements)

@@ -6,7 +6,7 @@ import numpy as np
 
 from ....arrays import Array
 from ...measurable import Role
-from ..effect import Readings, Target, Values
+from ..effect import Measurements, Target, Values
 from ..shapes import POSITIONS, OneColumn, Weight
 
 
@@ -23,5 +23,5 @@ class Wear(OneColumn):
     reference = "Archard, J. Appl. Phys. 24, 1953"
     weight = Weight("rate", "a, half of the gap per second", "s")
 
-    def column(self, readings: Readings, values: Values, target: Target) -> Array:
-        return np.asarray(readings[Role.TIME] * readings[Role.DIRECTION])
+    def column(self, measurements: Measurements, values: Values, target: Target) -> Array:
+        return np.asarray(measurements[Role.TIME] * measurements[Role.DIRECTION])

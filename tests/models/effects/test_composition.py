@@ -11,7 +11,7 @@ from tolevo import registry
 from tolevo.arrays import Array
 from tolevo.declarations import Output, Parameter, Value
 from tolevo.models.effects.compose import Active, predicted
-from tolevo.models.effects.readings import target_of
+from tolevo.models.effects.measurements import target_of
 from tolevo.models.inputs.distribution import Distribution
 from tolevo.models.measurable import NO_CHANGES, Changeable, Column, MeasurableModel, Role
 

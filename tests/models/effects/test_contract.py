@@ -12,7 +12,7 @@ from tolevo.models.effects.angle.gear_order import GearOrder
 from tolevo.models.effects.effect import FAMILIES, Target
 from tolevo.models.effects.instrument.delay import Delay
 from tolevo.models.effects.load.directional_offset import DirectionalOffset
-from tolevo.models.effects.readings import target_from
+from tolevo.models.effects.measurements import target_from
 from tolevo.testing import EffectContract
 
 LIBRARY = {

@@ -10,9 +10,9 @@ import pytest
 
 from tolevo import registry
 from tolevo.declarations import Output
-from tolevo.models.effects.effect import Effect, Readings, Target
+from tolevo.models.effects.effect import Effect, Measurements, Target
+from tolevo.models.effects.measurements import measurements_of, target_from
 from tolevo.models.effects.path import play
-from tolevo.models.effects.readings import readings_of, target_from
 from tolevo.models.gear import RV_40E
 from tolevo.models.measurable import Column, Role
 
@@ -38,9 +38,9 @@ OUTPUT = Output("te_arcsec", "arcsec", "")
 Row = dict[str, float]
 
 
-def bench(name: str, model: str = "rv_transmission") -> tuple[Effect, Readings, Target]:
+def bench(name: str, model: str = "rv_transmission") -> tuple[Effect, Measurements, Target]:
     target = replace(target_from(model, (OUTPUT,), COLUMNS, TABLE), gear=RV_40E)
-    return registry.load("effects", name)(), readings_of(COLUMNS, TABLE), target
+    return registry.load("effects", name)(), measurements_of(COLUMNS, TABLE), target
 
 
 def added(name: str, values: dict[str, float], model: str = "rv_transmission") -> np.ndarray:
@@ -89,7 +89,7 @@ def test_the_ending_pulse_is_as_wide_and_ends() -> None:
     effect, _, target = bench("pitch_defect")
     shares = np.array([0.0, 0.05, -0.05, 0.1, 0.3, 0.5])
     table = {"output_angle_deg": (70.0 + 360.0 * shares) / 39.0}
-    readings = readings_of(COLUMNS[:1], table)
+    readings = measurements_of(COLUMNS[:1], table)
     numbers = {"height_arcsec": 2.0, "position_deg": 70.0, "width": 0.1, "form": 2.0}
     (found,) = effect.act(readings, numbers, target).output.values()
     np.testing.assert_allclose(found, [2.0, 1.0, 1.0, 0.0, 0.0, 0.0], atol=1e-12)
@@ -191,7 +191,7 @@ def test_twist_lags_behind_the_torque() -> None:
     target = target_from("rv_lost_motion", (OUTPUT,), columns, table)
     effect = registry.load("effects", "friction_hysteresis")()
     values = {"compliance_arcsec_per_Nm": 0.1, "friction_Nm": 30.0}
-    found = effect.act(readings_of(columns, table), values, target).output["te_arcsec"]
+    found = effect.act(measurements_of(columns, table), values, target).output["te_arcsec"]
     np.testing.assert_allclose(found, [0.0, -3.0, -3.0, 3.0, 3.0, 3.0, -3.0], atol=1e-12)
 
 
@@ -234,7 +234,7 @@ def test_force_stands_in_for_torque() -> None:
     target = target_from("table", output, columns, table)
     effect = registry.load("effects", "torsional_compliance")()
     assert [one.name for one in effect.parameters(target)] == ["compliance_mm_per_N"]
-    found = effect.act(readings_of(columns, table), {"compliance_mm_per_N": 1e-3}, target)
+    found = effect.act(measurements_of(columns, table), {"compliance_mm_per_N": 1e-3}, target)
     np.testing.assert_allclose(found.output["travel"], [-2.0, 4.0])
 
 

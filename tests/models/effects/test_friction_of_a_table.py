@@ -5,8 +5,8 @@ import pytest
 
 from tolevo import registry
 from tolevo.declarations import Output
-from tolevo.models.effects.effect import Effect, Readings, Target
-from tolevo.models.effects.readings import readings_of, target_from
+from tolevo.models.effects.effect import Effect, Measurements, Target
+from tolevo.models.effects.measurements import measurements_of, target_from
 from tolevo.models.measurable import Column, Role
 
 COLUMNS = (
@@ -26,9 +26,9 @@ def friction() -> Effect:
     return found
 
 
-def of(table: Table, model: str = "table") -> tuple[Readings, Target]:
+def of(table: Table, model: str = "table") -> tuple[Measurements, Target]:
     columns = tuple(one for one in COLUMNS if one.name in table)
-    return readings_of(columns, table), target_from(model, (Output("y", "arcsec", ""),), columns,
+    return measurements_of(columns, table), target_from(model, (Output("y", "arcsec", ""),), columns,
                                                     table)  # fmt: skip
 
 

@@ -6,7 +6,7 @@ import pytest
 from tolevo import registry
 from tolevo.declarations import Output
 from tolevo.models.effects.instrument.lattice import step_of
-from tolevo.models.effects.readings import target_from
+from tolevo.models.effects.measurements import target_from
 
 
 def numbers(n: int, spread: float, seed: int = 1) -> np.ndarray:

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from tolevo import registry
 from tolevo.models.effects.compose import Active, predicted
 from tolevo.models.effects.effect import Effect, Target
-from tolevo.models.effects.readings import target_of
+from tolevo.models.effects.measurements import target_of
 from tolevo.models.manipulator.changes import lifts
 from tolevo.models.manipulator.forward import exact_pose, solve
 from tolevo.models.manipulator.geometry import FollowUp, Manipulator

@@ -8,8 +8,8 @@ import pytest
 
 from tolevo import registry
 from tolevo.declarations import Output
-from tolevo.models.effects.effect import Effect, Readings, Target
-from tolevo.models.effects.readings import readings_of, target_from
+from tolevo.models.effects.effect import Effect, Measurements, Target
+from tolevo.models.effects.measurements import measurements_of, target_from
 from tolevo.models.gear import Gear
 from tolevo.models.measurable import Column, Role
 
@@ -34,9 +34,9 @@ TABLE = {
 PULL = Output("pull_N", "N", "")
 
 
-def bench(name: str, output: Output = PULL) -> tuple[Effect, Readings, Target]:
+def bench(name: str, output: Output = PULL) -> tuple[Effect, Measurements, Target]:
     target = target_from("table", (output,), COLUMNS, TABLE)
-    return registry.load("effects", name)(), readings_of(COLUMNS, TABLE), target
+    return registry.load("effects", name)(), measurements_of(COLUMNS, TABLE), target
 
 
 def added(name: str, **values: float) -> np.ndarray:
@@ -62,7 +62,7 @@ def test_stribeck_is_at_its_breakaway_at_rest_and_at_its_level_far_beyond() -> N
     values = {"level_N": 3.0, "excess_N": 2.0, "speed_rpm": 1.5}
     for speed, expected in ((1e-9, 5.0), (1.5, 3.0 + 2.0 / math.e), (60.0, 3.0)):
         rows = TABLE | {"rate": np.full(N, 6.0 * speed)}  # 1 rpm is 6 deg/s
-        found = effect.act(readings_of(COLUMNS, rows), values, target).output["pull_N"]
+        found = effect.act(measurements_of(COLUMNS, rows), values, target).output["pull_N"]
         np.testing.assert_allclose(found, expected * TABLE["way"], rtol=1e-6)
 
 
@@ -89,7 +89,7 @@ def test_load_viscous_is_the_mixed_derivative_of_what_it_adds() -> None:
     def at(more_load: float, more_speed: float) -> np.ndarray:
         rows = TABLE | {"load": TABLE["load"] + 1e-3 * more_load,
                         "rate": TABLE["rate"] + 6.0 * more_speed}  # fmt: skip
-        return effect.act(readings_of(COLUMNS, rows), values, target).output["pull_N"]
+        return effect.act(measurements_of(COLUMNS, rows), values, target).output["pull_N"]
 
     mixed = (at(step, step) - at(-step, step) - at(step, -step) + at(-step, -step)) / (4 * step**2)
     np.testing.assert_allclose(mixed, a + b * np.sign(TABLE["load"]) * TABLE["way"], rtol=1e-5)
@@ -133,7 +133,7 @@ def recorded(name: str, y: np.ndarray, late: float, **more: np.ndarray) -> np.nd
     target = target_from("table", (PULL,), COLUMNS, table)
     effect = registry.load("effects", name)()
     values = {"delay_s": late}
-    action = effect.act(readings_of(COLUMNS, table), values, target)
+    action = effect.act(measurements_of(COLUMNS, table), values, target)
     return np.asarray(action.reading["pull_N"](y))
 
 
@@ -207,7 +207,7 @@ def test_a_speed_with_a_sign_is_its_magnitude_and_a_direction() -> None:
         target = target_from("table", (PULL,), used, signed)
         effect = registry.load("effects", "viscous_friction")()
         assert effect.applies(target)
-        found = effect.act(readings_of(used, signed), {"rate_N_per_rpm": 0.5}, target)
+        found = effect.act(measurements_of(used, signed), {"rate_N_per_rpm": 0.5}, target)
         np.testing.assert_allclose(found.output["pull_N"], 0.5 * signed["rate"] / 6.0)
 
 

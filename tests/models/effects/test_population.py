@@ -11,7 +11,7 @@ from tolevo import registry
 from tolevo.declarations import Value
 from tolevo.models.effects.compose import Active, predicted
 from tolevo.models.effects.effect import Effect, Target
-from tolevo.models.effects.readings import target_of
+from tolevo.models.effects.measurements import target_of
 from tolevo.models.rv_reducer.batch import RvBatch
 from tolevo.testing import EffectContract
 

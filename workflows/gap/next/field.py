@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ....arrays import Array
 from ....errors import refuse
-from ....models.effects.readings import SESSION
+from ....models.effects.measurements import SESSION
 from ....models.measurable import Role
 from ..data import GapData
 from ..fit import Fit
@@ -30,7 +30,7 @@ class _Following(Columns):
     """Columns of candidates at K measurements that follow on the record, along its path."""
 
     def __init__(self, setup: Setup, table: Table) -> None:
-        old = setup.data.readings.table
+        old = setup.data.measurements.table
         count, new = len(setup.data), len(next(iter(table.values())))
         session = {SESSION: np.full(new, "")} if SESSION in old else {}  # none of those before
         table = {**session, **table}
@@ -104,8 +104,8 @@ class Field:
     def table(self, chosen: Chosen) -> tuple[Table, Array]:
         """The points in the order of measuring, and the free parameters' columns (N, p) there."""
         rows = (chosen[:, None] * self.per_candidate + np.arange(self.per_candidate)).ravel()
-        table = {name: values[rows] for name, values in self.data.readings.table.items()}
-        known = self.setup.data.readings.table
+        table = {name: values[rows] for name, values in self.data.measurements.table.items()}
+        known = self.setup.data.measurements.table
         if PATH.name in known:
             table[PATH.name] = np.full(len(rows), float(np.max(known[PATH.name])) + 1.0)
         ordered = {name: table[name] for name in known if name in table}
@@ -138,7 +138,7 @@ def field_of(setup: Setup, noises: Sequence[Noise], wanted: NextPlan) -> Field:
     sure = good if path else good & ~turning(axes, table)
     good = sure if sure.any() else good
     table = {name: values[np.repeat(good, per_candidate)] for name, values in table.items()}
-    more = (PATH,) if path and PATH.name not in setup.data.readings.table else ()
+    more = (PATH,) if path and PATH.name not in setup.data.measurements.table else ()
     data = placed(setup.data, table, more)
     return Field(setup, axes, data, per_candidate, base_at(setup, data), columns_at(setup, data), noises)
 
@@ -149,7 +149,7 @@ def ahead(field: Field, chosen: Chosen) -> Ahead:
     if time is None:
         order = np.random.default_rng([setup.plan.seed, 10]).permutation(len(chosen))
     else:
-        at = np.asarray(field.data.readings.table[time])[chosen * field.per_candidate]
+        at = np.asarray(field.data.measurements.table[time])[chosen * field.per_candidate]
         order = np.argsort(at, kind="stable")
     table, base = field.table(chosen[order])
     return Ahead(setup, field.noises, timed(setup, field.axes, table), base)
@@ -176,7 +176,7 @@ def like_now(setup: Setup, noises: Sequence[Noise], count: int) -> Ahead:
         rows = np.resize(np.arange(n), count)
     else:
         rows = np.sort(rng.choice(n, count, replace=False))
-    table: dict[str, NDArray[Any]] = {name: values[rows] for name, values in setup.data.readings.table.items()}
+    table: dict[str, NDArray[Any]] = {name: values[rows] for name, values in setup.data.measurements.table.items()}
     name = _time(setup.data)
     if name is not None:
         old = setup.data.values(name)

@@ -178,7 +178,7 @@ def _acts_on_value(end: Ending, fit: Fit) -> bool:
     """Whether an effect in a fit acts on the measurement itself, as rounding does."""
     data = end.setup.data
     return any(
-        bool(m.candidate.effect.act(data.readings, m.candidate.values(m.shape, c), data.target).reading)
+        bool(m.candidate.effect.act(data.measurements, m.candidate.values(m.shape, c), data.target).reading)
         for m, c in zip(fit.members, fit.coefficients, strict=True)
     )
 

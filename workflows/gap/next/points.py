@@ -107,7 +107,7 @@ def with_labels(data: GapData, table: Table) -> dict[str, NDArray[Any]]:
     count = len(next(iter(table.values()))) if table else 1
     labelled: dict[str, NDArray[Any]] = dict(table)
     for column in data.target.columns:
-        values = data.readings.table[column.name]
+        values = data.measurements.table[column.name]
         if column.role is Role.UNIT:
             labelled[column.name] = np.array([f"next {k + 1}" for k in range(count)])
         elif column.role is Role.REPEAT:

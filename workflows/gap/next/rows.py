@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ....arrays import Array
-from ....models.effects.readings import readings_of
+from ....models.effects.measurements import measurements_of
 from ....models.measurable import Column
 from ..data import GapData
 from ..fit import Fit, Fitter, Member
@@ -29,7 +29,7 @@ def placed(data: GapData, table: Table, more: tuple[Column, ...] = ()) -> GapDat
     return replace(
         data,
         target=target,
-        readings=readings_of(target.columns, table),
+        measurements=measurements_of(target.columns, table),
         measured={},
         predicted={},
         std={},

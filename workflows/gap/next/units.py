@@ -31,7 +31,7 @@ QUANTILES = 1000
 
 def further_units(setup: Setup, noises: Sequence[Noise], wanted: NextPlan, spread: bool) -> Ahead:
     """Units like those of the batch; with `spread` at the ends of the configured ranges in turn."""
-    count, table = wanted.readings, setup.data.readings.table
+    count, table = wanted.readings, setup.data.measurements.table
     rows = np.random.default_rng([setup.plan.seed, 11]).integers(len(setup.data), size=count)
     columns: dict[str, NDArray[Any]] = {}
     for column in setup.data.target.columns:

@@ -9,7 +9,7 @@ import numpy as np
 
 from ....arrays import Array
 from ....gap_population_records import Attribution
-from ....models.effects.readings import unit_numbers
+from ....models.effects.measurements import unit_numbers
 from ..data import GapData
 from ..law import on_scatter
 from ..result import Ending
@@ -99,8 +99,8 @@ def _refused(end: Ending) -> str:
     if not end.setup.plan.settings.effects_at_most or count < LEAST_NAMED:
         return f"cannot tell with n = {count} which input it is due to"
     setup = end.analysis.initial_null_model.setup
-    readings, target = setup.data.readings, setup.data.target
-    if any(on_scatter(active.effect, active.values, readings, target) for active in setup.plan.active):
+    measurements, target = setup.data.measurements, setup.data.target
+    if any(on_scatter(active.effect, active.values, measurements, target) for active in setup.plan.active):
         return "cannot tell which input it is due to: the model contains an effect on the scatter already"
     return ""
 
@@ -134,5 +134,5 @@ def _units(end: Ending) -> tuple[Array, Array]:
 
 def order_of(data: GapData) -> Array:
     """The order (n,) of the units, from 0 to 1."""
-    numbers = unit_numbers(data.readings).astype(float)
+    numbers = unit_numbers(data.measurements).astype(float)
     return np.asarray(numbers / max(numbers.max(), 1.0))

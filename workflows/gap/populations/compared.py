@@ -10,7 +10,7 @@ import numpy as np
 
 from ....arrays import Array
 from ....gap_population_records import PopulationLine
-from ....models.effects.readings import labels_of, unit_numbers
+from ....models.effects.measurements import labels_of, unit_numbers
 from ....models.measurable import Role
 from ..predictor import predictor
 from ..result import Ending
@@ -58,9 +58,9 @@ def _of_batch(end: Ending, model: str, stream: int) -> tuple[PopulationLine, ...
     for effect in end.analysis.scatter[:1] if model == "after" else ():
         law, middle = effect.changed(law), effect.moves
     x = residual_of(setup, fit)[kept] + middle
-    readings = setup.data.readings
-    order = unit_numbers(readings)[kept].astype(float)
-    lots = between_lots(labels_of(readings[Role.LOT])[1][kept]) if Role.LOT in readings else None
+    measurements = setup.data.measurements
+    order = unit_numbers(measurements)[kept].astype(float)
+    lots = between_lots(labels_of(measurements[Role.LOT])[1][kept]) if Role.LOT in measurements else None
     quantiles = law.histogram.ppf((np.arange(len(x)) + 0.5) / len(x))
     looks = looks_of(output.unit, order, two_of(law), unlike(quantiles), lots)
     rng = np.random.default_rng([setup.plan.seed, 14, stream])
@@ -77,7 +77,7 @@ def _of_pairs(end: Ending, at: int, model: str, stream: int, simulated: Array) -
     output, kept = setup.data.outputs[at], end.analysis.initial_null_model.noises[at].counted
     s, measured = simulated[kept], setup.data.measured[output.name][kept]
     r = measured - s
-    order = unit_numbers(setup.data.readings)[kept].astype(float)
+    order = unit_numbers(setup.data.measurements)[kept].astype(float)
     scale = max(float(np.std(s)), float(np.std(measured)), 1e-300)
     looks = _looks(output.unit, s, order)
     if float(np.std(r)) <= EXACT * scale and abs(float(r.mean())) <= EXACT * scale:

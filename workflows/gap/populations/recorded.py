@@ -16,7 +16,7 @@ from scipy.special import chdtri, ndtri
 
 from ....arrays import Array
 from ....gap_population_records import Attribution, InputChange
-from ....models.effects.readings import readings_of
+from ....models.effects.measurements import measurements_of
 from ....models.measurable import Column, Role
 from ..predictor import predictor
 from ..result import Ending
@@ -143,7 +143,7 @@ class Records:
 
     def _predicted(self, changed: dict[str, Array]) -> Array:
         plan, data = self.end.setup.plan, self.end.setup.data
-        data = replace(data, readings=readings_of(data.target.columns, {**data.readings.table, **changed}))
+        data = replace(data, measurements=measurements_of(data.target.columns, {**data.measurements.table, **changed}))
         return data.stacked(predictor(plan, data)({}))
 
     def _white(self, columns: Array) -> Array:

@@ -14,7 +14,7 @@ from ...arrays import Array
 from ...declarations import Output
 from ...units import converted
 from ..measurable import Changeable, Column, MeasurableModel, Role
-from .effect import Readings, Target
+from .effect import Measurements, Target
 from .path import follows_load
 
 Table = Mapping[str, NDArray[Any]]
@@ -50,7 +50,7 @@ def fixed_unit(column: Column) -> str:
     raise ValueError(f'"{column.unit}" is no unit of a {column.role} (write {" or ".join(units)})')
 
 
-def readings_of(columns: Iterable[Column], table: Table) -> Readings:
+def measurements_of(columns: Iterable[Column], table: Table) -> Measurements:
     """The rows of `table` (columns (n,) by name) by role; the first column of a role counts.
 
     Raises ValueError where a column's unit does not fit its role.
@@ -64,7 +64,7 @@ def readings_of(columns: Iterable[Column], table: Table) -> Readings:
             by_role[column.role] = -values if column.sense < 0 else values
     _split_signed_speed(by_role)
     order = _order_of(by_role[Role.TIME], table.get(SESSION)) if Role.TIME in by_role else None
-    return Readings(table, by_role, order)
+    return Measurements(table, by_role, order)
 
 
 def _order_of(time: NDArray[Any], session: NDArray[Any] | None) -> NDArray[np.int64]:
@@ -107,11 +107,11 @@ def _split_signed_speed(by_role: dict[Role, NDArray[Any]]) -> None:
     by_role[Role.SPEED] = np.abs(speed)
 
 
-def _derived(roles: set[Role], readings: Readings | None) -> frozenset[Role]:
+def _derived(roles: set[Role], measurements: Measurements | None) -> frozenset[Role]:
     """Roles that follow from another column: the direction from a speed of both signs."""
     if Role.SPEED not in roles or Role.DIRECTION in roles:
         return frozenset()
-    if readings is not None and np.ptp(readings[Role.DIRECTION]) == 0.0:
+    if measurements is not None and np.ptp(measurements[Role.DIRECTION]) == 0.0:
         return frozenset()
     return frozenset([Role.DIRECTION])
 
@@ -143,23 +143,23 @@ def target_from(
     target = Target(name, outputs, columns, changeable, population, several, units=units, derived=derived)
     if table is None:
         return target
-    readings = readings_of(columns, table)
-    numbers = {role: v for role, v in readings.by_role.items() if role in FIXED}
+    measurements = measurements_of(columns, table)
+    numbers = {role: v for role, v in measurements.by_role.items() if role in FIXED}
     largest = {role: float(np.max(np.abs(v), initial=0.0)) for role, v in numbers.items()}
-    labels = {role: tuple(labels_of(readings[role])[0].tolist()) for role in LABELS if role in readings}
+    labels = {role: tuple(labels_of(measurements[role])[0].tolist()) for role in LABELS if role in measurements}
     return replace(
         target,
         largest=largest,
         labels=labels,
-        locked=follows_load(readings),
-        pace=pace_of(readings),
-        derived=_derived(roles, readings),
+        locked=follows_load(measurements),
+        pace=pace_of(measurements),
+        derived=_derived(roles, measurements),
     )
 
 
-def pace_of(readings: Readings) -> float:
+def pace_of(measurements: Measurements) -> float:
     """The usual step of the clock [s], 0 without one."""
-    return usual_step(np.asarray(readings[Role.TIME], dtype=float), 0.0) if Role.TIME in readings else 0.0
+    return usual_step(np.asarray(measurements[Role.TIME], dtype=float), 0.0) if Role.TIME in measurements else 0.0
 
 
 def usual_step(time: Array, otherwise: float) -> float:
@@ -184,16 +184,16 @@ def labels_of(values: NDArray[Any]) -> tuple[NDArray[np.str_], NDArray[np.int64]
     return names, np.asarray(inverse, dtype=np.int64)
 
 
-def unit_numbers(readings: Readings) -> NDArray[np.int64]:
+def unit_numbers(measurements: Measurements) -> NDArray[np.int64]:
     """Number (n,) of the unit of each row, in the order of measurement, from 0.
 
     Rows with the same labels of unit and lot are one unit where the table has repeats; otherwise
     each row is a unit.
     """
-    order, numbers = readings.in_order, np.empty(len(readings), dtype=np.int64)
-    if Role.REPEAT in readings and Role.UNIT in readings:
-        codes = [labels_of(readings[role][order])[1] for role in LABELS if role in readings]
+    order, numbers = measurements.in_order, np.empty(len(measurements), dtype=np.int64)
+    if Role.REPEAT in measurements and Role.UNIT in measurements:
+        codes = [labels_of(measurements[role][order])[1] for role in LABELS if role in measurements]
         numbers[order] = _by_appearance(np.stack(codes))
     else:
-        numbers[order] = np.arange(len(readings))
+        numbers[order] = np.arange(len(measurements))
     return numbers
