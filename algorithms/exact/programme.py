@@ -69,7 +69,8 @@ class Programme:
                 first = self._between(limit, inner) if start is None else start
                 start, multiplier[row] = self._solved(limit, first, inner, tolerance)
                 corner = self._cornered(limit)
-                start = start if corner is None else corner
+                if corner is not None:
+                    start = min(start, corner, key=lambda t: float(c.cost(t[None, :])[0]))
                 t[row] = start
                 proven, multiplier[row] = self._proven(limit, start, multiplier[row])
                 bound[row] = max(bound[row], proven)
@@ -77,15 +78,15 @@ class Programme:
         return Solved(t, cost, np.minimum(bound, cost), multiplier)
 
     def _cornered(self, limit: Array) -> Array | None:
-        """Tolerances (features,) of least cost where the tightest alone keep a limit, else None.
+        """Tolerances (features,) where the tightest alone keep a limit, None where there are none.
 
         What contributes to such a limit stays at its tightest, and the rest is solved for the other
         limits: at that corner no step keeps all limits, so that SLSQP stops anywhere.
         """
         c = self.combination
         least = c.values(c.low[None, :])[0]
-        tight = np.isfinite(limit) & (limit - least <= CORNER * np.abs(limit))
-        if self._compensating or not np.any(tight):
+        tight = np.isfinite(limit) & (np.abs(limit - least) <= CORNER * np.abs(limit))
+        if not np.any(tight):
             return None
         raised = c.values(np.where(np.eye(len(c.low), dtype=bool), c.high, c.low))
         pinned = np.any((raised > least)[:, tight], axis=1)

@@ -100,3 +100,12 @@ def test_least_cost_at_a_limit_that_the_tightest_tolerances_alone_keep(seed: int
     limit[seed] = least * (1.0 + 1e-6)
     assert optimum.cost[0] == pytest.approx(by_cones(form, limit), rel=2e-5)
     assert optimum.bound[0] <= optimum.cost[0] <= optimum.bound[0] * (1.0 + 1e-6)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_least_cost_at_a_limit_with_a_little_room(seed: int) -> None:
+    """The tightest tolerances are dearer by 8e-6 or more there."""
+    form, limit = generated(6, 3, 1, seed)
+    limit[seed] = tightest(form)[seed] * (1.0 + 1e-5)
+    optimum = least_cost(form, limit[None, :])
+    assert optimum.cost[0] == pytest.approx(by_cones(form, limit), rel=CLOSE)
