@@ -56,7 +56,7 @@ def _scatter(axes: Axes, old: pd.DataFrame, new: pd.DataFrame, names: list[str])
 def next_section(planned: NextMeasurement | None, pictures: str) -> str:
     """The text, the figure and the tables; a hint where no measurement is planned."""
     if planned is None:
-        return "<p>None is planned: <code>[next_measurement]</code> with a range plans one.</p>"
+        return "<p>No measurement is planned: <code>[next_measurement]</code> with a range plans one.</p>"
     parts = [f"<p>{escape(planned.text)}</p>", pictures]
     if planned.pairs:
         parts.append(_pairs(planned))

@@ -235,5 +235,5 @@ def test_runs_are_not_taken_from_a_study_that_is_not_whole(database: Path) -> No
         GaSettings().compute(own, np.random.default_rng(0))
     (folder / MANIFEST).unlink()
     write_unfinished(folder, "study", "of one that was killed")
-    with pytest.raises(InputError, match="this result of `tolevo study` is unfinished: end it"):
+    with pytest.raises(InputError, match="this result of `tolevo study` is unfinished: complete it"):
         GaSettings().compute(own, np.random.default_rng(0))

@@ -109,7 +109,7 @@ def test_a_zero_is_an_outputs_and_has_its_unit(tmp_path: Path) -> None:
     path.write_text('model = "rv_transmission"\n[zero]\nte_arcsec = "0.1 arcmin"\n', "utf-8")
     assert read(path).settings.zero == {"te_arcsec": pytest.approx(6.0)}
     path.write_text('model = "rv_transmission"\n[zero]\nte_arcsc = 1.0\n', "utf-8")
-    with pytest.raises(InputError, match=r"zero\.te_arcsc: is no output .*mean `te_arcsec`"):
+    with pytest.raises(InputError, match=r"zero\.te_arcsc: is not an output .*mean `te_arcsec`"):
         read(path)
 
 

@@ -84,7 +84,7 @@ def test_effects_are_told(outcome: RunOutcome) -> None:
 
 def test_page_and_figure_show_both(outcome: RunOutcome) -> None:
     text = (outcome.folder / "report.html").read_text()
-    assert "How the effects in the model move the allocation" in text
+    assert "The change of the allocation by the effects in the model" in text
     assert "<h2>Effects</h2>" in text
     without = replace(outcome.result, before=None, moved=None)
     assert "<h2>Effects</h2>" not in page(without)
