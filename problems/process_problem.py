@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.optimize import brentq
+import scipy
 
 from ..arrays import Array, Flags
 from .draws import Draws
@@ -165,4 +165,4 @@ def _reached(along: Callable[[float], float], wanted: float) -> float:
     ends = [along(end) for end in (SOFTEST, HARDEST)]
     if not ends[0] < wanted < ends[1]:
         return SOFTEST if wanted <= ends[0] else HARDEST
-    return float(brentq(lambda b: along(b) - wanted, SOFTEST, HARDEST, xtol=1e-4))
+    return float(scipy.optimize.brentq(lambda b: along(b) - wanted, SOFTEST, HARDEST, xtol=1e-4))
