@@ -11,6 +11,7 @@ import resource
 import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 EXAMPLES = int(os.environ.get("TOLEVO_EXAMPLES", "500"))
 SEED = int(os.environ.get("TOLEVO_EXAMPLES_SEED", "1"))
@@ -35,15 +36,16 @@ class TooLarge(AssertionError):
 
 @contextmanager
 def guarded() -> Iterator[None]:
-    """Raise `Hang` after `HANG` seconds of computing, `TooLarge` where memory grew beyond `MEMORY`.
+    """Raise `Hang` after `HANG` seconds of computing, `TooLarge` where memory grew by over `MEMORY`.
 
-    What waits is ended by the time limit of a test.
+    What the tests before have left in the process is no example's. What waits is ended by the time
+    limit of a test.
     """
 
     def ring(number: int, frame: object) -> None:
         raise Hang
 
-    peak = _peak()
+    peak, held = _peak(), _resident()
     before = signal.signal(signal.SIGPROF, ring)
     signal.setitimer(signal.ITIMER_PROF, HANG)
     try:
@@ -51,9 +53,14 @@ def guarded() -> Iterator[None]:
     finally:
         signal.setitimer(signal.ITIMER_PROF, 0.0)
         signal.signal(signal.SIGPROF, before)
-    if _peak() > max(peak, MEMORY):
-        raise TooLarge(f"{_peak() / MEMORY:.2f} GiB")
+    if _peak() > max(peak, held + MEMORY):
+        raise TooLarge(f"{(_peak() - held) / MEMORY:.2f} GiB")
 
 
 def _peak() -> int:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+
+
+def _resident() -> int:
+    """Bytes of memory that this process holds now."""
+    return int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1]) * resource.getpagesize()
