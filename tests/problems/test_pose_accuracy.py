@@ -146,6 +146,16 @@ def test_at_the_tightest_limit_only_what_contributes_to_it_is_paid_for(above: fl
         assert result.f[0, 0] == pytest.approx(exact, rel=1e-9 if above < 1e-10 else 1e-7)
 
 
+def test_at_two_tightest_limits_all_that_contributes_to_either_is_paid_for() -> None:
+    """Eight of nine tolerances make squareness or yaw; the ninth is at its loosest, low / high = 1 / 40."""
+    form = closed_form(limited({"squareness_mrad": 1.0, "yaw_mrad": 1.0}))
+    assert form is not None
+    a, low = (np.array([getattr(f.ways[0], name) for f in form.features]) for name in ("spread", "low"))
+    limit = np.sqrt(((a * low[:, None]) ** 2).sum(axis=0)) * (1.0 + 1e-13)
+    bounded = limited(dict(zip(form.outputs, limit.tolist(), strict=True)))
+    assert search(bounded, Exact(), Budget(), 0).f[0, 0] == pytest.approx(80.0 + 10.0 / 40.0, rel=1e-9)
+
+
 BASE = """problem = "pose_accuracy"
 [objectives]
 minimise = ["cost", "yaw_mrad"]
