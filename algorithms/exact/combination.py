@@ -134,6 +134,11 @@ class Combination:
         """The requirements' values (n, requirements)."""
         return np.asarray(self.offset + t @ self.linear.T + self.root(t))
 
+    @cached_property
+    def tightest_values(self) -> Array:
+        """The requirements' values (requirements,) at the least tolerances."""
+        return np.asarray(self.values(self.low[None, :])[0])
+
     def gradients(self, t: Array) -> Array:
         """d value / d t, shape (n, requirements, features)."""
         return np.asarray(self.linear + self.spread * self.spread_at(t).direction)

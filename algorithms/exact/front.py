@@ -119,7 +119,7 @@ def _least_correlated(form: Form) -> Array:
         for f in form.features
     )
     combination = Combination(replace(form, features=features), (0,) * len(features))
-    least = combination.values(combination.low[None, :])[0]
+    least = combination.tightest_values.copy()
     for at in range(len(least)):
         limit = np.where(np.arange(len(least)) == at, least, np.inf)
         t, _ = Programme(combination).least_excess(limit)

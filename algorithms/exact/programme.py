@@ -84,12 +84,11 @@ class Programme:
         limits: at that corner no step keeps all limits, so that SLSQP stops anywhere.
         """
         c = self.combination
-        least = c.values(c.low[None, :])[0]
-        tight = np.isfinite(limit) & (np.abs(limit - least) <= CORNER * np.abs(limit))
+        tight = np.isfinite(limit) & (np.abs(limit - c.tightest_values) <= CORNER * np.abs(limit))
         if not np.any(tight):
             return None
-        raised = c.values(np.where(np.eye(len(c.low), dtype=bool), c.high, c.low))
-        pinned = np.any((raised > least)[:, tight], axis=1)
+        values = c.values(np.vstack([c.low, np.where(np.eye(len(c.low), dtype=bool), c.high, c.low)]))
+        pinned = np.any((values[1:] > values[0])[:, tight], axis=1)
         ways = [replace(way, high=way.low) if fixed else way for way, fixed in zip(c.ways, pinned, strict=True)]
         features = tuple(replace(f, ways=(way,)) for f, way in zip(c.form.features, ways, strict=True))
         rest = Programme(Combination(replace(c.form, features=features), (0,) * len(features)))
@@ -105,7 +104,7 @@ class Programme:
         if self._keeps(c.high, limit):
             return c.high
         near = limit + NEAR * np.maximum(np.abs(limit), 0.1)
-        if self._compensating and not self._keeps(c.low, near):
+        if self._compensating and np.any(c.tightest_values > near):
             traded = self._traded(near)
             if traded is not None and traded[0] is None:  # SLSQP would search long in vain
                 return None
@@ -143,7 +142,7 @@ class Programme:
         multipliers, stays above 0 in the whole range, no tolerances keep them all.
         """
         c = self.combination
-        if self._keeps(c.low, limit):
+        if np.all(c.tightest_values <= limit):
             return c.low, True
         if not self._compensating:
             return None, False
@@ -180,7 +179,7 @@ class Programme:
         if c.form.correlation is not None or len(free) != 1:
             return None
         at, width = int(free[0]), c.high - c.low
-        room, slope = limit - c.values(c.low[None, :])[0], c.linear[:, at]
+        room, slope = limit - c.tightest_values, c.linear[:, at]
         least, most = _reach(room, slope, float(width[at]))
         t = c.low.copy()
         t[at] = np.clip(t[at] + 0.5 * (least + most), c.low[at], c.high[at])

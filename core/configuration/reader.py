@@ -14,7 +14,9 @@ from ..problems.declaration import Declaration
 from ..problems.interfaces import Checks
 from ..problems.settings import Settings, VariableSetting
 from ..problems.slips import unit_slips
+from ..problems.tolerance_problem import ToleranceProblem
 from ..section import Range, Section
+from ..workflows.choice.settings import ChoiceSettings
 from ..workflows.choice.steps import rounding_faults
 from .cells import with_poses
 from .choice import read_choice, resolved_choice
@@ -129,12 +131,7 @@ def _read_problem(
     top.finish()
     raise_all(faults)
     problem = configured(settings)
-    beyond = [] if reachable else Checks.of(problem).out_of_reach()
-    wrong = [fault for fault in problem.faults() if fault not in beyond]
-    raise_all([*wrong, *(unit_slips(problem) if wrong else ()), *rounding_faults(problem, choice)])
-    from ..workflows.run.contradictions import contradictions  # imports the exact solver
-
-    raise_all(contradictions(problem, search["algorithm_name"]) if reachable else [])
+    _check_as_a_whole(problem, choice, search["algorithm_name"], reachable)
     assert search["algorithm"] is not None
     resolved = {
         **complete_tables(problem, top.take("problem"), model_name),
@@ -152,6 +149,16 @@ def _read_problem(
         resolved=resolved,
         **search,
     )
+
+
+def _check_as_a_whole(problem: ToleranceProblem, choice: ChoiceSettings, algorithm: str, reachable: bool) -> None:
+    """Raise InputError with every fault of a problem whose sections are valid."""
+    beyond = [] if reachable else Checks.of(problem).out_of_reach()
+    wrong = [fault for fault in problem.faults() if fault not in beyond]
+    raise_all([*wrong, *(unit_slips(problem) if wrong else ()), *rounding_faults(problem, choice)])
+    from ..workflows.run.contradictions import contradictions  # imports the exact solver
+
+    raise_all(contradictions(problem, algorithm) if reachable else [])
 
 
 def _settings(top: Section, declared: Declaration, model: ModelClass | None, notes: Sequence[str]) -> Settings:

@@ -108,11 +108,7 @@ def _factors(rise: Single, fixed: Single, side: Any, behind: float, of_turn: Sin
 
 @_compiled
 def _spread(
-    row: Single,
-    lean: float,
-    stiff: float,
-    force: float,
-    contact: int,
+    contact: Any,
     closed: Single,
     factor: Single,
     of_torque: Single,
@@ -123,16 +119,18 @@ def _spread(
 ) -> Any:
     """Adds the weights of a contact to `sums` (7, lanes), and writes them to `of_contact`.
 
+    `contact` has its row, its `lean`, stiffness and force, and its number.
     Returns the part by the shift modification, with which the lever arm grows by `lean` [1/mm]:
     stiffness goes with the square of the arm, the force on a pin with the arm.
     """
+    row, lean, stiff, force, number = contact
     lever, radial, nx, ny = row[1], row[2], row[4], row[5]
     c, s, zero, two = row[6], row[7], np.float32(0.0), np.float32(2.0)
     by_shift = zero
     for u in range(of_contact.size):
         bears = stiff if closed[u] != zero else zero
         through = (factor[u] - of_torque[u]) * bears
-        direct = force * of_force[u] if star[u] == contact else zero
+        direct = force * of_force[u] if star[u] == number else zero
         a = through - direct
         of_contact[u] = a
         sums[0, u] += a
@@ -252,19 +250,8 @@ def pull_back(weights: Any, contacts: Any, springs: Any, errors: Any, balance: A
                     for i in range(start[a, d, flank], stop[a, d, flank]):
                         if not bearing[i - base]:
                             continue
-                        total[15] += _spread(
-                            rows[i],
-                            lean[i],
-                            stiff[i],
-                            force[i],
-                            i,
-                            closed[i - base, lanes],
-                            factor[d, lanes],
-                            taken,
-                            load,
-                            star,
-                            weight[lanes],
-                            sums,
-                        )
+                        contact = rows[i], lean[i], stiff[i], force[i], i
+                        into, of_disc = closed[i - base, lanes], factor[d, lanes]
+                        total[15] += _spread(contact, into, of_disc, taken, load, star, weight[lanes], sums)
                         _add_pin(rows[i], weight[lanes], units, of_pins[:, pins[i]], total)
                 _add_disc(sums, axes[a, d], of_discs[d][:, units], by_unit, toward[d], total)
