@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from ..errors import Fault, InputError, RunError, TolevoError, raise_all, refuse
+from ..errors import Fault, InputError, RunError, StorageError, TolevoError, raise_all, refuse
 from ..files import cause
 from .lock import PATIENCE, Held, Lock, acquire, commands, holders
 from .manifest import MANIFEST, write_manifest
@@ -143,7 +143,7 @@ class Ownership:
         saved = present(self.folder, kind.state)
         kept = f"{kind.saved} is kept in {self.folder}" if saved else "nothing had been saved before"
         text = f"{path} cannot be written: {reason}; {kept}"
-        return RunError(f"{text}; {remedy}, then run the same command with --resume")
+        return StorageError(f"{text}; {remedy}, then run the same command with --resume")
 
     def _still_ours(self) -> None:
         """Raises RunError where another process began anew while the lock was passed on."""

@@ -93,7 +93,7 @@ class Term:
         if self.shape == "constant":
             return np.ones((len(measurements), 1))
         if self.shape == "wave":
-            return _cosine_and_sine(self.order * np.asarray(measurements[Role.ANGLE], dtype=float))
+            return wave(self.order * np.asarray(measurements[Role.ANGLE], dtype=float))
         if self.shape == "levels":
             return self._levels(measurements)
         x = np.asarray(measurements.table[self.variable], dtype=float)
@@ -107,7 +107,7 @@ class Term:
             return np.asarray(x >= self.zero, dtype=float)[:, None]
         z = (x - self.zero) / self.scale
         if self.shape == "swing":
-            return _cosine_and_sine(self.order * z)
+            return wave(self.order * z)
         if self.shape == "product":
             w = self._second_factor(measurements)
             return np.column_stack([z * w, z * z * w, z * w * w, z * z * w * w])
@@ -130,7 +130,8 @@ class Term:
         return {**stated, "coefficients": [float(coefficient) for coefficient in coefficients]}
 
 
-def _cosine_and_sine(phase: Array) -> Array:
+def wave(phase: Array) -> Array:
+    """Cosine and sine (n, 2) of a phase (n,)."""
     return np.column_stack([np.cos(phase), np.sin(phase)])
 
 

@@ -18,7 +18,7 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import SplineTransformer
 
 from ...arrays import Array
-from .generic import wave
+from ...models.effects.unresolved import wave
 
 KNOTS = 8
 STIFF = np.geomspace(1e-4, 1e2, 7)

@@ -17,6 +17,7 @@ from scipy.interpolate import BSpline
 
 from ...arrays import Array
 from ...models.effects.measurements import SESSION, labels_of, unit_numbers
+from ...models.effects.unresolved import wave
 from ...models.gear import SUN
 from ...models.measurable import Column, Role
 from ...units import converted
@@ -212,11 +213,6 @@ def from_origin(column: Column, x: Array) -> Array:
     """An input (n,) relative to its origin, scaled to magnitude 1 at most."""
     away = x - origin(column)
     return np.asarray(away / max(float(np.abs(away).max()), 1e-300))
-
-
-def wave(angle: Array) -> Array:
-    """Cosine and sine (n, 2) of an angle (n,)."""
-    return np.column_stack([np.cos(angle), np.sin(angle)])
 
 
 def _swings(inputs: list[Column], values: dict[str, Array]) -> list[tuple[Form, Array]]:
