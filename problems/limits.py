@@ -1,4 +1,4 @@
-"""Limits on outputs: their normalised violation, their margin, and when they cannot be met."""
+"""Limits on outputs: the one rule when they are kept, their normalised violation and their margin."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..arrays import Array
+from ..arrays import Array, Flags
 from ..declarations import Output, Variable
 from ..errors import Fault
 from .settings import Bound
@@ -16,16 +16,52 @@ from .settings import Bound
 if TYPE_CHECKING:
     from .tolerance_problem import ToleranceProblem
 
+ROOM = 1e-9
+"""Fraction of a limit by which a value may lie beyond it and keep it: what is met exactly is met to
+rounding only (0.1 + 0.2 lies beyond 0.3), and a real excess is larger.
+"""
+DIGITS = 16.0 * float(np.finfo(float).eps)
+"""Rounding of a fraction of all units."""
+
+
+def loosened(upper: Array | float, part: float = 1.0) -> Array:
+    """Upper limits, any shape, wider by a `part` of the room that rounding has."""
+    finite = np.isfinite(upper)
+    return np.asarray(np.where(finite, upper + part * ROOM * np.abs(np.where(finite, upper, 0.0)), upper))
+
+
+def keeps(value: Array | float, upper: Array | float) -> Flags:
+    """Whether values keep upper limits; both broadcast."""
+    return np.asarray(value <= loosened(upper))
+
+
+def overlap(first: tuple[float, float], second: tuple[float, float]) -> tuple[float, float] | None:
+    """The common part of two ranges, None where there is none; ends that meet to rounding do meet.
+
+    There it is the end of the first.
+    """
+    low, high = max(first[0], second[0]), min(first[1], second[1])
+    if low > high:
+        if low - high > ROOM * max(abs(low), abs(high)):
+            return None
+        low = high = first[0] if first[0] == low else first[1]
+    return low, high
+
 
 @dataclass(frozen=True, slots=True)
 class Limit:
-    """low <= `name` <= high; `scale` normalises where the bound is 0."""
+    """low <= `name` <= high; `scale` normalises where the bound is 0.
+
+    `most` is the largest value that there is: close to it, as in a yield, little is missing of it,
+    and the room of rounding is a fraction of that.
+    """
 
     name: str
     low: float
     high: float
     scale: float
     unit: str
+    most: float = np.inf
 
     @property
     def count(self) -> int:
@@ -35,14 +71,30 @@ class Limit:
     def _by(self, bound: float) -> float:
         return abs(bound) if bound != 0.0 else self.scale
 
+    def room(self, bound: float) -> float:
+        """By how much a value may lie beyond a bound and keep it; inf at no bound."""
+        size = self._by(bound)
+        if np.isfinite(self.most):
+            return max(ROOM * min(size, abs(self.most - bound)), DIGITS * abs(self.most))
+        return ROOM * size
+
+    def _excess(self, value: Array) -> list[tuple[Array, float]]:
+        """By how much values lie beyond each finite bound, 0 where rounding explains it; the bound."""
+        columns = []
+        for sign, bound in ((-1.0, self.low), (1.0, self.high)):
+            if np.isfinite(bound):
+                beyond = sign * (np.asarray(value, dtype=float) - bound)
+                columns.append((np.where(beyond <= self.room(bound), np.minimum(beyond, 0.0), beyond), bound))
+        return columns
+
     def violations(self, value: Array) -> list[Array]:
         """One column (n,) per bound, above 0 where it is broken, normalised by the bound."""
-        columns = []
-        if np.isfinite(self.low):
-            columns.append((self.low - value) / self._by(self.low))
-        if np.isfinite(self.high):
-            columns.append((value - self.high) / self._by(self.high))
-        return columns
+        return [excess / self._by(bound) for excess, bound in self._excess(value)]
+
+    def kept(self, value: Array) -> Flags:
+        """Whether values (n,) keep the limit."""
+        kept = [excess <= 0.0 for excess, _ in self._excess(value)]
+        return np.asarray(np.all(kept, axis=0)) if kept else np.ones(np.shape(value), dtype=bool)
 
     def slopes(self) -> list[float]:
         """Derivative of each column of `violations` by the value."""
@@ -55,17 +107,16 @@ class Limit:
 
     def margins(self, value: Array) -> dict[str, Array]:
         """Distance to the nearest bound in the unit of the output, negative where broken."""
-        if not self.count:
-            return {}
-        return {f"margin_{self.name}": np.minimum(value - self.low, self.high - value)}
+        columns = [-excess for excess, _ in self._excess(value)]
+        return {f"margin_{self.name}": np.min(columns, axis=0) + 0.0} if columns else {}
 
 
 def limits_of(
     bounds: Mapping[str, Bound], outputs: tuple[Output, ...], variables: tuple[Variable, ...]
 ) -> tuple[Limit, ...]:
     """The limits on outputs and variables by name."""
-    scales = {o.name: (o.scale, o.unit) for o in outputs}
-    scales |= {v.name: (v.high - v.low, v.unit) for v in variables}
+    scales = {o.name: (o.scale, o.unit, o.high) for o in outputs}
+    scales |= {v.name: (v.high - v.low, v.unit, np.inf) for v in variables}
     return tuple(Limit(name, bound.low, bound.high, *scales[name]) for name, bound in bounds.items())
 
 
@@ -82,7 +133,7 @@ def impossible(problem: ToleranceProblem) -> list[Fault]:
         low, high = problem.interval(limit.name)
         corner = "loosest" if limit.name == "cost" else "tightest"
         place, unit = f"limits.{limit.name}", f" {limit.unit}".rstrip()
-        if limit.high < low:
+        if low - limit.high > limit.room(limit.high):
             faults.append(
                 Fault(
                     place,
@@ -90,7 +141,7 @@ def impossible(problem: ToleranceProblem) -> list[Fault]:
                     f"{low:.4g}{unit}, {low - limit.high:.3g}{unit} too much; raise the limit or widen the ranges",
                 )
             )
-        if limit.low > high:
+        if limit.low - high > limit.room(limit.low):
             faults.append(
                 Fault(
                     place,

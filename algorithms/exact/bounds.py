@@ -12,14 +12,17 @@ from ...errors import ModelError
 from ...problems.forms import Feature, Form, Way
 from ...problems.interfaces import Provable
 from ...problems.least import least_values
+from ...problems.limits import ROOM, loosened
 from ...problems.tolerance_problem import ToleranceProblem
 from .between import least_bounds
 from .choices import cost_range
 from .pieces import convex_pieces
 
-LOOSER, LOOSER_SHARE = 1e-11, 1e-9
-"""Relative widening of a limit, so that a point always keeps its own values; and that of a fraction
-of units, whose rounding is magnified by a limit far out in the tail."""
+LOOSER = 1e-11
+"""Relative widening of a point's own values, so that the point always keeps them."""
+BEYOND = 2.0
+"""Widening of a limit, in units of the room within which it counts as kept: no design that keeps it
+is excluded, whatever its rounding."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,15 +62,8 @@ def proof(problem: ToleranceProblem, values: Mapping[str, Array], points: int) -
         return Proof.without(points, missing)
     if not points:
         return Proof(np.empty(0), form.statement, form.relaxed)
-    limits = np.stack(
-        [
-            np.minimum(_values_if_required(problem, form, values, name, points), upper)
-            for name, upper in zip(form.outputs, row_limits(problem, form), strict=True)
-        ],
-        axis=1,
-    )
-    looser = np.where(np.isfinite(form.own_limits), LOOSER_SHARE, LOOSER)
-    limits = np.where(np.isfinite(limits), limits + looser * np.abs(limits), np.inf)
+    own = [_values_if_required(problem, form, values, name, points) for name in form.outputs]
+    limits = np.minimum(loosened(np.stack(own, axis=1), LOOSER / ROOM), loosened(row_limits(problem, form), BEYOND))
     distinct, place = np.unique(limits, axis=0, return_inverse=True)
     bound = _least_bound(form, distinct)[np.ravel(place)]
     cost = np.asarray(values["cost"])
@@ -118,7 +114,7 @@ def within_reach(form: Form, limits: Array) -> Flags:
     every = range(len(form.outputs) if form.quantiles else 0)
     for row, least in zip(every, least_values(form, every, limits.max(axis=0)), strict=True):
         if least is not None:
-            possible &= limits[:, row] >= least.value - LOOSER_SHARE * abs(least.value)
+            possible &= limits[:, row] >= least.value - BEYOND * ROOM * abs(least.value)
     return possible
 
 

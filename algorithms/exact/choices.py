@@ -52,7 +52,7 @@ def least_cost(form: Form, limits: Array) -> Optimum:
     limits = np.asarray(limits, dtype=float)
     if form.quantiles and sum(len(feature.ways) > 1 for feature in form.features) >= MIXED:
         return _by_master(form, limits)
-    if form.surpluses and only_points(form):
+    if only_points(form):
         return least_of_points(form, limits)
     if separable_but_for_doubt(form) and not _pointed(form):
         return least_under_doubt(form, limits, cost_range(form)[0])

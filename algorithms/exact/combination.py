@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -14,6 +14,9 @@ from ...models.costs.joint import Joint
 from ...problems.forms import Form, Way
 from ...problems.spread import Spread, spread_of
 from .prices import Prices
+
+CHORDS = 8
+"""Times that a step back within the limits is made longer, where rounding makes it too short."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,6 +169,42 @@ class Combination:
         ways = enumerate(zip(self.ways, self.counts, strict=True))
         total = np.sum([prices.tolerance(w, at, count)[1] for at, (w, count) in ways], axis=0)
         return prices.bound(self.form, total)
+
+
+def within(form: Form, optimum: Optimum, limit: Array) -> Optimum:
+    """The optima with tolerances moved within upper limits (r,), where their ways allow it.
+
+    Optima at limits that are wider by the room of rounding use that room only where nothing else
+    keeps the limits.
+    """
+    t = optimum.t.copy()
+    for row in np.flatnonzero(np.isfinite(optimum.cost)):
+        combination = Combination(form, tuple(optimum.chosen[row].tolist()))
+        moved = moved_within(combination, t[row], limit, combination.low)
+        t[row] = t[row] if moved is None else moved
+    return replace(optimum, t=t)
+
+
+def moved_within(combination: Combination, t: Array, limit: Array, inner: Array) -> Array | None:
+    """A point between t and an `inner` one, as near to t as chords allow, that keeps upper limits (r,).
+
+    Values are convex, so that they lie below the chord: where it meets a limit they keep it. None
+    where the inner point does not keep the limits.
+    """
+    values = combination.values(np.stack([t, inner]))
+    excess, room = np.maximum(values[0] - limit, 0.0), limit - values[1]
+    broken = excess > 0.0
+    if not np.any(broken):
+        return t
+    if np.any(room < 0.0):
+        return None
+    fraction = float(np.max(excess[broken] / (excess[broken] + room[broken])))
+    for _ in range(CHORDS):
+        moved = np.asarray(t + fraction * (inner - t))
+        if np.all(combination.values(moved[None, :])[0] <= limit):
+            return moved
+        fraction = min(1.0, 2.0 * fraction + 1e-14)
+    return inner
 
 
 def _columns(rows: Sequence[Sequence[float]]) -> Array:

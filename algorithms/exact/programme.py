@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...arrays import Array, Flags
-from .combination import Combination, Solved
+from .combination import Combination, Solved, moved_within
 from .prices import ROUNDING
 from .slsqp import ascend, slsqp
 
@@ -33,8 +33,6 @@ TINY = 1e-6
 """Fraction of a limit that counts as a step where nothing moves its value."""
 CORNER = 1e-10
 """Fraction of a limit below which the room that the tightest tolerances leave is none."""
-CHORDS = 8
-"""Times that a step back within the limits is made longer, where rounding makes it too short."""
 CLEARLY = 1e-9
 """Fraction of a limit by which it must be broken before it counts as impossible to keep."""
 TRIED = 33
@@ -263,7 +261,10 @@ class Programme:
         multiplier = np.zeros(len(limit))
         multiplier[asked] = solution.multiplier * unit / scale
         t = whole(solution.x)[0]
-        return (t if inner is None else self._moved_within_limits(t, limit, inner)), multiplier
+        if inner is not None:
+            moved = moved_within(c, t, limit, inner)
+            t = inner if moved is None else moved
+        return t, multiplier
 
     def _steps(self, start: Array, movable: Flags) -> tuple[Array, float]:
         """Units of ln t (movable,) and of the cost in which the Lagrangian bends by one all round.
@@ -274,24 +275,6 @@ class Programme:
         fall = np.maximum(-(self.combination.slopes(start[None, :])[0] * start)[movable], 0.0)
         largest = float(fall.max()) or 1.0
         return np.sqrt(largest / np.maximum(fall, FLAT * largest)), BENDS * largest
-
-    def _moved_within_limits(self, t: Array, limit: Array, inner: Array) -> Array:
-        """A point between t and tolerances that keep the limits, as near to t as chords allow.
-
-        Values are convex, so that they lie below the chord: where it meets a limit they keep it.
-        """
-        values = self.combination.values(np.stack([t, inner]))
-        excess, room = np.maximum(values[0] - limit, 0.0), np.maximum(limit - values[1], 0.0)
-        if not np.any(excess > 0.0):
-            return t
-        asked = excess > 0.0
-        fraction = float(np.max(excess[asked] / (excess[asked] + room[asked])))
-        for _ in range(CHORDS):
-            moved = np.asarray(t + fraction * (inner - t))
-            if self._keeps(moved, limit):
-                return moved
-            fraction = min(1.0, 2.0 * fraction + 1e-14)
-        return inner
 
     def _proven(self, limit: Array, t: Array, multiplier: Array) -> tuple[float, Array]:
         """The best known bound, and its multipliers (r,)."""

@@ -11,20 +11,22 @@ from ...arrays import Array, Flags
 from ...counts import POINTS
 from ...problems.forms import Form
 from ...problems.interfaces import Provable
+from ...problems.limits import ROOM, keeps, loosened
 from ...problems.tolerance_problem import ToleranceProblem
 from ..run import Run
 from ..settings import Solver
-from .bounds import reason, restricted, row_limits, upper_limit
+from .bounds import BEYOND, reason, restricted, row_limits, upper_limit
 from .choices import least_cost, tightest_ways
+from .combination import within
 from .corrected import corrected_vectors, is_corrected
 from .designs import search_vector, search_vectors
 from .epsilon import epsilon_front
 from .front import front, tightest
 from .pieces import convex_pieces
+from .points import cheapest_choice, points_alone
 
-TIGHTER, TIGHTER_SHARE = 1e-12, 2e-10
-"""Relative tightening of a limit, so that rounding does not break it; that of a fraction of units,
-whose rounding is magnified by an edge far out in the tail."""
+ROOMIER = 0.5
+"""Widening of a limit where ways are searched, in units of the room within which it counts as kept."""
 POINTS_BY_DEFAULT = 1000
 """Points of an exact front."""
 FEW, CORRECTED = 40, 200
@@ -45,6 +47,12 @@ class Exact(Solver):
 
     def solve(self, run: Run) -> None:
         form = closed_form(run.problem)
+        if form is None and run.problem.objectives == ("cost",):
+            x = _cheapest_of_points(run.problem)
+            if len(x):
+                run.choose(x)
+                run.evaluate(x)
+                return
         if form is None:
             epsilon_front(run, self.points)
             return
@@ -84,18 +92,16 @@ def exact_vectors(problem: ToleranceProblem, form: Form, points: int) -> Array:
     """Search vectors (k, variables) of the exact front, or of the one least cost."""
     upper = _solved_limits(problem, form)
     real = np.isfinite(upper)
-    tighter = np.where(np.isfinite(form.own_limits), TIGHTER_SHARE, TIGHTER)
-    least, slack = tightest(form)[real], (tighter * np.abs(upper))[real]
-    if np.any(np.abs(upper[real] - least) <= slack):
+    if np.any(np.abs(upper - tightest(form))[real] <= ROOM * np.abs(upper[real])):
         return _corner(problem, form, upper)
-    upper[real] -= slack
     if problem.n_obj == 1:
         return _cheapest(problem, form, upper)
     swept = np.array([not set(form.requesting_outputs(name)).isdisjoint(problem.objectives) for name in form.outputs])
     most = upper_limit(problem, "cost")
-    limit, x = upper.copy(), np.empty((0, problem.n_var))
+    limit, x = upper, np.empty((0, problem.n_var))
     for _ in range(CORRECTIONS):
-        x = search_vectors(problem, form, front(form, points, limit, swept, most))
+        optimum = front(form, points, loosened(limit, ROOMIER), swept, float(loosened(most)))
+        x = search_vectors(problem, form, within(form, optimum, _strict(form, limit)))
         if not form.exact:
             return x
         kept, excess = _by_full_model(problem, form, x[:: max(1, len(x) // SOME)], upper)
@@ -116,12 +122,21 @@ def _solved_limits(problem: ToleranceProblem, form: Form) -> Array:
     return limits
 
 
+def _cheapest_of_points(problem: ToleranceProblem) -> Array:
+    """The cheapest choice where the form omits limits, but all its ways are points; else nothing."""
+    form = Provable.of(problem).form()
+    if form is None or form.also or form.settled or not points_alone(form):
+        return np.empty((0, problem.n_var))
+    x = cheapest_choice(problem, form, row_limits(problem, form), -np.inf)
+    return np.empty((0, problem.n_var)) if x is None else x
+
+
 def _corner(problem: ToleranceProblem, form: Form, upper: Array) -> Array:
     """The search vector (one) within limits of which one is kept by the tightest tolerances alone.
 
     The least cost within the limits as they are, or that corner where rounding leaves nothing else.
     """
-    x = search_vectors(problem, form, least_cost(form, upper[None, :]))
+    x = _solved(problem, form, upper)
     if len(x) and np.all(_by_full_model(problem, form, x, upper)[0]):
         return x
     ways = tightest_ways(form)
@@ -135,14 +150,33 @@ def _cheapest(problem: ToleranceProblem, form: Form, upper: Array) -> Array:
     Where the form understates the outputs, even by their rounding alone, it is solved again with
     limits moved by as much.
     """
-    limit, x = upper.copy(), np.empty((0, problem.n_var))
+    if points_alone(form) and not form.also:
+        proven = least_cost(form, loosened(upper, BEYOND)[None, :]).bound[0]
+        x = cheapest_choice(problem, form, upper, float(proven))
+        if x is not None:
+            return x
+    limit, x = upper, np.empty((0, problem.n_var))
     for _ in range(CORRECTIONS):
-        x = search_vectors(problem, form, least_cost(form, limit[None, :]))
+        x = _solved(problem, form, limit)
         kept, excess = _by_full_model(problem, form, x, upper)
         if (form.exact and kept.all()) or not np.any(excess > 0.0):
             return x
         limit = limit - excess[0] * FURTHER
     return x
+
+
+def _solved(problem: ToleranceProblem, form: Form, limit: Array) -> Array:
+    """The search vector (at most one) of least cost at upper limits (r,) of the form.
+
+    Ways that meet a limit exactly keep it; tolerances keep it to the last digit where these allow it.
+    """
+    optimum = least_cost(form, loosened(limit, ROOMIER)[None, :])
+    return search_vectors(problem, form, within(form, optimum, _strict(form, limit)))
+
+
+def _strict(form: Form, limit: Array) -> Array:
+    """Upper limits (r,) that leave nothing to the room of rounding, which a yield has in its quantile."""
+    return np.where(np.isfinite(form.own_limits), loosened(limit, -1.0), limit)
 
 
 def _by_full_model(problem: ToleranceProblem, form: Form, x: Array, upper: Array) -> tuple[Flags, Array]:
@@ -151,5 +185,6 @@ def _by_full_model(problem: ToleranceProblem, form: Form, x: Array, upper: Array
     """
     designs = problem.complete(x)
     outputs = problem.outputs_of(designs, errors=False)
-    excess = np.maximum(Provable.of(problem).form_values(form, designs, outputs) - upper, 0.0)
+    values = Provable.of(problem).form_values(form, designs, outputs)
+    excess = np.where(keeps(values, upper), 0.0, values - upper)
     return np.all(problem.violations(designs, outputs) <= 0.0, axis=1), excess

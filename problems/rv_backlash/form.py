@@ -175,5 +175,5 @@ def _relaxed(problem: RvBacklash, settled: dict[str, float]) -> tuple[str, ...]:
         for limit in problem.limits
         if not allows_any(limit)
         and (limit.name not in known or _from_below(limit))
-        and not (limit.name in profile and all(v[0] <= 1e-12 for v in limit.violations(profile[limit.name])))
+        and not (limit.name in profile and np.all(limit.kept(profile[limit.name])))
     )

@@ -267,7 +267,7 @@ def _relaxed(problem: RvBacklash, shift: Shift, rows: list[Row]) -> tuple[str, .
         for limit in problem.limits
         if not allows_any(limit)
         and (limit.name not in known or _other_side(limit))
-        and not (limit.name in profile and all(np.all(v <= 1e-9) for v in limit.violations(profile[limit.name])))
+        and not (limit.name in profile and np.all(limit.kept(profile[limit.name])))
     )
 
 

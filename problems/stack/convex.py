@@ -10,7 +10,7 @@ import numpy as np
 from ...arrays import Array, Flags
 from ...models.costs import Reciprocal
 from ..forms import Feature, Form, Way
-from ..limits import Limit, narrowed
+from ..limits import Limit, narrowed, overlap
 from .definition import Part
 from .machine_ways import limits_alone, machine_ways
 from .parts_as_made import limits_of
@@ -97,7 +97,7 @@ def possible(stack: Stack) -> bool:
     """Whether every part has a process within the limits."""
     ends = [(part, *range_of(stack, part)) for part in stack.definition.parts]
     return all(
-        any(max(process.low, low) <= min(process.high, high) for process in part.processes) for part, low, high in ends
+        any(overlap((process.low, process.high), (low, high)) for process in part.processes) for part, low, high in ends
     )
 
 
@@ -146,8 +146,9 @@ def _feature(part: Part, rows: list[Row], at: int, ends: tuple[float, float]) ->
             ways_by_machine, exact = machine_ways(part, number, rows, at, ends)
             ways, whole = ways + ways_by_machine, whole and exact
             continue
-        low, high = max(process.low, ends[0]), min(process.high, ends[1])
-        if low <= high:
+        common = overlap((process.low, process.high), ends)
+        if common is not None:
+            low, high = common
             choice = float(number) if part.alternatives else 0.0
             linear = tuple(float(row.linear[at]) for row in rows)
             spread = tuple(row.spread_of(at, number) for row in rows)

@@ -17,6 +17,7 @@ from ...arrays import Array
 from ...models.costs import Reciprocal
 from ...models.machines import GoodPartsBySpread, convex_cost
 from ..forms import Way
+from ..limits import overlap
 from .definition import Part, Process
 from .parts_as_made import by_spread, spread_and_mean
 from .rows import Row
@@ -34,9 +35,10 @@ def machine_ways(
 ) -> tuple[list[Way], bool]:
     """Ways of a process by machine within limits on t, and whether they are exact."""
     process = part.processes[number]
-    low, high = max(process.low, limits[0]), min(process.high, limits[1])
-    if low > high:
+    common = overlap((process.low, process.high), limits)
+    if common is None:
         return [], True
+    low, high = common
     if process.low == process.high:
         return [_fixed(part, number, rows, at)], True
     if limits_alone(rows):

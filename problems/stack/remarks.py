@@ -12,6 +12,7 @@ from ...likely_units import unit_hint
 from ...models.machines.offers import departures
 from ...models.stack import Tolerances, between
 from ...units import family
+from ..limits import keeps
 from ..money import rising
 from .definition import Part
 from .linearity import linearity_warnings
@@ -118,9 +119,9 @@ def _loosest_feasible(stack: Stack, measured: Measured) -> tuple[Tolerances, str
     kept = np.ones(len(line), dtype=bool)
     for limit in stack.limits:
         if limit.name in values:
-            kept &= values[limit.name] <= limit.high
+            kept &= keeps(values[limit.name], limit.high)
         elif measured.partial and limit.name == measured.name("domain_margin"):
-            kept &= measured.margin(line)[limit.name] >= limit.low
+            kept &= limit.kept(measured.margin(line)[limit.name])
     if np.all(kept) or not np.any(kept):
         return high, "at the loosest tolerances"
     last = int(np.flatnonzero(kept)[-1])

@@ -22,9 +22,10 @@ from .two_sided import tangents
 if TYPE_CHECKING:
     from .problem import Stack
 
-CENTRED = 1e-12
-"""Relative difference of two limits' distances from the mean that counts as none."""
-YIELD = "yield_percent"
+CENTRED = 1e-7
+"""Relative difference of two limits' distances from the mean that counts as none: a yield changes by
+its square. Limits about a nominal a million times as large are rounded to less."""
+YIELD, WHOLE = "yield_percent", 100.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -234,8 +235,10 @@ def _off_centre(measured: Measured) -> bool:
 
 
 def least_yield(stack: Stack, name: str) -> float:
-    """The least fraction of units that a limit asks for, 0 where there is none."""
-    return 0.01 * max((limit.low for limit in stack.limits if limit.name == name), default=0.0)
+    """The least fraction of units that keeps a limit, 0 where there is none."""
+    limits = [limit for limit in stack.limits if limit.name == name and np.isfinite(limit.low)]
+    ends = [limit.low - (limit.room(limit.low) if limit.low < WHOLE else 0.0) for limit in limits]
+    return 0.01 * max(ends, default=0.0)
 
 
 def _kept_limits(measured: Measured, output: str, p: float) -> list[Row]:

@@ -19,6 +19,7 @@ from ...algorithms.search import search
 from ...algorithms.settings import Budget
 from ...arrays import Array
 from ...problems.forms import Form
+from ...problems.limits import loosened
 from ...problems.stack import Stack
 from ...problems.tolerance_problem import ToleranceProblem
 
@@ -89,5 +90,5 @@ def solved(problem: ToleranceProblem) -> Solved | None:
     form = closed_form(problem)
     if form is None:
         return None
-    optimum = least_cost(form, row_limits(problem, form)[None, :])
+    optimum = least_cost(form, loosened(row_limits(problem, form), 0.5)[None, :])
     return (form, optimum) if np.isfinite(optimum.cost[0]) else None

@@ -103,10 +103,9 @@ def _of_drawing(problem: ToleranceProblem, drawing: Array) -> dict[str, Any]:
     designs, outputs = drawing[None, :], problem.outputs_of(drawing[None, :])
     promised = promised_limits(problem)
     kept = all(
-        np.all(column <= 0.0)
+        np.all(limit.kept(problem.values(designs, outputs, limit.name)))
         for limit in problem.limits
         if limit.name in promised
-        for column in limit.violations(problem.values(designs, outputs, limit.name))
     )
     values = {name: float(value[0]) for name, value in outputs.items()}
     return {"rounded_kept": kept, f"rounded_{ASSURANCE}": _least_of(values, ASSURANCE)}

@@ -13,11 +13,10 @@ from ...errors import Fault
 from ...models.stack import Law
 from ...problems.forms import Form
 from ...problems.interfaces import Provable
+from ...problems.limits import keeps, loosened
 from ...problems.stack import Stack
 from ...problems.tolerance_problem import ToleranceProblem
 
-CLOSE = 1e-9
-"""Relative excess that may be rounding."""
 HALVINGS = 40
 HALF = 50.0
 """Yield [percent] below which a quantile is not convex."""
@@ -38,10 +37,10 @@ def contradictions(problem: ToleranceProblem, algorithm: str) -> list[Fault]:
     if not np.any(used) or (not np.isfinite(most) and form.correlation is None):
         return faults
     form, limits = convex_pieces(restricted(form, used)), limits[used]
-    bound = float(least_cost(form, limits[None, :]).bound[0])
+    bound = float(least_cost(form, loosened(limits)[None, :]).bound[0])
     if np.isinf(bound):
         return faults + _impossible(form, limits)
-    if bound > most + CLOSE * abs(most):
+    if not keeps(bound, most):
         return faults + _too_expensive(form, limits, most, bound)
     return faults
 

@@ -113,11 +113,7 @@ def _ga(problem: ToleranceProblem) -> tuple[GA, Budget]:
 
 def violated(problem: ToleranceProblem, row: Mapping[Hashable, object]) -> list[str]:
     """Names of the limits that a row breaks."""
-    return [
-        limit.name
-        for limit in problem.limits
-        if any(v[0] > 0.0 for v in limit.violations(np.array([float(str(row[limit.name]))])))
-    ]
+    return [limit.name for limit in problem.limits if not limit.kept(np.array([float(str(row[limit.name]))]))[0]]
 
 
 def relaxed_bounds(problem: ToleranceProblem, row: Mapping[Hashable, object]) -> dict[str, Bound]:

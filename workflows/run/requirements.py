@@ -16,14 +16,13 @@ from ...algorithms.exact.programme import Programme
 from ...arrays import Array
 from ...problems.forms import Form
 from ...problems.interfaces import Provable
+from ...problems.limits import loosened
 from ...problems.spread import largest_parts, spread_of
 from ...problems.tolerance_problem import ToleranceProblem
 from ...records import RunResult
 
 LOOSER = 0.1
 """Fraction of its limit by which each requirement is relaxed."""
-SLACK = 1e-9
-"""Relative widening of a point's own values, so that the point keeps them."""
 DRIVEN = 3
 """Parts named per requirement."""
 
@@ -60,8 +59,7 @@ def requirements_of(problem: ToleranceProblem, front: pd.DataFrame) -> tuple[pd.
 def _limits(problem: ToleranceProblem, form: Form, point: pd.Series) -> Array:
     """Limits (r,) of the form's requirements: the point's own objectives, and those of the run."""
     values = [float(point[name]) if name in problem.objectives else np.inf for name in form.outputs]
-    wide = np.array(values) + SLACK * np.abs(np.where(np.isfinite(values), values, 0.0))
-    return np.minimum(wide, row_limits(problem, form))
+    return loosened(np.minimum(values, row_limits(problem, form)))
 
 
 def _table(problem: ToleranceProblem, limits: Array, optimum: Optimum, combination: Combination) -> pd.DataFrame:

@@ -8,14 +8,23 @@ from typing import cast
 import numpy as np
 import pytest
 
-from tolevo.algorithms.exact.bounds import LOOSER, Proof, proof, restricted, row_limits, upper_limit, within_reach
+from tolevo.algorithms.exact.bounds import (
+    BEYOND,
+    LOOSER,
+    Proof,
+    proof,
+    restricted,
+    row_limits,
+    upper_limit,
+    within_reach,
+)
 from tolevo.errors import ModelError
 from tolevo.models.capability.norm import Surplus
 from tolevo.models.costs import CostCurve, Reciprocal, Table
 from tolevo.models.propagation.even import EvenPlateau
 from tolevo.problems.forms import Feature, Form, Piece, Quantile, Way
 from tolevo.problems.interfaces import Provable
-from tolevo.problems.limits import Limit
+from tolevo.problems.limits import ROOM, Limit
 from tolevo.problems.tolerance_problem import ToleranceProblem
 
 UNIFORM = EvenPlateau()
@@ -74,9 +83,10 @@ def test_gaps_are_none_where_they_have_no_unit_and_none_below_the_bound() -> Non
 def test_a_limit_of_the_problem_counts_where_it_is_tighter() -> None:
     limits = (upper("v", 0.25),)
     found = proven(Plain(form_of(), limits=limits), cost=[9.0, 9.0], v=[0.2, 0.5])
-    np.testing.assert_allclose(found.bound, [6.0, 5.0], rtol=1e-10)
+    room = 1.0 + BEYOND * ROOM
+    np.testing.assert_allclose(found.bound, [6.0, 1.0 + 4.0 / room], rtol=1e-10)
     alone = Plain(form_of(), ("cost",), limits)
-    np.testing.assert_allclose(proven(alone, cost=[9.0], v=[0.2]).bound, [5.0], rtol=1e-10)
+    np.testing.assert_allclose(proven(alone, cost=[9.0], v=[0.2]).bound, [1.0 + 4.0 / room], rtol=1e-10)
 
 
 def test_a_point_below_its_bound_is_no_proof_but_an_error() -> None:
@@ -172,12 +182,12 @@ def test_designs_that_the_form_leaves_out_may_be_cheaper() -> None:
     np.testing.assert_allclose(found.bound, [6.0, 5.0, 4.0], rtol=1e-10)
 
 
-def test_own_limits_of_a_requirement_are_widened_more_than_others() -> None:
-    """A share of units is known to 1e-9 of it, another value to 1e-11."""
+def test_limits_are_widened_by_the_room_of_rounding_and_own_values_by_their_last_digits() -> None:
+    """At half of the limit 1 + 2/v is 3: a limit has a room of 2e-9, a value one of 1e-11."""
     own = form_of(most=(0.5,))
     found = proven(Plain(own), cost=[9.0], v=[2.0])
-    np.testing.assert_allclose(found.bound, [3.0 - 2e-9], rtol=2e-10)
-    assert found.bound[0] < 3.0 - 1.5e-9
+    np.testing.assert_allclose(found.bound, [3.0 - 2.0 * BEYOND * ROOM], rtol=2e-10)
+    assert found.bound[0] < 3.0 - 3e-9
     plain = proven(Plain(form_of()), cost=[9.0], v=[0.5])
     assert 3.0 - 3.0 * LOOSER < plain.bound[0] < 3.0
 

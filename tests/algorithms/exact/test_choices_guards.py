@@ -101,8 +101,7 @@ def test_points_beside_a_range_are_searched_under_doubt(monkeypatch: pytest.Monk
         assert found.bound[0] == pytest.approx(least, rel=1e-7)
 
 
-def test_points_without_doubt_are_not_listed(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(choices, "least_of_points", unused)
+def test_points_are_listed_with_and_without_doubt() -> None:
     own = form(at_points(*POINTS), at_points(*POINTS))
     for limit in (0.15, 0.45, 0.55, 0.8):
         least = min(cost + other for (t, cost), (u, other) in itertools.product(POINTS, repeat=2)

@@ -232,7 +232,7 @@ def test_tables_that_are_not_convex_are_searched_piece_by_piece() -> None:
         last = np.clip(room, LOW, HIGH)
         total = np.interp(a, knots, costs) + np.interp(c, knots, costs) + A[2] + B[2] / last
         grid = np.where(room >= LOW, total, np.inf).min()
-        assert found.f.min() <= grid * (1.0 + 1e-11)
+        assert found.f.min() <= grid * (1.0 + 1e-8)  # a limit is kept to its last digit
         assert found.f.min() == pytest.approx(grid, rel=5e-3)
         assert gaps(problem, found.f)[0] < 1e-4
 
