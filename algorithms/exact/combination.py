@@ -17,6 +17,8 @@ from .prices import Prices
 
 CHORDS = 8
 """Times that a step back within the limits is made longer, where rounding makes it too short."""
+HARDLY = 1e-7
+"""Fraction of a cost that a step out of the room of rounding may add: more where the tightest leave none."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -181,7 +183,10 @@ def within(form: Form, optimum: Optimum, limit: Array) -> Optimum:
     for row in np.flatnonzero(np.isfinite(optimum.cost)):
         combination = Combination(form, tuple(optimum.chosen[row].tolist()))
         moved = moved_within(combination, t[row], limit, combination.low)
-        t[row] = t[row] if moved is None else moved
+        if moved is not None and combination.cost(moved[None, :])[0] - optimum.cost[row] <= HARDLY * abs(
+            optimum.cost[row]
+        ):
+            t[row] = moved
     return replace(optimum, t=t)
 
 

@@ -31,8 +31,9 @@ BETWEEN = 17
 """Points between the tightest and the loosest tolerances that a search without a start evaluates."""
 TINY = 1e-6
 """Fraction of a limit that counts as a step where nothing moves its value."""
-CORNER = 1e-10
-"""Fraction of a limit below which the room that the tightest tolerances leave is none."""
+CORNER = 1e-5
+"""Fraction of a limit up to which the tightest tolerances leave so little room that SLSQP, whose steps
+leave it at once, may stop anywhere: there the corner itself is a start and a candidate."""
 CLEARLY = 1e-9
 """Fraction of a limit by which it must be broken before it counts as impossible to keep."""
 TRIED = 33
@@ -68,7 +69,10 @@ class Programme:
                 start, multiplier[row] = self._solved(limit, first, inner, tolerance)
                 corner = self._cornered(limit)
                 if corner is not None:
-                    start = min(start, corner, key=lambda t: float(c.cost(t[None, :])[0]))
+                    further, prices = self._solved(limit, corner, inner, tolerance)
+                    costs = [float(c.cost(point[None, :])[0]) for point in (corner, start, further)]
+                    multiplier[row] = multiplier[row] if costs[1] < costs[2] else prices
+                    start = (corner, start, further)[int(np.argmin(costs))]
                 t[row] = start
                 proven, multiplier[row] = self._proven(limit, start, multiplier[row])
                 bound[row] = max(bound[row], proven)
@@ -76,17 +80,18 @@ class Programme:
         return Solved(t, cost, np.minimum(bound, cost), multiplier)
 
     def _cornered(self, limit: Array) -> Array | None:
-        """Tolerances (features,) where the tightest alone keep a limit, None where there are none.
+        """Tolerances (features,) where hardly more than the tightest keep a limit, None where they do not.
 
-        What contributes to such a limit stays at its tightest, and the rest is solved for the other
-        limits: at that corner no step keeps all limits, so that SLSQP stops anywhere.
+        What contributes to such a limit stays at its tightest, but for what can all be loosest within
+        the room; the rest is solved for the other limits.
         """
         c = self.combination
         tight = np.isfinite(limit) & (np.abs(limit - c.tightest_values) <= CORNER * np.abs(limit))
         if not np.any(tight):
             return None
         values = c.values(np.vstack([c.low, np.where(np.eye(len(c.low), dtype=bool), c.high, c.low)]))
-        pinned = np.any((values[1:] > values[0])[:, tight], axis=1)
+        room = np.maximum(limit - c.tightest_values, 0.0)[tight] / len(c.low)
+        pinned = np.any((values[1:] - values[0])[:, tight] > room, axis=1)
         ways = [replace(way, high=way.low) if fixed else way for way, fixed in zip(c.ways, pinned, strict=True)]
         features = tuple(replace(f, ways=(way,)) for f, way in zip(c.form.features, ways, strict=True))
         rest = Programme(Combination(replace(c.form, features=features), (0,) * len(features)))
