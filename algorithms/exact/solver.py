@@ -11,7 +11,7 @@ from ...arrays import Array, Flags
 from ...counts import POINTS
 from ...problems.forms import Form
 from ...problems.interfaces import Provable
-from ...problems.limits import ROOM, keeps, loosened
+from ...problems.limits import ROOM, loosened
 from ...problems.tolerance_problem import ToleranceProblem
 from ..run import Run
 from ..settings import Solver
@@ -181,10 +181,10 @@ def _strict(form: Form, limit: Array) -> Array:
 
 def _by_full_model(problem: ToleranceProblem, form: Form, x: Array, upper: Array) -> tuple[Flags, Array]:
     """Which search vectors (k, variables) keep all limits, and the excess (k, r) over the limits of
-    the form, 0 where a limit is kept.
+    the form, 0 where all are kept.
     """
     designs = problem.complete(x)
     outputs = problem.outputs_of(designs, errors=False)
     values = Provable.of(problem).form_values(form, designs, outputs)
-    excess = np.where(keeps(values, upper), 0.0, values - upper)
-    return np.all(problem.violations(designs, outputs) <= 0.0, axis=1), excess
+    kept = np.all(problem.violations(designs, outputs) <= 0.0, axis=1)
+    return kept, np.where(kept[:, None], 0.0, np.maximum(values - upper, 0.0))

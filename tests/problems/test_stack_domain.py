@@ -67,7 +67,7 @@ def test_clutch_of_the_literature(method: str, limit: float, cost: float, tmp_pa
     assert found["cost"][0] == pytest.approx(cost, abs=5e-7)  # all digits that are printed
     assert found["variation"][0] <= limit
     bound = proof(problem, {"cost": found["cost"]}, 1).bound
-    assert bound[0] == pytest.approx(cost, abs=5e-7)
+    assert bound[0] == pytest.approx(cost, abs=6e-7)  # less the room that rounding has
 
 
 def test_the_domain_is_a_warning_that_says_where(tmp_path: Path) -> None:
