@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...arrays import Array, Flags
+from ...problems.tolerance_problem import ToleranceProblem
 from ..run import Run
 from .afresh import tested_afresh
 from .branch import NEARLY, Branch, joint
@@ -40,6 +41,20 @@ def sampled_front(run: Run, branches: list[Branch], points: int) -> None:
     else:
         levels = _between(run, branches, points)
         tested_afresh(run, [_best(branches, level) for level in sorted(levels)])
+        run.chosen = undominated(run.problem, run.chosen)
+
+
+def undominated(problem: ToleranceProblem, x: Array) -> Array:
+    """The search vectors (k, variables) that none of those (n, variables) that keep the limits dominates.
+
+    On fresh units a point may come out both dearer and looser than its neighbours: the rounding of a
+    processor decides which, and a front has no such end.
+    """
+    if not len(x):
+        return x
+    f, g = problem.tested(x)
+    kept = f[np.all(g <= 0.0, axis=1)]
+    return x[[not np.any(np.all(kept <= point, axis=1) & np.any(kept < point, axis=1)) for point in f]]
 
 
 def _between(run: Run, branches: list[Branch], points: int) -> Levels:

@@ -22,6 +22,7 @@ from tolevo.algorithms.exact.continuation import (
     _solved,
     _value,
     _widest,
+    undominated,
 )
 
 RUN: Any = SimpleNamespace(phase=lambda *_: None)
@@ -212,3 +213,13 @@ def test_a_rectangle_below_which_others_are_is_left_out() -> None:
     assert branch.widest(np.array([[0.4, 0.4]]))[1] == 1
     for beside in ([0.4, 0.6], [0.5, 0.5]):
         assert branch.widest(np.array([beside]))[1] == 0
+
+
+def test_what_comes_out_dearer_and_looser_on_fresh_units_is_no_end_of_a_front() -> None:
+    """(9, 5.9) is dominated by (4, 1); a point that breaks a limit dominates nothing."""
+    f = np.array([[1.0, 4.0], [2.0, 2.0], [4.0, 1.0], [9.0, 5.9], [0.5, 0.5]])
+    g = np.array([[0.0], [-1.0], [0.0], [0.0], [1.0]])
+    fresh: Any = SimpleNamespace(tested=lambda x: (f[: len(x)], g[: len(x)]))
+    kept = undominated(fresh, np.arange(5.0)[:, None])
+    assert kept[:, 0].tolist() == [0.0, 1.0, 2.0, 4.0]
+    assert len(undominated(fresh, np.empty((0, 1)))) == 0
