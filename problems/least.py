@@ -12,12 +12,11 @@ import numpy as np
 
 from ..arrays import Array, Flags, Integers
 from .forms import Feature, Form, Way
+from .limits import keeps
 from .spread import spread_of
 
 MOST = 4096
 """Most combinations of ways that are evaluated."""
-SLACK = 1e-12
-"""Rounding of a limit."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +72,7 @@ def _least(corner: _Corner, row: int, limits: Array, trading: list[int]) -> Leas
     least, most = _course(corner, limits, others)
     moved = np.where(corner.slopes[:, row] >= 0.0, least, most)
     values = corner.values + corner.slopes * moved[:, None]
-    possible = (least <= most) & np.all((values <= limits + SLACK)[:, others], axis=1)
+    possible = (least <= most) & np.all(keeps(values, limits)[:, others], axis=1)
     if not np.any(possible):
         return None
     best = int(np.argmin(np.where(possible, values[:, row], np.inf)))

@@ -17,6 +17,8 @@ from ...problems.spread import Spread
 from .prices import Prices, only_roots
 from .slsqp import ascend
 
+LITTLE = 1e-6
+"""Fraction of the bound that a limit is worth at least, where prices are improved from."""
 STEPS = 200
 """Evaluations of the dual at most."""
 
@@ -32,8 +34,10 @@ class Ascent:
     def multipliers(self, first: Array) -> Array:
         """Multipliers (r,) of the largest bound, begun from `first`."""
         asked = np.isfinite(self.limit)
-        unit = np.where(first > 0.0, first, max(float(first.max(initial=0.0)), 1e-9) * 1e-2)
         scale = abs(self.value(first)[0]) or 1.0
+        sizes = np.where(asked & (self.limit != 0.0), np.abs(np.where(asked, self.limit, 1.0)), 1.0)
+        worth = max(float(np.max(first * sizes, initial=0.0)), LITTLE * scale)
+        unit = np.where(first > 0.0, first, 1e-2 * worth / sizes)
 
         def scaled(y: Array) -> tuple[float, Array]:
             value, slope = self.value(y * unit)

@@ -144,6 +144,12 @@ class Combination:
         """The requirements' values (requirements,) at the least tolerances."""
         return np.asarray(self.values(self.low[None, :])[0])
 
+    def sizes(self, limit: Array) -> Array:
+        """Usual sizes (r,) of the requirements at limits (r,), by which what is small is measured."""
+        least, most = np.abs(self.tightest_values), np.abs(self.values(self.high[None, :])[0])
+        size = np.maximum(np.where(np.isfinite(limit), np.abs(limit), 0.0), 0.1 * np.minimum(least, most))
+        return np.where(size > 0.0, size, np.where(most > 0.0, most, 1.0))
+
     def gradients(self, t: Array) -> Array:
         """d value / d t, shape (n, requirements, features)."""
         return np.asarray(self.linear + self.spread * self.spread_at(t).direction)

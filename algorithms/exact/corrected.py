@@ -119,7 +119,7 @@ class Corrected:
         """
         problem, best = self.run.problem, None
         real = np.isfinite(limit)
-        scale = np.where(real, np.maximum(np.abs(limit), 0.1), 1.0)
+        scale = Combination(self.form, ways).sizes(limit)
         moved = limit if self._moved is None else np.where(real, limit + self._moved, limit)
         t: Array | None = None
         for done in range(ROUNDS + FURTHER):
@@ -155,7 +155,7 @@ class Corrected:
         """Which limits (r,) hold an allocation back."""
         values, real = self._values(ways, t), np.isfinite(limit)
         level = np.where(real, limit, 0.0)
-        return np.asarray(real & (values >= level - 1e-6 * np.maximum(np.abs(level), 1e-2)))
+        return np.asarray(real & (values >= level - 1e-6 * Combination(self.form, ways).sizes(limit)))
 
     def _values(self, ways: tuple[int, ...], t: Array) -> Array:
         """The form's values of an allocation, (r,)."""

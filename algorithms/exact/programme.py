@@ -29,6 +29,8 @@ FLAT, BENDS = 1e-2, 2.0
 of a Lagrangian in units of the fall."""
 BETWEEN = 17
 """Points between the tightest and the loosest tolerances that a search without a start evaluates."""
+LITTLE = 1e-6
+"""Fraction of the cost that a limit is worth at least, where prices are improved from."""
 TINY = 1e-6
 """Fraction of a limit that counts as a step where nothing moves its value."""
 CORNER = 1e-5
@@ -106,7 +108,7 @@ class Programme:
         c = self.combination
         if self._keeps(c.high, limit):
             return c.high
-        near = limit + NEAR * np.maximum(np.abs(limit), 0.1)
+        near = limit + NEAR * c.sizes(limit)
         if self._compensating and np.any(c.tightest_values > near):
             traded = self._traded(near)
             if traded is not None and traded[0] is None:  # SLSQP would search long in vain
@@ -189,8 +191,7 @@ class Programme:
         if self._keeps(t, limit):
             return t, True
         gained = -np.minimum(c.linear, 0.0)[:, falls & spreads] @ width[falls & spreads]
-        size = np.maximum(np.abs(np.where(np.isfinite(limit), limit, 0.0)), 1.0)
-        room = room + gained + CLEARLY * size
+        room = room + gained + CLEARLY * c.sizes(limit)
         least, most = _reach(room, slope, float(width[at]))
         return (None, False) if least > most or np.any(room[slope == 0.0] < 0.0) else None
 
@@ -205,7 +206,7 @@ class Programme:
         """Tolerances (features,) of the least largest excess over the limits; weights (r,)."""
         c, r = self.combination, len(limit)
         width, asked = c.high - c.low, np.isfinite(limit)
-        scale = np.where(asked & (limit != 0.0), np.abs(limit), 1.0)
+        scale = np.where(asked, c.sizes(limit), 1.0)
 
         def whole(y: Array) -> Array:
             return np.asarray(c.low + width * np.clip(y[:-1], 0.0, 1.0))[None, :]
@@ -292,7 +293,9 @@ class Programme:
         enough = GAP_QUANTILE if c.form.quantiles else GAP
         if cost - first_bound <= enough * abs(cost):
             return first_bound, multiplier
-        unit = np.where(multiplier > 0.0, multiplier, max(float(multiplier.max()), 1e-9) * 1e-3)
+        sizes = c.sizes(limit)
+        worth = max(float(np.max(multiplier * sizes)), LITTLE * abs(cost))
+        unit = np.where(multiplier > 0.0, multiplier, 1e-3 * (worth or 1.0) / sizes)
         better = unit * ascend(lambda y: bound(y * unit) / (abs(cost) or 1.0), multiplier / unit)
         return max((first_bound, multiplier), (bound(better), better), key=lambda pair: pair[0])
 

@@ -14,13 +14,14 @@ from ...problems.interfaces import Provable
 from ...problems.limits import ROOM, loosened
 from ...problems.tolerance_problem import ToleranceProblem
 from ..run import Run
-from ..settings import Solver
+from ..settings import Budget, Solver
 from .bounds import BEYOND, reason, restricted, row_limits, upper_limit
+from .branch import Branch
 from .choices import least_cost, tightest_ways
 from .combination import within
 from .corrected import corrected_vectors, is_corrected
 from .designs import search_vector, search_vectors
-from .epsilon import epsilon_front
+from .epsilon import epsilon_front, scale_of
 from .front import front, tightest
 from .pieces import convex_pieces
 from .points import cheapest_choice, points_alone
@@ -33,6 +34,8 @@ FEW, CORRECTED = 40, 200
 """Points of a front that is corrected by the full model, by default and at most."""
 CORRECTIONS, FURTHER = 6, 1.0 + 1e-3
 """Times a limit is moved by what a form understates, and how much further than that."""
+BACK = np.array([0.0, 1e-9, 1e-7, 1e-5, 1e-3, 1e-2])
+"""Fractions of the way back to a design that keeps the limits, where SLSQP ends just beyond them."""
 SOME = 3
 """Points of a front that are tested: if any breaks limits in the full model, the limits are moved."""
 
@@ -61,12 +64,12 @@ class Exact(Solver):
         points = self.points if remaining is None else max(2, min(self.points, remaining))
         if is_corrected(form):
             few = FEW if self.points == POINTS_BY_DEFAULT else CORRECTED
-            x = corrected_vectors(run, form, min(points, few))
+            x = _improved(run, form, corrected_vectors(run, form, min(points, few)))
             if len(x):
                 run.choose(x)
                 run.evaluate(x)
             return
-        x = exact_vectors(run.problem, form, points)
+        x = _improved(run, form, exact_vectors(run.problem, form, points))
         if not len(x):
             return
         if form.stands:  # a report computes the represented outputs more accurately
@@ -120,6 +123,29 @@ def _solved_limits(problem: ToleranceProblem, form: Form) -> Array:
         if np.isfinite(limit) and np.any(rows):
             limits[rows] = np.minimum(limits[rows], Provable.of(problem).stand_in_limit(name, limit))
     return limits
+
+
+def _improved(run: Run, form: Form, x: Array) -> Array:
+    """The one design of least cost by SLSQP on the full model, where the form is only a bound of that.
+
+    Limits of a form that are moved by what it understates end near the optimum, at a place that
+    depends on the way there. `x` is kept where nothing that keeps the limits is cheaper.
+    """
+    problem = run.problem
+    if form.exact or problem.objectives != ("cost",) or len(x) != 1 or problem.declaration.sampled:
+        return x
+    aside = Run(problem, Budget(), seed=0)
+    branch = Branch(aside, x[0], scale_of(problem))
+    if not branch.smooth.analytic or not branch.smooth.size or np.any(problem.tested(x)[1] > 0.0):
+        return x
+    first = branch.smooth.scaled(x)[0]
+    if branch.minimise(0, first, np.full(1, np.inf)) is None:
+        return x
+    steps = first + (1.0 - BACK)[:, None] * (branch.y[0] - first)
+    tried = branch.smooth.vectors(steps)
+    f, g = problem.tested(np.vstack([x, tried]))
+    better = np.all(g <= 0.0, axis=1) & (f[:, 0] <= f[0, 0])
+    return np.vstack([x, tried])[[int(np.argmin(np.where(better, f[:, 0], np.inf)))]]
 
 
 def _cheapest_of_points(problem: ToleranceProblem) -> Array:
