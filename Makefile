@@ -1,5 +1,5 @@
 .DEFAULT_GOAL := help
-.PHONY: help setup run test test-long test-versions mutants lint docs release-check coverage bench bench-gap lock figures clean
+.PHONY: help setup run test test-long test-versions test-processors mutants lint docs release-check coverage bench bench-gap lock figures clean
 
 PYTHON ?= $(shell for python in python3 python3.13 python3.12 python3.11; do \
 	"$$python" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && echo "$$python" && break; done)
@@ -38,6 +38,9 @@ test-long: $(READY)  ## all tests, slow ones as well, and 20,000 damaged inputs
 test-versions: $(READY)  ## the tests with the lowest and newest versions of all packages, per Python (needs the network)
 	@$(BIN)/pip install --quiet uv
 	$(BIN)/python tools/versions.py
+
+test-processors: $(READY)  ## the numerical tests and the exact results on every kernel of OpenBLAS that runs here, with 1 and 2 threads (hours)
+	$(BIN)/python -m tools.processors
 
 mutants: $(READY)  ## mutants of the code that makes numbers, and whether tests notice (hours; goes on where it was stopped)
 	$(BIN)/python -m tools.mutants
