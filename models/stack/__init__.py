@@ -3,6 +3,7 @@
 from .domain import box, least_margin
 from .law import Law, law_of
 from .linear import Linear, linearised
+from .linear_sum import LinearSum, linear_sum_of
 from .made import AsMade, Tolerances, between, limit_of, mean_of, spread_of
 from .mechanism import Mechanism
 from .sampling import Sample, half_width, joint_yield_percent, yield_percent
@@ -11,6 +12,7 @@ __all__ = [
     "AsMade",
     "Law",
     "Linear",
+    "LinearSum",
     "Mechanism",
     "Sample",
     "Tolerances",
@@ -21,6 +23,7 @@ __all__ = [
     "law_of",
     "least_margin",
     "limit_of",
+    "linear_sum_of",
     "linearised",
     "mean_of",
     "spread_of",

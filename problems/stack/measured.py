@@ -12,11 +12,13 @@ from ...arrays import Array
 from ...models.stack import (
     Law,
     Linear,
+    LinearSum,
     Mechanism,
     Tolerances,
     law_of,
     least_margin,
     limit_of,
+    linear_sum_of,
     linearised,
     mean_of,
     spread_of,
@@ -46,6 +48,11 @@ class Measured:
     def law(self) -> Law | str:
         """The law of a linear requirement of even deviations, or why there is none."""
         return law_of(self.mechanism, self.linear.covariance)
+
+    @cached_property
+    def distribution(self) -> Law | LinearSum | None:
+        """The distribution of the requirement where it is known without a sample."""
+        return self.law if isinstance(self.law, Law) else linear_sum_of(self.mechanism)
 
     @property
     def partial(self) -> bool:
@@ -104,11 +111,11 @@ class Measured:
         """
         worst, rss = np.broadcast_to(self.linear.worst, spread_of(t).shape), self.linear.rss_slopes(t)
         by_output = {"worst_case": worst, "rss": rss}
-        method, law = self.requirement.method, self.law
+        method, distribution = self.requirement.method, self.distribution
         if method != "monte_carlo":
             by_output["variation"] = {**by_output, "shifted_rss": rss + self.linear.shift}[method]
-        elif isinstance(law, Law):
-            by_output["variation"] = law.half_width_slopes(t, coverage)
+        elif distribution is not None:
+            by_output["variation"] = distribution.half_width_slopes(t, coverage)
         if self.mechanism.bounded and self.name("yield_percent") in wanted:
             by_output["yield_percent"] = self._yield_slopes(t)
         if self.partial and self.name("domain_margin") in wanted:
@@ -126,8 +133,8 @@ class Measured:
         return slopes
 
     def _yield_slopes(self, t: Tolerances) -> Array:
-        if isinstance(self.law, Law):
-            return self.law.yield_slopes(t)
+        if self.distribution is not None:
+            return self.distribution.yield_slopes(t)
         return 100.0 * self.linear.yield_slopes(t, *self._ends(len(t)))
 
     def _ends(self, n: int) -> tuple[Array, Array]:

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from ...arrays import Array, Integers
-from ...models.stack import Law, Sample, Tolerances, half_width, joint_yield_percent
+from ...models.stack import Sample, Tolerances, half_width, joint_yield_percent
 from ..limits import Limit
 from ..settings import Settings
 from .measured import Measured
@@ -50,8 +50,8 @@ class Yields:
         if needed and not self.required_outputs & {name, "variation"}:
             return {name: np.full(len(t), np.nan)}
         coverage = self.settings.propagation.coverage
-        if isinstance(measured.law, Law):
-            return {name: measured.law.half_width(t, coverage)}
+        if measured.distribution is not None:
+            return {name: measured.distribution.half_width(t, coverage)}
         return {name: half_width(measured.mechanism, t, self._sample(searching), coverage)}
 
     def _sample(self, searching: bool) -> Sample:
@@ -64,9 +64,9 @@ class Yields:
         names = (name, f"{name}_error")
         if not bounded or (needed and name not in self.required_outputs):
             return {name: np.full(len(t), np.nan) for name in names}
-        law = bounded[0].law
-        if len(bounded) == 1 and isinstance(law, Law):
-            return dict(zip(names, law.yield_percent(t), strict=True))
+        distribution = bounded[0].distribution
+        if len(bounded) == 1 and distribution is not None:
+            return dict(zip(names, distribution.yield_percent(t), strict=True))
         mechanisms = [measured.mechanism for measured in bounded]
         estimates = joint_yield_percent(mechanisms, t, self._sample(searching))
         if searching and len(close := self._undecided(name, *estimates)):
