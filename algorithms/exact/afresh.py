@@ -63,7 +63,7 @@ def _excess_afresh(run: Run, branch: Branch, y: Array, accepted: list[tuple[floa
     values, excess = run.problem.tested(x)
     if not np.any(excess > 0.0):
         accepted.append((float(values[0, 0]), x))
-    return np.asarray(excess[0])
+    return branch.smooth.constraints(excess[0])[0]
 
 
 def _pushed(run: Run, branch: Branch, y: Array) -> Array:
@@ -71,7 +71,7 @@ def _pushed(run: Run, branch: Branch, y: Array) -> Array:
     slack, farther = np.zeros(run.problem.n_ieq_constr), _farther(run)
     for _ in range(SPARE):
         x = branch.smooth.vectors(y[None, :])
-        excess = run.problem.tested(x)[1][0]
+        excess = branch.smooth.constraints(run.problem.tested(x)[1][0])[0]
         if not np.any(excess > 0.0):
             break
         violation = branch.smooth.values(y)[1]
