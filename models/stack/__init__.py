@@ -1,5 +1,6 @@
 """Tolerance stacks: any requirement on any parts, linearised and exact."""
 
+from .conditioned import Conditioned, conditioned
 from .domain import box, least_margin
 from .law import Law, law_of
 from .linear import Linear, linearised
@@ -10,6 +11,7 @@ from .sampling import Sample, half_width, joint_yield_percent, yield_percent
 
 __all__ = [
     "AsMade",
+    "Conditioned",
     "Law",
     "Linear",
     "LinearSum",
@@ -18,6 +20,7 @@ __all__ = [
     "Tolerances",
     "between",
     "box",
+    "conditioned",
     "half_width",
     "joint_yield_percent",
     "law_of",

@@ -68,11 +68,7 @@ class Table:
         centre = 0.5 * (edges[1:] + edges[:-1])
         mass, first, second = (np.diff(part) for part in law.partial_moments(mean + reach * edges))
         middle = mean + reach * centre
-        moments = [
-            mass,
-            (first - middle * mass) / reach,
-            (second - 2.0 * middle * first + middle**2 * mass) / reach**2,
-        ]
+        moments = [mass, (first - middle * mass) / reach, (second - 2.0 * middle * first + middle**2 * mass) / reach**2]
         nodes = int(np.ceil(np.pi * TERMS[-1] / NODE)) + 2
         v = NODE * np.arange(nodes)
         turn = np.exp(1j * v * centre[0])

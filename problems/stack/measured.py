@@ -117,7 +117,7 @@ class Measured:
         elif distribution is not None:
             by_output["variation"] = distribution.half_width_slopes(t, coverage)
         if self.mechanism.bounded and self.name("yield_percent") in wanted:
-            by_output["yield_percent"] = self._yield_slopes(t)
+            by_output["yield_percent"] = self.yield_slopes(t)
         if self.partial and self.name("domain_margin") in wanted:
             by_output["domain_margin"] = self._margin_slopes(limit_of(t))
         return {self.name(name): value for name, value in by_output.items()}
@@ -132,7 +132,8 @@ class Measured:
             slopes[:, at] = change / np.where(t[:, at] > 0.0, STEP * t[:, at], 1.0)
         return slopes
 
-    def _yield_slopes(self, t: Tolerances) -> Array:
+    def yield_slopes(self, t: Tolerances) -> Array:
+        """d yield_percent/dt (n, parts): where it takes a sample that of the normal linear model."""
         if self.distribution is not None:
             return self.distribution.yield_slopes(t)
         return 100.0 * self.linear.yield_slopes(t, *self._ends(len(t)))
