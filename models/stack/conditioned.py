@@ -16,17 +16,16 @@ from numpy.typing import NDArray
 
 from ...arrays import Array
 from ..inputs import Distribution
-from .domain import box
 from .made import Tolerances, mean_of, spread_of
 from .mechanism import Mechanism
 from .sampling import Sample
 
 NODES = 0.5 - 0.5 * np.cos(np.pi * np.arange(5) / 4.0)
 """Values of z_i at which a formula is evaluated, as fractions of the range of z_i."""
-CELLS, TAIL = 8192, 1e-10
+CELLS, TAIL = 8192, 1e-8
 """Cells of a table of probabilities, and the probability beyond its ends."""
-POINTS = 1024
-"""Points at which the slopes of a formula are tested."""
+TRIED = 3
+"""Pieces that are tried for a design at most."""
 CLOSE, SECANTS = 1e-8, 12
 """Fraction of a requirement's range by which it may miss a limit, and steps to get there."""
 STEPS, FIRST, NEAR = 60, 0.02, 1e-8
@@ -64,12 +63,11 @@ def cells_of(law: Distribution) -> Cells:
 class Conditioned:
     """Requirements that all depend on the same independent pieces; tolerances of one design (p,).
 
-    `widest` (p,) are the loosest parts. Estimates are None for a design where no piece can be
-    integrated.
+    A piece can be integrated where every unit rises, or every unit falls, throughout the range of z_i.
+    Estimates are None for a design without such a piece among the `TRIED` of the largest shares.
     """
 
     mechanisms: tuple[Mechanism, ...]
-    widest: Array
     sample: Sample
 
     @cached_property
@@ -86,42 +84,30 @@ class Conditioned:
         slopes = np.array([mechanism.sensitivities for mechanism in self.mechanisms])
         return np.asarray(np.abs(slopes) * std[self.mechanisms[0].owners])
 
-    @cached_property
-    def _rising(self) -> Array:
-        """Whether each requirement rises (1), falls (-1) or neither (0) with each piece (r, k)."""
-        return np.array([_directions(mechanism, self.widest) for mechanism in self.mechanisms])
-
-    @cached_property
-    def _acting(self) -> NDArray[np.bool_]:
-        """Whether each requirement depends on each piece (r, k)."""
-        return np.array([mechanism.sensitivities != 0.0 for mechanism in self.mechanisms])
-
-    @cached_property
-    def usable(self) -> bool:
-        """Whether some piece can be integrated for every requirement."""
-        correlated = any(mechanism.correlation is not None for mechanism in self.mechanisms)
-        return not correlated and bool(np.all(np.any(self._rising != 0.0, axis=1)))
-
     def _shares(self, t: Tolerances) -> Array:
         """Standard deviation of each requirement by each piece (r, k)."""
         return np.asarray(self._scales * spread_of(t)[0][self.mechanisms[0].owners])
+
+    def _tried(self, shares: Array) -> list[int]:
+        """The pieces of the largest shares (k,), that there are."""
+        return [at for at in np.argsort(-shares, kind="stable")[:TRIED].tolist() if shares[at] > 0.0]
 
     def within(self, t: Tolerances) -> Array | None:
         """Fraction of units (replicates,) that keep all limits."""
         shares = self._shares(t)
         total = np.sqrt(np.sum(shares**2, axis=1, keepdims=True))
-        allowed = np.all((self._rising != 0.0) | ~self._acting, axis=0)
-        part = np.where(allowed, np.min(shares / np.where(total > 0.0, total, 1.0), axis=0), -1.0)
-        if not np.any(part > 0.0):
-            part = np.where(allowed, np.max(shares / np.where(total > 0.0, total, 1.0), axis=0), -1.0)
-        at = int(np.argmax(part))
-        if part[at] <= 0.0:
-            return None
+        part = shares / np.where(total > 0.0, total, 1.0)
+        least = np.min(part, axis=0)
+        tried = self._tried(least if np.any(least > 0.0) else np.max(part, axis=0))
+        return next((kept for at in tried if (kept := self._within(t, at)) is not None), None)
+
+    def _within(self, t: Tolerances, at: int) -> Array | None:
+        """`within` by one piece."""
         z, (replicates, _, units) = self._z, self.sample.deviations.shape
         cells = cells_of(self.mechanisms[0].inputs[self.mechanisms[0].owner[at]])
         low, high = np.zeros(z.shape[1]), np.ones(z.shape[1])
-        for mechanism, rising, acting in zip(self.mechanisms, self._rising, self._acting, strict=True):
-            if not acting[at]:
+        for mechanism in self.mechanisms:
+            if mechanism.sensitivities[at] == 0.0:
                 y = mechanism.values(t, z)[0]
                 high = np.where((y >= mechanism.lower) & (y <= mechanism.upper), high, 0.0)
                 continue
@@ -129,16 +115,13 @@ class Conditioned:
             if course is None:
                 return None
             for limit in (mechanism.lower, mechanism.upper):
-                if not np.isfinite(limit):
-                    continue
-                edge = course.reached(limit)
-                if edge is None:
+                edge = course.reached(limit) if np.isfinite(limit) else None
+                if edge is None and np.isfinite(limit):
                     return None
-                below = cells.at(edge)[0]
-                if (limit == mechanism.upper) == (rising[at] > 0.0):
-                    high = np.minimum(high, below)
-                else:
-                    low = np.maximum(low, below)
+                if edge is not None and (limit == mechanism.upper) == course.rising:
+                    high = np.minimum(high, cells.at(edge)[0])
+                elif edge is not None:
+                    low = np.maximum(low, cells.at(edge)[0])
         return np.asarray(np.maximum(high - low, 0.0).reshape(replicates, units).mean(axis=1))
 
     def within_slopes(self, t: Tolerances) -> Array | None:
@@ -149,12 +132,12 @@ class Conditioned:
         shares, z = self._shares(t), self._z
         slopes = np.zeros(spread_of(t).shape[1])
         for row, mechanism in enumerate(self.mechanisms):
-            at = int(np.argmax(np.where(self._rising[row] != 0.0, shares[row], -1.0)))
             others = [other for other in self.mechanisms if other is not mechanism]
             for limit, sign in ((mechanism.lower, -1.0), (mechanism.upper, 1.0)):
                 if not np.isfinite(limit):
                     continue
-                edge = _edge(mechanism, t, z, at, limit)
+                tried = self._tried(shares[row])
+                edge = next((e for at in tried if (e := _edge(mechanism, t, z, at, limit)) is not None), None)
                 if edge is None:
                     return None
                 kept = np.ones(z.shape[1], dtype=bool)
@@ -184,11 +167,11 @@ class Conditioned:
     def _course(self, t: Tolerances) -> Course | None:
         """The first requirement along the piece of the largest share in it."""
         mechanism = self.mechanisms[0]
-        share = np.where(self._rising[0] != 0.0, self._shares(t)[0], -1.0)
-        at = int(np.argmax(share))
-        if share[at] <= 0.0:
-            return None
-        return Course.of(mechanism, t, self._z, at, cells_of(mechanism.inputs[mechanism.owner[at]]))
+        for at in self._tried(self._shares(t)[0]):
+            cells = cells_of(mechanism.inputs[mechanism.owner[at]])
+            if (course := Course.of(mechanism, t, self._z, at, cells)) is not None:
+                return course
+        return None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -322,16 +305,6 @@ def _gradient(mechanism: Mechanism, t: Tolerances, z: Array) -> Array:
     return np.asarray(mechanism.gain * np.array(rows) * mechanism.scale[:, None])
 
 
-def _directions(mechanism: Mechanism, widest: Array) -> Array:
-    """Whether y rises (1), falls (-1) or neither (0) with each piece (k,) within the loosest parts."""
-    points = box(len(mechanism.owner), POINTS)
-    ends = [(cells.low, cells.low + CELLS * cells.step) for cells in map(cells_of, mechanism.inputs)]
-    low, high = np.array(ends).T[:, mechanism.owners, None]
-    z = 0.5 * (low + high) + 0.5 * (high - low) * points
-    signs = np.sign(_gradient(mechanism, widest[None, :], z))
-    return np.where(np.all(signs == signs[:, :1], axis=1), signs[:, 0], 0.0)
-
-
 def _with(z: Array, at: int, value: Array | float) -> Array:
     """Units with another value of one piece."""
     moved = z.copy()
@@ -339,7 +312,7 @@ def _with(z: Array, at: int, value: Array | float) -> Array:
     return moved
 
 
-def conditioned(mechanisms: Sequence[Mechanism], widest: Array, sample: Sample) -> Conditioned | None:
-    """The requirements with a piece that can be integrated; None without."""
-    candidate = Conditioned(tuple(mechanisms), widest, sample)
-    return candidate if candidate.usable else None
+def conditioned(mechanisms: Sequence[Mechanism], sample: Sample) -> Conditioned | None:
+    """The requirements, with a piece integrated; None where pieces are correlated."""
+    correlated = any(mechanism.correlation is not None for mechanism in mechanisms)
+    return None if correlated else Conditioned(tuple(mechanisms), sample)

@@ -26,7 +26,7 @@ from .mechanism import Mechanism
 
 TERMS = (48, 192, 1024)
 """Odd terms of the series: the next number is taken where the last terms are above `NEGLECTED`."""
-NEGLECTED = 1e-10
+NEGLECTED = 3e-8
 """Size of the last terms of phi at which the series ends without damping."""
 DAMPED = 4.0
 """Damping of the last term, exp(-x^2/2) at x: X is spread by x R/(2 pi terms)."""
@@ -37,7 +37,7 @@ REACH = 8.4
 """|X| > REACH sqrt(sum s_j^2) for |u_j| <= 1 has a probability below 1e-15 (Hoeffding 1963)."""
 ROUGH = 0.05
 """Mean size of phi at the end of its table above which a law has atoms."""
-ERROR = 1e-8
+ERROR = 1e-6
 """Stated error of a yield [percent], in addition to the effect of the damping."""
 STEPS, BLOCK = 60, 1 << 19
 """Steps of Newton's method, safeguarded by bisection, and numbers that are held at once."""

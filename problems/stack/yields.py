@@ -111,9 +111,8 @@ class Yields:
         if key not in self._conditioned:
             units = self.settings.propagation.samples // INTEGRATED
             sample = self.drawn(min(units, SEARCH_SAMPLES // INTEGRATED) if searching else units)
-            widest = np.array([part.high for part in self.measured[0].parts])
             mechanisms = [measured.mechanism for measured in requirements]
-            self._conditioned[key] = conditioned(mechanisms, widest, sample)
+            self._conditioned[key] = conditioned(mechanisms, sample)
         return self._conditioned[key]
 
     def _half_width(self, measured: Measured, t: Tolerances, searching: bool, needed: bool) -> dict[str, Array]:
