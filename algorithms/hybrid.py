@@ -9,7 +9,7 @@ import numpy as np
 
 from ..arrays import Array
 from ..counts import INDIVIDUALS, POINTS
-from ..problems.interfaces import Provable
+from ..problems.interfaces import Accuracy, Provable
 from .engine import GDE3Engine, Space
 from .exact.bounds import restricted, upper_limit
 from .exact.branch import Branch
@@ -52,6 +52,7 @@ class Hybrid(Solver):
         seeds = seed_vectors(run, self.population)
         self._evolve(run, seeds)
         form = closed_form(run.problem)
+        run.problem = Accuracy.of(run.problem).smooth()
         try:
             if run.problem.n_obj == 1:
                 self._polish_best(run)

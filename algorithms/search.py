@@ -14,7 +14,7 @@ from typing import Protocol
 from ..arrays import Array
 from ..problems.tolerance_problem import ToleranceProblem
 from .drivers import Driver, Unsavable, driver
-from .exact.finish import finished
+from .exact.finish import finished, secured
 from .run import BudgetSpent, Progress, Run, Values
 from .settings import AlgorithmSettings, Budget, Solver
 from .states import SavedState, State, joined, part
@@ -90,6 +90,7 @@ def search(
 
 def drive(run: Run, settings: AlgorithmSettings, seed: int, engine: str, keeper: Keeper | None = None) -> None:
     """Run the algorithm that `settings` describe, which evaluates by `run` until its budget is used up."""
+    problem = run.problem
     try:
         if isinstance(settings, Solver):
             settings.solve(run)
@@ -97,9 +98,12 @@ def drive(run: Run, settings: AlgorithmSettings, seed: int, engine: str, keeper:
             _evolve(run, lambda: driver(run.problem, settings, seed, engine), keeper)
     except BudgetSpent:
         pass
+    run.problem = problem
     polish = bool(getattr(settings, "polish", False)) and not isinstance(settings, Solver)
     if (run.problem.declaration.sampled and not len(run.chosen)) or polish:
         finished(run, polish)
+    elif run.problem.limits:
+        secured(run)
 
 
 def _evolve(run: Run, fresh: Callable[[], Driver], keeper: Keeper | None) -> None:

@@ -24,6 +24,8 @@ few rounds suffice."""
 OF_TAIL = 0.02
 """Fraction of the distance from a lower limit on a percentage to 100, by which it is moved
 farther."""
+HALVED = 10
+"""Times that the step to the tightest tolerances is halved, where nothing else keeps the limits."""
 FAR = 0.5
 """Fraction of a limit by which it is moved at most."""
 
@@ -63,7 +65,7 @@ def _excess_afresh(run: Run, branch: Branch, y: Array, accepted: list[tuple[floa
     values, excess = run.problem.tested(x)
     if not np.any(excess > 0.0):
         accepted.append((float(values[0, 0]), x))
-    return np.asarray(excess[0])
+    return branch.smooth.constraints(excess[0])[0]
 
 
 def _pushed(run: Run, branch: Branch, y: Array) -> Array:
@@ -71,13 +73,31 @@ def _pushed(run: Run, branch: Branch, y: Array) -> Array:
     slack, farther = np.zeros(run.problem.n_ieq_constr), _farther(run)
     for _ in range(SPARE):
         x = branch.smooth.vectors(y[None, :])
-        excess = run.problem.tested(x)[1][0]
+        excess = branch.smooth.constraints(run.problem.tested(x)[1][0])[0]
         if not np.any(excess > 0.0):
             break
         violation = branch.smooth.values(y)[1]
         slack = np.where(excess > 0.0, np.maximum(slack, -violation) + BEYOND * excess + farther, slack)
         y = branch.restored(y, slack, FAR)
+    else:
+        y = _tightened(run, branch, y)
     return branch.smooth.vectors(y[None, :])
+
+
+def _tightened(run: Run, branch: Branch, y: Array) -> Array:
+    """The point, where it breaks limits with all its tolerances tighter alike, by no more than it must be."""
+
+    def kept(fraction: float) -> bool:
+        x = branch.smooth.vectors(np.where(branch.smooth.log, (1.0 - fraction) * y, y)[None, :])
+        return not np.any(run.problem.tested(x)[1] > 0.0)
+
+    if kept(0.0) or not kept(1.0):
+        return y
+    low, high = 0.0, 1.0
+    for _ in range(HALVED):
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if kept(middle) else (middle, high)
+    return np.asarray(np.where(branch.smooth.log, (1.0 - high) * y, y))
 
 
 def _farther(run: Run) -> Array:

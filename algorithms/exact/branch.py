@@ -21,6 +21,8 @@ RESTORED, NEARLY = 4, 1e-3
 RESTARTS, GAINED = 3, 1e-3
 """Times that SLSQP restarts where it stopped on a sample, as long as it gains such a fraction: at a
 kink it stops early, and a restart continues."""
+SETTLED = 1e-5
+"""Fraction of a value by which a restart gains at least, to be followed by another."""
 KEPT = 1e-6
 """Violation of a limit that counts as none."""
 ANALYTIC, NUMERIC, SAMPLED = (1e-7, 40), (1e-5, 15), (1e-5, 40, 50)
@@ -126,6 +128,17 @@ class Branch:
                 if end is not None and len(end) > 1:
                     self._settle(objective, end)
                     break
+        if self.f and len(self.unit) == 1:
+            self._improve()
+
+    def _improve(self) -> None:
+        """Restart at the least value where SLSQP stopped, as long as that gains."""
+        for _ in range(RESTARTS):
+            at = int(np.argmin([f[0] for f in self.f]))
+            best = float(self.f[at][0])
+            again = self.minimise(0, self.y[at], np.full(1, np.inf))
+            if again is None or not again[0] < best - SETTLED * abs(best):
+                return
 
     def starts(self, run: Run) -> Array:
         """Scaled coordinates (n, size) to begin from."""
@@ -133,7 +146,8 @@ class Branch:
         if len(provided):
             free = [run.problem.names.index(v.name) for v in run.problem.free]
             return self.smooth.scaled(provided[:, free])
-        drawn = run.rng.random((STARTS, self.smooth.size))
+        names = [variable.name for variable in run.problem.free if not variable.integer]
+        drawn = run.rng.random((STARTS, self.smooth.size))[:, np.argsort(np.argsort(names))]
         return np.vstack([np.full(self.smooth.size, 0.5), drawn])
 
     def at_most(self, objective: int, value: float) -> Array:

@@ -15,6 +15,7 @@ import numpy as np
 
 from ...arrays import Array
 from ...errors import refuse
+from ...problems.interfaces import Accuracy
 from ...problems.tolerance_problem import ToleranceProblem
 from ..indicators import nondominated
 from ..run import Run
@@ -31,7 +32,7 @@ SOLVED = 48
 
 def epsilon_front(run: Run, points: int) -> None:
     """Evaluate designs along the front of a run's problem; `points` are spread over it."""
-    problem = run.problem
+    problem = run.problem = Accuracy.of(run.problem).smooth()
     unit = scale_of(problem)
     branches = [Branch(run, x, unit) for x in integer_sets(problem)]
     if problem.declaration.sampled:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...arrays import Array
+from ...problems.interfaces import Accuracy
 from ..indicators import nondominated
 from ..run import BudgetSpent, Run
 from ..settings import Budget
@@ -35,6 +36,34 @@ def finished(run: Run, polish: bool) -> None:
         run.choose(feasible_afresh(free, branch, y, branch.smooth.values(y)[0], search=polish))
     if polish:
         run.evaluations += aside.evaluations
+
+
+def secured(run: Run) -> None:
+    """Replace points of the result that break a limit as reported, though they keep it in the search.
+
+    They are solved again with their limits moved by the difference. One point whose limits take a
+    sample is in any case: it may keep them with a margin by chance.
+    """
+    problem, alone = run.problem, run.problem.n_obj == 1
+    smooth = Accuracy.of(problem).smooth()
+    sampled = smooth is not problem
+    x = run.chosen if len(run.chosen) else _front(run)
+    if not len(x) and sampled:
+        x = run.archive.miss
+    if not len(x):
+        return
+    broken = np.any(problem.tested(x)[1] > 0.0, axis=1)
+    if not np.any(broken) and not (alone and sampled):
+        return
+    if not (alone or sampled or np.all(broken)):
+        return
+    free, unit = Run(smooth, Budget(), seed=0), scale_of(problem)
+    run.chosen = x[~broken]
+    for done, vector in enumerate(x if alone else x[broken]):
+        run.phase("fresh units", done / len(x))
+        branch = Branch(free, vector, unit)
+        y = branch.smooth.scaled(vector[None, :])[0]
+        run.choose(feasible_afresh(free, branch, y, branch.smooth.values(y)[0], search=True))
 
 
 def _front(run: Run) -> Array:

@@ -27,18 +27,21 @@ class Sample:
     def draw(cls, mechanism: Mechanism, samples: int, rng: np.random.Generator) -> Sample:
         """A scrambled Sobol sample, in independent replicates (Owen 1997, Ann. Stat. 25(4)).
 
-        Correlated pieces are normal: z = mean + std L g with L L' the correlation matrix.
+        Correlated pieces are normal: z = mean + std L g with L L' the correlation matrix. Dimensions
+        belong to the names of the pieces, so that the order of the parts does not matter.
         """
-        kinds = [mechanism.inputs[part] for part in mechanism.owner]
-        root = None if mechanism.correlation is None else _root(mechanism.correlation)
+        order = sorted(range(len(mechanism.owner)), key=lambda at: mechanism.names[at])
+        kinds = [mechanism.inputs[mechanism.owner[at]] for at in order]
+        correlation = mechanism.correlation
+        root = None if correlation is None else _root(correlation[np.ix_(order, order)])
         deviations = np.empty((REPLICATES, len(kinds), 2 ** power_of(samples)))
         # One replicate after the other: the points of all of them would double the memory.
         for replicate, uniform in zip(deviations, replicates(samples, len(kinds), rng), strict=True):
             points = uniform
             if root is not None:
                 points = ndtr(np.clip(ndtri(uniform), -8.0, 8.0) @ root.T)
-            for i, kind in enumerate(kinds):
-                replicate[i] = kind.quantile(points[:, i])
+            for i, (at, kind) in enumerate(zip(order, kinds, strict=True)):
+                replicate[at] = kind.quantile(points[:, i])
         return cls(deviations)
 
     @property

@@ -22,6 +22,10 @@ class Accuracy(Interface):
         """The same problem on a smaller sample, for algorithms that evaluate much."""
         return self._problem
 
+    def smooth(self) -> ToleranceProblem:
+        """The same problem whose values in a search are smooth, for searches by gradients."""
+        return self._problem
+
     def needed(self, designs: Array) -> dict[str, Array]:
         """Outputs (n,) of full designs as reported: at least the cost, and those that objectives
         and limits name.

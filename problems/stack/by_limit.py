@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from ...arrays import Array
-from ...models.stack import Law
 from .joint import joint_variations
 
 if TYPE_CHECKING:
@@ -41,10 +40,10 @@ def _linear_outputs(stack: Stack, designs: Array) -> dict[str, Array]:
     outputs: dict[str, Array] = {}
     for measured in stack.measured:
         outputs |= measured.variations(t) | measured.margin(t)
-        if isinstance(measured.law, Law):
-            outputs[measured.name("yield_percent")] = measured.law.yield_percent(t)[0]
+        if (distribution := measured.distribution) is not None:
+            outputs[measured.name("yield_percent")] = distribution.yield_percent(t)[0]
             if measured.requirement.method == "monte_carlo":
-                outputs[measured.name("variation")] = measured.law.half_width(t, coverage)
+                outputs[measured.name("variation")] = distribution.half_width(t, coverage)
         else:
             outputs[measured.name("yield_percent")] = measured.linear_yield(t)
     if stack.promises is not None:

@@ -12,11 +12,13 @@ from ...arrays import Array
 from ...models.stack import (
     Law,
     Linear,
+    LinearSum,
     Mechanism,
     Tolerances,
     law_of,
     least_margin,
     limit_of,
+    linear_sum_of,
     linearised,
     mean_of,
     spread_of,
@@ -46,6 +48,11 @@ class Measured:
     def law(self) -> Law | str:
         """The law of a linear requirement of even deviations, or why there is none."""
         return law_of(self.mechanism, self.linear.covariance)
+
+    @cached_property
+    def distribution(self) -> Law | LinearSum | None:
+        """The distribution of the requirement where it is known without a sample."""
+        return self.law if isinstance(self.law, Law) else linear_sum_of(self.mechanism)
 
     @property
     def partial(self) -> bool:
@@ -104,13 +111,13 @@ class Measured:
         """
         worst, rss = np.broadcast_to(self.linear.worst, spread_of(t).shape), self.linear.rss_slopes(t)
         by_output = {"worst_case": worst, "rss": rss}
-        method, law = self.requirement.method, self.law
+        method, distribution = self.requirement.method, self.distribution
         if method != "monte_carlo":
             by_output["variation"] = {**by_output, "shifted_rss": rss + self.linear.shift}[method]
-        elif isinstance(law, Law):
-            by_output["variation"] = law.half_width_slopes(t, coverage)
+        elif distribution is not None:
+            by_output["variation"] = distribution.half_width_slopes(t, coverage)
         if self.mechanism.bounded and self.name("yield_percent") in wanted:
-            by_output["yield_percent"] = self._yield_slopes(t)
+            by_output["yield_percent"] = self.yield_slopes(t)
         if self.partial and self.name("domain_margin") in wanted:
             by_output["domain_margin"] = self._margin_slopes(limit_of(t))
         return {self.name(name): value for name, value in by_output.items()}
@@ -125,9 +132,10 @@ class Measured:
             slopes[:, at] = change / np.where(t[:, at] > 0.0, STEP * t[:, at], 1.0)
         return slopes
 
-    def _yield_slopes(self, t: Tolerances) -> Array:
-        if isinstance(self.law, Law):
-            return self.law.yield_slopes(t)
+    def yield_slopes(self, t: Tolerances) -> Array:
+        """d yield_percent/dt (n, parts): where it takes a sample that of the normal linear model."""
+        if self.distribution is not None:
+            return self.distribution.yield_slopes(t)
         return 100.0 * self.linear.yield_slopes(t, *self._ends(len(t)))
 
     def _ends(self, n: int) -> tuple[Array, Array]:

@@ -136,6 +136,16 @@ class Stack(ToleranceProblem, Provable, Differentiable, Accuracy, Documented, Dr
     def needed(self, designs: Array) -> dict[str, Array]:
         return self._evaluated(np.asarray(designs, dtype=float), searching=False, needed=True)
 
+    def smooth(self) -> ToleranceProblem:
+        return self._smooth if self.yields.sampled else self
+
+    @cached_property
+    def _smooth(self) -> Stack:
+        """The same stack with smooth yields and half-widths in a search."""
+        anew = type(self)(self.given)
+        anew.__dict__["yields"] = replace(self.yields, smooth=True)
+        return anew
+
     def _outputs(self, designs: Array, searching: bool) -> dict[str, Array]:
         return self._evaluated(designs, searching, needed=searching)
 
@@ -226,10 +236,7 @@ class Stack(ToleranceProblem, Provable, Differentiable, Accuracy, Documented, Dr
         return self._costs.by_part(self.tolerances(designs), chosen, slope)
 
     def gradient(self, designs: Array) -> dict[str, Array]:
-        """Derivatives of cost and of the linear variations; 0 for a process.
-
-        The derivative of a sampled yield, a step function, is the normal linear model's.
-        """
+        """Derivatives of the cost, the variations and the yields; 0 for a process."""
         t, coverage = self.parts_as_made(designs), self.settings.propagation.coverage
         derivatives: dict[str, Array] = {}
         values: dict[str, Array] = {}
@@ -239,6 +246,8 @@ class Stack(ToleranceProblem, Provable, Differentiable, Accuracy, Documented, Dr
         derivatives |= self.promises.slopes(t, self.required_outputs) if self.promises is not None else {}
         if all(requirement.name("variation") in values for requirement in self.measured):
             derivatives |= joint_slopes(self.measured, values, derivatives)
+        if not any(part.by_machine for part in self._parts):
+            derivatives |= self.yields.slopes(t, coverage)
         derivatives = by_limit(self, designs, derivatives) | {"cost": self._by_part(designs, slope=True)}
         at = [self.names.index(f"{part.name}_t") for part in self._parts]
         wide = {name: np.zeros_like(designs) for name in derivatives}

@@ -417,15 +417,15 @@ def test_gradients_against_finite_differences(method: str) -> None:
     problem = clutch(method)
     design = np.array([[0.1, 0.02, 0.2, 0.0]])
     slopes = problem.gradient(design)
-    assert ("variation" in slopes) == (method != "monte_carlo")
+    sampled = method == "monte_carlo"
     for at in range(3):
-        step = 1e-6 * design[0, at]
+        step = (1e-4 if sampled else 1e-6) * design[0, at]
         pair = np.repeat(design, 2, axis=0)
         pair[:, at] += [-step, step]
-        found = problem.outputs_of(pair, searching=True)
+        found = problem.smooth().outputs_of(pair, searching=True)
         for name, slope in slopes.items():
             numeric = (found[name][1] - found[name][0]) / (2.0 * step)
-            np.testing.assert_allclose(slope[0, at], numeric, rtol=1e-6)
+            np.testing.assert_allclose(slope[0, at], numeric, rtol=1e-3 if sampled and name == "variation" else 1e-6)
     assert all(slope[0, 3] == 0.0 for slope in slopes.values())
 
 
