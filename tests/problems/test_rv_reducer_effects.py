@@ -142,7 +142,7 @@ def test_overlap_and_interference_are_those_of_the_changed_units(effects: dict[s
 
 
 def test_an_output_without_a_rule_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(MEASURES, "overlap_p95_arcmin", "tilt")  # type: ignore[misc]
+    monkeypatch.setitem(MEASURES, "overlap_p95_arcmin", "tilt")
     problem()
     with pytest.raises(ModelError, match="overlap_p95_arcmin: no rule"):
         problem(active("process_mean_shift"))
