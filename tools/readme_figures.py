@@ -74,6 +74,8 @@ def _stored(found: Configuration, name: str, folder: Path) -> None:
     for kind, more in zip(KINDS, (["knee"], ["label", "feasible"]), strict=True):
         table = pd.read_csv(folder / f"{kind}.csv")[[*more, *names]]
         table.to_csv(DATA / f"{name}_{kind}.csv", index=False, float_format=DIGITS)
+    assumptions = pd.read_csv(folder / "assumptions_cost.csv")[["assumption", "value", "cost"]]
+    assumptions.to_csv(DATA / f"{name}_assumptions.csv", index=False, float_format=DIGITS)
     (DATA / f"{name}.sha256").write_text(f"{found.hash}\n", encoding="utf-8")
 
 

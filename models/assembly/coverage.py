@@ -1,4 +1,4 @@
-"""Quantiles, over units, of quantities that depend on Gaussian angles."""
+"""Quantiles, over units, of quantities that depend on angles, Gaussian or as a sample has them."""
 
 from __future__ import annotations
 
@@ -60,13 +60,20 @@ def root(covariance: Array) -> Array:
 def sample_quantile(covariance: Array, sample: Array, of: Callable[[Array], Array], coverage: float) -> Array:
     """Quantile (n,) over `sample` (s, k) standard normals of `of` (..., k) -> (...).
 
-    `covariance` (n, k, k) is that of the argument of `of`. Designs are taken in chunks, so that
-    memory does not grow with n.
+    `covariance` (n, k, k) is that of the argument of `of`.
     """
-    roots = root(covariance)
+    return quantile_over(root(covariance), sample, of, coverage)
+
+
+def quantile_over(factors: Array, sample: Array, of: Callable[[Array], Array], coverage: float) -> Array:
+    """Quantile (n,) over `sample` (s, m) of standardised sources of `of` (..., k) -> (...).
+
+    `factors` (n, k, m) take the sources to the argument of `of`. Designs are taken in chunks, so
+    that memory does not grow with n.
+    """
     step = max(1, CHUNK // sample.size)
     quantiles = [
         np.quantile(of(sample @ np.swapaxes(part, -1, -2)), coverage, axis=-1)
-        for part in np.split(roots, range(step, len(roots), step))
+        for part in np.split(factors, range(step, len(factors), step))
     ]
     return np.concatenate(quantiles)

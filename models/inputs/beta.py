@@ -8,7 +8,7 @@ import numpy as np
 from scipy.special import betainc, betaincinv, betaln, xlog1py, xlogy
 
 from ...arrays import Array
-from .distribution import WithinZone
+from .distribution import GRAIN, WithinZone, coarse
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,6 +27,10 @@ class Beta(WithinZone):
 
     alpha: float = field(metadata={"low": 0.0, "open_low": True})
     beta: float = field(metadata={"low": 0.0, "open_low": True})
+
+    @property
+    def grain(self) -> float:
+        return GRAIN if min(self.alpha, self.beta) >= 1.0 else coarse(self)
 
     def raw_moments(self, order: int) -> Array:
         lean, total = self.alpha - self.beta, self.alpha + self.beta

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ...arrays import Array
-from .distribution import Distribution
+from .distribution import Distribution, coarse
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,6 +32,10 @@ class Empirical(Distribution):
     @property
     def support(self) -> tuple[float, float]:
         return min(self.values), max(self.values)
+
+    @property
+    def grain(self) -> float:
+        return coarse(self)
 
     def faults(self) -> list[tuple[str, str]]:
         faults = Distribution.faults(self)

@@ -26,6 +26,10 @@ class TighterOf(Distribution):
     def support(self) -> tuple[float, float]:
         return self.planet.support
 
+    @property
+    def grain(self) -> float:
+        return self.planet.grain
+
     def faults(self) -> list[tuple[str, str]]:
         return [*self.planet.faults(), *self.tighter.faults()]
 

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def contact_problem(problem: RvBacklash) -> RvReducer:
-    """The problem of the same reducer on its exact contact: parameters and mid-limits carried over.
+    """The problem of the same reducer on its exact contact: parameters, mid-limits and effects carried over.
 
     Errors between discs, which the closed form does not know, are at their defaults.
     """
@@ -26,7 +26,11 @@ def contact_problem(problem: RvBacklash) -> RvReducer:
     inputs = {n: setting for n, setting in problem.given.variables.items() if setting.distribution or setting.mid}
     return RvReducer(
         Settings(
-            parameters=given, variables=inputs, propagation=problem.settings.propagation, seed=problem.settings.seed
+            parameters=given,
+            variables=inputs,
+            propagation=problem.settings.propagation,
+            seed=problem.settings.seed,
+            effects=problem.settings.effects,
         )
     )
 

@@ -1,11 +1,15 @@
 """Statistics over units whose backlash is shifted and scatters more than their contact says.
 
-b' = m + s + (1 + g)(b - m) of every unit (and position, for the root mean square), m the mean.
+b' = m + s + (1 + g)(b - m) of every unit (and position, for the root mean square), m the mean. What
+interferes is counted on y' of the same rule, y the signed backlash of the cycloid stage and m its
+mean over units and positions; a gap elsewhere is in s of the backlash, and moves no flank.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 
@@ -23,21 +27,39 @@ class ChangedMeasures(Measures):
         self.plain, self.change = plain, change
 
     def _computed(self, name: str) -> Measure:
-        kind, _, what = name.partition(" ")
-        if kind == "interference":
-            return self.plain[name]
-        if kind == "yield":
-            return self._within()
-        if kind == "rms":
-            return self._rms()
-        plain, growth = self.plain[name], self.change.growth
-        if kind == "deviation":
-            return replace(plain, statistic=_combined((plain.statistic, 1.0 + growth)))
-        middle = self.plain[f"mean {what}"]
+        return RULES[name.partition(" ")[0]](self, name)
+
+    def _deviation(self, name: str) -> Measure:
+        plain = self.plain[name]
+        return replace(plain, statistic=_combined((plain.statistic, 1.0 + self.change.growth)))
+
+    def _about_mean(self, name: str) -> Measure:
+        plain, middle, growth = self.plain[name], self.plain[f"mean {name.partition(' ')[2]}"], self.change.growth
         parts = (plain.statistic, 1.0 + growth), (middle.statistic, -growth)
         return replace(plain, statistic=_combined(*parts, shift=self.change.effective))
 
-    def _within(self) -> Measure:
+    def _signed(self, name: str) -> Measure:
+        """A statistic of y, in which flanks that interfere are below zero."""
+        if self.change.shift == 0.0 and self.change.growth == 0.0:
+            return self.plain[name]
+        moved, growth = self._moved[name], self.change.growth
+
+        def spread(weight: Array) -> Array:
+            by_place = moved.spread(weight)
+            return np.asarray((1.0 + growth) * by_place - growth * by_place.mean())
+
+        return Measure(moved.statistic, spread)
+
+    @cached_property
+    def _moved(self) -> Measures:
+        """Statistics of the same units at y'."""
+        play, factor = self.turn.play.astype(np.float64), 1.0 + self.change.growth
+        mean = float(play.mean())
+        changed = mean + self.change.shift + factor * (play - mean)
+        turn = replace(self.turn, play=changed.astype(np.float32))
+        return Measures(turn, self.involute, self.conditions, factor)
+
+    def _within(self, _: str) -> Measure:
         """The fraction of units that keep the limit: those whose contact keeps another limit."""
         middle, involute = self.plain["mean max"], self.involute
         factor, mean = 1.0 + self.change.growth, middle.statistic.value
@@ -49,7 +71,7 @@ class ChangedMeasures(Measures):
         moved = replace(middle.statistic, value=0.0, error=0.0)
         return replace(middle, statistic=_combined((within, 1.0), (moved, by_mean)))
 
-    def _rms(self) -> Measure:
+    def _mean_square(self, _: str) -> Measure:
         """sqrt((1 + g)^2 (r^2 - m^2) + (m + s)^2) of the root mean square r and the mean m."""
         rms, mean = self.plain["rms"], self.plain["mean mean"]
         r, m = rms.statistic, mean.statistic
@@ -63,6 +85,27 @@ class ChangedMeasures(Measures):
         involute = by_rms * r.by_involute + by_mean * m.by_involute
         error = abs(by_rms) * r.error + abs(by_mean) * m.error
         return Measure(Statistic(value, r.weight, involute, error), spread)
+
+
+RULES: Mapping[str, Callable[[ChangedMeasures, str], Measure]] = {
+    "quantile": ChangedMeasures._about_mean,
+    "mean": ChangedMeasures._about_mean,
+    "deviation": ChangedMeasures._deviation,
+    "yield": ChangedMeasures._within,
+    "rms": ChangedMeasures._mean_square,
+    "interference": ChangedMeasures._signed,
+    "overlap": ChangedMeasures._signed,
+}
+"""What effects outside the contact do to each kind of statistic."""
+
+
+def unruled(measures: Mapping[str, str], outputs: Iterable[str], under_load: Collection[str]) -> list[str]:
+    """Outputs of which nothing says what effects outside the contact do to them.
+
+    Those under load keep to the contact: no shift of backlash is a shift of torque.
+    """
+    kinds = {output: measures.get(output, "").partition(" ")[0] for output in outputs if output not in under_load}
+    return sorted(output for output, kind in kinds.items() if kind not in RULES)
 
 
 def _combined(*parts: tuple[Statistic, float], shift: float = 0.0) -> Statistic:

@@ -11,7 +11,7 @@ import numpy as np
 
 from ...arrays import Array
 from ...declarations import Value, Variable, number
-from ...errors import Fault
+from ...errors import Fault, ModelError
 from ...models.inputs import Uniform
 from ...models.rv_reducer import modification
 from ...models.rv_reducer.population.lattice import nearest_prime
@@ -25,9 +25,10 @@ from ..rv_backlash.costs import DEFAULT_COSTS
 from ..rv_backlash.machined_tolerances import TERMS
 from ..settings import Bound, Settings, VariableSetting
 from . import geometry
+from .changed_measures import unruled
 from .counterparts import changes_of, sentence
 from .declared import DISC_TO_DISC, PARAMETERS, VARIABLES
-from .evaluation import Evaluation, Populations, is_unit_statistic
+from .evaluation import MEASURES, Evaluation, Populations, is_unit_statistic
 from .inherited import changed, still_default
 from .outputs import DEFAULT_LIMITS, DEFAULT_OBJECTIVES, OUTPUTS, SAMPLED, SAMPLED_UNDER_LOAD
 from .promising import PromisingUnits
@@ -93,7 +94,11 @@ class RvReducer(PromisingUnits, Machined, Accuracy, Documented, Comparison, With
         super().__init__(settings)
         given = self.settings
         units = UnitModel.of(given.parameters, given.variables, given.propagation.coverage)
-        self.model = units.changed(changes_of(given.effects, units.geometry))
+        change = changes_of(given.effects, units.geometry)
+        lacking = unruled(MEASURES, SAMPLED_OUTPUTS, SAMPLED_UNDER_LOAD) if change.outside else []
+        if lacking:
+            raise ModelError(f"{', '.join(lacking)}: no rule says what effects do; add its kind to RULES")
+        self.model = units.changed(change)
 
     def _completed(self, given: Settings) -> Settings:
         settings = super()._completed(given)

@@ -2,23 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from scipy.special import ndtr
 
 from ...arrays import Array
 from ...declarations import Kind, Variable, number
 from ...errors import Fault, InputError
 from ...models.assembly import declared as assembly
-from ...models.assembly.coverage import normals, radius_quantile, sample_quantile
+from ...models.assembly.coverage import normals, quantile_over, radius_quantile, sample_quantile
 from ...models.assembly.influence import Influence, influence
 from ...models.assembly.process import Process, space_process
 from ...models.assembly.regulator import gains, terminal_weight
 from ...models.assembly.response import response
 from ...models.assembly.transmission import Transmission
-from ...models.inputs import Normal
+from ...models.inputs import Distribution, Normal
 from ...units import ARCSEC, MRAD
 from ..declaration import Declaration, Interval
 from ..forms import Form
@@ -40,7 +41,7 @@ class Residual:
     """Final angles of designs over units."""
 
     spread: Array
-    """Final angles per standard normal source, (n, 12, s) [rad]."""
+    """Final angles per standardised source, (n, 12, s) [rad]: errors of parts, then noise."""
     effort: Array
     """Mean adjustment effort (n,) [rad^2]."""
 
@@ -54,8 +55,8 @@ class RvTransmissionError(ToleranceProblem, Provable, Documented, WithEffects, P
     """Transmission error of an RV reducer against cost and adjustment effort (document A).
 
     Variables are half-widths of the angles of four parts about three axes, and the precision weight
-    of the adjusted assembly. Errors of parts are independent and centred; only their variances
-    enter, the final angles are taken as Gaussian. Details: docs/rv_transmission_error.md.
+    of the adjusted assembly. Errors of parts are independent and centred; where all are normal the
+    final angles are Gaussian, else they come from a sample. Details: docs/rv_transmission_error.md.
     """
 
     declaration = Declaration(
@@ -103,14 +104,29 @@ class RvTransmissionError(ToleranceProblem, Provable, Documented, WithEffects, P
     @cached_property
     def _deviations(self) -> Array:
         """Standard deviation of each part error per half-width, (12,)."""
-        moments = [self._moments(v) for v in self.variables if v.kind is Kind.HALF_WIDTH]
-        return np.sqrt([second - first**2 for first, second in moments])
+        moments = [law.raw_moments(2) for law in self._laws.values()]
+        return np.sqrt([second - first**2 for _, first, second in moments])
 
-    def _moments(self, variable: Variable) -> tuple[float, float]:
-        law = self.settings.variables[variable.name].distribution
-        assert law is not None
-        _, first, second = law.raw_moments(2).tolist()
-        return first, second
+    @cached_property
+    def _laws(self) -> dict[str, Distribution]:
+        """The distribution of each part error, by variable."""
+        given = {v.name: self.settings.variables[v.name].distribution for v in self.variables}
+        return {name: law for name, law in given.items() if law is not None}
+
+    @property
+    def gaussian(self) -> bool:
+        """Whether all errors of parts are normal, so that the final angles are."""
+        return all(isinstance(law, Normal) for law in self._laws.values())
+
+    def sources(self, count: int, dimensions: int) -> Array:
+        """A Sobol sample (count, dimensions) of standardised sources: errors of parts by their
+        laws, then noise.
+        """
+        sample = normals(count, dimensions, self.settings.seed)
+        for at, (law, deviation) in enumerate(zip(self._laws.values(), self._deviations, strict=True)):
+            if not isinstance(law, Normal):
+                sample[:, at] = law.quantile(ndtr(sample[:, at])) / deviation
+        return sample
 
     # ---------------------------------------------------------------- evaluation
 
@@ -138,7 +154,7 @@ class RvTransmissionError(ToleranceProblem, Provable, Documented, WithEffects, P
     def _outputs(self, designs: Array, searching: bool) -> dict[str, Array]:
         residual = self.residual(designs)
         covariance = residual.covariance
-        te, force = self._te(covariance, searching), self._force(covariance, searching)
+        te, force = self._te(residual, searching), self._force(residual, searching)
         std = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2)) / MRAD
         return {
             "cost": self.cost_of(designs),
@@ -152,28 +168,35 @@ class RvTransmissionError(ToleranceProblem, Provable, Documented, WithEffects, P
     def _verified(self, designs: Array, outputs: Mapping[str, Array]) -> dict[str, Array]:
         te, force = outputs[TE] * ARCSEC, outputs[FORCE]
         spread = self.residual(designs).spread
-        errors = errors_percent(self.full, self.influence, spread, te, force)
+        errors = errors_percent(self.full, self.influence, spread, te, force, self.sources)
         return dict(zip(("te_error_percent", "force_error_percent"), errors, strict=True))
 
-    def _te(self, covariance: Array, searching: bool) -> Array:
-        """Quantile (n,) [rad] of the TE amplitude; from a sample where all units share a wave."""
+    def _te(self, residual: Residual, searching: bool) -> Array:
+        """Quantile (n,) [rad] of the TE amplitude, from a sample where the angles are not Gaussian,
+        or all units share a wave.
+        """
         plane, coverage = self.influence.order_40, self.settings.propagation.coverage
-        within = plane @ covariance @ plane.T
-        if not self.influence.wave.any():
+        if self.gaussian and not self.influence.wave.any():
+            within = plane @ residual.covariance @ plane.T
             return self.influence.base_amplitude + radius_quantile(within, coverage)
         count = self.settings.propagation.samples
-        sample = normals(min(count, SEARCH_SAMPLE) if searching else count, 2, self.settings.seed)
-        return sample_quantile(within, sample, self.influence.amplitude_of, coverage)
+        count = min(count, SEARCH_SAMPLE) if searching else count
+        return self._quantile(residual, plane, self.influence.amplitude_of, count)
 
-    def _force(self, covariance: Array, searching: bool) -> Array:
+    def _force(self, residual: Residual, searching: bool) -> Array:
         """Quantile (n,) [N] of the peak mesh force."""
-        loads = self.influence.force
         count = self.settings.propagation.samples
         if searching:
             count = min(count, SEARCH_SAMPLE if FORCE in self.required_outputs else SEARCH_SAMPLE // 8)
-        sample = normals(count, len(self.influence.force), self.settings.seed)
+        return self._quantile(residual, self.influence.force, self.influence.peak_of, count)
+
+    def _quantile(self, residual: Residual, rows: Array, of: Callable[[Array], Array], count: int) -> Array:
+        """Quantile (n,) over `count` units of a function of the combinations `rows` (k, 12) x."""
         coverage = self.settings.propagation.coverage
-        return sample_quantile(loads @ covariance @ loads.T, sample, self.influence.peak_of, coverage)
+        if self.gaussian:
+            sample = normals(count, len(rows), self.settings.seed)
+            return sample_quantile(rows @ residual.covariance @ rows.T, sample, of, coverage)
+        return quantile_over(rows @ residual.spread, self.sources(count, residual.spread.shape[-1]), of, coverage)
 
     # ---------------------------------------------------------------- what is known
 
@@ -205,7 +228,7 @@ class RvTransmissionError(ToleranceProblem, Provable, Documented, WithEffects, P
     def least_cost(self) -> tuple[str, RvTransmissionError]:
         """Least cost at the transmission error of document A's allocation, without adjustment."""
         first = next(iter(self.references().values()))[None]
-        printed = self._te(self.residual(first).covariance, searching=False)
+        printed = self._te(self.residual(first), searching=False)
         limit = Bound(high=float(printed[0]) / ARCSEC)
         given = replace(
             self.given,
@@ -222,8 +245,13 @@ class RvTransmissionError(ToleranceProblem, Provable, Documented, WithEffects, P
     # ---------------------------------------------------------------- faults and warnings
 
     def form(self) -> Form | None:
-        """Cost against transmission error at a fixed precision weight, from below."""
-        return form_of(self)
+        """Cost against transmission error at a fixed precision weight, from below; None where the
+        angles are not Gaussian.
+        """
+        return form_of(self) if self.gaussian else None
+
+    def unproven(self) -> str:
+        return "" if self.gaussian else "errors of parts are not normal: the form knows Gaussian angles alone"
 
     def faults(self) -> list[Fault]:
         process_faults: list[Fault] = []
@@ -231,10 +259,10 @@ class RvTransmissionError(ToleranceProblem, Provable, Documented, WithEffects, P
             assembly.process_of(self.settings.parameters, space_process)
         except InputError as error:
             process_faults += error.faults
-        for variable in self.variables:
-            if variable.kind is Kind.HALF_WIDTH and abs(self._moments(variable)[0]) > 1e-12:
+        for name, law in self._laws.items():
+            if abs(float(law.raw_moments(1)[1])) > 1e-12:
                 text = "must be centred (mean 0): errors of angles have no preferred sign here"
-                process_faults.append(Fault(f"variables.{variable.name}.distribution", text))
+                process_faults.append(Fault(f"variables.{name}.distribution", text))
         return process_faults or super().faults()
 
     def warnings(self) -> tuple[str, ...]:

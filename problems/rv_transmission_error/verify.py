@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 
 from ...arrays import Array
-from ...models.assembly.coverage import normals
 from ...models.assembly.influence import Influence
 from ...models.assembly.transmission import Transmission, Turned
 
@@ -23,18 +22,24 @@ TOGETHER = 64
 
 
 def errors_percent(
-    full: Transmission, coefficients: Influence, spread: Array, te: Array, force: Array
+    full: Transmission,
+    coefficients: Influence,
+    spread: Array,
+    te: Array,
+    force: Array,
+    sources: Callable[[int, int], Array],
 ) -> tuple[Array, Array]:
     """By how much (n,) the quantiles `te` [rad] and `force` [N] of designs are overstated, in %.
 
-    `spread` (n, 12, s) takes standard normals to final angles [rad]. The full model less the
+    `spread` (n, 12, s) takes standardised sources, a sample of which `sources` draws by its size, to
+    final angles [rad]. The full model less the
     coefficients is averaged over the `UNITS` units whose own value lies nearest to the quantile: to
     first order this is what the quantile of the full model differs by.
     """
-    exact = replace(full, angles=ANGLES)
+    exact, sample = replace(full, angles=ANGLES), sources(SAMPLE, spread.shape[-1])
     return (
-        _error(exact, exact.amplitude, coefficients.amplitude, spread, te),
-        _error(exact, exact.peak, coefficients.peak_force, spread, force),
+        _error(exact, exact.amplitude, coefficients.amplitude, spread, te, sample),
+        _error(exact, exact.peak, coefficients.peak_force, spread, force, sample),
     )
 
 
@@ -44,8 +49,8 @@ def _error(
     estimate: Callable[[Array], Array],
     spread: Array,
     quantile: Array,
+    sample: Array,
 ) -> Array:
-    sample = normals(SAMPLE, spread.shape[-1])
     parts = [slice(at, at + TOGETHER) for at in range(0, len(spread), TOGETHER)]
     units = np.concatenate([_nearest(estimate, sample @ np.swapaxes(spread[p], 1, 2), quantile[p]) for p in parts])
     exact = value(full.turn(units.reshape(-1, 4, 3))).reshape(len(spread), UNITS)

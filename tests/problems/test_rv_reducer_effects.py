@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 
 from tolevo import registry
+from tolevo.errors import ModelError
 from tolevo.models.effects.compose import Active, predicted
 from tolevo.models.rv_reducer.batch import RvBatch
 from tolevo.problems.rv_backlash.counterparts import COUNTERPARTS as DOCUMENTS
 from tolevo.problems.rv_reducer import RvReducer
 from tolevo.problems.rv_reducer.counterparts import COUNTERPARTS
+from tolevo.problems.rv_reducer.evaluation import MEASURES
 from tolevo.problems.settings import Bound, Settings, VariableSetting
 
 UNITS = 16_384
@@ -30,7 +32,8 @@ def active(name: str, **values: float) -> Active:
 
 def problem(*effects: Active, **parameters: float) -> RvReducer:
     limits = {"yield_percent": Bound(low=50.0)}
-    objectives = ("cost", "backlash_max_arcmin", "backlash_rms_arcmin", "backlash_mean_arcmin_std")
+    objectives = ("cost", "backlash_max_arcmin", "backlash_rms_arcmin", "backlash_mean_arcmin_std",
+                  "interference_probability", "interference_share_of_turn")  # fmt: skip
     return RvReducer(Settings(
         effects=effects, parameters=SMALL | parameters, limits=limits, objectives=objectives
     ))  # fmt: skip
@@ -109,11 +112,40 @@ def test_gradient_with_effects_is_that_of_differences(name: str) -> None:
         moved = design[0].copy()
         moved[at] += way
         ends.append(found.evaluation(moved, searching=True))
-    for output in ("backlash_max_arcmin", "backlash_rms_arcmin", "backlash_mean_arcmin_std"):
+    for output in ("backlash_max_arcmin", "backlash_rms_arcmin", "backlash_mean_arcmin_std",
+                   "interference_probability", "interference_share_of_turn"):  # fmt: skip
         slope = (ends[1].value(output) - ends[0].value(output)) / (2.0 * step)
         assert slopes[output][0, at] == pytest.approx(slope, rel=0.015, abs=5e-4), output
     low, high = (one.value("yield_percent") for one in ends)
     assert slopes["yield_percent"][0, at] == pytest.approx((high - low) / (2.0 * step), abs=0.2)
+
+
+@pytest.mark.parametrize("effects", [{"process_mean_shift": 0.1}, {"process_mean_shift": -0.1},
+                                     {"spread_inflation": 0.3}, {"lost_motion": 0.1},
+                                     {"spread_inflation": 0.2, "process_mean_shift": 0.05}])  # fmt: skip
+def test_overlap_and_interference_are_those_of_the_changed_units(effects: dict[str, float]) -> None:
+    """Counted on y' = m + s + (1 + g)(y - m); a gap elsewhere moves no flank."""
+    keys = {"process_mean_shift": "shift_arcmin", "spread_inflation": "growth", "lost_motion": "half_width_arcmin"}
+    found = problem(*(active(name, **{keys[name]: size}) for name, size in effects.items()), report_units=4096)
+    evaluation = found.evaluation(found.references()["document B"], searching=False)
+    play = evaluation.turn.play.astype(float)
+    shift, growth = effects.get("process_mean_shift", 0.0), effects.get("spread_inflation", 0.0)
+    changed = play.mean() + shift + (1.0 + growth) * (play - play.mean())
+    overlap = np.maximum(-changed.min(axis=0), 0.0)
+    assert evaluation.value("overlap_p95_arcmin") == pytest.approx(np.quantile(overlap, 0.95), abs=0.01)
+    for name, count in (("interference_probability", changed.mean(axis=0) < 0.0),
+                        ("interference_share_of_turn", np.mean(changed < 0.0, axis=0))):  # fmt: skip
+        assert abs(evaluation.value(name) - count.mean()) < LIMIT * count.std() / np.sqrt(4096), name
+    plain = outputs()["interference_probability"]
+    assert np.sign(round(evaluation.value("interference_probability") - plain, 9)) in (
+        (0.0,) if "lost_motion" in effects else (-np.sign(shift),) if shift else (-1.0, 1.0))  # fmt: skip
+
+
+def test_an_output_without_a_rule_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(MEASURES, "overlap_p95_arcmin", "tilt")
+    problem()
+    with pytest.raises(ModelError, match="overlap_p95_arcmin: no rule"):
+        problem(active("process_mean_shift"))
 
 
 def test_bounds_with_effects() -> None:

@@ -38,3 +38,19 @@ def test_distances_that_are_rounding_are_told_as_such() -> None:
     assert "which cost 4.4 % more" in told[1]
     worse = with_distance(other, own, NAMES)
     np.testing.assert_allclose(worse[ABOVE], [4.0462, 4.3956, 5.2632], rtol=1e-4)
+
+
+def test_levels_that_the_other_front_does_not_reach_are_empty() -> None:
+    """0 there would say that a comparison found nothing better."""
+    own = pd.DataFrame({"cost": [20.0, 9.0, 6.0, 5.0], "backlash_arcmin": [0.5, 1.2, 2.0, 4.0]})
+    other = pd.DataFrame({"cost": [8.0, 6.5], "backlash_arcmin": [1.1, 2.5]})
+    np.testing.assert_allclose(with_distance(own, other, NAMES)[ABOVE], [np.nan, 16.154, 0.0, np.nan], rtol=1e-4)
+    told = notes(with_distance(own, other, NAMES), "NSGA-II", other, NAMES)
+    assert "2 of 4 points, those at levels that it reaches, cost" in told[0]
+    dear = own.assign(cost=[20.0, 9.0, 6.0, 7.0])  # a point of the other front is better outright
+    assert with_distance(dear, other, NAMES)[ABOVE].iloc[3] > 7.0
+    assert with_distance(own, other.iloc[:0], NAMES)[ABOVE].isna().all()
+    elsewhere = pd.DataFrame({"cost": [50.0], "backlash_arcmin": [9.0]})
+    assert notes(with_distance(own, elsewhere, NAMES), "NSGA-II", elsewhere, NAMES)[0] == (
+        "nothing is proven for this problem"
+    )

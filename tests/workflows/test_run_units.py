@@ -191,7 +191,7 @@ def _problem(objectives: tuple[str, ...], **parameters: float | str) -> RvReduce
 def test_the_population_has_what_effects_add_beside_the_contact() -> None:
     problem = _problem(("cost", "backlash_max_arcmin"))
     design = problem.starts()[1]
-    problem.model = replace(problem.model, change=Change(effective=0.2, growth=0.1))
+    problem.model = replace(problem.model, change=Change(gap=0.2, growth=0.1))
     value = problem.evaluation(design, searching=False).value("backlash_max_arcmin")
     found = problem.shown_units(design)
     assert found is not None

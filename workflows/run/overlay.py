@@ -47,14 +47,20 @@ def _side(label: str, problem: ToleranceProblem, algorithm: AlgorithmSettings, b
 
 
 def with_distance(front: pd.DataFrame, other: pd.DataFrame, names: list[str]) -> pd.DataFrame:
-    """The front with the distance of its points from the best known front, in percent of cost."""
+    """The front with the distance of its points from the best known front, in percent of cost.
+
+    It is empty at levels that the other front does not reach, where nothing is compared, unless a
+    point of it is better outright.
+    """
     if "cost" not in names or front.empty:
         return front
     second = next(name for name in names if name != "cost")
     values = np.vstack([frame[["cost", second]].to_numpy(dtype=float) for frame in (front, other) if len(frame)])
     best = values[nondominated(values)]
-    points = front[["cost", second]].to_numpy(dtype=float)
-    return front.assign(**{ABOVE: [above(row, best) for row in points]})
+    points, levels = front[["cost", second]].to_numpy(dtype=float), other.get(second, pd.Series(dtype=float))
+    distance = np.array([above(row, best) for row in points])
+    compared = front[second].between(levels.min(), levels.max()).to_numpy()
+    return front.assign(**{ABOVE: np.where(compared | (distance > 0.0), distance, np.nan)})
 
 
 def above(row: Array, best: Array) -> float:
@@ -77,11 +83,19 @@ def notes(front: pd.DataFrame, label: str, other: pd.DataFrame, names: list[str]
         return [f"{label} found no feasible point in the same problem"]
     distance = front[ABOVE].to_numpy(dtype=float)
     lowest, other_lowest = front[second].min(), other[second].min()
-    middle, most = distance_words(np.median(distance)), distance_words(np.max(distance))
-    sentences = [
-        f"nothing is proven for this problem; compared with the best known front, its own joined with that of {label}, "
-        f"the points cost {middle} more in the median and {most} at most at equal {second}"
-    ]
+    compared = distance[~np.isnan(distance)]
+    sentences = ["nothing is proven for this problem"]
+    if len(compared):
+        middle, most = distance_words(np.median(compared)), distance_words(np.max(compared))
+        points = (
+            "the points cost"
+            if len(compared) == len(distance)
+            else (f"{len(compared)} of {len(distance)} points, those at levels that it reaches, cost")
+        )
+        sentences = [
+            f"nothing is proven for this problem; compared with the best known front, its own joined with that of "
+            f"{label}, {points} {middle} more in the median and {most} at most at equal {second}"
+        ]
     best = front[["cost", second]].to_numpy(dtype=float)
     behind = [
         above(row, best)

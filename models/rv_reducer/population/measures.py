@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....arrays import Array
-from ....units import ARCMIN, UM
 from .gradient import Slopes
 from .statistics import Involute, Statistic, deviation, mean, ordered_quantile, quantile, share_below, share_within
 from .turn import Turn
@@ -45,10 +44,12 @@ class Measure:
 
 
 class Measures:
-    """Statistics of a turn by name, each computed at its first use."""
+    """Statistics of a turn by name, each computed at its first use; where its `play` has been
+    stretched by a factor, `widening` is that factor.
+    """
 
-    def __init__(self, turn: Turn, involute: Involute, conditions: Conditions) -> None:
-        self.turn, self.involute, self.conditions = turn, involute, conditions
+    def __init__(self, turn: Turn, involute: Involute, conditions: Conditions, widening: float = 1.0) -> None:
+        self.turn, self.involute, self.conditions, self.widening = turn, involute, conditions, widening
         self._cached: dict[str, Measure] = {}
 
     def __getitem__(self, name: str) -> Measure:
@@ -114,24 +115,27 @@ class Measures:
 
     # ---------------------------------------------------------------- interference
 
-    def _growth(self) -> tuple[Array, Array]:
-        """Growth of y with the standardised pin-circle radius [arcmin], and that radius."""
-        lattice, z = self.turn.population.lattice, self.turn.population.sample.z
-        nominal = lattice.geometry.nominal
-        gain = 2.0 * nominal.flank / nominal.lever * UM / ARCMIN / lattice.geometry.output_ratio
-        zone = gain * self.turn.design.width("pin_circle_radius")
-        radius = z["pin_circle_radius"]
-        return np.full(len(radius), zone), radius
+    def _below(self, values: Array, limit: float, slope: Array) -> Statistic:
+        """P(values < limit), each integrated over the pin-circle radius, by which it grows with `slope`
+        [arcmin/um]; both of shape (..., n).
+        """
+        sample = self.turn.population.sample
+        growth = self.widening * self.turn.design.width("pin_circle_radius") * slope.astype(np.float64)
+        radius = np.broadcast_to(sample.z["pin_circle_radius"], values.shape)
+        law = sample.hierarchy.of("pin_circle_radius")
+        return share_below(values.ravel(), limit, growth.ravel(), radius.ravel(), law)
 
     def _interference(self, kind: str) -> Measure:
-        play, (growth, radius) = self.turn.play, self._growth()
+        play, slope = self.turn.play, self.turn.by_circle
         if kind == "share_of_turn":
-            return self._fraction_of_turn(growth, radius)
+            return self._fraction_of_turn()
         if kind == "overlap":
-            below = share_below(play.min(axis=0).astype(np.float64), -self.conditions.overlap, growth, radius)
-            return Measure(below, partial(_at_positions, play.shape, play.argmin(axis=0), True))
-        values = play.mean(axis=0, dtype=np.float64)
-        return Measure(share_below(values, 0.0, growth, radius), partial(_everywhere, play.shape))
+            at = play.argmin(axis=0)
+            least, slope_there = (np.take_along_axis(by_place, at[None, :], axis=0)[0] for by_place in (play, slope))
+            below = self._below(least.astype(np.float64), -self.conditions.overlap, slope_there)
+            return Measure(below, partial(_at_positions, play.shape, at, True))
+        values, slope_of_unit = play.mean(axis=0, dtype=np.float64), slope.mean(axis=0, dtype=np.float64)
+        return Measure(self._below(values, 0.0, slope_of_unit), partial(_everywhere, play.shape))
 
     def _overlap(self) -> Measure:
         """Largest overlap over the turn that 95 % of the units stay below [arcmin]."""
@@ -140,10 +144,9 @@ class Measures:
         spread = partial(_at_positions, play.shape, play.argmin(axis=0), values > 0.0)
         return Measure(ordered_quantile(values, 0.95), lambda weight: spread(-weight))
 
-    def _fraction_of_turn(self, growth: Array, radius: Array) -> Measure:
+    def _fraction_of_turn(self) -> Measure:
         play = self.turn.play.astype(np.float64)
-        wide = [np.broadcast_to(of_units, play.shape).ravel() for of_units in (growth, radius)]
-        below = share_below(play.ravel(), 0.0, *wide)
+        below = self._below(play, 0.0, self.turn.by_circle)
         by_place = below.weight.reshape(play.shape)
         error = float(np.std(np.mean(play < 0.0, axis=0))) / np.sqrt(play.shape[1])
         statistic = Statistic(below.value, np.ones(play.shape[1]), 0.0, error, below.by_zone)

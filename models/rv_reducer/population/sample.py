@@ -46,13 +46,15 @@ class BaseSample:
     `z` by name of the error, units last: (n,) of errors of the whole unit, (pins, n) of pins,
     (discs, n) of discs, (cranks, discs, n) of eccentrics and bores; `phase` [rad] likewise of
     `pitch`, `runout` (discs, n) and `circle_offset` (n,). `planets` (planets + 1, n) are standard
-    normal: the common part of all planets, then the part of each planet.
+    normal: the common part of all planets, then the part of each planet. `hierarchy` has the laws
+    that the errors were drawn from.
     """
 
     units: int
     z: Mapping[str, Array]
     phase: Mapping[str, Array]
     planets: Array
+    hierarchy: Hierarchy = field(default_factory=Hierarchy)
 
     @classmethod
     def draw(
@@ -88,14 +90,14 @@ class BaseSample:
         for name in PIN_ERRORS:
             u = _shared(source.of(pins), common.get(name), laws.share_pins)
             z[name] = laws.of(name).quantile(u)
-        return cls(units, z, phase, planets)
+        return cls(units, z, phase, planets, laws)
 
     def part(self, chosen: slice | NDArray[np.int64]) -> BaseSample:
         """Some of the units."""
         z = {name: value[..., chosen] for name, value in self.z.items()}
         phase = {name: value[..., chosen] for name, value in self.phase.items()}
         planets = self.planets[..., chosen]
-        return BaseSample(planets.shape[-1], z, phase, planets)
+        return BaseSample(planets.shape[-1], z, phase, planets, self.hierarchy)
 
 
 def _shared(u: Array, common: Array | None, fraction: float) -> Array:

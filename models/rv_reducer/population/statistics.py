@@ -14,32 +14,51 @@ import numpy as np
 from scipy.special import betainc, ndtr
 
 from ....arrays import Array
-from ..tighter_planet import TighterPlanet
+from ...inputs import Distribution, Uniform
 
 SMOOTHING = 0.01
 """Scale [arcmin] at which a stage without backlash is smoothed, far below that of any unit."""
-GRID = np.linspace(-1.0, 1.0, 16_385)
-"""Standardised clearances at which the distribution of phi_1 is tabulated: errors below 1e-8."""
+STILL = 1e-9
+"""Growth [arcmin] with a standardised error below which a value does not move with it."""
+NODES = 8193
+"""Nodes of the table of a law, evenly over its support and as many evenly by probability: errors
+below 1e-7."""
 
 
 @lru_cache(maxsize=16)
-def _table(planet: TighterPlanet) -> tuple[Array, Array]:
-    """Distribution and density on the grid, 0 at its ends, beyond which no clearance lies."""
-    density = planet.density(GRID)
-    density[[0, -1]] = 0.0
-    return planet.cdf(GRID), density
+def _table(law: Distribution) -> tuple[Array, Array, Array]:
+    """Nodes over the support of a law, its averaged distribution and density, 0 at the ends."""
+    low, high = law.support
+    evenly = np.linspace(low - law.grain, high + law.grain, NODES)
+    nodes = np.unique(np.concatenate([evenly, law.quantile(np.linspace(1e-9, 1.0 - 1e-9, NODES))]))
+    below, density = law.averaged(nodes)
+    below[[0, -1]], density[[0, -1]] = (0.0, 1.0), 0.0
+    return nodes, below, density
+
+
+def law_below(law: Distribution, z: Array) -> Array:
+    """P(Z <= z) of a law averaged over its grain, shape of `z`, between the nodes of a table."""
+    nodes, below, _ = _table(law)
+    return np.asarray(np.interp(z, nodes, below))
+
+
+def law_density(law: Distribution, z: Array) -> Array:
+    """Derivative of `law_below`, shape of `z`."""
+    nodes, _, density = _table(law)
+    return np.asarray(np.interp(z, nodes, density))
 
 
 @dataclass(frozen=True, slots=True)
 class Involute:
-    """phi_1 = middle + half z over units [arcmin], z the standardised clearance of a unit.
+    """phi_1 = middle + half z over units [arcmin], z the standardised clearance of a unit, with the
+    law `planet` of that of its tighter planet.
 
     `half` is 0 for a reducer without involute stage: a quantile is smoothed by `SMOOTHING`.
     """
 
     middle: float
     half: float
-    planet: TighterPlanet
+    planet: Distribution
 
     @property
     def mean(self) -> float:
@@ -56,25 +75,24 @@ class Involute:
         """P(phi_1 <= excess) of [arcmin], smoothed where the stage has no backlash."""
         if self.half == 0.0:
             return np.asarray(ndtr((excess - self.middle) / SMOOTHING))
-        return self._looked_up(excess, _table(self.planet)[0])
+        return law_below(self.planet, (excess - self.middle) / self.half)
 
     def density(self, excess: Array) -> Array:
         """Derivative of `cdf` [1/arcmin]."""
         if self.half == 0.0:
             z = (excess - self.middle) / SMOOTHING
             return np.asarray(np.exp(-0.5 * z * z) / (np.sqrt(2.0 * np.pi) * SMOOTHING))
-        return self._looked_up(excess, _table(self.planet)[1]) / self.half
-
-    def _looked_up(self, excess: Array, table: Array) -> Array:
-        return np.asarray(np.interp((excess - self.middle) / self.half, GRID, table))
+        return law_density(self.planet, (excess - self.middle) / self.half) / self.half
 
     def ends(self) -> tuple[float, float]:
         """Least and largest phi_1 [arcmin]."""
-        reach = self.half if self.half else 8.0 * SMOOTHING
-        return self.middle - reach, self.middle + reach
+        if self.half == 0.0:
+            return self.middle - 8.0 * SMOOTHING, self.middle + 8.0 * SMOOTHING
+        nodes = _table(self.planet)[0]
+        return self.middle + self.half * float(nodes[0]), self.middle + self.half * float(nodes[-1])
 
 
-NO_STAGE = Involute(0.0, 0.0, TighterPlanet())
+NO_STAGE = Involute(0.0, 0.0, Uniform())
 """No involute stage at all."""
 
 
@@ -160,19 +178,19 @@ def ordered_quantile(values: Array, coverage: float) -> Statistic:
     return Statistic(value, weight, 0.0, error)
 
 
-def share_below(values: Array, limit: float, growth: Array, z: Array) -> Statistic:
-    """P(Y < limit), each unit integrated over its uniform error z of a zone.
+def share_below(values: Array, limit: float, growth: Array, z: Array, law: Distribution) -> Statistic:
+    """P(Y < limit), each unit integrated over its standardised error z, which has the `law`.
 
     Y of unit i grows by `growth` (n,) per unit of `z` (n,): with u_i the z at which it would meet
-    the limit, its probability is the part of [-1, 1] on that side (0 or 1 where the width of the
-    zone is 0).
+    the limit, its probability is P(z < u_i), P(z > u_i) where it falls, and 0 or 1 where it stays.
     """
-    safe = np.where(growth > 0.0, growth, 1.0)
-    meets = z + (limit - values) / safe
-    below = np.where(growth > 0.0, np.clip(0.5 * (meets + 1.0), 0.0, 1.0), values < limit)
-    inside = (growth > 0.0) & (np.abs(meets) < 1.0)
+    steep = np.abs(growth)
+    moves = steep > STILL
+    meets = z + (limit - values) / np.where(moves, growth, 1.0)
+    probability = law_below(law, meets)
+    below = np.where(moves, np.where(growth > 0.0, probability, 1.0 - probability), values < limit)
     count = len(values)
-    weight = np.where(inside, -0.5 / safe, 0.0) / count
+    weight = np.where(moves, -law_density(law, meets) / np.where(moves, steep, 1.0), 0.0) / count
     error = float(np.std(below)) / np.sqrt(count)
     by_zone = float(np.sum(weight * (limit - values)))
     return Statistic(float(np.mean(below)), weight, 0.0, error, by_zone)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from .gradient import Slopes, pull_back
 from .lattice import Lattice, turn_lattice
 from .sample import BaseSample, Hierarchy
 from .scaled import Scaled
-from .table import Table
+from .table import COLUMNS, Table
 from .touch import Touch, touch
 
 
@@ -62,7 +63,7 @@ class Population:
         return Turn(self, design, table, units, contact, contact.cycloid(geometry.output_ratio))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Turn:
     """Units of one design over a turn.
 
@@ -76,6 +77,14 @@ class Turn:
     units: Scaled
     touch: Touch
     play: Single
+
+    @cached_property
+    def by_circle(self) -> Single:
+        """Derivative of `play` by the pin-circle radius [arcmin/um], (positions, units): that of
+        the contacts that touch.
+        """
+        radial = self.table.values[:, COLUMNS.index("radial")] / self.population.lattice.geometry.output_ratio
+        return np.asarray(radial[self.touch.ahead] - radial[self.touch.behind], dtype=np.float32)
 
     def slopes(self, weight: Array, errors: Slopes | None = None) -> Array:
         """Derivatives of sum(weight y), weight (positions, units), by `gradient.NAMES`.

@@ -15,6 +15,7 @@ from ....units import ARCMIN, MM
 from ...inputs import Distribution
 from .. import declared, involute
 from ..contact.geometry import ContactGeometry
+from ..tighter_of import tighter_of
 from ..tighter_planet import TighterPlanet
 from .design import ERRORS, UnitDesign
 from .sample import Hierarchy
@@ -30,13 +31,16 @@ def stem(name: str) -> str:
 class UnitBasis:
     """Geometry, involute stage, hierarchy of errors and mid-limits [um] of all units.
 
-    Where there is no involute stage (`geared` false) phi_1 is 0.
+    `planet` is the law of the standardised clearance of the tighter planet, whose planets have
+    `planet_share` of their variance in common. Where there is no involute stage (`geared` false)
+    phi_1 is 0.
     """
 
     geometry: ContactGeometry
     stage: involute.InvoluteStage
     hierarchy: Hierarchy
-    planet: TighterPlanet
+    planet: Distribution
+    planet_share: float
     mid: Mapping[str, float]
     geared: bool
 
@@ -61,11 +65,13 @@ class UnitBasis:
             involute_stage=bool(parameters["involute_stage"]),
         )
         shares = number(parameters["share_pins"]), number(parameters["share_discs"])
+        hierarchy, planet_share = Hierarchy(*shares, inputs), number(parameters.get("planet_share", 0.5))
         return cls(
             geometry,
             base.stage,
-            Hierarchy(*shares, inputs),
-            TighterPlanet(cranks, number(parameters.get("planet_share", 0.5))),
+            hierarchy,
+            tighter_of(hierarchy.of("involute_grade"), TighterPlanet(cranks, planet_share)),
+            planet_share,
             mid,
             bool(parameters["involute_stage"]),
         )
@@ -78,9 +84,9 @@ class UnitBasis:
 
     def tightest(self, planets: Array) -> Array:
         """Standardised clearance (n,) of the tighter planet, of normal numbers (planets + 1, n)."""
-        share = self.planet.share
+        share = self.planet_share
         scores = np.sqrt(share) * planets[0] + np.sqrt(1.0 - share) * planets[1:]
-        return np.asarray(2.0 * ndtr(scores.min(axis=0)) - 1.0)
+        return self.hierarchy.of("involute_grade").quantile(ndtr(scores.min(axis=0)))
 
     def design(self, row: Mapping[str, float], means: Mapping[str, float] = MappingProxyType({})) -> UnitDesign:
         """The design of one row of variables by name, in their units.

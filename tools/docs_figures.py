@@ -1,0 +1,193 @@
+"""Writes the figures of README.md and docs/*.md that a run gives: `python -m tools.docs_figures`.
+
+A figure has a mark after it, as in `98.8 %<!-- =closed_form printed yield_percent -->`: the source,
+a function of `SOURCES`, and the name of the figure there. The page keeps the number of decimals and
+the sign, and a figure that is right within one unit of its last digit, so that no page hangs on a
+processor's rounding; a test compares each figure with its source. Tables of the main job, which
+`make figures` writes, are read from docs/figures, where other tests compare them with the model.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Callable, Mapping
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from tolevo.algorithms.exact.bounds import proof
+from tolevo.algorithms.exact.solver import Exact
+from tolevo.algorithms.search import search
+from tolevo.algorithms.settings import Budget
+from tolevo.configuration import read
+from tolevo.problems.rv_backlash import RvBacklash
+from tolevo.problems.rv_reducer import RvReducer
+from tolevo.problems.rv_reducer.declared import DISC_TO_DISC
+from tolevo.problems.settings import Bound, Settings, VariableSetting
+
+ROOT = Path(__file__).resolve().parent.parent
+DATA = ROOT / "docs" / "figures"
+PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")))
+MARK = re.compile(r"(?P<figure>[+-]?\d+(?:\.\d+)?)(?P<unit>(?: %|')?)(?P<mark><!-- =(?P<source>\w+) (?P<name>.+?) -->)")
+Figures = Mapping[str, float]
+LEVEL = 1.0
+"""Backlash [arcmin] of which the pages speak."""
+SHORT = (
+    ("share of the variance of pins and holes common to a unit", "share_pins"),
+    ("share of the variance of the discs common to a unit", "share_discs"),
+    ("share of the variance of the planets' clearances common to a unit", "planet_share"),
+    ("what counts as interference ", ""),
+    (", in at most 5 %", ""),
+    ("errors between discs (pin circle, bores, journals)", "between discs"),
+)
+"""Words of the table of assumptions, and those of the marks."""
+
+
+@cache
+def main_problem() -> RvReducer:
+    """The problem of the main job."""
+    problem = read(ROOT / "configs" / "rv40e_backlash.toml").problem
+    assert isinstance(problem, RvReducer)
+    return problem
+
+
+def by_contact(design: Mapping[str, float]) -> Figures:
+    """An allocation on the fresh units of the main job, and how much its front costs there."""
+    problem = main_problem()
+    complete = problem.fixed | dict(design)
+    row = np.array([complete[name] for name in problem.names])
+    evaluation = problem.evaluation(row, searching=False)
+    backlash = evaluation.value("backlash_max_arcmin")
+    cost = float(problem.cost_of(row[None])[0])
+    return {
+        "cost": cost,
+        "yield_percent": evaluation.value("yield_percent"),
+        "backlash": backlash,
+        "interference_percent": 100.0 * evaluation.value("interference_probability"),
+        "above front percent": 100.0 * (cost / front_cost(backlash) - 1.0),
+    }
+
+
+def front_cost(backlash: float) -> float:
+    """Cost of the main job's stored front at a backlash [arcmin], between its points geometrically."""
+    front = pd.read_csv(DATA / "rv40e_backlash_front.csv").sort_values("backlash_max_arcmin")
+    return float(np.exp(np.interp(backlash, front["backlash_max_arcmin"], np.log(front["cost"]))))
+
+
+def closed_form() -> Figures:
+    """The least cost of document B's closed form at 1 arcmin in both readings, proven, and by contact."""
+    figures: dict[str, float] = {}
+    for reading in ("printed", "consistent"):
+        limits = {"interference_probability": Bound(high=0.05), "backlash_arcmin": Bound(high=LEVEL)}
+        problem = RvBacklash(Settings(parameters={"reading": reading}, limits=limits, objectives=("cost",)))
+        design = problem.complete(search(problem, Exact(), Budget(), 1).chosen)
+        cost = problem.outputs_of(design)["cost"]
+        found = by_contact(dict(zip(problem.names, design[0].tolist(), strict=True)))
+        figures |= {f"{reading} {name}": value for name, value in found.items()}
+        figures[f"{reading} bound"] = float(proof(problem, {"cost": cost}, 1).bound[0])
+    return figures
+
+
+def references() -> Figures:
+    """The references of the main job by contact: number from 1, and name."""
+    problem = main_problem()
+    figures: dict[str, float] = {}
+    for at, row in enumerate(problem.references().values(), 1):
+        found = by_contact(dict(zip(problem.names, row.tolist(), strict=True)))
+        figures |= {f"{at} {name}": value for name, value in found.items()}
+    return figures
+
+
+def readings() -> Figures:
+    """Document B's zones by its closed form in both readings, without and with its stagger."""
+    figures: dict[str, float] = {}
+    for reading in ("printed", "consistent"):
+        problem = RvBacklash(Settings(parameters={"reading": reading}))
+        outputs = problem.outputs_of(np.stack(list(problem.references().values())))
+        for name, values in outputs.items():
+            scale = 100.0 if name == "interference_probability" else 1.0
+            figures[f"{reading} {name}"], figures[f"{reading} staggered {name}"] = (scale * values).tolist()
+    return figures
+
+
+def by_definition() -> Figures:
+    """Units within 1 arcmin of the references on 16,384 units, in percent: by number of the
+    reference from 1, with document B's phi_1 or the default, without or with errors between discs.
+    """
+    figures: dict[str, float] = {}
+    for cosine in (False, True):
+        for between in (False, True):
+            nil = {} if between else {name: VariableSetting(value=0.0) for name in DISC_TO_DISC}
+            parameters = {"involute_cosine": cosine, "report_units": 16_384}
+            problem = RvReducer(Settings(seed=1, parameters=parameters, variables=nil))
+            for at, row in enumerate(main_problem().references().values(), 1):
+                known = dict(zip(main_problem().names, row.tolist(), strict=True)) | problem.fixed
+                design = np.array([known[name] for name in problem.names])
+                name = f"{at} {'default' if cosine else 'B'} {'with' if between else 'without'}"
+                figures[name] = problem.evaluation(design, searching=False).value("yield_percent")
+    return figures
+
+
+def front() -> Figures:
+    """The main job's stored front."""
+    return {"cost at 1": front_cost(LEVEL)}
+
+
+def assumptions() -> Figures:
+    """What the assumptions of the main job cost at its point at 1 arcmin, by assumption and value.
+
+    `change` is in percent of the cost as it is.
+    """
+    table = pd.read_csv(DATA / "rv40e_backlash_assumptions.csv", dtype={"value": str}, keep_default_na=False)
+    base = float(table["cost"].iloc[0])
+    figures = {"as it is": base}
+    for assumption, value, cost in table[["assumption", "value", "cost"]].iloc[1:].itertuples(index=False):
+        name = f"{assumption} {value}"
+        for words, short in SHORT:
+            name = name.replace(words, short)
+        figures |= {name: float(cost), f"{name} change": 100.0 * (float(cost) / base - 1.0)}
+    figures["between discs 0 saves"] = -figures["between discs 0 change"]
+    figures["interference most"] = max(figures["share of turn"], figures["overlap, beyond 0.3 arcmin"]) - base
+    return figures
+
+
+SOURCES: Mapping[str, Callable[[], Figures]] = {
+    one.__name__: cache(one) for one in (closed_form, references, readings, front, assumptions, by_definition)
+}
+
+
+SLOW = ("by_definition",)
+"""Sources that take a minute."""
+
+
+def rewritten(text: str, sources: Mapping[str, Callable[[], Figures]] = SOURCES) -> str:
+    """A page with the figures of its sources; marks of other sources stay as they are."""
+
+    def figure(found: re.Match[str]) -> str:
+        if found["source"] not in sources:
+            return found[0]
+        value, written = sources[found["source"]]()[found["name"]], found["figure"]
+        decimals = len(written.partition(".")[2])
+        if abs(value - float(written)) < 10.0**-decimals:
+            return found[0]
+        sign = "+" if written[0] == "+" else ""
+        return f"{value:{sign}.{decimals}f}{found['unit']}{found['mark']}"
+
+    return MARK.sub(figure, text)
+
+
+def main() -> int:
+    """Write every page anew."""
+    for page in PAGES:
+        text = page.read_text("utf-8")
+        if (new := rewritten(text)) != text:
+            page.write_text(new, "utf-8")
+            print(f"{page.relative_to(ROOT)} has new figures")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
