@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import copy
 import json
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+import pandas as pd
 
 from .. import tables
 from ..csv_text import read_own_csv
@@ -20,6 +22,7 @@ from ..problems.tolerance_problem import ToleranceProblem
 from ..problems.with_promise import WithPromise
 from ..units import split_unit
 from ..workflows.promise.review import review
+from .cost_rows import number_in
 from .measured_files import MeasuredFile, opened_parts, together
 from .measured_variables import BOUNDS
 from .reader import read_table
@@ -58,7 +61,7 @@ def reopened(run: Path, parts: Sequence[Path], since: Sequence[Path], options: t
     every fault. A directory among them is the result of `tolevo gap` on the units themselves.
     """
     faults: list[Fault] = []
-    table, design = _run(run, faults)
+    table, allocated = _run(run, faults)
     units = [path for path in parts if path.is_dir()]
     files = [path for path in parts if not path.is_dir()]
     attributed = "; ".join(_attributed(path, faults) for path in units)
@@ -70,6 +73,7 @@ def reopened(run: Path, parts: Sequence[Path], since: Sequence[Path], options: t
     before = _problem(table, faults)
     if before is None:
         raise InputError(faults)
+    design = _design(before, allocated)
     owners = _owners(table, before, design)
     now = _anew(table, owners, _opened(files, options, faults), faults)
     earlier = _anew(table, owners, _opened(since, options, faults), faults) if since else None
@@ -100,8 +104,8 @@ def reviewed(run: Path, parts: Sequence[Path], since: Sequence[Path], options: t
     return "\n".join([*result.lines, "", table])
 
 
-def _run(run: Path, faults: list[Fault]) -> tuple[Table | None, dict[str, float]]:
-    """The resolved tables of a run and the rounded design of its first choice."""
+def _run(run: Path, faults: list[Fault]) -> tuple[Table | None, dict[str, Any]]:
+    """The resolved tables of a run and the rounded design of its first choice, as the files have it."""
     table = load(run / "config.toml", faults)
     try:
         allocation = read_own_csv(run / "allocation.csv")
@@ -116,7 +120,19 @@ def _run(run: Path, faults: list[Fault]) -> tuple[Table | None, dict[str, float]
     chosen = allocation[allocation["point"] == point]
     searched = front.iloc[point].to_dict() if point < len(front) else {}
     rounded = zip(chosen["variable"], chosen["rounded"], strict=True)
-    return table, {str(name): value for name, value in (*searched.items(), *rounded) if isinstance(value, (int, float))}
+    return table, {str(name): value for name, value in (*searched.items(), *rounded) if not pd.isna(value)}
+
+
+def _design(problem: ToleranceProblem, allocated: Mapping[str, Any]) -> dict[str, float]:
+    """A design by variable, a process or grade as the place of its name among the choices."""
+    design = {}
+    for variable in problem.variables:
+        value, labels = allocated.get(variable.name), list(map(str, variable.labels))
+        if str(value) in labels:
+            design[variable.name] = float(labels.index(str(value)))
+        elif (number := number_in(str(value))) == number:
+            design[variable.name] = number
+    return design
 
 
 def _with_promise(table: Table, faults: list[Fault]) -> None:
