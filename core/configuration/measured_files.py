@@ -15,7 +15,7 @@ from .cost_rows import Filled, Raw
 
 SUFFIXES = (".dfq", ".dfd")
 OPTIONS = ("encoding", "delimiter", "decimal")
-REVISED = {"nominal": "nominal sizes", "made_to": "limits", "unit": "units"}
+REVISED = {"nominal": "nominal sizes", "made_to": "limits", "lower": "limits", "upper": "limits", "unit": "units"}
 """What files of one characteristic must have in common."""
 
 
@@ -33,7 +33,7 @@ def fill_measured(table: Raw, folder: Path, faults: list[Fault]) -> None:
     """Put the values of every file of measured parts in its place; faults are added to `faults`.
 
     Lots, nominal and half the distance of the limits (`made_to`) of a Q-DAS file are taken over
-    where the configuration does not state them.
+    where the configuration does not state them, and the limit where only one is none of nature.
     """
     for owner_place, owner in _owners(table):
         measured = owner.get("measured")
@@ -164,9 +164,12 @@ def _values(characteristic: tables.Characteristic) -> Raw:
         values["unit"] = characteristic.unit
     if characteristic.nominal is not None:
         values["nominal"] = characteristic.nominal
-    if characteristic.lower is not None and characteristic.upper is not None:
+    ends = {"lower": characteristic.lower, "upper": characteristic.upper}
+    natural = [side for side, key in (("lower", "K2120"), ("upper", "K2121")) if characteristic.keys.get(key) == "2"]
+    limits = {side: end for side, end in ends.items() if end is not None and side not in natural}
+    if characteristic.lower is not None and characteristic.upper is not None and limits:
         values["made_to"] = 0.5 * (characteristic.upper - characteristic.lower)
-    return values
+    return values | (limits if len(limits) == 1 else {})
 
 
 def _chosen(place: str, wanted: Any, names: dict[str, str], labels: list[str]) -> str:

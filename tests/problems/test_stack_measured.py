@@ -205,3 +205,52 @@ def test_departures_of_the_sample_are_warned_of(tmp_path: Path) -> None:
     drifting = (VALUES + np.linspace(0.0, 20.0, 25)).round(3).tolist()
     problem = built(tmp_path, f"values = {drifting}\nmade_to = 25.0")
     assert any("part ring, measured: drifts by" in text for text in problem.warnings())
+
+
+CASE = Path(__file__).parents[1] / "cases" / "natural_limit"
+LINES = (CASE / "coax.dfq").read_text(encoding="utf-8").splitlines()
+COAXIALITY = [float(line.split("\x14")[0]) for line in LINES if line[0] != "K"]
+
+
+@pytest.mark.parametrize(
+    "way", ["natural", "absent", "none", "geometry", "upper", "mirrored"])  # fmt: skip
+def test_a_characteristic_with_one_limit_has_no_cp(way: str, tmp_path: Path) -> None:
+    """Cpk is (0.02 - mean)/(3 s) = 2.37; the yield is that of the sample's mean, which no Cp moves."""
+    toml = (CASE / "one_sided.toml").read_text(encoding="utf-8")
+    dfq, side = (CASE / "coax.dfq").read_text(encoding="utf-8"), 1.0
+    if way == "absent":
+        dfq = dfq.replace("K2110/1 0\n", "").replace("K2120/1 2\n", "")
+    if way == "none":
+        dfq = dfq.replace("K2120/1 2", "K2120/1 0")
+    if way == "mirrored":
+        side, values = -1.0, "\n".join(f"{-value:.6f}" for value in COAXIALITY)
+        dfq = "\n".join([*(line for line in LINES if line[0] == "K"), values])
+        dfq = dfq.replace("K2110/1 0\nK2111/1 0.02\nK2120/1 2\nK2121/1 1", "K2110 -0.02\nK2111 0\nK2120 1\nK2121 2")
+        toml = toml.replace("+0.02/0", "0/-0.02").replace("sensitivity = -1.0", "sensitivity = 1.0")
+    if way in ("geometry", "upper"):
+        toml = toml.replace('file = "coax.dfq"\ncharacteristic = "Coaxiality"', f"values = {COAXIALITY}")
+    if way == "upper":
+        toml = toml.replace('geometry = "concentricity"\n', "").replace("values", "upper = 0.02\nvalues")
+    else:
+        toml = toml if way == "geometry" else toml.replace('geometry = "concentricity"\n', "")
+    (tmp_path / "coax.dfq").write_text(dfq, encoding="utf-8")
+    (tmp_path / "one.toml").write_text(toml, encoding="utf-8")
+    done = CliRunner().invoke(app, ["run", str(tmp_path / "one.toml"), "--out", str(tmp_path / "o"), "--quiet"])
+    assert done.exit_code == 0, done.output
+    mean, std = np.mean(COAXIALITY), np.std(COAXIALITY, ddof=1)
+    table = pd.read_csv(tmp_path / "o" / "capability.csv")
+    assert table["index"].tolist() == ["Cpk"]
+    assert table["value"][0] == pytest.approx((0.02 - mean) / (3.0 * std), rel=1e-9)
+    assert table["mean"][0] == pytest.approx(side * mean, rel=1e-9)
+    sigma = np.hypot(0.08 / 3.0, std)
+    expected = norm.cdf(0.2, 0.12 - mean, sigma) - norm.cdf(0.0, 0.12 - mean, sigma)
+    front = pd.read_csv(tmp_path / "o" / "front.csv")
+    assert front["yield_percent"][0] == pytest.approx(100.0 * expected, abs=1e-6)
+    drawing = pd.read_csv(tmp_path / "o" / "allocation.csv").set_index("variable").loc["concentricity_t"]
+    assert drawing["cpk_wanted"] == pytest.approx((0.02 - mean) / (3.0 * std), rel=1e-4)
+    assert "mid-limit" not in drawing["inspection"]
+    again = tmp_path / "o" / "config.toml"
+    assert read(again).problem.definition.parts[1].sample.one_sided
+    again.write_text(again.read_text(encoding="utf-8").replace('"as_found"', '"corrected"'), encoding="utf-8")
+    with pytest.raises(InputError, match="a characteristic with one limit has no mid-limit"):
+        read(again)
