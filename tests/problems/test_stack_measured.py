@@ -250,7 +250,8 @@ def test_a_characteristic_with_one_limit_has_no_cp(way: str, tmp_path: Path) -> 
     assert drawing["cpk_wanted"] == pytest.approx((0.02 - mean) / (3.0 * std), rel=1e-4)
     assert "mid-limit" not in drawing["inspection"]
     again = tmp_path / "o" / "config.toml"
-    assert read(again).problem.definition.parts[1].sample.one_sided
+    problem: Any = read(again).problem
+    assert problem.definition.parts[1].sample.one_sided
     again.write_text(again.read_text(encoding="utf-8").replace('"as_found"', '"corrected"'), encoding="utf-8")
     with pytest.raises(InputError, match="a characteristic with one limit has no mid-limit"):
         read(again)

@@ -24,7 +24,7 @@ def table_of_aqdef(path: Path, place: str, options: ReadOptions) -> tuple[Table 
     measured, faults = characteristics(path, place, options.encoding)
     if not measured:
         return None, faults
-    names = _names(measured)
+    names = names_of_characteristics(measured)
     rows = max(len(characteristic.values) for characteristic in measured)
     if not rows:
         faults.append(Fault(place, "holds no values"))
@@ -45,7 +45,7 @@ def table_of_aqdef(path: Path, place: str, options: ReadOptions) -> tuple[Table 
     return Table(cells, Dialect("aqdef", header=0), units, notes, tuple(names), headers), faults
 
 
-def _names(measured: list[Characteristic]) -> list[str]:
+def names_of_characteristics(measured: list[Characteristic]) -> list[str]:
     """A name for each characteristic, as short as it is the only one."""
     forms = [
         (c.label, f"{c.part} {c.label}", f"{c.part} {c.label} {c.number}", f"{c.part} {c.label} #{at}")

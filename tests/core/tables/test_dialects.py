@@ -108,7 +108,7 @@ def test_a_dialect_is_read_right(tmp_path: Path, name: str) -> None:
 
 
 ASKED: dict[str, tuple[bytes, str]] = {
-    "three decimals, comma": (b"Teil;Laenge\n1;1,234\n2;1,235\n", "--decimal"),
+    "three decimals, comma": (b"Teil\tLaenge\n1\t1,234\n2\t1,235\n", "--decimal"),
     "three decimals, point": (b"Teil;Laenge\n1;1.234\n2;1.235\n", "--decimal"),
     "three decimals, tab": (b"Teil\tLaenge\n1\t12.234\n2\t1.235\n", "--decimal"),
     "one column": (b"Laenge\n1.234\n1.235\n", "--decimal"),
