@@ -16,7 +16,7 @@ import pandas as pd
 from .. import tables
 from ..errors import Fault, InputError, nearest, raise_all, refuse
 from .cost_files import fill_costs, tables_in
-from .cost_rows import Filled, Raw, options_in
+from .cost_rows import Filled, Raw, number_in, options_in
 
 SUFFIXES = (".dfq", ".dfd")
 REVISED = {"nominal": "nominal sizes", "made_to": "limits", "lower": "limits", "upper": "limits", "unit": "units"}
@@ -172,10 +172,10 @@ def _numbers(table: tables.Table, name: str, place: str) -> list[float]:
     """
     numbers, bad = [], {}
     for line, cell, value in zip(table.columns.lines, table.cells[name], table.frame[name], strict=True):
-        number = math.nan if value is None or value is pd.NA or isinstance(value, str) else float(value)
+        number = number_in(value) if isinstance(value, str) else math.nan if pd.isna(value) else float(value)
         if math.isfinite(number):
             numbers.append(number)
-        elif not tables.is_missing("" if cell is None or cell is pd.NA or cell != cell else str(cell).strip()):
+        elif not (pd.isna(cell) or tables.is_missing(str(cell).strip())):
             bad[line] = f'must be a finite number, or empty where there is none, got "{cell}"'
     raise_all(tables.cell_faults(place, table.headers.get(name, name), bad))
     return numbers

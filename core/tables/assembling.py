@@ -76,8 +76,10 @@ def _proofs(cells_of: dict[str, Any]) -> tuple[dict[str, Evidence], dict[str, ND
 
 def _canonical_cells(cells: Any, proof: Evidence, sign: str | None) -> Any:
     """The cells of a column with numbers in plain notation."""
-    plain = sign is None or not (sign == "," or proof.group or proof.comma)
-    return cells if plain or not isinstance(cells, list) else canonical(cells, sign or ".")
+    if sign is None or not isinstance(cells, list):
+        return cells
+    plain = not (sign == "," or proof.group or proof.comma or any("−" in cell for cell in cells))
+    return cells if plain else canonical(cells, sign or ".")
 
 
 def _table(

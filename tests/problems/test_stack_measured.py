@@ -255,3 +255,56 @@ def test_a_characteristic_with_one_limit_has_no_cp(way: str, tmp_path: Path) -> 
     again.write_text(again.read_text(encoding="utf-8").replace('"as_found"', '"corrected"'), encoding="utf-8")
     with pytest.raises(InputError, match="a characteristic with one limit has no mid-limit"):
         read(again)
+
+
+DAMAGED = ["12 um", "abc", "0x10", "-inf", "1e400", "1_000", "±0.1", "<0.5", "1.5*", "1.2.3", "2025-01-01", "1,5"]
+MISSING = ["", "-", "n.i.O.", "#N/A", "NaN"]
+
+
+@pytest.mark.parametrize("kind", ["csv", "xlsx", "parquet", "dfq"])
+@pytest.mark.parametrize("cell", [*DAMAGED, *MISSING])
+def test_no_value_of_a_sample_is_lost_without_a_word(kind: str, cell: str, tmp_path: Path) -> None:
+    """A cell that is no number is a fault at its row, or counted as missing (1,5 alone is a number)."""
+    cells: list[Any] = VALUES.tolist()
+    cells[6] = cell
+    path = tmp_path / f"ring.{kind}"
+    if kind == "csv":
+        path.write_text("id;ring [um]\n" + "".join(f"A{at};{value}\n" for at, value in enumerate(cells)), "utf-8")
+    elif kind == "dfq":
+        values = "".join(f"{value}\x140\n" for value in cells)
+        path.write_text(f"K1001 1\nK2002 ring [um]\nK2142 um\n{values}", encoding="utf-8")
+    elif kind == "xlsx":
+        pd.DataFrame({"id": "A", "ring [um]": cells}).to_excel(path, index=False)
+    else:
+        pd.DataFrame({"ring [um]": list(map(str, cells))}).to_parquet(path)
+    measured = f'file = "ring.{kind}"\ncharacteristic = "ring [um]"\nmade_to = 12.0\n'
+    number = cell == "1,5" and kind in ("dfq", "xlsx")
+    if not number and (cell in DAMAGED or (kind == "dfq" and cell)):
+        text = faults(tmp_path, measured)
+        assert any(words in text for words in (f'"{cell}"', "must be finite", "decimal commas in others"))
+        return
+    (tmp_path / "c.toml").write_text(STACK.format(measured=measured), encoding="utf-8")
+    done = CliRunner().invoke(app, ["check", str(tmp_path / "c.toml")])
+    assert f"{25 if number else 24} parts: mean" in done.output
+    assert number or f"ring.{kind}: 1 of 25 values of ring" in done.output
+
+
+def test_the_nominal_decides_on_decimals_and_keys_exist(tmp_path: Path) -> None:
+    """68,001 is 68.001 in a file with semicolons, or of a nominal of 68; else the key `decimal` decides."""
+    case = CASE.parent / "decimal"
+    problem: Any = read(case / "motor.toml").problem
+    shaft = next(part for part in problem.definition.parts if part.name == "shaft")
+    lines = (case / "welle.csv").read_text(encoding="utf-8").splitlines()[2:]
+    sizes = [float(line.split(";")[1].replace(",", ".")) for line in lines]
+    np.testing.assert_allclose(shaft.sample.deviations, np.array(sizes) - 68.0, atol=1e-12)
+    few = [size for size in sizes if f"{size:.3f}" == str(size)]
+    rows = "\n".join(f"{size:.3f}".replace(".", ",") for size in few)
+    (tmp_path / "ring.csv").write_text(f"ring [mm]\n{rows}", encoding="utf-8")
+    text = STACK.format(measured='file = "ring.csv"\nmade_to = 50.0').replace("{", "{{").replace("}", "}}")
+    text = text.replace("sensitivity = 1.0", "sensitivity = 1.0\nnominal = {}")
+    (tmp_path / "c.toml").write_text(text.format(68000.0), encoding="utf-8")
+    problem = read(tmp_path / "c.toml").problem
+    np.testing.assert_allclose(problem.definition.parts[0].sample.deviations, 1e3 * np.array(few) - 68e3, atol=1e-6)
+    (tmp_path / "c.toml").write_text(text.replace("nominal = {}", "").replace("{{", "{").replace("}}", "}"), "utf-8")
+    with pytest.raises(InputError, match=r'state decimal = "\." or decimal = ","'):
+        read(tmp_path / "c.toml")
