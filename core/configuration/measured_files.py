@@ -19,6 +19,8 @@ from .cost_files import fill_costs, tables_in
 from .cost_rows import Filled, Raw, number_in, options_in
 
 SUFFIXES = (".dfq", ".dfd")
+LISTED = 40
+"""Characteristics of a file that a fault lists."""
 REVISED = {"nominal": "nominal sizes", "made_to": "limits", "lower": "limits", "upper": "limits", "unit": "units"}
 """What files of one characteristic must have in common."""
 
@@ -182,7 +184,7 @@ def _numbers(table: tables.Table, name: str, place: str) -> list[float]:
 
 
 def _of_aqdef(path: Path, options: tables.ReadOptions) -> MeasuredFile:
-    read = tables.read_aqdef(path, options.encoding)
+    read = tables.read_aqdef(path, options.encoding, times=False)
     known = {name: c for name, c in zip(tables.names_of_characteristics(read), read, strict=True) if not c.attributive}
     keys = [(key, name) for name, c in known.items() for key in {c.number, c.name, c.label, name} if key]
     count = Counter(key for key, _ in keys)
@@ -217,11 +219,15 @@ def _chosen(place: str, wanted: Any, names: dict[str, str], labels: list[str]) -
     if wanted is None and len(labels) == 1:
         return labels[0]
     if not labels:
-        raise refuse(place, f"has no column of measured values; it has {', '.join(dict.fromkeys(names.values()))}")
+        raise refuse(place, f"has no column of measured values; it has {_listed(list(dict.fromkeys(names.values())))}")
     if wanted is None:
         text = f"has {len(labels)} characteristics: state which one is meant, characteristic = ..."
-        raise refuse(place, f"{text}; it has {', '.join(labels)}")
+        raise refuse(place, f"{text}; it has {_listed(labels)}")
     if str(wanted) not in names:
         text = f'has no characteristic "{wanted}"{nearest(str(wanted), names)}'
-        raise refuse(place, f"{text}; it has {', '.join(labels)}")
+        raise refuse(place, f"{text}; it has {_listed(labels)}")
     return names[str(wanted)]
+
+
+def _listed(labels: list[str]) -> str:
+    return ", ".join(labels[:LISTED]) + (f", ... ({len(labels)} in all)" if len(labels) > LISTED else "")

@@ -212,7 +212,8 @@ def _made_to(section: Section, stated_unit: str, unit: str, t: float | None, fol
     if "made_to" in section and not fixed:
         half_width = section.number("made_to", stated_unit, POSITIVE)
         return None if half_width is None else float(converted(half_width, stated_unit, unit))
-    if t is None and follows:
+    unread = "values" in section and section.take("values") is None  # its own fault is reported already
+    if t is None and follows and not unread:
         section.fault("made_to", NOT_FIXED if fixed else NOT_STATED)
     return t if follows else 0.0
 

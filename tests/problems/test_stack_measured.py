@@ -300,7 +300,7 @@ def test_the_nominal_decides_on_decimals_and_keys_exist(tmp_path: Path) -> None:
     few = [size for size in sizes if f"{size:.3f}" == str(size)]
     rows = "\n".join(f"{size:.3f}".replace(".", ",") for size in few)
     (tmp_path / "ring.csv").write_text(f"ring [mm]\n{rows}", encoding="utf-8")
-    text = STACK.format(measured='file = "ring.csv"\nmade_to = 50.0').replace("{", "{{").replace("}", "}}")
+    text = STACK.format(measured='file = "ring.csv"\nmade_to = "50 um"').replace("{", "{{").replace("}", "}}")
     text = text.replace("sensitivity = 1.0", "sensitivity = 1.0\nnominal = {}")
     (tmp_path / "c.toml").write_text(text.format(68000.0), encoding="utf-8")
     problem = read(tmp_path / "c.toml").problem

@@ -19,9 +19,10 @@ def table_of_aqdef(path: Path, place: str, options: ReadOptions) -> tuple[Table 
 
     Values that are not valid are empty cells. A column is named after its characteristic; where two
     have the same name after its part as well, and in one part after its number, or else its
-    place in the file. `time` and `batch` are those of the first characteristic.
+    place in the file. `time` and `batch` are those of the first characteristic; times that cannot be
+    read are left out with a note.
     """
-    measured, faults = characteristics(path, place, options.encoding)
+    measured, faults, of_times = characteristics(path, place, options.encoding)
     if not measured:
         return None, faults
     names = names_of_characteristics(measured)
@@ -31,12 +32,13 @@ def table_of_aqdef(path: Path, place: str, options: ReadOptions) -> tuple[Table 
     named = dict(zip(names, measured, strict=True))
     columns = {name: _padded(characteristic.values, rows) for name, characteristic in named.items()}
     first = measured[0]
-    extra = {"time": [t.isoformat(" ") if t else "" for t in first.times], "batch": first.batches}
+    times = [] if of_times else [t.isoformat(" ") if t else "" for t in first.times]
+    extra = {"time": times, "batch": first.batches}
     for name, texts in extra.items():
         if any(texts) and name not in columns:
             columns[name] = [*texts, *[""] * (rows - len(texts))]
     units = {name: unit for name, characteristic in named.items() if (unit := known_unit(characteristic.unit))}
-    notes = tuple(
+    notes = tuple(f"times are not used: {fault}" for fault in of_times[:1]) + tuple(
         f"{name}: {sum(v is None for v in characteristic.values)} values are missing or not valid"
         for name, characteristic in zip(names, measured, strict=True)
         if None in characteristic.values
