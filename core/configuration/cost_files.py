@@ -127,7 +127,7 @@ def _fill_part(filled: Filled, part: Raw, at: int, prices: Prices, faults: list[
     """Prices of one part: of its processes and machines, by grade, or as a table of t."""
     owners = {owner.get("name"): owner for key in ("process", "machine") for _, owner in tables_in(part, key)}
     machines = {machine.get("name") for _, machine in tables_in(part, "machine")}
-    name, unit = str(part.get("name", at)), _unit_of(filled.table, part)
+    name, unit = str(part.get("name", at)), unit_of(filled.table, part)
     for process, rows in _grouped(prices.rows, "process").items():
         of_owner = replace(prices, rows=rows)
         if process is None:
@@ -142,7 +142,8 @@ def _fill_part(filled: Filled, part: Raw, at: int, prices: Prices, faults: list[
             _fill_table(filled, owners[process], place, f"{name}, {process}", of_owner, faults, unit)
 
 
-def _unit_of(table: Raw, part: Raw) -> str:
+def unit_of(table: Raw, part: Raw) -> str:
+    """The unit of a part: its own, or that of the first requirement."""
     unit = part.get("unit")
     required = table.get("requirement")
     if unit is None and isinstance(required, list):

@@ -15,7 +15,8 @@ import pandas as pd
 
 from .. import tables
 from ..errors import Fault, InputError, nearest, raise_all, refuse
-from .cost_files import fill_costs, tables_in
+from ..units import to_unit
+from .cost_files import fill_costs, tables_in, unit_of
 from .cost_rows import Filled, Raw, number_in, options_in
 
 SUFFIXES = (".dfq", ".dfd")
@@ -47,10 +48,7 @@ def fill_measured(filled: Filled, folder: Path, faults: list[Fault]) -> None:
             place = f"{owner_place}.measured.file"
             names = measured.pop("file")
             names = [names] if isinstance(names, str) else names
-            nominal, unit = measured.get("nominal", part.get("nominal")), measured.get("unit", part.get("unit"))
-            known = isinstance(nominal, int | float)
-            sizes = {"": (float(nominal), unit if isinstance(unit, str) else "")} if known else {}
-            options = options_in(measured, sizes)
+            options = options_in(measured, _sizes(measured, part, unit_of(filled.table, part)))
             if not (isinstance(names, list) and names and all(isinstance(name, str) for name in names)):
                 faults.append(Fault(place, f"must be the name of a file, or a list of them, got {names}"))
                 continue
@@ -66,6 +64,17 @@ def fill_measured(filled: Filled, folder: Path, faults: list[Fault]) -> None:
                 measured["values"] = None  # no further faults are reported for them
                 continue
             owner["measured"] = sample | measured
+
+
+def _sizes(measured: Raw, part: Raw, unit: str) -> dict[str, tuple[float, str]]:
+    """The nominal size of measured parts with its unit; empty where none is stated."""
+    nominal: Any = measured.get("nominal", part.get("nominal"))
+    if "nominal" in measured and isinstance(measured.get("unit"), str):
+        unit = measured["unit"]
+    try:
+        return {"": (to_unit(nominal, unit) if isinstance(nominal, str) else float(nominal), unit)}
+    except (TypeError, ValueError):
+        return {}
 
 
 def _owners(table: Raw) -> Iterator[tuple[str, Raw, Raw]]:

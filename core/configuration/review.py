@@ -78,7 +78,8 @@ def reopened(run: Path, parts: Sequence[Path], since: Sequence[Path], options: t
     design = _design(before, allocated)
     owners = _owners(table, before, design)
     sizes = {label: (size, owner.unit) for owner in owners if (size := owner.nominal) for label in owner.names}
-    options, notes = replace(options, sizes=sizes), []
+    options = replace(options, sizes=sizes)
+    notes: list[str] = []
     now = _anew(table, owners, _opened(files, options, faults), faults, notes)
     earlier = _anew(table, owners, _opened(since, options, faults), faults, notes) if since else None
     raise_all(faults)

@@ -172,5 +172,6 @@ def test_a_large_workbook_is_refused_before_it_is_opened(tmp_path: Path) -> None
 def test_a_log_with_zones_and_numbered_columns_is_analysed() -> None:
     case = Path(__file__).parents[2] / "cases" / "times"
     found = tolevo.gap(case / "log.toml", case / "log.csv")
+    assert found.record is not None
     assert found.record.verdict == "no_gap"
     assert [axis.name for axis in found.record.outputs] == ["pos (1)"]
