@@ -149,7 +149,7 @@ def search(
     if start is not None:
         from .workflows.evaluate import designs_in
 
-        designs = designs_in(problem, *readable(start, tables.ReadOptions()))
+        designs = designs_in(problem, *readable(start, tables.NO_OPTIONS))
     return Search(problem, configuration.algorithm, configuration.seed, configuration.engine, designs)
 
 

@@ -38,6 +38,11 @@ _OURS: Mapping[str, str] = {
     '"': "arcsec",
     "″": "arcsec",
     "‰": "permille",
+    "MM": "mm",  # as measuring machines write it; a molar is no unit of theirs
+    "µM": "um",
+    "UM": "um",
+    "INCH": "inch",
+    "DEG": "degree",
     "mil": "thou",
     "mils": "thou",
     "rev": "turn",

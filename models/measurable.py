@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
@@ -18,6 +19,32 @@ from ..section import Section
 from .gear import Gear
 from .inputs.distribution import Distribution
 from .sources import Sources
+
+
+def ranks_of_units(table: Mapping[str, NDArray[Any]]) -> NDArray[np.int64]:
+    """Rank (n,) of each row of a table by the number of its unit, from 0: what is drawn for a unit
+    follows its number, in whatever order the rows stand.
+
+    Labels are ordered by the numbers in them (B2 before B10); where lots number their units anew, lot
+    by lot. Rows of one label keep their order.
+    """
+    keys = [_ordered(table[name]) for name in ("unit", "lot") if name in table]
+    if len(keys) == 2 and len(np.unique(keys[0])) == len(keys[0]):
+        keys = keys[:1]
+    ranks = np.empty(len(keys[0]) if keys else 0, dtype=np.int64)
+    ranks[np.lexsort(keys)] = np.arange(len(ranks))
+    return ranks
+
+
+def _ordered(labels: NDArray[Any]) -> NDArray[Any]:
+    """Numbers (n,) in the order of labels."""
+    if labels.dtype.kind in "fiu":
+        return labels
+    names, inverse = np.unique(labels.astype(str), return_inverse=True)
+    padded = [re.sub(r"\d+", lambda digits: digits[0].zfill(20), name) for name in names.tolist()]
+    order = np.empty(len(names), dtype=np.int64)
+    order[np.argsort(padded, kind="stable")] = np.arange(len(names))
+    return np.asarray(order[inverse.ravel()])
 
 
 class Role(StrEnum):

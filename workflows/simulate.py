@@ -14,7 +14,7 @@ from .. import tables
 from ..errors import Fault, raise_all
 from ..models.effects.compose import Active, predicted
 from ..models.effects.measurements import target_of
-from ..models.measurable import MeasurableModel
+from ..models.measurable import MeasurableModel, ranks_of_units
 from ..models.table import MeasuredTable
 from .blocks import Computed, FrameRows, Rows
 
@@ -40,17 +40,33 @@ class Simulation:
     def __call__(self, columns: Mapping[str, NDArray[Any]], number: int) -> pd.DataFrame:
         """The inputs of a grain of rows, followed by the predicted outputs."""
         table = dict(columns)
+        count = len(next(iter(table.values()), ()))
+        if self._apart(tuple(table)) and count > GRAIN:  # grains of units by their numbers, back in the order of rows
+            ranks = ranks_of_units(table)
+            order = np.argsort(ranks)
+            parts = [
+                self({name: values[order[start : start + GRAIN]] for name, values in table.items()}, start // GRAIN)
+                for start in range(0, count, GRAIN)
+            ]
+            return pd.concat(parts, ignore_index=True).iloc[ranks].reset_index(drop=True)
         rng = np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=(number,) if number else ()))
         return pd.DataFrame({**table, **predicted(self.model, self.name, table, self.effects, rng, self.zero)})
+
+    def _apart(self, columns: tuple[str, ...]) -> bool:
+        """Whether the rows of a table with these columns are predicted independently."""
+        return not self.effects and self.model.row_by_row(columns)
 
     def computed(self, rows: Rows, columns: Iterable[str], configuration: str = "") -> Computed:
         """The table of these rows, to be computed in blocks.
 
         Effects need a table as a whole (its order in time, its lots), and so do models several rows
-        of which are about one unit: such a table is one block.
+        of which are about one unit: such a table is one block, and so is one in memory whose units are
+        not in the order of their numbers.
         """
-        apart = not self.effects and self.model.row_by_row(tuple(columns))
-        grain = GRAIN if apart else max(rows.count, 1)
+        grain = GRAIN if self._apart(tuple(columns)) else max(rows.count, 1)
+        if grain < rows.count and isinstance(rows, FrameRows) and "unit" in rows.columns:
+            in_order = not np.any(np.diff(ranks_of_units(rows.columns)) < 0)
+            grain = grain if in_order else rows.count
         return Computed("simulate", self, configuration, rows, grain)
 
 

@@ -18,7 +18,7 @@ from ..errors import Fault, nearest
 from ..models.costs.extras import EXTRAS
 from ..models.iso286 import GRADES
 from ..units import converted, fits, split_unit
-from .cost_rows import Filled, Prices, Raw, number_in, read_prices
+from .cost_rows import OPTIONS, Filled, Prices, Raw, number_in, options_in, read_prices
 
 
 def fill_costs(filled: Filled, folder: Path, faults: list[Fault]) -> None:
@@ -27,8 +27,8 @@ def fill_costs(filled: Filled, folder: Path, faults: list[Fault]) -> None:
     costs = filled.table.get("costs")
     stack = filled.table.get("problem") == "stack"
     if isinstance(costs, dict) and "file" in costs:
-        name = costs.pop("file")
-        if (prices := read_prices(name, folder, "costs.file", filled, faults)) is not None:
+        name, options = costs.pop("file"), options_in(costs)
+        if (prices := read_prices(name, options, folder, "costs.file", filled, faults)) is not None:
             (_fill_parts if stack else _fill_variables)(filled, prices, faults)
     for at, part in tables_in(filled.table, "part"):
         part_costs = part.get("costs")
@@ -38,13 +38,14 @@ def fill_costs(filled: Filled, folder: Path, faults: list[Fault]) -> None:
         faults += [
             Fault(f"{place}.{key}", "is not a known key: costs of a part are a file")
             for key in part_costs
-            if key != "file"
+            if key not in ("file", *OPTIONS)
         ]
         del part["costs"]
         if "file" not in part_costs:
             faults.append(Fault(f"{place}.file", "is missing: name a table of costs"))
             continue
-        if (prices := read_prices(part_costs["file"], folder, f"{place}.file", filled, faults)) is not None:
+        options = options_in(part_costs)
+        if (prices := read_prices(part_costs["file"], options, folder, f"{place}.file", filled, faults)) is not None:
             part_rows = [row for row in prices.rows if row.get("part") in (None, part.get("name"))]
             _fill_part(filled, part, at, replace(prices, rows=part_rows), faults)
     if isinstance(costs, dict) and stack and not costs:
@@ -126,7 +127,7 @@ def _fill_part(filled: Filled, part: Raw, at: int, prices: Prices, faults: list[
     """Prices of one part: of its processes and machines, by grade, or as a table of t."""
     owners = {owner.get("name"): owner for key in ("process", "machine") for _, owner in tables_in(part, key)}
     machines = {machine.get("name") for _, machine in tables_in(part, "machine")}
-    name, unit = str(part.get("name", at)), _unit_of(filled.table, part)
+    name, unit = str(part.get("name", at)), unit_of(filled.table, part)
     for process, rows in _grouped(prices.rows, "process").items():
         of_owner = replace(prices, rows=rows)
         if process is None:
@@ -141,7 +142,8 @@ def _fill_part(filled: Filled, part: Raw, at: int, prices: Prices, faults: list[
             _fill_table(filled, owners[process], place, f"{name}, {process}", of_owner, faults, unit)
 
 
-def _unit_of(table: Raw, part: Raw) -> str:
+def unit_of(table: Raw, part: Raw) -> str:
+    """The unit of a part: its own, or that of the first requirement."""
     unit = part.get("unit")
     required = table.get("requirement")
     if unit is None and isinstance(required, list):

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,8 @@ from ..errors import Fault, InputError, nearest
 
 COLUMNS = ("variable", "part", "process", "t", "grade", "cost")
 _HEADER = re.compile(r"^\s*(\w+?)\s*(?:\[([^\]]*)\]|\(([^)]*)\))?\s*$")
+OPTIONS = ("encoding", "delimiter", "decimal")
+"""Keys of a table that names a file: what is not to be detected of it."""
 Raw = dict[str, Any]
 
 
@@ -40,13 +43,22 @@ class Filled:
     notes: list[str] = field(default_factory=list)
 
 
-def read_prices(name: Any, folder: Path, place: str, filled: Filled, faults: list[Fault]) -> Prices | None:
+def options_in(table: Raw, sizes: Mapping[str, tuple[float, str]] | None = None) -> tables.ReadOptions:
+    """Encoding, delimiter and decimal sign that a table states for its file; they are taken from it."""
+    stated = {key: table.pop(key, None) for key in OPTIONS}
+    texts = {key: value if value is None else str(value) for key, value in stated.items()}
+    return tables.ReadOptions(**texts, where=tables.KEYS, sizes=sizes or {})
+
+
+def read_prices(
+    name: Any, options: tables.ReadOptions, folder: Path, place: str, filled: Filled, faults: list[Fault]
+) -> Prices | None:
     """The rows of a file; None, and every fault in `faults`, where it cannot be used."""
     if not isinstance(name, str):
         faults.append(Fault(place, f"must be the name of a file, got {name}"))
         return None
     try:
-        cost_table = tables.opened_whole(folder / name, name)
+        cost_table = tables.opened_whole(folder / name, name, options)
     except InputError as error:
         faults += [Fault(place, f"{fault.place} {fault.message}".strip()) for fault in error.faults]
         return None
@@ -65,6 +77,7 @@ def read_prices(name: Any, folder: Path, place: str, filled: Filled, faults: lis
     if form_faults:
         faults += form_faults
         return None
+    notes += [note for note in cost_table.notes if "hold no number" not in note]
     filled.notes += [f"{name}: {note}" for note in notes]
     cells = cost_table.cells[list(columns)].rename(columns=columns)
     rows, wrong = _rows(cells, name)
@@ -123,6 +136,9 @@ def _rows(cells: pd.DataFrame, name: str) -> tuple[list[dict[str, Any]], list[st
                 messages.append(f'{column} must be a number {least}, got "{text}"')
         if "cost" not in row and not messages:
             messages.append("cost is empty")
+        if "t" in row and "grade" in row:
+            text = f"has t ({row['t']:g}) and a grade ({row['grade']}): what the cost is for; keep only one of them"
+            messages.append(text)
         wrong += [f"{name}, line {line}: {message}" for message in messages]
         rows.append(row)
     return rows, wrong
@@ -131,6 +147,6 @@ def _rows(cells: pd.DataFrame, name: str) -> tuple[list[dict[str, Any]], list[st
 def number_in(text: str) -> float:
     """The number that a cell states, NaN where it states none."""
     try:
-        return float(text)
+        return math.nan if "_" in text else float(text)
     except ValueError:
         return math.nan

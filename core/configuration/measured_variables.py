@@ -30,6 +30,11 @@ def read_measured(section: Section, variable: Variable, mid: float | None, t: fl
     stated = [key for key in (BOUNDS if deviates else keys()) if key in section]
     for key in stated:
         section.fault(key, "is stated in addition to measured, from which it follows: keep only one of them")
+    if mid is None and (single := [key for key in ("lower", "upper") if key in section.section("measured")]):
+        text = f"has one limit ({single[0]}), and errors of {variable.name} count as centred between two"
+        section.fault("measured.file", f"{text}: state a distribution of them instead")
+        section.accept(("measured",))
+        return None
     sample = read_sample(section, variable.unit, None, mid or 0.0, t, follows=not deviates)
     if sample is None or stated:
         return None

@@ -154,7 +154,7 @@ def _of_file(section: Section, key: str, path: Path, source: str) -> Nested | No
         section.fault(key, f"{source} does not exist")
         return None
     try:
-        frame = tables.opened_whole(path, source).frame
+        frame = tables.opened_whole(path, source, tables.NO_OPTIONS).frame
         rms, cost = (frame[name].to_numpy(dtype=float).tolist() for name in POINTS)
     except (InputError, KeyError, ValueError) as error:
         section.fault(key, f"{source} must have numbers in the columns rms_arcmin and cost: {error}")

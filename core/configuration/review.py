@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import copy
 import json
-from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
+
+import pandas as pd
 
 from .. import tables
 from ..csv_text import read_own_csv
@@ -20,6 +22,7 @@ from ..problems.tolerance_problem import ToleranceProblem
 from ..problems.with_promise import WithPromise
 from ..units import split_unit
 from ..workflows.promise.review import review
+from .cost_rows import number_in
 from .measured_files import MeasuredFile, opened_parts, together
 from .measured_variables import BOUNDS
 from .reader import read_table
@@ -40,7 +43,8 @@ class Reopened:
     `now` takes the means of the parts as they were measured, `reset` as the run's configuration
     does; `reset` is None where no allocation keeps the promise then. `since` uses earlier parts,
     where there are any. `measured_parts` are the parts with new values, `earlier` those with values
-    among the earlier ones. `attributed` is the result of a gap analysis of the units themselves.
+    among the earlier ones. `attributed` is the result of a gap analysis of the units themselves,
+    `notes` say what of the files was left out.
     """
 
     before: ToleranceProblem
@@ -51,6 +55,7 @@ class Reopened:
     since: ToleranceProblem | None = None
     attributed: str = ""
     earlier: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
 
 def reopened(run: Path, parts: Sequence[Path], since: Sequence[Path], options: tables.ReadOptions) -> Reopened:
@@ -58,7 +63,7 @@ def reopened(run: Path, parts: Sequence[Path], since: Sequence[Path], options: t
     every fault. A directory among them is the result of `tolevo gap` on the units themselves.
     """
     faults: list[Fault] = []
-    table, design = _run(run, faults)
+    table, allocated = _run(run, faults)
     units = [path for path in parts if path.is_dir()]
     files = [path for path in parts if not path.is_dir()]
     attributed = "; ".join(_attributed(path, faults) for path in units)
@@ -70,9 +75,13 @@ def reopened(run: Path, parts: Sequence[Path], since: Sequence[Path], options: t
     before = _problem(table, faults)
     if before is None:
         raise InputError(faults)
+    design = _design(before, allocated)
     owners = _owners(table, before, design)
-    now = _anew(table, owners, _opened(files, options, faults), faults)
-    earlier = _anew(table, owners, _opened(since, options, faults), faults) if since else None
+    sizes = {label: (size, owner.unit) for owner in owners if (size := owner.nominal) for label in owner.names}
+    options = replace(options, sizes=sizes)
+    notes: list[str] = []
+    now = _anew(table, owners, _opened(files, options, faults), faults, notes)
+    earlier = _anew(table, owners, _opened(since, options, faults), faults, notes) if since else None
     raise_all(faults)
     shifting = {owner.name for owner in owners if owner.shifts}
     anew = [_with_sample_means(now[0], shifting), now[0]]
@@ -83,7 +92,8 @@ def reopened(run: Path, parts: Sequence[Path], since: Sequence[Path], options: t
     assert problems[1] is not None
     reset = None if Checks.of(problems[1]).out_of_reach() else problems[1]
     since_problem, earlier_parts = (problems[2], earlier[1]) if earlier else (None, ())
-    return Reopened(before, design, problems[0], reset, now[1], since_problem, attributed, earlier_parts)
+    notes = list(dict.fromkeys(notes))
+    return Reopened(before, design, problems[0], reset, now[1], since_problem, attributed, earlier_parts, tuple(notes))
 
 
 def reviewed(run: Path, parts: Sequence[Path], since: Sequence[Path], options: tables.ReadOptions) -> str:
@@ -97,11 +107,11 @@ def reviewed(run: Path, parts: Sequence[Path], since: Sequence[Path], options: t
         opened.before, opened.design, opened.now, opened.reset, names, opened.since, opened.attributed, again
     )
     table = result.parts.dropna(axis="columns", how="all").to_string(index=False, float_format="%.4g", na_rep="-")
-    return "\n".join([*result.lines, "", table])
+    return "\n".join([*(f"note: {note}" for note in opened.notes), *result.lines, "", table])
 
 
-def _run(run: Path, faults: list[Fault]) -> tuple[Table | None, dict[str, float]]:
-    """The resolved tables of a run and the rounded design of its first choice."""
+def _run(run: Path, faults: list[Fault]) -> tuple[Table | None, dict[str, Any]]:
+    """The resolved tables of a run and the rounded design of its first choice, as the files have it."""
     table = load(run / "config.toml", faults)
     try:
         allocation = read_own_csv(run / "allocation.csv")
@@ -116,7 +126,19 @@ def _run(run: Path, faults: list[Fault]) -> tuple[Table | None, dict[str, float]
     chosen = allocation[allocation["point"] == point]
     searched = front.iloc[point].to_dict() if point < len(front) else {}
     rounded = zip(chosen["variable"], chosen["rounded"], strict=True)
-    return table, {str(name): value for name, value in (*searched.items(), *rounded) if isinstance(value, (int, float))}
+    return table, {str(name): value for name, value in (*searched.items(), *rounded) if not pd.isna(value)}
+
+
+def _design(problem: ToleranceProblem, allocated: Mapping[str, Any]) -> dict[str, float]:
+    """A design by variable, a process or grade as the place of its name among the choices."""
+    design = {}
+    for variable in problem.variables:
+        value, labels = allocated.get(variable.name), list(map(str, variable.labels))
+        if str(value) in labels:
+            design[variable.name] = float(labels.index(str(value)))
+        elif (number := number_in(str(value))) == number:
+            design[variable.name] = number
+    return design
 
 
 def _with_promise(table: Table, faults: list[Fault]) -> None:
@@ -157,6 +179,12 @@ class Owner:
     follows: bool = True
     shifts: bool = True
     chosen: bool = False
+
+    @property
+    def nominal(self) -> float:
+        """Its nominal size, 0 where none is stated."""
+        stated = self.table.get("nominal")
+        return float(stated) if isinstance(stated, int | float) else 0.0
 
     @property
     def names(self) -> set[str]:
@@ -210,10 +238,15 @@ def _opened(paths: Sequence[Path], options: tables.ReadOptions, faults: list[Fau
 
 
 def _anew(
-    table: Table, owners: Sequence[Owner], files: Sequence[MeasuredFile], faults: list[Fault]
+    table: Table, owners: Sequence[Owner], files: Sequence[MeasuredFile], faults: list[Fault], notes: list[str]
 ) -> tuple[Table, tuple[str, ...]]:
     """The tables with the values of the files in place of earlier ones, and whose are new."""
-    anew = {owner.name: measured for owner in owners if (measured := _measured(owner, files, faults)) is not None}
+    anew = {
+        owner.name: measured for owner in owners if (measured := _measured(owner, files, faults, notes)) is not None
+    }
+    for file in files:
+        if unused := [name for name in file.labels if not any(_means(file, owner, name) for owner in owners)]:
+            notes.append(f"{file.place}: not used: {', '.join(unused)}")
     if not anew and not faults:
         names = ", ".join(owner.name for owner in owners)
         text = "hold no characteristic of the run: name columns or characteristics like its parts"
@@ -226,14 +259,22 @@ def _anew(
     return reopened_table, tuple(anew)
 
 
-def _measured(owner: Owner, files: Sequence[MeasuredFile], faults: list[Fault]) -> Table | None:
+def _means(file: MeasuredFile, owner: Owner, name: str) -> bool:
+    """Whether a characteristic of a file is that of an owner."""
+    return any(label in owner.names for label, characteristic in file.names.items() if characteristic == name)
+
+
+def _measured(owner: Owner, files: Sequence[MeasuredFile], faults: list[Fault], notes: list[str]) -> Table | None:
     """The table of an owner with what the files hold of it; None where they hold nothing."""
     samples, names = [], []
     for file in files:
-        name = next((label for label in file.names if label in owner.names), None)
-        if name is not None:
-            samples.append(file.characteristic(name))
-            names.append(file.place)
+        for name in dict.fromkeys(name for name in file.names.values() if _means(file, owner, name)):
+            try:
+                samples.append(file.values(name))
+                names.append(file.place)
+            except InputError as error:
+                faults += error.faults
+    notes += [note for sample in samples for note in sample.pop("notes", ())]
     if not samples:
         return None
     place = f"PARTS ({owner.name})"

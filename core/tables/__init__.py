@@ -4,16 +4,19 @@ at all.
 The index of a table is the line number in its file (the row number in a Parquet file, from 1).
 """
 
-from .aqdef import Characteristic, read_aqdef
+from .aqdef import Characteristic, names_of_characteristics, read_aqdef
 from .assembling import SHOWN
+from .marks import is_missing
 from .naming import ColumnUse, Fitted, Tell, fitted, silent, without_unused
-from .options import AS_DETECTED, ReadOptions
+from .options import AS_DETECTED, KEYS, NO_OPTIONS, ReadOptions
 from .parsed import cell_faults, parsed, write
 from .reading import PARQUET, opened, opened_whole, read_table, table_of
 from .record import Dialect, Table
 
 __all__ = [
     "AS_DETECTED",
+    "KEYS",
+    "NO_OPTIONS",
     "PARQUET",
     "SHOWN",
     "Characteristic",
@@ -25,6 +28,8 @@ __all__ = [
     "Tell",
     "cell_faults",
     "fitted",
+    "is_missing",
+    "names_of_characteristics",
     "opened",
     "opened_whole",
     "parsed",

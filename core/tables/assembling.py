@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -11,6 +13,7 @@ from numpy.typing import NDArray
 
 from ..csv_text import original
 from ..errors import Fault
+from ..units import converted, fits
 from .bulk import Bulk, proven
 from .columns import Columns
 from .delimiter import Separator
@@ -47,7 +50,8 @@ def assembled(
     for name, cells in zip(header, columns, strict=True):
         cells_of.setdefault(name, cells)
     proofs, numbers = _proofs(cells_of)
-    signs, doubts = decide(proofs, options.decimal, dialect.delimiter if dialect.kind == "csv" else "", place)
+    delimiter = dialect.delimiter if dialect.kind == "csv" else ""
+    signs, doubts = decide(proofs, options.decimal, delimiter, place, partial(_near, options, _units(layout, header)))
     plain = {n: _canonical_cells(cells, proofs[n], signs.get(n)) for n, cells in cells_of.items()}
     return _table(layout, dialect, header, plain, proofs, signs, lines, numbers), faults + doubts
 
@@ -72,8 +76,10 @@ def _proofs(cells_of: dict[str, Any]) -> tuple[dict[str, Evidence], dict[str, ND
 
 def _canonical_cells(cells: Any, proof: Evidence, sign: str | None) -> Any:
     """The cells of a column with numbers in plain notation."""
-    plain = sign is None or not (sign == "," or proof.group or proof.comma)
-    return cells if plain or not isinstance(cells, list) else canonical(cells, sign or ".")
+    if sign is None or not isinstance(cells, list):
+        return cells
+    plain = not (sign == "," or proof.group or proof.comma or any("−" in cell for cell in cells))
+    return cells if plain else canonical(cells, sign or ".")
 
 
 def _table(
@@ -87,12 +93,7 @@ def _table(
     quick: dict[str, NDArray[Any]],
 ) -> Table:
     """The table with its names apart from their units."""
-    names = names_of(header)
-    units = {names[n]: unit for n in columns if (unit := split_header(n)[1]) and names[n] != n}
-    if layout.units is not None:
-        for name, cell in zip(header, layout.units[1], strict=False):
-            if cell and (unit := unit_of_cell(cell)):
-                units.setdefault(names[name], unit)
+    names, units = names_of(header), _units(layout, header)
     numeric = tuple(
         names[n] for n in columns if n in quick or (proofs[n].numeric and not any(map(is_label, columns[n])))
     )
@@ -113,6 +114,30 @@ def _table(
         notes += _missing_notes(name, cells_of[name], lines, values.get(name))
     headers = {names[n]: n for n in columns}
     return Table(Columns(cells_of, lines), complete, units, tuple(notes), numeric, headers, values)
+
+
+def _units(layout: Layout, header: list[str]) -> dict[str, str]:
+    """The units that names or a row of units state, by the name without them."""
+    names = names_of(header)
+    units = {names[n]: unit for n in header if (unit := split_header(n)[1]) and names[n] != n}
+    if layout.units is not None:
+        for name, cell in zip(header, layout.units[1], strict=False):
+            if cell and (unit := unit_of_cell(cell)):
+                units.setdefault(names[name], unit)
+    return units
+
+
+def _near(options: ReadOptions, units: Mapping[str, str], column: str, value: float) -> bool:
+    """Whether a value is between half and twice the nominal size of its column, where that is known."""
+    name = split_header(column)[0]
+    sizes = options.sizes
+    size = next((sizes[key] for key in (column, name, "") if key in sizes), None)
+    if size is None:
+        return False
+    nominal, unit, stated = *size, units.get(name) or units.get(column)
+    if stated and unit and fits(stated, unit):
+        value = float(converted(value, stated, unit))
+    return 0.5 <= value / nominal <= 2.0 if nominal else False
 
 
 def _squared(layout: Layout) -> tuple[list[str], list[Row]]:

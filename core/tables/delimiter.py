@@ -131,6 +131,8 @@ def _clean(sample: list[str], sign: str) -> float:
         return 0.0
     # Without names every row holds measurements, which is reported when the table is laid out.
     header = next((at for at in tops if not any(notation(cell) for cell in rows[at])), -1)
+    if sign == "," and header < 0 and sign not in sample[0] and not notation(sample[0].strip()):
+        return 0.0  # one column of decimal commas below its name
     below = rows[header + 1 :]
     whole = [row for row in below if len(row) == count or not any(row[count:])]
     if not below or len(whole) < STEADY * len(below):

@@ -10,7 +10,7 @@ from ..errors import Fault
 from .marks import is_date, is_missing, is_summary
 from .notation import notation
 from .signs import Exact
-from .unit_text import is_unit_cell
+from .unit_text import is_unit_cell, split_header
 
 Row = tuple[int, list[str]]
 """The number of a line, and its cells."""
@@ -126,6 +126,8 @@ def _rivals(rows: list[Row], names: list[int], at: int, numeric: list[int], plac
     above = [row for row in names if row < at and rows[row][0] == rows[at][0] - (at - row)]
     if not above or at - 1 not in above:
         return []
+    if any(split_header(name)[1] for name in rows[at][1]) and not any(split_header(n)[1] for n in rows[at - 1][1]):
+        return []  # "Teil;Welle" above "Nr.;Abstand [mm]": names have units
     line, upper = rows[at][0], rows[at - 1][0]
     text = (
         f"lines {upper} and {line} can both be the column names; leave an empty line above the "

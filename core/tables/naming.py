@@ -119,7 +119,8 @@ def _clock(cells: pd.Series[Any]) -> tuple[pd.Series[Any], list[str], list[str]]
         elapsed, start = seconds(texts)
     except ValueError as error:  # reported once, not for every row
         return pd.Series(np.arange(len(cells), dtype=float), index=cells.index), [], [str(error)]
-    return pd.Series(elapsed, index=cells.index), [f"seconds since {start:%Y-%m-%d %H:%M:%S}"], []
+    since = f"{start:%Y-%m-%d %H:%M:%S%z}" if start.year > 1900 else f"{start:%H:%M:%S%z}"
+    return pd.Series(elapsed, index=cells.index), [f"seconds since {since}"], []
 
 
 def without_unused(cells: pd.DataFrame, known: Sequence[str]) -> tuple[pd.DataFrame, list[str]]:

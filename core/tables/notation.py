@@ -13,6 +13,8 @@ _NUMBER = re.compile(
     r"(?:\d{1,3}(?:[ \u00a0\u202f\u2009'’]\d{3})+|[\d.,]*\d|\d+[.,])(?:[.,]\d+)?)"
     r"(?P<exponent>[eE][+\-−]?\d+)?"
 )
+LONGEST = 400
+"""Characters of a number at most: a double written out has 330."""
 _GROUPS = re.compile(r"[ \u00a0\u202f\u2009'’]")
 _GROUPED = {sign: re.compile(rf"[1-9]\d{{0,2}}(?:{re.escape(sign)}\d{{3}})+") for sign in (".", ",")}
 DECIMAL, THOUSANDS, EITHER = "decimal", "thousands", "either"
@@ -33,7 +35,7 @@ OTHER = {".": ",", ",": "."}
 
 def notation(cell: str) -> Notation | None:
     """How a cell writes a number; None where it is none in any notation."""
-    match = _NUMBER.fullmatch(cell)
+    match = _NUMBER.fullmatch(cell) if len(cell) <= LONGEST else None
     if match is None:
         return None
     mantissa = match["mantissa"]
@@ -77,7 +79,7 @@ def _single_sign(mantissa: str, sign: str, count: int) -> Notation | None:
 
 def canonical_number(cell: str, decimal: str) -> str | None:
     """The number in plain notation where `decimal` is its decimal sign; None where it is none."""
-    match = _NUMBER.fullmatch(cell)
+    match = _NUMBER.fullmatch(cell) if len(cell) <= LONGEST else None
     signs = notation(cell) if match else None
     if match is None or signs is None:
         return None

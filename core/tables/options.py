@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import codecs
-from dataclasses import dataclass
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 
 from ..errors import Fault
 
@@ -13,13 +15,37 @@ KNOWN = (",", ";", "\t", "|", " ")
 NAMES = {",": "comma", ";": "semicolon", "\t": "tab", "|": "pipe", " ": "space", "": "none"}
 
 
+OF_COMMANDS, KEYS, NONE = "options", "keys", "none"
+"""Where the user states encoding, delimiter and decimal sign: options of a command, keys of the table
+of a configuration that names the file, or nowhere, so that the file has to be written otherwise.
+"""
+_OPTION = re.compile(r"--(encoding|delimiter|decimal)(?: ([.,]))?")
+_REMEDY = re.compile(r"[:;,]? state (?:another )?--.*")
+
+
 @dataclass(frozen=True, slots=True)
 class ReadOptions:
-    """Encoding, delimiter and decimal sign of a text file; None where it is to be detected."""
+    """Encoding, delimiter and decimal sign of a text file; None where it is to be detected.
+
+    `sizes` are nominal sizes and their units by the name of a column, that of "" counts for every
+    column: where "68,001" can be 68.001 or 68001, the value near the nominal is meant.
+    """
 
     encoding: str | None = None
     delimiter: str | None = None
     decimal: str | None = None
+    where: str = OF_COMMANDS
+    sizes: Mapping[str, tuple[float, str]] = field(default_factory=dict)
+
+    def worded(self, fault: Fault) -> Fault:
+        """A fault with the options named as the user states them."""
+        if self.where == OF_COMMANDS:
+            return fault
+        message = fault.message
+        if self.where == NONE:
+            message = _REMEDY.sub("; save it in UTF-8 with semicolons between columns and decimal points", message)
+        message = _OPTION.sub(lambda match: match[1] + (f' = "{match[2]}"' if match[2] else ""), message)
+        return replace(fault, place=fault.place.removeprefix("--"), message=message)
 
     @property
     def separator(self) -> str | None:
@@ -41,6 +67,8 @@ class ReadOptions:
 
 
 AS_DETECTED = ReadOptions()
+NO_OPTIONS = ReadOptions(where=NONE)
+"""For a file of which nothing can be stated."""
 
 
 def _is_codec(name: str) -> bool:

@@ -50,6 +50,11 @@ def opened(path: Path, place: str, options: ReadOptions = AS_DETECTED) -> tuple[
     Rows of another length are then left out, and all but the first of columns with one name; None
     where not even the column names are known.
     """
+    table, faults = _opened(path, place, options)
+    return table, list(map(options.worded, faults))
+
+
+def _opened(path: Path, place: str, options: ReadOptions) -> tuple[Table | None, list[Fault]]:
     if faults := options.faults():
         return None, faults
     try:

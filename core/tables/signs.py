@@ -1,12 +1,14 @@
 """The decimal sign of every column of a file: what its numbers prove, and what must be stated.
 
-A column is read by its own evidence; a column without evidence is read by that of the file. Nothing
-is guessed: where numbers fit two interpretations, the fault names `--decimal`.
+A column is read by its own evidence; a column without evidence is read by that of the file: its other
+columns, or the delimiter (who separates columns by semicolons needs the comma for decimals). Where
+numbers fit two interpretations still, the one near the nominal size is meant; without a nominal the
+fault names `--decimal`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -96,15 +98,24 @@ def evidence(cells: Sequence[str]) -> Evidence:
 
 
 def decide(
-    columns: Mapping[str, Evidence], stated: str | None, delimiter: str, place: str
+    columns: Mapping[str, Evidence],
+    stated: str | None,
+    delimiter: str,
+    place: str,
+    near: Callable[[str, float], bool] = lambda _column, _value: False,
 ) -> tuple[dict[str, str], list[Fault]]:
-    """The decimal sign by column ("" where none is used), and what must be stated instead."""
+    """The decimal sign by column ("" where none is used), and what must be stated instead.
+
+    `near` says whether a value of a column is near its nominal size, where that is known.
+    """
     numeric = {name: proof for name, proof in columns.items() if proof.numeric}
     if stated is not None:
         return _signs_as_stated(numeric, stated, place)
     of_file = {vote for proof in numeric.values() for vote in proof.votes()}
     if not of_file and delimiter == "," and not any(EITHER in o.comma for o in numeric.values()):
         of_file = {"."}  # a comma between the columns leaves the point for decimals
+    if not of_file and delimiter == ";" and not any(EITHER in o.point for o in numeric.values()):
+        of_file = {","}
     signs, faults, doubted = {}, [], []
     for name, proof in numeric.items():
         votes = proof.votes()
@@ -113,12 +124,20 @@ def decide(
         elif not votes and not proof.any_doubt():
             signs[name] = ""
         else:
-            votes = votes or of_file
-            if len(votes) != 1 or proof.doubtful(min(votes)):
-                doubted.append(name)
+            possible = votes or of_file
+            if len(possible) == 1 and not proof.doubtful(min(possible)):
+                signs[name] = min(possible)
+            elif (sign := _by_size(name, proof.doubt, near)) and sign in (votes or sign):
+                signs[name] = sign
             else:
-                signs[name] = min(votes)
+                doubted.append(name)
     return signs, faults + [_doubt(name, numeric[name].doubt, place) for name in doubted]
+
+
+def _by_size(column: str, cell: str, near: Callable[[str, float], bool]) -> str:
+    """The decimal sign by which a cell in doubt is near the nominal size, empty where none or both are."""
+    fitting = [sign for sign in OTHER if (text := canonical_number(cell, sign)) and near(column, float(text))]
+    return fitting[0] if len(fitting) == 1 else ""
 
 
 _MIXED = (

@@ -39,6 +39,8 @@ def typed_column(cells: NDArray[Any], numeric: bool) -> NDArray[Any]:
     if all(map(_is_whole, cells)):
         return cells.astype(np.int64)
     try:
+        if any("_" in cell for cell in cells if isinstance(cell, str)):  # Python reads 1_000 as a number
+            raise ValueError
         numbers = cells.astype(float)
     except ValueError:
         numbers = np.array([_value(cell) for cell in cells])

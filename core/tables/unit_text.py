@@ -48,6 +48,8 @@ def split_header(header: str) -> tuple[str, str]:
     for pattern in (_BRACKETS, _SLASH):
         match = pattern.fullmatch(header)
         if match and match["name"] and (unit := known_unit(match["unit"])):
+            if unit == "1" and "[" not in header:
+                break  # "pos (1)" is the first of several
             return match["name"].strip(), "" if unit == "1" else unit
     return header, ""
 

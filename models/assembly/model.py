@@ -13,7 +13,7 @@ from ...declarations import Output, Value
 from ...errors import refuse
 from ...units import MRAD
 from ..inputs.distribution import Distribution
-from ..measurable import NO_CHANGES, Changeable, Column, MeasurableModel, Outside, Role
+from ..measurable import NO_CHANGES, Changeable, Column, MeasurableModel, Outside, Role, ranks_of_units
 from . import declared
 from .assemble import Departures, assemble
 from .process import plane_process
@@ -105,13 +105,16 @@ class Assembly(MeasurableModel):
             self.insertion,
             departures,
             self.estimator,
-            self._measurement_noise(len(errors), rng),
+            self._measurement_noise(table, len(errors), rng),
         )
         return {f"delta_{at}_mrad": deviations.state[:, at - 1] / MRAD for at in range(1, 5)}
 
-    def _measurement_noise(self, count: int, rng: np.random.Generator) -> Array | None:
+    def _measurement_noise(
+        self, table: Mapping[str, NDArray[Any]], count: int, rng: np.random.Generator
+    ) -> Array | None:
         """Noise (n, N, q) [rad] of the measurements during assembly, None where there is none."""
         if self.estimator is None or self.noise == 0.0:
             return None
         steps, _, measurements = self.estimator.gain.shape
-        return self.noise * rng.standard_normal((count, steps, measurements))
+        noise = self.noise * rng.standard_normal((count, steps, measurements))
+        return noise[ranks_of_units(table)] if "unit" in table else noise

@@ -20,6 +20,8 @@ from .stability import Finding, distribution_type, findings
 MEANS = ("as_found", "corrected")
 SAME_MEAN = "the mean of later parts is that of the sample; the configuration does not state that it is corrected"
 """The assumption where a table is silent about the mean."""
+AS_FOUND = "the mean of later parts is that of the sample"
+CORRECTED = 'must be "as_found": a characteristic with one limit has no mid-limit that a mean is corrected to'
 FIXED = "fixed"
 NOT_FIXED = "cannot be fixed where the tolerance is searched, as tighter limits would change nothing: state a machine"
 NOT_STATED = "is missing: the half-width that the measured parts were made to, as their scatter is proportional to it"
@@ -35,7 +37,8 @@ class PartSample:
     """Measured parts of a characteristic: deviations (n,) from the mid-limit, in the part's unit.
 
     `knowledge` is the posterior of the process, `made_to` the half-width that the parts were made
-    to (0 where it is not known), `offset` the deviation of the mean of all later parts.
+    to (0 where it is not known), `offset` the deviation of the mean of all later parts. `limits`
+    are deviations as well, None where there is none or a natural one: a coaxiality ends at 0.
     """
 
     deviations: Array
@@ -46,6 +49,18 @@ class PartSample:
     indices: Mapping[str, Index]
     stated: Mapping[str, Any] = field(default_factory=dict)
     assumed: Mapping[str, str] = field(default_factory=dict)
+    limits: tuple[float | None, float | None] = (None, None)
+    mid: float = 0.0
+
+    @property
+    def one_sided(self) -> bool:
+        """Whether it has a single limit: its zone has no middle."""
+        return (self.limits[0] is None) != (self.limits[1] is None)
+
+    @property
+    def mean(self) -> float:
+        """Deviation of the mean from the mid-limit; from the nominal where there is no mid-limit."""
+        return self.knowledge.mean + (self.mid if self.one_sided else 0.0)
 
     @property
     def distribution(self) -> Normal:
@@ -63,20 +78,27 @@ class PartSample:
 
     def statement(self, unit: str) -> str:
         """The sample and its capability, in one line."""
-        mean, std = f"{self.knowledge.mean:+.4g} {unit}", f"{self.knowledge.std:.4g} {unit}"
+        mean, std = f"{self.mean:+.4g} {unit}", f"{self.knowledge.std:.4g} {unit}"
         indices = [f"{name} {i.value:.2f} ({i.low:.2f} to {i.high:.2f})" for name, i in self.indices.items()]
-        first = f"{len(self.deviations)} parts: mean {mean} from the mid-limit, s = {std}"
+        origin = "nominal" if self.one_sided else "mid-limit"
+        first = f"{len(self.deviations)} parts: mean {mean} from the {origin}, s = {std}"
         return ", ".join([first, *indices, f"distribution {self.type} (ISO 22514-2)"])
 
 
 def read_sample(
-    owner: Section, unit: str, nominal: float | None, mid: float, t: float | None = None, follows: bool = True
+    owner: Section,
+    unit: str,
+    nominal: float | None,
+    mid: float,
+    t: float | None = None,
+    follows: bool = True,
+    natural: int = 0,
 ) -> PartSample | None:
     """The `measured` table of a part or machine, in its unit; None and faults where it is wrong.
 
     `t` is the half-width of a part with a fixed one. Where the scatter `follows` the tolerance, the
     half-width that the parts were made to must be known. Without a nominal that of a Q-DAS file is
-    used.
+    used. `natural` is -1 where the lower limit of its zone is a natural one, 1 where the upper is.
     """
     section = owner.section("measured")
     stated_unit = _unit(section, unit)
@@ -85,6 +107,7 @@ def read_sample(
     gauge = _gauge(section, stated_unit or unit, unit)
     made_to = _made_to(section, stated_unit or unit, unit, t, follows)
     of_file = section.number("nominal", stated_unit or unit)
+    single = _single_limit(section, stated_unit or unit, unit)
     section.accept(("characteristic",))
     prior = _prior(section, made_to or 0.0, unit)
     if "values" not in section:
@@ -100,7 +123,17 @@ def read_sample(
             other = f"is of a nominal of {file_nominal:g} {unit}, the part has {nominal:g} {unit}"
             section.fault("file", f"{other}: another revision of the drawing?")
             return None
-    deviations = _deviations(values, nominal) - mid
+    origin = _origin(values, nominal) + mid
+    deviations = values - origin
+    limits: tuple[float | None, float | None] = (-made_to, made_to) if made_to else (None, None)
+    if single is not None:
+        limits = (single[1] - origin, None) if single[0] == "lower" else (None, single[1] - origin)
+    elif natural and made_to:
+        limits = (None, made_to) if natural < 0 else (-made_to, None)
+    one_sided = (limits[0] is None) != (limits[1] is None)
+    if one_sided and mean == "corrected":
+        section.fault("mean", CORRECTED)
+        return None
     try:
         knowledge = knowledge_of(deviations, prior, gauge)
     except ValueError as error:
@@ -114,9 +147,11 @@ def read_sample(
         made_to=made_to,
         offset=0.0 if mean == "corrected" else knowledge.mean,
         findings=tuple(findings(deviations, [str(lot) for lot in lots])),
-        indices=capability(deviations, -made_to, made_to) if made_to else {},
+        indices=capability(deviations, *limits),
         stated=dict(owner.take("measured")),
-        assumed={} if mean else {"measured.mean": SAME_MEAN},
+        assumed={} if mean else {"measured.mean": AS_FOUND if one_sided else SAME_MEAN},
+        limits=limits,
+        mid=mid,
     )
 
 
@@ -141,12 +176,20 @@ def _near(section: Section, unit: str, deviations: Array, made_to: float) -> boo
     return False
 
 
-def _deviations(values: Array, nominal: float | None) -> Array:
-    """Deviations from the nominal; `values` are sizes, or deviations already."""
+def _origin(values: Array, nominal: float | None) -> float:
+    """What deviations from the nominal count from; `values` are sizes, or deviations already."""
     middle = float(np.median(values)) if len(values) else 0.0
-    if nominal is None or abs(middle) < abs(middle - nominal):
-        return values
-    return values - nominal
+    return 0.0 if nominal is None or abs(middle) < abs(middle - nominal) else nominal
+
+
+def _single_limit(section: Section, stated_unit: str, unit: str) -> tuple[str, float] | None:
+    """`lower` or `upper`, the limit of a characteristic that has one alone, in the unit of the part."""
+    limits = {key: section.number(key, stated_unit) for key in ("lower", "upper")}
+    if "lower" in section and "upper" in section:
+        section.fault("upper", "is stated in addition to lower: of two limits state made_to, half their distance")
+        return None
+    single = next(((key, limit) for key, limit in limits.items() if limit is not None), None)
+    return None if single is None else (single[0], float(converted(single[1], stated_unit, unit)))
 
 
 def _unit(section: Section, unit: str) -> str | None:
@@ -169,7 +212,8 @@ def _made_to(section: Section, stated_unit: str, unit: str, t: float | None, fol
     if "made_to" in section and not fixed:
         half_width = section.number("made_to", stated_unit, POSITIVE)
         return None if half_width is None else float(converted(half_width, stated_unit, unit))
-    if t is None and follows:
+    unread = "values" in section and section.take("values") is None  # its own fault is reported already
+    if t is None and follows and not unread:
         section.fault("made_to", NOT_FIXED if fixed else NOT_STATED)
     return t if follows else 0.0
 

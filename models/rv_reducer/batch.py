@@ -14,7 +14,7 @@ from ...errors import raise_all
 from ...units import ARCMIN, UM
 from ..inputs import Uniform
 from ..inputs.distribution import Distribution
-from ..measurable import NO_CHANGES, Changeable, Column, MeasurableModel, Role
+from ..measurable import NO_CHANGES, Changeable, Column, MeasurableModel, Role, ranks_of_units
 from ..propagation import Convolution, Term
 from ..sources import Sources
 from . import batch_declared, declared
@@ -120,13 +120,17 @@ def opening(model: BacklashModel, changes: Mapping[str, Array]) -> Array | float
 
 
 def _units(table: Mapping[str, NDArray[Any]]) -> NDArray[np.int64]:
-    """Number (n,) of the unit that each row is about, in the order of first appearance."""
+    """Number (n,) of the unit that each row is about, in the order of the units' own numbers."""
+    ranks = ranks_of_units(table)
     if "repeat" not in table and ANGLE not in table:
-        return np.arange(len(table["unit"]))
-    lots = table.get("lot", np.zeros(len(table["unit"])))
+        return ranks
+    lots = table.get("lot", np.zeros(len(ranks)))
     numbers: dict[tuple[Any, Any], int] = {}
+    order = np.argsort(ranks)
+    for pair in zip(lots[order].tolist(), table["unit"][order].tolist(), strict=True):
+        numbers.setdefault(pair, len(numbers))
     pairs = zip(lots.tolist(), table["unit"].tolist(), strict=True)
-    return np.array([numbers.setdefault(pair, len(numbers)) for pair in pairs], dtype=np.int64)
+    return np.array([numbers[pair] for pair in pairs], dtype=np.int64)
 
 
 def drawn(terms: tuple[Term, ...], count: int, rng: np.random.Generator) -> Array:

@@ -70,6 +70,12 @@ class Process:
     note: str = field(default="", compare=False)
 
 
+def natural_limit(mid: float, half_width: float) -> int:
+    """Which limit of a zone is at deviation 0: -1 the lower one, 1 the upper one, 0 none."""
+    ends = {-1: mid - half_width, 1: mid + half_width}
+    return next((side for side, end in ends.items() if half_width > 0.0 and abs(end) < 1e-9 * half_width), 0)
+
+
 @dataclass(frozen=True, slots=True)
 class Part:
     """A toleranced part, built in `count` times; lengths in its own `unit`.
@@ -100,6 +106,18 @@ class Part:
     geometry: str = ""
     machines: tuple[Offer, ...] = ()
     sample: PartSample | None = None
+
+    @property
+    def natural(self) -> int:
+        """-1 where the lower limit of its zone is the natural limit 0 of a geometrical characteristic
+        ("+0.02/0"), 1 where the upper limit is, 0 for any other zone.
+        """
+        return natural_limit(self.mid, self.high) if self.fixed and self.geometry else 0
+
+    @property
+    def one_sided(self) -> bool:
+        """Whether it has one limit alone, so that its zone has no middle and its process no Cp."""
+        return bool(self.natural) or (self.sample is not None and self.sample.one_sided)
 
     @property
     def mean(self) -> float:

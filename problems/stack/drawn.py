@@ -2,21 +2,43 @@
 
 from __future__ import annotations
 
+import math
+
+from scipy.special import ndtr
+
 from ...models.iso286 import SYMBOLS, Fit
 from .definition import Part, Requirement
 
 
 def drawn(part: Part) -> dict[str, str]:
     """Tolerance class or grade as stated, symbol of the geometrical characteristic (ISO 1101) with
-    its name, numbers of drawing and characteristic; what is not stated is left out.
+    its name, numbers of drawing and characteristic, capability and mean of its process; what is not
+    stated is left out.
     """
     labels = {"class": _class(part), "drawing": part.drawing, "characteristic": part.characteristic}
     if part.geometry:
         labels["symbol"] = f"{SYMBOLS[part.geometry]} {part.geometry.replace('_', ' ')}"
     capability = part.stated.get("cpk") or getattr(part.distribution, "cp", None)
+    if part.one_sided:
+        capability, labels["inspection"] = _at_one_limit(part)
+    elif part.distribution.one_sided and isinstance(capability, int | float):
+        labels["inspection"] = f"at most {100.0 * ndtr(-3.0 * capability):.3g} % of the parts beyond the limit"
+    elif part.sample is not None and part.sample.offset:
+        labels["mean"] = f"mean {part.sample.offset:+.3g} {part.unit} from the mid-limit, as measured"
     if isinstance(capability, int | float):
         labels["cpk"] = f"{capability:g}"
     return {key: value for key, value in labels.items() if value}
+
+
+def _at_one_limit(part: Part) -> tuple[float, str]:
+    """Cpk of a part with one limit, and what the model assumes of its process: it has no Cp."""
+    m1, m2 = part.distribution.raw_moments(2)[1:]
+    std, mean = part.high * math.sqrt(m2 - m1**2), part.mean + part.high * m1
+    if part.sample is not None and "Cpk" in part.sample.indices:
+        cpk = part.sample.indices["Cpk"].value
+    else:
+        cpk = (part.high + part.natural * (mean - part.mid)) / (3.0 * std)
+    return cpk, f"standard deviation {std:.3g} {part.unit}, mean {mean:+.3g} {part.unit} from the nominal, one limit"
 
 
 def labels_of(requirement: Requirement) -> dict[str, object]:

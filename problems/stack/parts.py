@@ -15,7 +15,7 @@ from ...models.inputs.reading import read_distribution
 from ...models.iso286 import SYMBOLS
 from ...section import Range, Section
 from ...units import family
-from .definition import Part, Process, Requirement
+from .definition import Part, Process, Requirement, natural_limit
 from .fits import read_fits
 from .sensitivities import read_sensitivities
 from .zones import KEYS, Tolerance, read_tolerance
@@ -95,7 +95,7 @@ def _read(section: Section, length_unit: str, requirements: Sequence[Requirement
         return None
     sample = None
     if "measured" in section:
-        sample = _sample(section, unit, nominal, zone)
+        sample = _sample(section, unit, nominal, zone, bool(labels["geometry"]))
         if sample is None:
             return None
         distribution = sample.distribution
@@ -121,7 +121,9 @@ def _read(section: Section, length_unit: str, requirements: Sequence[Requirement
     )
 
 
-def _sample(section: Section, unit: str, nominal: float | None, zone: Tolerance) -> PartSample | None:
+def _sample(
+    section: Section, unit: str, nominal: float | None, zone: Tolerance, geometrical: bool
+) -> PartSample | None:
     """The sample of measured parts, None and faults where it does not apply."""
     stated = [key for key in ("distribution", "cp", "cpk", "shift") if key in section]
     for key in stated:
@@ -133,7 +135,9 @@ def _sample(section: Section, unit: str, nominal: float | None, zone: Tolerance)
         return None
     (process,) = zone.processes
     nominal = zone.nominal if nominal is None else nominal
-    sample = read_sample(section, unit, nominal, zone.mid, process.high if zone.fixed else None)
+    natural = natural_limit(zone.mid, process.high) if zone.fixed and geometrical else 0
+    t = process.high if zone.fixed else None
+    sample = read_sample(section, unit, nominal, zone.mid, t, natural=natural)
     return None if stated else sample
 
 

@@ -136,6 +136,7 @@ def test_a_file_of_one_part(tmp_path: Path) -> None:
         (("pin;;10;;6,0", "pni;;10;;6,0"), "costs.file", '"pni" of the file is not a part'),
         (("bore;;;IT7;8,5;\n", ""), "part[1].price.IT7", "each grade of the range needs its price"),
         (("IT7", "IT77"), "costs.file", '"IT77" is not a grade'),
+        (("bore;;;IT7", "bore;;5;IT7"), "costs.file", "has t (5) and a grade (IT7)"),
         (("cap;lathe;;", "cap;lahte;;"), "costs.file", 'no process or machine "lahte"'),
         (("cap;lathe;;", "cap;lathe;10;"), "costs.file", "machine lathe has one price"),
     ],

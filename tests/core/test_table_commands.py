@@ -60,7 +60,7 @@ def test_faults_of_the_mapping(tmp_path: Path, config: str, said: str) -> None:
 
 
 def test_what_is_ambiguous_names_the_option_that_decides(tmp_path: Path) -> None:
-    table = b"torque_Nm;direction\n1,234;1\n1,235;1\n"
+    table = b"torque_Nm\tdirection\n1,234\t1\n1,235\t1\n"
     asked = simulated(tmp_path, 'model = "rv_lost_motion"\n', table)
     assert (asked.exit_code, "--decimal" in asked.stderr) == (2, True)
     done = simulated(tmp_path, 'model = "rv_lost_motion"\n', table, "--decimal", ",")

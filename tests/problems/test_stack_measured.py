@@ -205,3 +205,106 @@ def test_departures_of_the_sample_are_warned_of(tmp_path: Path) -> None:
     drifting = (VALUES + np.linspace(0.0, 20.0, 25)).round(3).tolist()
     problem = built(tmp_path, f"values = {drifting}\nmade_to = 25.0")
     assert any("part ring, measured: drifts by" in text for text in problem.warnings())
+
+
+CASE = Path(__file__).parents[1] / "cases" / "natural_limit"
+LINES = (CASE / "coax.dfq").read_text(encoding="utf-8").splitlines()
+COAXIALITY = [float(line.split("\x14")[0]) for line in LINES if line[0] != "K"]
+
+
+@pytest.mark.parametrize(
+    "way", ["natural", "absent", "none", "geometry", "upper", "mirrored"])  # fmt: skip
+def test_a_characteristic_with_one_limit_has_no_cp(way: str, tmp_path: Path) -> None:
+    """Cpk is (0.02 - mean)/(3 s) = 2.37; the yield is that of the sample's mean, which no Cp moves."""
+    toml = (CASE / "one_sided.toml").read_text(encoding="utf-8")
+    dfq, side = (CASE / "coax.dfq").read_text(encoding="utf-8"), 1.0
+    if way == "absent":
+        dfq = dfq.replace("K2110/1 0\n", "").replace("K2120/1 2\n", "")
+    if way == "none":
+        dfq = dfq.replace("K2120/1 2", "K2120/1 0")
+    if way == "mirrored":
+        side, values = -1.0, "\n".join(f"{-value:.6f}" for value in COAXIALITY)
+        dfq = "\n".join([*(line for line in LINES if line[0] == "K"), values])
+        dfq = dfq.replace("K2110/1 0\nK2111/1 0.02\nK2120/1 2\nK2121/1 1", "K2110 -0.02\nK2111 0\nK2120 1\nK2121 2")
+        toml = toml.replace("+0.02/0", "0/-0.02").replace("sensitivity = -1.0", "sensitivity = 1.0")
+    if way in ("geometry", "upper"):
+        toml = toml.replace('file = "coax.dfq"\ncharacteristic = "Coaxiality"', f"values = {COAXIALITY}")
+    if way == "upper":
+        toml = toml.replace('geometry = "concentricity"\n', "").replace("values", "upper = 0.02\nvalues")
+    else:
+        toml = toml if way == "geometry" else toml.replace('geometry = "concentricity"\n', "")
+    (tmp_path / "coax.dfq").write_text(dfq, encoding="utf-8")
+    (tmp_path / "one.toml").write_text(toml, encoding="utf-8")
+    done = CliRunner().invoke(app, ["run", str(tmp_path / "one.toml"), "--out", str(tmp_path / "o"), "--quiet"])
+    assert done.exit_code == 0, done.output
+    mean, std = np.mean(COAXIALITY), np.std(COAXIALITY, ddof=1)
+    table = pd.read_csv(tmp_path / "o" / "capability.csv")
+    assert table["index"].tolist() == ["Cpk"]
+    assert table["value"][0] == pytest.approx((0.02 - mean) / (3.0 * std), rel=1e-9)
+    assert table["mean"][0] == pytest.approx(side * mean, rel=1e-9)
+    sigma = np.hypot(0.08 / 3.0, std)
+    expected = norm.cdf(0.2, 0.12 - mean, sigma) - norm.cdf(0.0, 0.12 - mean, sigma)
+    front = pd.read_csv(tmp_path / "o" / "front.csv")
+    assert front["yield_percent"][0] == pytest.approx(100.0 * expected, abs=1e-6)
+    drawing = pd.read_csv(tmp_path / "o" / "allocation.csv").set_index("variable").loc["concentricity_t"]
+    assert drawing["cpk_wanted"] == pytest.approx((0.02 - mean) / (3.0 * std), rel=1e-4)
+    assert "mid-limit" not in drawing["inspection"]
+    again = tmp_path / "o" / "config.toml"
+    problem: Any = read(again).problem
+    assert problem.definition.parts[1].sample.one_sided
+    again.write_text(again.read_text(encoding="utf-8").replace('"as_found"', '"corrected"'), encoding="utf-8")
+    with pytest.raises(InputError, match="a characteristic with one limit has no mid-limit"):
+        read(again)
+
+
+DAMAGED = ["12 um", "abc", "0x10", "-inf", "1e400", "1_000", "±0.1", "<0.5", "1.5*", "1.2.3", "2025-01-01", "1,5"]
+MISSING = ["", "-", "n.i.O.", "#N/A", "NaN"]
+
+
+@pytest.mark.parametrize("kind", ["csv", "xlsx", "parquet", "dfq"])
+@pytest.mark.parametrize("cell", [*DAMAGED, *MISSING])
+def test_no_value_of_a_sample_is_lost_without_a_word(kind: str, cell: str, tmp_path: Path) -> None:
+    """A cell that is no number is a fault at its row, or counted as missing (1,5 alone is a number)."""
+    cells: list[Any] = VALUES.tolist()
+    cells[6] = cell
+    path = tmp_path / f"ring.{kind}"
+    if kind == "csv":
+        path.write_text("id;ring [um]\n" + "".join(f"A{at};{value}\n" for at, value in enumerate(cells)), "utf-8")
+    elif kind == "dfq":
+        values = "".join(f"{value}\x140\n" for value in cells)
+        path.write_text(f"K1001 1\nK2002 ring [um]\nK2142 um\n{values}", encoding="utf-8")
+    elif kind == "xlsx":
+        pd.DataFrame({"id": "A", "ring [um]": cells}).to_excel(path, index=False)
+    else:
+        pd.DataFrame({"ring [um]": list(map(str, cells))}).to_parquet(path)
+    measured = f'file = "ring.{kind}"\ncharacteristic = "ring [um]"\nmade_to = 12.0\n'
+    number = cell == "1,5" and kind in ("dfq", "xlsx")
+    if not number and (cell in DAMAGED or (kind == "dfq" and cell)):
+        text = faults(tmp_path, measured)
+        assert any(words in text for words in (f'"{cell}"', "must be finite", "decimal commas in others"))
+        return
+    (tmp_path / "c.toml").write_text(STACK.format(measured=measured), encoding="utf-8")
+    done = CliRunner().invoke(app, ["check", str(tmp_path / "c.toml")])
+    assert f"{25 if number else 24} parts: mean" in done.output
+    assert number or f"ring.{kind}: 1 of 25 values of ring" in done.output
+
+
+def test_the_nominal_decides_on_decimals_and_keys_exist(tmp_path: Path) -> None:
+    """68,001 is 68.001 in a file with semicolons, or of a nominal of 68; else the key `decimal` decides."""
+    case = CASE.parent / "decimal"
+    problem: Any = read(case / "motor.toml").problem
+    shaft = next(part for part in problem.definition.parts if part.name == "shaft")
+    lines = (case / "welle.csv").read_text(encoding="utf-8").splitlines()[2:]
+    sizes = [float(line.split(";")[1].replace(",", ".")) for line in lines]
+    np.testing.assert_allclose(shaft.sample.deviations, np.array(sizes) - 68.0, atol=1e-12)
+    few = [size for size in sizes if f"{size:.3f}" == str(size)]
+    rows = "\n".join(f"{size:.3f}".replace(".", ",") for size in few)
+    (tmp_path / "ring.csv").write_text(f"ring [mm]\n{rows}", encoding="utf-8")
+    text = STACK.format(measured='file = "ring.csv"\nmade_to = "50 um"').replace("{", "{{").replace("}", "}}")
+    text = text.replace("sensitivity = 1.0", "sensitivity = 1.0\nnominal = {}")
+    (tmp_path / "c.toml").write_text(text.format(68000.0), encoding="utf-8")
+    problem = read(tmp_path / "c.toml").problem
+    np.testing.assert_allclose(problem.definition.parts[0].sample.deviations, 1e3 * np.array(few) - 68e3, atol=1e-6)
+    (tmp_path / "c.toml").write_text(text.replace("nominal = {}", "").replace("{{", "{").replace("}}", "}"), "utf-8")
+    with pytest.raises(InputError, match=r'state decimal = "\." or decimal = ","'):
+        read(tmp_path / "c.toml")

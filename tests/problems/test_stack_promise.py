@@ -294,3 +294,37 @@ def test_no_yield_exceeds_that_of_the_tightest_parts(tmp_path: Path) -> None:
     tightest = problem.outputs_of(problem.complete(problem.xl[None, :]))["yield_percent"][0]
     assert problem.interval("yield_percent")[1] == pytest.approx(tightest, abs=1e-6)
     assert np.all(found <= tightest + 1e-6)
+
+
+CASES = Path(__file__).parents[1] / "cases" / "promise_process_crash"
+
+
+@pytest.mark.parametrize(("name", "choice"), [("small", "die cast"), ("small_grade", "IT12")])
+def test_a_promise_among_processes_or_grades(name: str, choice: str, tmp_path: Path) -> None:
+    """Part a by one of its processes, b sampled: least cost by the norm in closed form, each way.
+
+    Its review is of the drawing: the process that was chosen, and the rounded tolerances.
+    """
+    values = np.array([10.001, 10.006, 10.026, 10.015, 9.99, 10.008, 10.001, 10.01, 9.99, 10.011, 10.021, 9.985])
+    limit = 11.0 / stats.chi2.ppf(0.05, 11.0) * (1.0 + 1.0 / 12.0) * (np.std(values, ddof=1) / 0.05) ** 2
+    free = (0.15 / stats.norm.ppf(0.99865)) ** 2
+    grades = zip((0.0135, 0.0215, 0.035, 0.055, 0.09), (3.0, 2.2, 1.6, 1.2, 1.0), strict=True)
+    ways = [(t, 1.0 + 0.05 / t) for t in np.linspace(0.02, 0.1, 20001)]
+    ways += [(t, 0.5 + 0.05 / t) for t in np.linspace(0.05, 0.15, 20001)]
+    least = min(
+        cost + 1.0 + 0.05 / np.clip(np.sqrt((free - (t / 3.0) ** 2) / limit), 0.02, 0.2)
+        for t, cost in (grades if name == "small_grade" else ways)
+        if (t / 3.0) ** 2 < free
+    )
+    out = tmp_path / "o"
+    done = CliRunner().invoke(app, ["run", str(CASES / f"{name}.toml"), "--out", str(out), "--quiet"])
+    assert done.exit_code == 0, done.output
+    front, summary = pd.read_csv(out / "front.csv"), json.loads((out / "summary.json").read_text(encoding="utf-8"))
+    assert front["cost"][0] == pytest.approx(least, rel=1e-6)
+    assert front["a_process"][0] == choice
+    assert summary["promise"]["rounded_kept"] is True
+    (tmp_path / "b.csv").write_text("b [mm]\n" + "\n".join(map(str, values)), encoding="utf-8")
+    done = CliRunner().invoke(app, ["review", str(out), str(tmp_path / "b.csv")])
+    assert done.exit_code == 0, done.output
+    at, rounded = 1.0 if choice == "IT12" else 0.5 + 0.05 / 0.09, 0.075
+    assert f"the drawing's is {at + 1.0 + 0.05 / rounded:.4g}" in done.output

@@ -72,3 +72,27 @@ def test_a_measurement_table_is_taken(tmp_path: Path) -> None:
     bare = tolevo.simulate(BATCH, table(tmp_path, "unit\n7\n"))
     assert bare["backlash_arcmin"].tolist() == found["backlash_arcmin"].tolist()
     assert not any("predictions" in note for note in bare.attrs["notes"])
+
+
+@pytest.mark.parametrize("grain", [8, 65_536])
+@pytest.mark.parametrize("more", ["", "lots", "repeats", "labels"])
+def test_a_value_follows_the_number_of_its_unit(
+    grain: int, more: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Shuffled rows of 20 units have the values of their units, in the order of the rows."""
+    monkeypatch.setattr("tolevo.workflows.simulate.GRAIN", grain)
+    frame = pd.DataFrame({"unit": range(1, 21)})
+    if more == "labels":
+        frame["unit"] = [f"B{at}" for at in frame["unit"]]
+    if more == "lots":
+        frame = pd.DataFrame({"unit": [*range(1, 11)] * 2, "lot": ["A"] * 10 + ["B"] * 10})
+    if more == "repeats":
+        frame = pd.DataFrame({"unit": [*range(1, 11)] * 2, "repeat": [1] * 10 + [2] * 10})
+    keys = [name for name in ("lot", "unit", "repeat") if name in frame]
+    values = tolevo.simulate(BATCH, frame).set_index(keys)["backlash_arcmin"]
+    for seed in (1, 2):
+        shuffled = frame.sample(frac=1.0, random_state=seed)
+        found = tolevo.simulate(BATCH, shuffled)
+        assert found[keys].to_numpy().tolist() == shuffled[keys].to_numpy().tolist()
+        assert found.set_index(keys)["backlash_arcmin"].loc[values.index].tolist() == values.tolist()
+    assert values.nunique() == (10 if more == "repeats" else 20)

@@ -12,7 +12,7 @@ from ...arrays import Array
 from ...declarations import Kind, Variable
 from ...problems.interfaces import Comparison, Drawing
 from ...problems.tolerance_problem import ToleranceProblem
-from .notation import drawing_number, inspection, notation, process_of
+from .notation import MIDDLE, drawing_number, inspection, notation, process_of
 from .roughness import SHARE, roughness
 from .steps import without_last_digits
 
@@ -106,7 +106,7 @@ def _written(
         "process": process,
         "roughness_Ra_um": rough,
         "cpk_wanted": cpk,
-        "inspection": inspection(variable, new, cpk),
+        "inspection": drawn.get("inspection") or inspection(variable, new, cpk, drawn.get("mean", MIDDLE)),
     }
 
 

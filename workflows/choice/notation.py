@@ -52,13 +52,16 @@ def process_of(problem: ToleranceProblem, variable: Variable, design: object) ->
     return labels[int(design[names.index(name)])] if labels else ""  # type: ignore[index]
 
 
-def inspection(variable: Variable, t: float, cpk: float | None) -> str:
+MIDDLE = "mean at mid-limit"
+
+
+def inspection(variable: Variable, t: float, cpk: float | None, mean: str = MIDDLE) -> str:
     """What the model assumes of the parts, for those who inspect them."""
     unit = f" {variable.unit}".rstrip()
     if variable.kind is Kind.STANDARD_DEVIATION:
         return "standard deviation of a sample of the process, about the nominal value"
     if variable.kind is Kind.HALF_WIDTH and cpk:
-        return f"standard deviation at most {t / (3.0 * cpk):.3g}{unit}, mean at mid-limit"
+        return f"standard deviation at most {t / (3.0 * cpk):.3g}{unit}, {mean}"
     if variable.kind in (Kind.HALF_WIDTH, Kind.FULL_CLEARANCE):
         return "every part within the limits; measuring uncertainty reduces them (ISO 14253-1)"
     return ""

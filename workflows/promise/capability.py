@@ -15,7 +15,8 @@ KNOWN = ("part", "parts", "unit", "mean", "std", "made_to", "df", "type", "index
 def capability_table(problem: ToleranceProblem) -> pd.DataFrame:
     """Every measured characteristic: its indices with confidence limits, its type, departures.
 
-    One without limits has no index: its row has none.
+    One without limits has no index: its row has none. A mean is from the mid-limit, that of a
+    characteristic with one limit, which has no Cp, from the nominal.
     """
     rows: list[dict[str, Any]] = []
     for name, unit, sample in Checks.of(problem).samples():
@@ -23,7 +24,7 @@ def capability_table(problem: ToleranceProblem) -> pd.DataFrame:
             "part": name,
             "parts": len(sample.deviations),
             "unit": unit,
-            "mean": sample.knowledge.mean,
+            "mean": sample.mean,
             "std": sample.knowledge.std,
             "made_to": sample.made_to or None,
             "df": sample.knowledge.df,

@@ -162,13 +162,14 @@ def characteristics(problem: ToleranceProblem) -> dict[str, Characteristic]:
     for at, v in enumerate(problem.variables):
         setting = problem.settings.variables[v.name]
         if v.tolerance and not v.integer:
-            cp = np.nan if setting.distribution is None else _capability(setting.distribution)
+            law = None if setting.sample is not None and setting.sample.one_sided else setting.distribution
+            cp = np.nan if law is None else _capability(law)
             by_name[v.name] = Characteristic(v.name, v.unit, at, v.name, setting.sample, cp, v.name in problem.fixed)
     return by_name
 
 
 def _of_part(stack: Stack, part: Part) -> Characteristic:
-    t, cp = f"{part.name}_t", _capability(part.distribution)
+    t, cp = f"{part.name}_t", np.nan if part.one_sided else _capability(part.distribution)
     return Characteristic(part.name, part.unit, stack.names.index(t), t, part.sample, cp, part.fixed, stated=True)
 
 
@@ -189,7 +190,7 @@ def _row(
         "parts": len(sample.deviations) if made and sample is not None else 0,
         "cp_then": then.cp,
         "cp_now": now.cp,
-        "offset": sample.knowledge.mean if made and sample is not None else np.nan,
+        "offset": np.nan if not made or sample is None or sample.one_sided else sample.knowledge.mean,
         "tolerance": t,
         "new_tolerance": new,
         "advice": advice if not then.fixed or advice == AS_MADE else "keep",

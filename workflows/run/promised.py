@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 
 from ...arrays import Array
 from ...problems.designs import designs_of
@@ -29,12 +30,11 @@ def _rounded(result: RunResult, problem: ToleranceProblem, point: int) -> Array 
     allocation = result.allocation
     if allocation is None or result.front.empty or point not in set(allocation["point"]):
         return None
-    design = np.array(designs_of(problem, result.front.iloc[[point]])[0])
-    first = allocation[allocation["point"] == point].drop_duplicates("variable")
+    row, first = result.front.iloc[[point]].copy(), allocation[allocation["point"] == point].drop_duplicates("variable")
     for name, value in zip(first["variable"], first["rounded"], strict=True):
-        if name in problem.names and np.isfinite(float(value)):
-            design[problem.names.index(name)] = float(value)
-    return design
+        if name in problem.names and pd.notna(value):
+            row[name] = value  # a number, or the name of a process or grade
+    return np.array(designs_of(problem, row)[0])
 
 
 def with_promise(result: RunResult, problem: ToleranceProblem) -> RunResult:

@@ -20,7 +20,9 @@ COUNTS = ("K0020", "K0021", "", *COMPACT[1:])
 ATTRIBUTIVE = ("1", "5", "6")
 FIRST = ("K0001", "K0021")
 """Keys that begin a value."""
-_KEY = re.compile(r"(K\d{4})(?:/(\d*)(?:/(\d+))?)?(?:[ \t]+(.*))?")
+MOST = 2_000_000
+"""Values that are read of a file."""
+_KEY = re.compile(r"(K\d{4})(?:/(\d{0,9})(?:/(\d{1,9}))?)?(?:[ \t]+(.*))?")
 
 
 @dataclass(slots=True)
@@ -31,6 +33,8 @@ class Raw:
     keys: dict[str, str] = field(default_factory=dict)
     values: list[dict[str, str]] = field(default_factory=list)
     lines: list[int] = field(default_factory=list)
+    pending: dict[str, str] = field(default_factory=dict)
+    """What stands before the values that it belongs to."""
 
     @property
     def attributive(self) -> bool:
@@ -49,8 +53,12 @@ class Content:
     common_parts: dict[str, str] = field(default_factory=dict)
     count: int | None = None
     faults: list[Fault] = field(default_factory=list)
+    time_faults: list[Fault] = field(default_factory=list)
     _part: int = 1
-    _unused: dict[int, int] = field(default_factory=dict)
+    _above: dict[str, str] = field(default_factory=dict)
+    _begun: list[int] = field(default_factory=list)
+    _applied: dict[str, tuple[int, str]] = field(default_factory=dict)
+    _order: list[int] = field(default_factory=list)
 
     def fault(self, line: int, text: str) -> None:
         """Take note of a fault in a line."""
@@ -64,6 +72,9 @@ class Content:
                 self._key(at, stripped)
             elif stripped:
                 self._compact(at, line.rstrip("\r\n\x1a"))
+            if len(self._begun) > MOST:
+                self.fault(at, f"the file has more than {MOST:,} values: split it")
+                return
 
     def _key(self, at: int, line: str) -> None:
         match = _KEY.fullmatch(line)
@@ -100,34 +111,54 @@ class Content:
 
     def _value_key(self, at: int, key: str, index: int, value: str, number: int | None) -> None:
         if index == 0:
-            for known_index in self.characteristics:
+            if key in FIRST:
+                for known_index in self.characteristics:
+                    self._value_key(at, key, known_index, value, number)
+                return
+            if not self._begun:  # K0004/0 above the values of a part
+                self._above[key] = ""
+            if key in self._above:
+                self._above[key] = value
+                return
+            begun, before = self._applied.get(key, (0, value))
+            if begun == len(self._begun) and before != value:
+                self.fault(at, f"{key}/0 is given twice for one value")
+            for known_index in dict.fromkeys(self._begun[begun:]):
                 self._value_key(at, key, known_index, value, number)
+            self._applied[key] = len(self._begun), value
             return
         raw = self.characteristics.get(index)
         if raw is None:
             self.fault(at, f"{key}/{index}: characteristic {index} is not described above")
+        elif key in raw.pending:
+            raw.pending[key] = value
         elif number is not None and number != len(raw.values) + (key in FIRST):
             self.fault(at, f"value {number} of characteristic {index} is out of order")
         elif key in FIRST or (key == "K0020" and raw.attributive):
-            self._begin(raw, key, value, at)
+            self._begin(raw, index, key, value, at)
         elif not raw.values:
-            self.fault(at, f"{key}/{index} stands before the first value of the characteristic")
+            raw.pending[key] = value
+        elif key in self._above:
+            raw.values[-1][key] = value  # that of the value instead of that of all
         elif raw.values[-1].setdefault(key, value) != value:
             self.fault(at, f"{key}/{index} is given twice for one value")
 
-    def _begin(self, raw: Raw, key: str, value: str, at: int) -> None:
+    def _begin(self, raw: Raw, index: int, key: str, value: str, at: int) -> None:
         """A new value; the size of a sample and its count belong together."""
         last = raw.values[-1] if raw.values else None
         pair = {"K0020": "K0021", "K0021": "K0020"}.get(key)
         if pair and last is not None and pair in last and key not in last:
             last[key] = value
             return
-        raw.values.append({key: value})
+        raw.values.append(self._above | raw.pending | {key: value})
+        self._begun.append(index)
         raw.lines.append(at)
 
     def _compact(self, at: int, line: str) -> None:
         cells = line.split(BETWEEN)
-        indices = sorted(self.characteristics)
+        if len(self._order) != len(self.characteristics):
+            self._order = sorted(self.characteristics)
+        indices = self._order
         if len(cells) > len(indices):
             self.fault(at, f"{len(cells)} characteristics in a line, {len(indices)} are described above")
             return
@@ -140,5 +171,6 @@ class Content:
                 continue
             value = {key: text.strip() for key, text in zip(keys, fields, strict=False) if key}
             value["K0006"] = value.get("K0006", "").removeprefix("#")
-            raw.values.append(value)
+            raw.values.append(self._above | raw.pending | {key: text for key, text in value.items() if text})
+            self._begun.append(index)
             raw.lines.append(at)

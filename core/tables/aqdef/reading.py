@@ -18,21 +18,25 @@ INVALID = (255, 256)
 """Attributes (K0002) of values that are not valid."""
 NEAR = 1e-9
 """Relative distance of two statements of one limit at most."""
-_NUMBER = re.compile(r"[+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?")
+_NUMBER = re.compile(r"[+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d+)?")
+LONGEST = 60
+"""Characters of a number at most, and of a cell that a fault repeats."""
 
 
-def read_aqdef(path: str | Path, encoding: str | None = None) -> list[Characteristic]:
+def read_aqdef(path: str | Path, encoding: str | None = None, times: bool = True) -> list[Characteristic]:
     """The characteristics of a .dfq file, or of a .dfd with its .dfx.
 
-    Raises InputError with every fault.
+    Raises InputError with every fault; those of its times (K0004) only where `times` are needed.
     """
-    measured, faults = characteristics(Path(path), Path(path).name, encoding)
-    raise_all(faults)
+    measured, faults, of_times = characteristics(Path(path), Path(path).name, encoding)
+    raise_all(faults + (of_times if times else []))
     return measured
 
 
-def characteristics(path: Path, place: str, encoding: str | None = None) -> tuple[list[Characteristic], list[Fault]]:
-    """`read_aqdef` that returns the faults."""
+def characteristics(
+    path: Path, place: str, encoding: str | None = None
+) -> tuple[list[Characteristic], list[Fault], list[Fault]]:
+    """`read_aqdef` that returns the faults, and those of the times apart."""
     content = Content(place)
     try:
         for file in _files(path, place):
@@ -40,12 +44,12 @@ def characteristics(path: Path, place: str, encoding: str | None = None) -> tupl
             text, _ = decoded(_bytes(file, content.place), content.place, encoding, _SEPARATORS)
             content.read(text.split("\n"))
     except InputError as error:
-        return [], list(error.faults)
+        return [], list(error.faults), []
     content.place = place
     _check(content)
     measured = [_characteristic(content, index) for index in sorted(content.characteristics)]
     _twice(measured, content)
-    return measured, content.faults
+    return measured, content.faults, content.time_faults
 
 
 _SEPARATORS = "\x0f\x14\x1a"
@@ -158,10 +162,10 @@ def _fill(characteristic: Characteristic, raw: Raw, content: Content, place: str
                 characteristic.times[-1], form = moment(text)
                 formats.setdefault(form, line)
             except ValueError as error:
-                content.faults.append(Fault(f"{where}: K0004", str(error)))
+                content.time_faults.append(Fault(f"{where}: K0004", str(error)))
     if len(formats) > 1:
         listed = " and ".join(f"{form} (row {line})" for form, line in formats.items())
-        content.faults.append(Fault(f"{place}: K0004", f"times in two formats: {listed}"))
+        content.time_faults.append(Fault(f"{place}: K0004", f"times in two formats: {listed}"))
 
 
 def _twice(described: list[Characteristic], content: Content) -> None:
@@ -179,16 +183,22 @@ def _number(text: str, place: str, faults: list[Fault]) -> float | None:
     """A number of a Q-DAS file, whose comma or point is decimal: the format groups no thousands."""
     if not text:
         return None
-    if not _NUMBER.fullmatch(text):
-        faults.append(Fault(place, f'must be a number, got "{text}"'))
-        return None
-    return float(text.replace(",", "."))
+    number = float(text.replace(",", ".")) if len(text) <= LONGEST and _NUMBER.fullmatch(text) else math.nan
+    if math.isfinite(number):
+        return number
+    faults.append(Fault(place, f'must be a number, got "{shortened(text)}"'))
+    return None
+
+
+def shortened(text: str) -> str:
+    """A text as a fault repeats it."""
+    return text if len(text) <= LONGEST else f"{text[:LONGEST]}..."
 
 
 def _read_integer(text: str, place: str, faults: list[Fault]) -> int | None:
     if not text:
         return None
-    if not text.isdecimal():
-        faults.append(Fault(place, f'must be a whole number, got "{text}"'))
+    if not text.isdecimal() or len(text) > LONGEST:
+        faults.append(Fault(place, f'must be a whole number, got "{shortened(text)}"'))
         return None
     return int(text)

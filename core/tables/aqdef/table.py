@@ -19,24 +19,26 @@ def table_of_aqdef(path: Path, place: str, options: ReadOptions) -> tuple[Table 
 
     Values that are not valid are empty cells. A column is named after its characteristic; where two
     have the same name after its part as well, and in one part after its number, or else its
-    place in the file. `time` and `batch` are those of the first characteristic.
+    place in the file. `time` and `batch` are those of the first characteristic; times that cannot be
+    read are left out with a note.
     """
-    measured, faults = characteristics(path, place, options.encoding)
+    measured, faults, of_times = characteristics(path, place, options.encoding)
     if not measured:
         return None, faults
-    names = _names(measured)
+    names = names_of_characteristics(measured)
     rows = max(len(characteristic.values) for characteristic in measured)
     if not rows:
         faults.append(Fault(place, "holds no values"))
     named = dict(zip(names, measured, strict=True))
     columns = {name: _padded(characteristic.values, rows) for name, characteristic in named.items()}
     first = measured[0]
-    extra = {"time": [t.isoformat(" ") if t else "" for t in first.times], "batch": first.batches}
+    times = [] if of_times else [t.isoformat(" ") if t else "" for t in first.times]
+    extra = {"time": times, "batch": first.batches}
     for name, texts in extra.items():
         if any(texts) and name not in columns:
             columns[name] = [*texts, *[""] * (rows - len(texts))]
     units = {name: unit for name, characteristic in named.items() if (unit := known_unit(characteristic.unit))}
-    notes = tuple(
+    notes = tuple(f"times are not used: {fault}" for fault in of_times[:1]) + tuple(
         f"{name}: {sum(v is None for v in characteristic.values)} values are missing or not valid"
         for name, characteristic in zip(names, measured, strict=True)
         if None in characteristic.values
@@ -45,7 +47,7 @@ def table_of_aqdef(path: Path, place: str, options: ReadOptions) -> tuple[Table 
     return Table(cells, Dialect("aqdef", header=0), units, notes, tuple(names), headers), faults
 
 
-def _names(measured: list[Characteristic]) -> list[str]:
+def names_of_characteristics(measured: list[Characteristic]) -> list[str]:
     """A name for each characteristic, as short as it is the only one."""
     forms = [
         (c.label, f"{c.part} {c.label}", f"{c.part} {c.label} {c.number}", f"{c.part} {c.label} #{at}")

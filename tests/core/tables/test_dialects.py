@@ -108,7 +108,7 @@ def test_a_dialect_is_read_right(tmp_path: Path, name: str) -> None:
 
 
 ASKED: dict[str, tuple[bytes, str]] = {
-    "three decimals, comma": (b"Teil;Laenge\n1;1,234\n2;1,235\n", "--decimal"),
+    "three decimals, comma": (b"Teil\tLaenge\n1\t1,234\n2\t1,235\n", "--decimal"),
     "three decimals, point": (b"Teil;Laenge\n1;1.234\n2;1.235\n", "--decimal"),
     "three decimals, tab": (b"Teil\tLaenge\n1\t12.234\n2\t1.235\n", "--decimal"),
     "one column": (b"Laenge\n1.234\n1.235\n", "--decimal"),
@@ -138,6 +138,23 @@ def test_what_has_two_readings_is_asked_for(tmp_path: Path, name: str) -> None:
     with pytest.raises(tolevo.ConfigurationError, match=said) as caught:
         tolevo.read_table(tmp_path / "t.csv")
     assert all(fault.place for fault in caught.value.faults)
+
+
+@pytest.mark.parametrize(
+    ("content", "column", "values"),
+    [
+        (b"Nr.;Laenge\n1;68,001\n2;68,006\n", "Laenge", [68.001, 68.006]),
+        (b"Nr.;Laenge;Kraft\n1;1,234;5.000.000\n2;1,235;6.000.000\n", "Laenge", [1.234, 1.235]),
+        (b"Laenge\n0,412\n-1,398\n", "Laenge", [0.412, -1.398]),
+        (b"Teil;Welle 7\nNr.;Abstand [mm]\n1;68,001\n2;68,006\n", "Abstand", [68.001, 68.006]),
+        ("a;b\n1.5;−3.2\n2.5;1.5\n".encode(), "b", [-3.2, 1.5]),
+    ],
+)
+def test_semicolons_leave_the_comma_for_decimals(
+    tmp_path: Path, content: bytes, column: str, values: list[float]
+) -> None:
+    (tmp_path / "t.csv").write_bytes(content)
+    assert tolevo.read_table(tmp_path / "t.csv").frame[column].tolist() == values
 
 
 @pytest.mark.parametrize(

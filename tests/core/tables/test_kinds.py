@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+import zipfile
 from pathlib import Path
 
 import openpyxl
@@ -10,7 +12,8 @@ import pytest
 
 import tolevo
 from tolevo import tables
-from tolevo.tables import ColumnUse
+from tolevo.tables import ColumnUse, fitted
+from tolevo.units import converted
 
 Rows = list[list[object]]
 
@@ -109,3 +112,66 @@ def test_what_nothing_needs_is_a_note_but_a_slip_is_none(tmp_path: Path) -> None
     kept, notes = tables.without_unused(found.cells, ["x", "temperature_C"])
     assert list(kept) == ["temperatur_C", "x"]
     assert notes == ["not used: Seriennr."]
+
+
+STARTS = "2025-11-09T09:27:03.748"
+
+
+@pytest.mark.parametrize(
+    ("texts", "elapsed"),
+    [
+        ((f"{STARTS}Z", "2025-11-09T09:27:03.849Z"), 0.101),
+        ((f"{STARTS}+01:00", "2025-11-09T09:27:03.849+0100"), 0.101),
+        ((f"{STARTS}Z", "2025-11-09T10:27:03.849+01:00"), 0.101),
+        (("2025-11-09 09:27:03.748000001", "2025-11-09 09:27:03.748000251"), 250e-9),
+        (("11/30/2025 11:59:59 PM", "12/01/2025 12:00:01 AM"), 2.0),
+        (("30.11.2025 11:59 am", "30.11.2025 12:01 p.m."), 120.0),
+        (("09:27:03.5", "09:27:05"), 1.5),
+        (("9:27:03 AM", "1:27:03 PM"), 14400.0),
+    ],
+)
+def test_times_as_loggers_write_them(texts: tuple[str, str], elapsed: float, tmp_path: Path) -> None:
+    (tmp_path / "t.csv").write_text("t;x\n" + "".join(f"{text};1\n" for text in texts), encoding="utf-8")
+    found = fitted(tolevo.read_table(tmp_path / "t.csv"), "t.csv", {"time_s": "s"}, {"t": ColumnUse("time_s")})
+    assert found.faults == ()
+    assert found.cells["time_s"].tolist() == pytest.approx([0.0, elapsed], rel=1e-9, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("texts", "words"),
+    [
+        ((f"{STARTS}Z", STARTS), "has times in two formats"),
+        (("13:00:00 PM", "2:00:00 PM"), "is not a time"),
+        (("2025-11-09T25:00:00", "2025-11-09T09:00:00"), "is not a time"),
+    ],
+)
+def test_times_that_are_none(texts: tuple[str, str], words: str, tmp_path: Path) -> None:
+    (tmp_path / "t.csv").write_text("t;x\n" + "".join(f"{text};1\n" for text in texts), encoding="utf-8")
+    found = fitted(tolevo.read_table(tmp_path / "t.csv"), "t.csv", {"time_s": "s"}, {"t": ColumnUse("time_s")})
+    assert words in found.faults[0].message
+
+
+def test_a_numbered_column_keeps_its_name_and_mm_may_be_in_capitals(tmp_path: Path) -> None:
+    (tmp_path / "t.csv").write_text("pos (1);pos (2);count [1];d [MM]\n1.5;2;3;4\n2.5;3;4;5\n", encoding="utf-8")
+    table = tolevo.read_table(tmp_path / "t.csv")
+    assert list(table.frame) == ["pos (1)", "pos (2)", "count", "d"]
+    assert converted(1.0, table.units["d"], "um") == 1000.0
+
+
+def test_a_large_workbook_is_refused_before_it_is_opened(tmp_path: Path) -> None:
+    """10 MB of 1.4 million cells took 3 GiB."""
+    path = tmp_path / "t.xlsx"
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("xl/worksheets/sheet1.xml", b"<c r='A1'><v>0.25</v></c>" * 1_500_000)
+    begin = time.process_time()
+    with pytest.raises(tolevo.ConfigurationError, match=r"has 38 MB of cells, 34 MB at most: save the table as CSV"):
+        tolevo.read_table(path)
+    assert time.process_time() - begin < 2.0
+
+
+def test_a_log_with_zones_and_numbered_columns_is_analysed() -> None:
+    case = Path(__file__).parents[2] / "cases" / "times"
+    found = tolevo.gap(case / "log.toml", case / "log.csv")
+    assert found.record is not None
+    assert found.record.verdict == "no_gap"
+    assert [axis.name for axis in found.record.outputs] == ["pos (1)"]

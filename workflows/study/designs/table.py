@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from ....errors import Fault, InputError, nearest
-from ....tables import cell_faults, opened_whole, parsed
+from ....tables import NO_OPTIONS, cell_faults, opened_whole, parsed
 from ..records import Design, Factor, Level
 from .needs import column
 
@@ -37,7 +37,7 @@ class Table(Design):
 
     def _parsed(self, factors: tuple[Factor, ...]) -> tuple[pd.DataFrame, list[Fault]]:
         try:
-            raw = opened_whole(Path(self.file), self.file).cells
+            raw = opened_whole(Path(self.file), self.file, NO_OPTIONS).cells
         except InputError as error:
             return pd.DataFrame(), list(error.faults)
         names = [factor.key for factor in factors if factor.categorical]
