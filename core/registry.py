@@ -136,25 +136,26 @@ def _member(module: Any, names: list[str]) -> Any:
 def _misfit(group: str, loaded: Any) -> str:
     """Why an object is not a class of a group that can be used; empty where it is one."""
     module, _, name = BASES[group].partition(":")
-    base = getattr(import_module(module), name)
     wanted = f"it must be a subclass of {name} ({module})"
     if not isinstance(loaded, type):
         return f"is not a class: {wanted}"
-    if not issubclass(loaded, base):
+    if not issubclass(loaded, getattr(import_module(module), name)):
         return f"is not a class of {group}: {wanted}"
-    stated = {key for kind in loaded.__mro__ for key in vars(kind)}
-    lacking = {
-        key: None
-        for kind in loaded.__mro__
-        for key, form in vars(kind).get("__annotations__", {}).items()
-        if str(form).startswith("ClassVar") and key not in stated
-    }
-    abstract = (key for key in dir(loaded) if getattr(getattr_static(loaded, key), "__isabstractmethod__", False))
-    if missing := [*lacking, *abstract]:
+    if missing := _unstated(loaded):
         return f"cannot be used: it does not state {', '.join(missing)}"
     if group in SETTINGS and not is_dataclass(loaded):
         return "cannot be used: it must be a dataclass, whose fields are its settings"
     return ""
+
+
+@lru_cache
+def _unstated(kind: type) -> tuple[str, ...]:
+    """Members that the bases of a class leave to it, and that it does not have."""
+    stated = {key for base in kind.__mro__ for key in vars(base)}
+    declared = (item for base in kind.__mro__ for item in vars(base).get("__annotations__", {}).items())
+    lacking = [key for key, form in declared if str(form).startswith("ClassVar") and key not in stated]
+    abstract = [key for key in dir(kind) if getattr(getattr_static(kind, key), "__isabstractmethod__", False)]
+    return tuple(dict.fromkeys([*lacking, *abstract]))
 
 
 def name_of(group: str, kind: type) -> str:
