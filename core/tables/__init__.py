@@ -8,7 +8,7 @@ from .aqdef import Characteristic, read_aqdef
 from .assembling import SHOWN
 from .naming import ColumnUse, Fitted, Tell, fitted, silent, without_unused
 from .options import AS_DETECTED, ReadOptions
-from .parsed import cell_faults, parsed, write
+from .parsed import cell_faults, columns_of, parsed, write
 from .reading import PARQUET, opened, opened_whole, read_table, table_of
 from .record import Dialect, Table
 
@@ -24,6 +24,7 @@ __all__ = [
     "Table",
     "Tell",
     "cell_faults",
+    "columns_of",
     "fitted",
     "opened",
     "opened_whole",

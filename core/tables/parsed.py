@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import math
 from collections.abc import Iterable
 from pathlib import Path
@@ -17,6 +18,9 @@ from ..files import clear_parts, write_bytes, write_text
 from .assembling import SHOWN
 from .reading import PARQUET
 
+HEADER = 2**20
+"""Bytes of a line of column names at most."""
+
 
 def write(frame: pd.DataFrame, path: Path) -> None:
     """Write CSV or, by the suffix, Parquet; the index is left out."""
@@ -25,6 +29,21 @@ def write(frame: pd.DataFrame, path: Path) -> None:
         write_bytes(path, frame.to_parquet(index=False))
     else:
         write_text(path, csv_text(frame))
+
+
+def columns_of(path: Path) -> list[str]:
+    """The columns of a table that `write` wrote; none where a file is no such table."""
+    from pyarrow import ArrowInvalid
+    from pyarrow.parquet import read_schema
+
+    with path.open("rb") as file:
+        first = file.readline(HEADER)
+    try:
+        if first.startswith(b"PAR1"):
+            return [str(name) for name in read_schema(path).names]
+        return next(csv.reader([first.decode(errors="replace").rstrip("\n")]), [])
+    except (ArrowInvalid, OSError, csv.Error):
+        return []
 
 
 def parsed(

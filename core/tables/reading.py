@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pandas as pd
 
+from .. import files
 from ..errors import Fault, InputError, raise_all, refuse
 from .aqdef.reading import SUFFIXES
 from .assembling import assembled
@@ -76,13 +77,9 @@ def opened(path: Path, place: str, options: ReadOptions = AS_DETECTED) -> tuple[
 
 def _content(path: Path, place: str) -> bytes:
     try:
-        content = path.read_bytes()
-    except FileNotFoundError:
-        raise refuse(place, "does not exist") from None
-    except IsADirectoryError:
-        raise refuse(place, "is a directory; name a file") from None
-    except OSError as error:
-        raise refuse(place, f"cannot be read: {error.strerror}") from error
+        content = files.content(path)
+    except ValueError as error:
+        raise refuse(place, str(error)) from None
     if not content.strip():
         raise refuse(place, EMPTY)
     if content.startswith(OLD):
