@@ -12,11 +12,14 @@ import difflib
 import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from itertools import islice
 
 LONGEST = 100
 """Characters of a name for which the nearest valid one is looked for."""
 _PART = re.compile(r" \(part [^()]*\)$")
 """The part that a message is about, whose place says so as well."""
+LINES = 1000
+"""Lines of faults at most."""
 REPEATED = 3
 """Places with one message that get lines of their own."""
 
@@ -51,7 +54,9 @@ class InputError(TolevoError):
 
     def __init__(self, faults: Iterable[Fault]) -> None:
         self.faults = tuple(faults)
-        super().__init__("\n".join(_lines(self.faults)))
+        lines = list(islice(_lines(self.faults), LINES))
+        more = [f"more than {LINES} faults: the others are not listed"] if len(lines) == LINES else []
+        super().__init__("\n".join([*lines, *more]))
 
     def __reduce__(self) -> tuple[type[InputError], tuple[tuple[Fault, ...]]]:
         return type(self), (self.faults,)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from ..csv_text import csv_text
 from ..errors import Fault, nearest
 from ..files import clear_parts, write_bytes, write_text
+from ..units import shortened
 from .assembling import SHOWN
 from .reading import PARQUET
 
@@ -115,7 +116,7 @@ def _number(cell: Any) -> tuple[float, str]:
             raise ValueError
         value = float(cell)
     except (TypeError, ValueError):
-        return math.nan, f'must be a number, got "{cell}"'
+        return math.nan, f'must be a number, got "{shortened(str(cell))}"'
     if not math.isfinite(value):
         return math.nan, f"must be a finite number, got {cell}"
     return value, ""

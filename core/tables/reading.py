@@ -21,6 +21,8 @@ from .unit_text import names_of, split_header
 PARQUET = (".parquet", ".pq")
 WORKBOOKS = (".xlsx", ".xlsm")
 EMPTY = "is empty; it needs a line of column names and one row or more below it"
+COLUMNS = 5000
+"""Columns of a table at most."""
 OLD = b"\xd0\xcf\x11\xe0"
 """How workbooks before XLSX begin."""
 
@@ -70,6 +72,8 @@ def opened(path: Path, place: str, options: ReadOptions = AS_DETECTED) -> tuple[
             rows, dialect, bulk = rows_of_text(content, place, options)
         if not rows:
             raise refuse(place, EMPTY)
+        if (most := max(len(cells) for _, cells in rows)) > COLUMNS:
+            raise refuse(place, f"has {most} columns, {COLUMNS} are the most that are read: leave some out")
         return assembled(rows, dialect, place, options, bulk)
     except InputError as error:
         return None, list(error.faults)
