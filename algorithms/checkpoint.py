@@ -102,7 +102,6 @@ class Checkpoint:
         content |= joined(state=self._state, **tables)
         file = io.BytesIO()
         np.savez(file, allow_pickle=False, **content)
-        self.path.parent.mkdir(parents=True, exist_ok=True)
         write_bytes(self.path, sealed(file.getvalue()))
 
 

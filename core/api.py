@@ -24,6 +24,7 @@ from .api_arguments import (
     Raw,
     Source,
     Tell,
+    at_hand,
     collected,
     executing,
     folder_for,
@@ -80,6 +81,7 @@ def check(source: Source, settings: Sequence[str] = ()) -> str:
     from .configuration.description import describe
 
     faults: list[Fault] = []
+    source = at_hand(source)
     executing(source, settings, None, "", faults, store="")
     text = collected(
         lambda: (
@@ -115,6 +117,7 @@ def run(
     from .workflows.run.reach import searchable
 
     faults = start_faults_of(out, workers, resume, overwrite)
+    source = at_hand(source)
     where = executing(source, settings, workers, dask, faults)
     plan = collected(lambda: _with_problem(read(source, settings, algorithm=algorithm, seed=seed)), faults).plan()
     collected(lambda: searchable(plan.problem), faults)
@@ -179,8 +182,9 @@ def study(
     from .workflows.study.storage.site import other_study
 
     faults = start_faults_of(out, workers, resume, overwrite, shared=True) + needed("study")
-    where = executing(source, settings, workers, dask, faults, store=store)
-    plan = collected(lambda: read_study(raw(source), settings), faults)
+    tables_given = raw(at_hand(source))
+    where = executing(tables_given, settings, workers, dask, faults, store=store)
+    plan = collected(lambda: read_study(tables_given, settings), faults)
     if where.store and not any(fault.place == where.store_place for fault in faults):
         faults += other_study(plan, where.store, where.store_place)
     raise_all(faults)
@@ -218,8 +222,9 @@ def gap(
     from .workflows.gap.read import checked_table
 
     faults = start_faults_of(out, workers, resume, overwrite)
-    where = executing(source, settings, workers, dask, faults)
-    plan, plan_faults = gap_plan(raw(source), settings)
+    tables_given = raw(at_hand(source))
+    where = executing(tables_given, settings, workers, dask, faults)
+    plan, plan_faults = gap_plan(tables_given, settings)
     table, form_faults, place = opened(data, tables.ReadOptions(encoding, delimiter, decimal))
     file = None if isinstance(data, pd.DataFrame) else Path(data)
     measurements, data_faults = checked_table(plan, table, form_faults, place, file)

@@ -13,6 +13,7 @@ import pandas as pd
 from . import tables
 from .arguments import choice_faults, file_faults, source_faults, start_faults
 from .configuration import Configuration
+from .configuration.source import at_hand as once_read
 from .errors import Fault, InputError, raise_all
 from .files import unwritable
 from .results import Scratch
@@ -101,7 +102,9 @@ def table_faults_of(
         faults += unwritable(target.path, "--out") + source_faults(target.path, read)
     else:
         faults += file_faults(target.path, read)
-    return faults + folder_faults(target.blocks, resume, overwrite)
+    if any(fault.place == "--out" for fault in faults):
+        return faults
+    return faults + (unwritable(target.blocks, "--out") or folder_faults(target.blocks, resume, overwrite))
 
 
 def folder_for(out: AnyPath | None) -> tuple[Path, Scratch | None]:
@@ -110,6 +113,11 @@ def folder_for(out: AnyPath | None) -> tuple[Path, Scratch | None]:
         return Path(fspath(out)), None
     scratch = Scratch()
     return scratch.path / "result", scratch
+
+
+def at_hand(source: Source) -> Source:
+    """The configuration, read at once where it comes through a pipe: that can be read but once."""
+    return once_read(Path(source)) if isinstance(source, str | PathLike) else source
 
 
 def raw(source: Raw) -> Path | Mapping[str, Any]:

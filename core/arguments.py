@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from os.path import exists, lexists, samefile
 from pathlib import Path
 
 from .counts import too_many_workers
 from .directory import OCCUPIED, busy_faults, occupied
 from .errors import Fault
-from .files import unwritable
+from .files import is_folder, unwritable
 
 TABLES = (".csv", ".txt", ".parquet", ".pq", "")
 """Endings of tables that can be written."""
@@ -47,8 +48,8 @@ def choice_faults(workers: int | None, resume: bool, overwrite: bool, place: str
 
 def file_faults(out: Path, source: Path | None) -> list[Fault]:
     """An output table that cannot be written, or an input file that does not exist."""
-    faults = _place_faults(out)
-    if not out.is_dir() and out.parent.is_dir() and out.suffix.lower() not in TABLES:
+    faults = unwritable(out, "--out", file=True)
+    if not faults and out.suffix.lower() not in TABLES:
         faults.append(Fault("--out", f"{out.name} is neither .csv nor .parquet; no other table can be written"))
     return faults + source_faults(out, source)
 
@@ -57,15 +58,17 @@ def source_faults(out: Path, source: Path | None) -> list[Fault]:
     """An input file that does not exist, or that the output would replace."""
     if source is None:
         return []
-    if not source.exists():
+    if not exists(source):
         return [Fault(str(source), "does not exist")]
-    replaced = out.exists() and out.samefile(source)
+    replaced = exists(out) and samefile(out, source)
     return [Fault("--out", f"would replace its own input {source}; name another path")] if replaced else []
 
 
 def template_faults(out: Path) -> list[Fault]:
     """A file that cannot be written, or exists already: it may be the user's own work."""
-    return [Fault("--out", f"{out} exists; name another file, or remove it")] if out.exists() else _place_faults(out)
+    if faults := unwritable(out, "--out", file=True):
+        return faults
+    return [Fault("--out", f"{out} exists; name another file, or remove it")] if exists(out) else []
 
 
 def page_faults(folders: Sequence[Path], out: Path | None, figures: Path | None = None) -> list[Fault]:
@@ -93,25 +96,17 @@ def page_next_to(folder: Path) -> Path:
 
 def _page_faults(folders: Sequence[Path], out: Path | None) -> list[Fault]:
     faults = [
-        Fault(str(folder), "is not a directory" if folder.exists() else "does not exist")
+        Fault(str(folder), "is not a directory" if lexists(folder) else "does not exist")
         for folder in folders
-        if not folder.is_dir()
+        if not is_folder(folder)
     ]
     if len(folders) > 1 and len(faults) < len(folders):
         faults = []  # existing directories are compared, missing ones are reported
     if out is None and len(folders) == 1:
-        return faults or busy_faults(folders[0], "report") or unwritable(folders[0], "--out")
+        return faults or busy_faults(folders[0], "report") or unwritable(folders[0] / "report.html", "--out", file=True)
     if out is None:
-        return faults or unwritable(Path(), "--out")
-    if not out.is_dir() and out.suffix.lower() not in (".html", ".htm"):
+        return faults or unwritable(Path("comparison.html"), "--out", file=True)
+    faults += unwritable(out, "--out", file=True)
+    if not faults and out.suffix.lower() not in (".html", ".htm"):
         faults.append(Fault("--out", f"{out.name} must end with .html: it is a page"))
-    return faults + _place_faults(out)
-
-
-def _place_faults(out: Path) -> list[Fault]:
-    """Why no file can be written at that path."""
-    if out.is_dir():
-        return [Fault("--out", f"{out} is a directory; name a file")]
-    if not out.parent.is_dir():
-        return [Fault("--out", f"the directory {out.parent} does not exist")]
-    return unwritable(out.parent, "--out")
+    return faults

@@ -10,13 +10,9 @@ import typer
 
 from .errors import TolevoError
 from .files import cause
+from .streams import warn_in_a_line
 
 INTERRUPTED = 130
-
-
-def _warned(message: Warning | str, *_: object, **__: object) -> None:
-    """Print a warning of a model in a line without the place in the code."""
-    typer.echo(f"warning: {message}", err=True)
 
 
 @contextmanager
@@ -24,7 +20,7 @@ def exit_status() -> Iterator[None]:
     """Errors as lines on stderr and an exit status, without a traceback for expected errors."""
     try:
         with warnings.catch_warnings():
-            warnings.showwarning = _warned
+            warnings.showwarning = warn_in_a_line
             yield
     except TolevoError as error:
         typer.echo(str(error), err=True)

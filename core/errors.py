@@ -9,8 +9,19 @@ TolevoError            exit status 1
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+import re
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from itertools import islice
+
+LONGEST = 100
+"""Characters of a name for which the nearest valid one is looked for."""
+_PART = re.compile(r" \(part [^()]*\)$")
+"""The part that a message is about, whose place says so as well."""
+LINES = 1000
+"""Lines of faults at most."""
+REPEATED = 3
+"""Places with one message that get lines of their own."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,10 +54,26 @@ class InputError(TolevoError):
 
     def __init__(self, faults: Iterable[Fault]) -> None:
         self.faults = tuple(faults)
-        super().__init__("\n".join(str(fault) for fault in self.faults))
+        lines = list(islice(_lines(self.faults), LINES))
+        more = [f"more than {LINES} faults: the others are not listed"] if len(lines) == LINES else []
+        super().__init__("\n".join([*lines, *more]))
 
     def __reduce__(self) -> tuple[type[InputError], tuple[tuple[Fault, ...]]]:
         return type(self), (self.faults,)
+
+
+def _lines(faults: tuple[Fault, ...]) -> Iterator[str]:
+    """A line per fault; one line for all places of a message that is repeated."""
+    places: dict[str, list[str]] = {}
+    for fault in faults:
+        places.setdefault(_PART.sub("", fault.message), []).append(fault.place)
+    for fault in faults:
+        message = _PART.sub("", fault.message)
+        first, others = places[message][:REPEATED], len(places[message]) - REPEATED
+        if others <= 0:
+            yield str(fault)
+        elif fault.place == first[0]:
+            yield f"{', '.join(first)} and {others} other places: {message}"
 
 
 ConfigurationError = InputError
@@ -78,5 +105,7 @@ def raise_all(faults: Iterable[Fault]) -> None:
 
 def nearest(name: str, valid: Iterable[str]) -> str:
     """' (did you mean `x`?)' for the closest valid name, else an empty string."""
+    if len(name) > LONGEST:
+        return ""
     close = difflib.get_close_matches(name, list(valid), n=1, cutoff=0.6)
     return f" (did you mean `{close[0]}`?)" if close else ""

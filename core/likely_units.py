@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 from .units import converted, fits
 
@@ -22,19 +23,24 @@ def likely_unit(value: float, unit: str, low: float, high: float) -> str:
     Empty where there is none, where `value` lies there already, and where an end is infinite. Of
     several units that fit, the unit that comes nearest to the middle of the range of ratios.
     """
-    if not unit or low <= value <= high or not (math.isfinite(low) and math.isfinite(high)):
-        return ""
-    try:
-        scales = {name: converted(1.0, name, unit) for name in COMMON if fits(name, unit)}
-    except ValueError:
+    if not unit or value != value or low <= value <= high or not (math.isfinite(low) and math.isfinite(high)):
         return ""
     middle = math.sqrt(low * high) if low > 0.0 else 0.1 * high
     near = [
         (abs(math.log(value * scale / middle)), name)
-        for name, scale in scales.items()
+        for name, scale in _scales(unit).items()
         if scale != 1.0 and low <= value * scale <= high and value * scale > 0.0
     ]
     return min(near)[1] if near else ""
+
+
+@lru_cache(maxsize=64)
+def _scales(unit: str) -> dict[str, float]:
+    """How many of `unit` the common units are that can be stated in it."""
+    try:
+        return {name: float(converted(1.0, name, unit)) for name in COMMON if fits(name, unit)}
+    except ValueError:
+        return {}
 
 
 def unit_hint(value: float, unit: str, low: float, high: float) -> str:

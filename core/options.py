@@ -82,7 +82,7 @@ class Blocks:
         bool, typer.Option("--partitioned", help="OUT is a directory, a Parquet file per block.")
     ] = False
     resume: Annotated[bool, typer.Option("--resume", help="Compute what is missing.")] = False
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace blocks of an earlier command.")] = False
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace earlier blocks, or another file.")] = False
     store: Kept = ""
 
 

@@ -27,5 +27,5 @@ class PageSection(ABC):
         """
 
 
-SECTIONS: Kinds[PageSection] = Kinds("pages", PageSection)
+SECTIONS: Kinds[PageSection] = Kinds("pages")
 """The sections by name: entry points of `tolevo.pages`."""

@@ -10,44 +10,40 @@ import ast
 import re
 import sys
 from collections.abc import Iterator, Mapping
-from functools import lru_cache, reduce
+from dataclasses import is_dataclass
+from functools import lru_cache
 from importlib import import_module
 from importlib.machinery import ModuleSpec
 from importlib.metadata import Distribution, EntryPoint, PackageNotFoundError, distribution, entry_points, version
 from importlib.util import resolve_name
+from inspect import getattr_static
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 from .errors import Fault, InputError, nearest, refuse
 
 Kind = TypeVar("Kind")
 PATH = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_][\w.]*")
 """A class that is named by its module instead of an entry point."""
-GROUPS = (
-    "models",
-    "problems",
-    "algorithms",
-    "effects",
-    "calculations",
-    "curves",
-    "distributions",
-    "designs",
-    "rules",
-    "pages",
-)
-PLUGIN_FAULTS = (
-    ArithmeticError,
-    AttributeError,
-    ImportError,
-    LookupError,
-    NameError,
-    OSError,
-    RuntimeError,
-    SyntaxError,
-    TypeError,
-    ValueError,
-)
-"""What importing a broken plugin may raise: a fault of the user's input that names the plugin."""
+PLUGIN_FAULTS = (Exception, SystemExit)
+"""What the code of a broken plugin may raise: a fault of the user's input that names the plugin."""
+BASES = {
+    "models": "tolevo.models.measurable:MeasurableModel",
+    "problems": "pymoo.core.problem:Problem",
+    "algorithms": "tolevo.algorithms.settings:AlgorithmSettings",
+    "effects": "tolevo.models.effects.effect:Effect",
+    "calculations": "tolevo.workflows.reproduce.calculation:Calculation",
+    "curves": "tolevo.models.costs.curve:CostCurve",
+    "distributions": "tolevo.models.inputs.distribution:Distribution",
+    "designs": "tolevo.workflows.study.records:Design",
+    "rules": "tolevo.workflows.choice.rule:ChoiceRule",
+    "pages": "tolevo.page_section:PageSection",
+}
+"""The class that every class of a group is a subclass of; it is imported when one is used."""
+SETTINGS = ("algorithms", "curves", "designs", "distributions")
+"""Groups whose classes are dataclasses: their fields are keys of a configuration."""
+SHOWN = 80
+"""Characters of a name that a message repeats."""
 
 
 def _offers(group: str) -> tuple[EntryPoint, ...]:
@@ -102,33 +98,64 @@ def origin(group: str, name: str) -> str:
 def load(group: str, name: str) -> Any:
     """The class registered as `name`, or the one at the path "package.module:Class".
 
-    Raises InputError where the name is unknown, where its plugin cannot be imported, or where an
+    Nothing but its module is run before it is known to be a class of the group. Raises InputError
+    where the name is unknown, where it cannot be imported, where it is no such class, or where an
     extra that it names in `extras` is not installed.
     """
-    kind = group.removesuffix("s")
-    if PATH.fullmatch(name):
-        return _by_path(kind, name)
-    offer = _find(group, name)
+    kind, short = group.removesuffix("s"), name if len(name) <= SHOWN else f"{name[:SHOWN]}..."
+    offer = None if PATH.fullmatch(name) else _find(group, name)
+    module, _, attribute = name.partition(":") if offer is None else (offer.module, "", offer.attr)
+    whose = "" if offer is None else f" of {_origin(offer)} ({offer.value})"
     try:
-        loaded = offer.load()
-    except PLUGIN_FAULTS as error:  # a plugin may raise anything while it is imported
-        reason = f"{type(error).__name__}: {error}"
-        raise refuse(kind, f'"{name}" of {_origin(offer)} cannot be imported ({offer.value}): {reason}') from error
+        loaded = _member(import_module(module), attribute.split("."))
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # a module may raise anything while it is imported
+        remedy = "" if offer else "; its module must be installed, or lie in a directory of PYTHONPATH"
+        reason = f"{type(error).__name__}: {error}" if len(name) <= SHOWN else type(error).__name__
+        raise refuse(kind, f'"{short}"{whose} cannot be imported ({reason}){remedy}') from error
+    if complaint := _misfit(group, loaded):
+        raise refuse(kind, f'"{short}"{whose} {complaint}')
     for extra in getattr(loaded, "extras", ()):
-        if offer.dist is not None and (missing := _missing(offer.dist.requires or [], extra)):
+        if offer is not None and offer.dist is not None and (missing := _missing(offer.dist.requires or [], extra)):
             command = f"pip install '{offer.dist.name}[{extra}]'"
             raise refuse(kind, f'"{name}" needs {", ".join(missing)}: {command}')
     return loaded
 
 
-def _by_path(kind: str, path: str) -> Any:
-    """What a path names. Raises InputError where it cannot be imported."""
-    module, _, attribute = path.partition(":")
-    try:
-        return reduce(getattr, attribute.split("."), import_module(module))
-    except PLUGIN_FAULTS as error:
-        text = f'"{path}" cannot be imported ({type(error).__name__}: {error}); its module must be '
-        raise refuse(kind, f"{text}installed, or lie in a directory of PYTHONPATH") from error
+def _member(module: Any, names: list[str]) -> Any:
+    """A name of a module, or of a class in it, by which no code of an object is run."""
+    member = getattr(module, names[0])
+    for name in names[1:]:
+        if not isinstance(member, type):
+            raise AttributeError(f"{names[0]} is not a class")
+        member = getattr_static(member, name)
+    return member
+
+
+def _misfit(group: str, loaded: Any) -> str:
+    """Why an object is not a class of a group that can be used; empty where it is one."""
+    module, _, name = BASES[group].partition(":")
+    wanted = f"it must be a subclass of {name} ({module})"
+    if not isinstance(loaded, type):
+        return f"is not a class: {wanted}"
+    if not issubclass(loaded, getattr(import_module(module), name)):
+        return f"is not a class of {group}: {wanted}"
+    if missing := _unstated(loaded):
+        return f"cannot be used: it does not state {', '.join(missing)}"
+    if group in SETTINGS and not is_dataclass(loaded):
+        return "cannot be used: it must be a dataclass, whose fields are its settings"
+    return ""
+
+
+@lru_cache
+def _unstated(kind: type) -> tuple[str, ...]:
+    """Members that the bases of a class leave to it, and that it does not have."""
+    stated = {key for base in kind.__mro__ for key in vars(base)}
+    declared = (item for base in kind.__mro__ for item in vars(base).get("__annotations__", {}).items())
+    lacking = [key for key, form in declared if str(form).startswith("ClassVar") and key not in stated]
+    abstract = [key for key in dir(kind) if getattr(getattr_static(kind, key), "__isabstractmethod__", False)]
+    return tuple(dict.fromkeys([*lacking, *abstract]))
 
 
 def name_of(group: str, kind: type) -> str:
@@ -140,22 +167,15 @@ def name_of(group: str, kind: type) -> str:
 
 
 class Kinds(Mapping[str, type[Kind]]):
-    """The classes of a group by their names in configurations; each is imported when it is used.
+    """The classes of a group by their names in configurations; each is imported when it is used."""
 
-    All are subclasses of `base`: any other class is refused with its origin when it is used.
-    """
-
-    def __init__(self, group: str, base: Any) -> None:
-        self.group, self.base = group, base
+    def __init__(self, group: str) -> None:
+        self.group = group
 
     def __getitem__(self, name: str) -> type[Kind]:
         if name not in names(self.group):
             raise KeyError(name)
-        loaded = load(self.group, name)
-        if not (isinstance(loaded, type) and issubclass(loaded, self.base)):
-            text = f'"{name}" of {origin(self.group, name)} is not a {self.base.__name__}: '
-            raise refuse(self.group.removesuffix("s"), f"{text}it must be a subclass of it")
-        return loaded
+        return cast("type[Kind]", load(self.group, name))
 
     def __iter__(self) -> Iterator[str]:
         return iter(names(self.group))
@@ -226,7 +246,7 @@ def listing() -> dict[str, list[dict[str, str]]]:
             {"name": offer.name, "description": _summary(offer), "origin": _origin(offer)} | _family(offer, group)
             for offer in _offers(group)
         ]
-        for group in GROUPS
+        for group in BASES
     }
 
 

@@ -47,6 +47,12 @@ def _number_text(value: float) -> str:
 
 
 ANY = Range()
+MOST = 1000
+"""Faults of a configuration that are reported."""
+MANY = 100
+"""Unknown keys for which the nearest valid one is looked for."""
+SHOWN = 100
+"""Characters of a value that a message repeats."""
 POSITIVE = Range(low=0.0, open_low=True)
 
 
@@ -56,7 +62,8 @@ def shown(value: object) -> str:
         return str(value).lower()
     if isinstance(value, dict):
         return "a table"
-    return f'"{value}"' if isinstance(value, str) else str(value)
+    text = f'"{value[:SHOWN]}"' if isinstance(value, str) else str(value[:SHOWN] if isinstance(value, list) else value)
+    return text if len(text) <= SHOWN + 2 else f"{text[:SHOWN]}..."
 
 
 class Section:
@@ -88,9 +95,9 @@ class Section:
         return self._faults
 
     def fault(self, key: str, message: str, kind: type[Fault] = Fault) -> None:
-        """Report a fault of `key`, or of the table where the key is empty."""
+        """Report a fault of `key`, or of the table where the key is empty; no more than `MOST`."""
         fault = kind(self.place(key) or "configuration", message)
-        if fault not in self._faults:  # a table may be read twice
+        if len(self._faults) < MOST and fault not in self._faults:  # a table may be read twice
             self._faults.append(fault)
 
     def take(self, key: str) -> Any:
@@ -104,9 +111,10 @@ class Section:
 
     def finish(self) -> None:
         """Report every key that was not read, with the nearest key that would be valid."""
-        for key in self._table:
-            if key not in self._known:
-                self.fault(key, f"is not a known key{nearest(key, self._known)}", UnknownKey)
+        unknown = [key for key in self._table if key not in self._known]
+        for at, key in enumerate(unknown):
+            close = nearest(key, self._known) if at < MANY else ""
+            self.fault(key, f"is not a known key{close}", UnknownKey)
 
     def number(self, key: str, unit: str = "", within: Range = ANY) -> float | None:
         """A finite number in `unit`; where there is a unit, also a string that states its unit."""
@@ -191,7 +199,7 @@ class Section:
         return value
 
     def names(self, key: str) -> list[str] | None:
-        """A list of strings, at least one."""
+        """A list of strings, at least one and no more than `MOST`."""
         value = self.take(key)
         if value is None:
             return None
@@ -200,6 +208,9 @@ class Section:
             return None
         if not value:
             self.fault(key, "must name at least one")
+            return None
+        if len(value) > MOST:
+            self.fault(key, f"has {len(value)} names, {MOST} at most")
             return None
         return value
 

@@ -8,6 +8,7 @@ import os
 import sys
 from typing import Any
 
+LIBRARIES = ("numpy", "scipy", "pandas", "sklearn", "statsmodels", "numba")
 LOST = (errno.EPIPE, errno.EIO)
 """Errors of a pipe whose reader has ended, and of a terminal that is gone."""
 
@@ -40,6 +41,15 @@ def keep_standard_streams() -> None:
         sys.stdout = _over(1, sys.stdout, line_buffering=sys.stdout is not None and sys.stdout.isatty())
     if sys.stderr is sys.__stderr__:
         sys.stderr = _over(2, sys.stderr, line_buffering=True)
+
+
+def warn_in_a_line(message: Warning | str, category: type[Warning], *_: object, **__: object) -> None:
+    """Print a warning of a model or a plugin without the place in the code; none of a library about
+    its numbers, whose results are tested by those who use them.
+    """
+    library = category.__module__.partition(".")[0] in LIBRARIES
+    if not library and not issubclass(category, RuntimeWarning):
+        print(f"warning: {message}", file=sys.stderr, flush=True)
 
 
 def _over(number: int, before: io.TextIOWrapper | Any, line_buffering: bool) -> io.TextIOWrapper:

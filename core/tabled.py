@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from os.path import exists, getsize
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,13 +18,14 @@ from .api_arguments import (
     Frame,
     Source,
     Tell,
+    at_hand,
     collected,
     executing,
     readable,
     report_lines,
     table_faults_of,
 )
-from .errors import Fault, raise_all
+from .errors import Fault, raise_all, refuse
 from .problems.interfaces import WithEffects
 
 if TYPE_CHECKING:
@@ -68,6 +70,7 @@ def evaluate(
     faults = table_faults_of(out, designs, partitioned, resume, overwrite)
     if quality not in QUALITIES:
         faults.append(Fault("--quality", f'must be one of {", ".join(QUALITIES)}, got "{quality}"'))
+    source = at_hand(source)
     where = executing(source, settings, workers, dask, faults, block_rows, store)
     configuration = collected(lambda: read(source, settings), faults)
     problem, notes = configuration.problem, list[str]()
@@ -82,7 +85,7 @@ def evaluate(
     full = designs_in(problem, table, place, notes.extend)
     report_lines(tell, READ, notes)
     computing = evaluation(problem, full, configuration.toml(), quality)
-    target = _target(out, partitioned, resume, overwrite)
+    target = _target(out, partitioned, resume, overwrite, ["feasible"])
     return _computed(computing, where, target, progress, frame, notes)
 
 
@@ -117,6 +120,7 @@ def simulate(
     from .workflows.streamed import streamed
 
     faults = table_faults_of(out, inputs, partitioned, resume, overwrite)
+    source = at_hand(source)
     where = executing(source, settings, workers, dask, faults, block_rows, store)
     configuration = collected(lambda: read(source, settings), faults)
     raise_all(faults)
@@ -141,15 +145,25 @@ def simulate(
     report_lines(tell, READ, understood)
     report_lines(tell, "note", notes)
     computing = simulation.computed(rows, columns, configuration.toml())
-    target = _target(out, partitioned, resume, overwrite)
+    target = _target(out, partitioned, resume, overwrite, [output.name for output in simulation.model.outputs])
     predictions = _computed(computing, where, target, progress, frame, [*understood, *notes])
     return predictions.set_axis(index) if index is not None and frame else predictions
 
 
-def _target(out: AnyPath | None, partitioned: bool, resume: bool, overwrite: bool) -> Target | None:
+def _target(out: AnyPath | None, partitioned: bool, resume: bool, overwrite: bool, last: list[str]) -> Target | None:
+    """Where the table goes. Raises InputError where that is a file whose columns do not end with
+    `last`, as those of the command do, and that is not to be replaced.
+    """
     from .workflows.blocks import Target
 
-    return None if out is None else Target(Path(out), partitioned, resume, overwrite)
+    if out is None:
+        return None
+    target = Target(Path(out), partitioned, resume, overwrite)
+    if not partitioned and not overwrite and exists(out) and getsize(out):
+        names = tables.columns_of(target.path)
+        if names[-len(last) :] != last:
+            raise refuse("--out", f"{out} holds something else: name another file, or add --overwrite")
+    return target
 
 
 def _computed(

@@ -49,8 +49,7 @@ def to_unit(text: str, unit: str, scale_only: bool = False) -> float:
     with a unit that fits.
     """
     wanted = f"a string with a unit of {unit}" if unit else "a plain number"
-    shown = text if len(text) <= SHOWN else f"{text[:SHOWN]}..."
-    message = f'must be a number or {wanted}, got "{shown}"'
+    message = f'must be a number or {wanted}, got "{shortened(text)}"'
     match = _QUANTITY.fullmatch(text.strip()) if len(text) <= LONGEST else None
     if match is None or bool(match[2]) != bool(unit):
         raise ValueError(message)
@@ -65,6 +64,11 @@ def to_unit(text: str, unit: str, scale_only: bool = False) -> float:
         return float(Fraction(number) * scale + zero)
     except OverflowError:
         return math.copysign(math.inf, number)
+
+
+def shortened(text: str) -> str:
+    """A text as messages repeat it."""
+    return text if len(text) <= SHOWN else f"{text[:SHOWN]}..."
 
 
 def split_unit(name: str) -> tuple[str, str]:
@@ -85,7 +89,7 @@ def dimension(unit: str) -> str:
     try:
         parsed = unit_of(unit)
     except UnitError as error:
-        text = f'"{unit}" is not a unit; write "mm", "N m", "rad", "rpm", ...'
+        text = f'"{shortened(unit)}" is not a unit; write "mm", "N m", "rad", "rpm", ...'
         raise ValueError(f"{text} ({error})") from error
     return _in_si(parsed) if parsed.dimensions else ""
 
@@ -141,7 +145,7 @@ def _affine(unit: str, to: str) -> tuple[float, float]:
     try:
         scale, zero = _scale(unit, to)
     except UnitError as error:
-        message = f'"{unit}" is not a unit that can be stated in {to}'
+        message = f'"{shortened(unit)}" is not a unit that can be stated in {shortened(to)}'
         raise ValueError(f"{message}: {error}" if str(error) else message) from error
     return float(scale), float(zero)
 

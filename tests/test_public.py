@@ -10,7 +10,7 @@ import pytest
 import tolevo
 from tolevo import algorithms, plugins, testing
 from tolevo.lazy import Renamed, lazily
-from tolevo.registry import GROUPS
+from tolevo.registry import BASES
 from tolevo.reports.glossary import TERMS
 
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "public.md"
@@ -33,7 +33,7 @@ def test_every_public_name_is_there(package: object) -> None:
 @pytest.mark.source_tree
 def test_every_group_of_plugins_is_named_where_plugins_are_explained() -> None:
     text = (PAGE.parent / "plugins.md").read_text(encoding="utf-8")
-    assert [group for group in GROUPS if f"`tolevo.{group}`" not in text] == []
+    assert [group for group in BASES if f"`tolevo.{group}`" not in text] == []
 
 
 @pytest.mark.source_tree

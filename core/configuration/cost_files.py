@@ -17,7 +17,7 @@ import numpy as np
 from ..errors import Fault, nearest
 from ..models.costs.extras import EXTRAS
 from ..models.iso286 import GRADES
-from ..units import converted, fits, split_unit
+from ..units import converted, dimension, fits, split_unit
 from .cost_rows import OPTIONS, Filled, Prices, Raw, number_in, options_in, read_prices
 
 
@@ -150,6 +150,10 @@ def unit_of(table: Raw, part: Raw) -> str:
         required = required[0] if required else None
     if unit is None and isinstance(required, dict):
         unit = required.get("unit")
+    try:
+        dimension(unit if isinstance(unit, str) else "")
+    except ValueError:  # a fault where it is stated
+        return "mm"
     return unit if isinstance(unit, str) else ""
 
 
@@ -220,8 +224,14 @@ def _curve(rows: list[Raw], prices: Prices, unit: str, name: str, faults: list[F
         faults.append(Fault(prices.place, f"{name}: each row needs t (or grade) and cost"))
         return None
     if prices.t_unit and key == "t":
+        try:
+            dimension(prices.t_unit)
+        except ValueError as error:
+            faults.append(Fault(prices.place, f"{name}: the unit of t: {error}"))
+            return None
         if not unit or not fits(prices.t_unit, unit):
-            faults.append(Fault(prices.place, f'{name}: t is in "{prices.t_unit}", which cannot be stated in "{unit}"'))
+            text = f't is in "{prices.t_unit}", which cannot be stated in "{unit}"'
+            faults.append(Fault(prices.place, f"{name}: {text}"))
             return None
         values = [float(converted(value, prices.t_unit, unit)) for value in values]
     order = np.argsort(values, kind="stable").tolist()

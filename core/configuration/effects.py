@@ -12,6 +12,7 @@ from ..models.effects.effect import Effect, EffectParameter, Target
 from ..models.effects.measurements import target_of
 from ..models.effects.unresolved import Unresolved
 from ..models.measurable import MeasurableModel
+from ..registry import PLUGIN_FAULTS
 from ..section import Range, Section, shown
 from .plugins import ModelClass, load_named
 from .unresolved import resolved_unresolved
@@ -38,7 +39,11 @@ def _effect(section: Section, target: Target | None) -> Active | None:
     section.finish()
     if kind is None or target is None:
         return None
-    effect: Effect = kind()
+    try:
+        effect: Effect = kind()
+    except PLUGIN_FAULTS as error:
+        section.fault("name", f"{kind.__name__} cannot be made without arguments ({type(error).__name__}: {error})")
+        return None
     if not effect.applies(target):
         section.fault("name", f'"{effect.name}" has no place in the model {target.model}: {effect.left_out(target)}')
         return None

@@ -9,7 +9,7 @@ from typing import Any
 
 from ..algorithms.settings import AlgorithmSettings
 from ..declarations import Value, completed
-from ..errors import Fault, InputError, raise_all
+from ..errors import Fault, InputError, raise_all, refuse
 from ..problems.declaration import Declaration
 from ..problems.interfaces import Checks
 from ..problems.settings import Settings, VariableSetting
@@ -94,6 +94,8 @@ def _read_problem(
     top: Section, faults: list[Fault], notes: Sequence[str], folder: Path, reachable: bool
 ) -> Configuration:
     """A configuration with a problem."""
+    if "problem" not in top and "claim" in top:
+        raise refuse("claim", "makes this a file of claims: give it to `tolevo reproduce`, which checks it as well")
     if "problem" not in top:
         top.fault("problem", 'is missing: name a problem (see `tolevo list`), or model = "..."')
     problem_class = problem_of(top)

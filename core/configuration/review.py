@@ -15,6 +15,7 @@ from .. import tables
 from ..csv_text import read_own_csv
 from ..declarations import Kind
 from ..errors import Fault, InputError, UnknownKey, nearest, raise_all
+from ..files import content
 from ..problems.interfaces import Checks
 from ..problems.promise import ASSURED, PLUG_IN, PROMISED, YIELD
 from ..problems.stack import Stack
@@ -325,7 +326,7 @@ def _problem(table: Table, faults: list[Fault]) -> ToleranceProblem | None:
 def _attributed(folder: Path, faults: list[Fault]) -> str:
     """What `gap.json` in a directory says in one phrase."""
     try:
-        analysis = json.loads((folder / GAP).read_text(encoding="utf-8"))
+        analysis = json.loads(content(folder / GAP))
         names = [str(effect["name"]) for effect in analysis.get("effects") or ()]
         return f"{analysis['verdict']}" + (f": {', '.join(names)}" if names else "")
     except (OSError, ValueError, KeyError, TypeError):

@@ -5,10 +5,13 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from ..errors import Fault, InputError
+from ..counts import is_forced
+from ..errors import Fault, InputError, raise_all
+from ..files import CONFIGURATION, content, is_pipe
 from .merging import merge
 from .objects import with_names
 
@@ -17,6 +20,16 @@ Source = Path | Mapping[str, Any]
 """A TOML file, or a dictionary with the keys of such a file."""
 
 
+TABLES = 10_000
+"""Tables of a file at most."""
+DEPTH = 64
+"""Parts of a dotted name at most."""
+LIST = 1000
+"""Tables of a list, keys of a table, and characters of a key, at most; a list of numbers or texts may be longer."""
+TEXT = 32_767
+"""Characters of a text at most, as in a cell of a workbook."""
+SHOWN = 200
+"""Characters of a text that a message repeats."""
 EXECUTION = "execution"
 """The table of where a command computes, see `read_execution`."""
 
@@ -56,20 +69,29 @@ def parsed_tables(source: Source, overrides: Sequence[str]) -> Table:
     return table
 
 
+def at_hand(source: Source) -> Source:
+    """The configuration; one that comes through a pipe is read, as it can be read but once.
+
+    Raises InputError where that is not possible.
+    """
+    if not isinstance(source, Path) or not is_pipe(source):
+        return source
+    faults: list[Fault] = []
+    table = _loaded(source, faults)
+    raise_all(faults)
+    return table or {}
+
+
 def _loaded(source: Source, faults: list[Fault]) -> Table | None:
     if not isinstance(source, Path):
         return deepcopy(with_names(source))
     place = str(source)
     try:
-        text = source.read_bytes().decode("utf-8-sig")
-    except FileNotFoundError:
-        message = "does not exist"
-    except IsADirectoryError:
-        message = "is a directory, not a configuration file"
+        text = content(source, CONFIGURATION, pipe=True).decode("utf-8-sig")
     except UnicodeDecodeError as error:
         message = f"is not UTF-8 (byte {error.start}): save it as UTF-8"
-    except (OSError, ValueError) as error:
-        message = f"cannot be read ({getattr(error, 'strerror', None) or error})"
+    except ValueError as error:
+        message = str(error)
     else:
         if text.strip():
             return _parsed(text, place, faults)
@@ -79,11 +101,61 @@ def _loaded(source: Source, faults: list[Fault]) -> Table | None:
 
 
 def _parsed(text: str, place: str, faults: list[Fault]) -> Table | None:
+    if complaint := _too_long(text):
+        faults.append(Fault(place, complaint))
+        return None
+    table, before = deepcopy(_tables(text)), len(faults)
+    if isinstance(table, str):
+        faults.append(Fault(place, f"is not valid TOML: {table}"))
+        return None
+    _measure(table, "", faults)
+    return table if len(faults) == before else None
+
+
+@lru_cache(maxsize=2)
+def _tables(text: str) -> Table | str:
+    """The tables of a text, which a command reads several times, or what is wrong with it."""
     try:
         return tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # a number of thousands of digits is no TOML error
-        faults.append(Fault(place, f"is not valid TOML: {error}"))
-        return None
+        reason = str(error)
+        return reason if len(reason) <= SHOWN else f"{reason[:SHOWN]}..."
+
+
+def _too_long(text: str) -> str:
+    """Why a text would take long to parse: too many tables, or names of too many parts."""
+    if is_forced():
+        return ""
+    if (count := text.count("[[") + text.count("{")) > TABLES:
+        return f"has about {count} tables, {TABLES} are the most that are read: leave some out, or add --force"
+    for number, line in enumerate(text.split("\n"), 1):
+        if line.count(".") <= DEPTH:
+            continue
+        names = [line] if line.lstrip().startswith("[") else line.split("=")[:-1]
+        if any(name.count(".") > DEPTH and "," not in name for name in names):
+            return f"line {number}: a name has more than {DEPTH} parts, which is the most that is read"
+    return ""
+
+
+def _measure(value: Any, place: str, faults: list[Fault]) -> None:
+    """A fault for every text and every list of tables or texts that is too long."""
+    if isinstance(value, str) and len(value) > TEXT:
+        text = f"has {len(value)} characters, {TEXT} are the most that are read: shorten it, or add --force"
+    elif isinstance(value, list) and len(value) > LIST and any(isinstance(entry, dict | list) for entry in value):
+        text = f"has {len(value)} entries, {LIST} are the most that are read: leave some out, or add --force"
+    elif isinstance(value, dict) and len(value) > LIST:
+        text = f"has {len(value)} keys, {LIST} are the most that are read: leave some out, or add --force"
+    elif isinstance(value, dict) and any(len(key) > LIST for key in value):
+        text = f"has a key of more than {LIST} characters, which is the most that is read: shorten it"
+    else:
+        entries = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+        for key, entry in entries:
+            if isinstance(entry, str | dict | list):
+                name = f"[{key}]" if isinstance(value, list) else f".{key[:SHOWN]}" if place else key[:SHOWN]
+                _measure(entry, f"{place}{name}", faults)
+        return
+    if not is_forced():
+        faults.append(Fault(place or "configuration", text))
 
 
 def override(table: Table, settings: Sequence[str], faults: list[Fault]) -> None:

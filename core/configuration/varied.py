@@ -72,13 +72,15 @@ def _levels(section: Section, key: str, value: list[Any], base_value: Any) -> Fa
     kind, wanted = kinds.get(type(base_value), ((int, float), "a number"))
     if not value:
         section.fault(key, "names no values")
+    known = set[Any]()
     for at, level in enumerate(value):
         if not isinstance(level, kind) or isinstance(level, bool):
             section.fault(f"{key}[{at}]", f"must be {wanted}, got {shown(level)}")
             return None
-        if level in value[:at]:
+        if level in known:
             section.fault(key, f"names {shown(level)} twice")
             return None
+        known.add(level)
     levels = tuple(float(level) if isinstance(base_value, float) else level for level in value)
     return Factor(key, levels, integer=isinstance(base_value, int)) if levels else None
 

@@ -57,9 +57,17 @@ class Lock:
         taken = acquire(self.path.parent, self.command, patience=patience)
         self._handle, taken._handle, self.exclusive = taken._handle, None, True
 
+    def holds(self) -> bool:
+        """Whether the lock is still that of the directory, and not of one that was removed."""
+        try:
+            return self._handle is not None and os.path.samestat(os.fstat(self._handle), os.stat(self.path))
+        except OSError:
+            return False
+
     def release(self) -> None:
         """Release the lock; its last holder removes the file."""
-        if self._handle is not None and (self.exclusive or _flock(self._handle, fcntl.LOCK_EX)):
+        handle = self._handle
+        if handle is not None and self.holds() and (self.exclusive or _flock(handle, fcntl.LOCK_EX)):
             self.path.unlink(missing_ok=True)
         self._let_go()
 
@@ -132,6 +140,8 @@ def hold(path: Path, kind: int) -> int | None:
 
 def is_held(path: Path) -> bool:
     """Whether a living process has a lock on that file."""
+    if not os.path.isfile(path):
+        return False
     try:
         handle = os.open(path, os.O_RDONLY)
     except OSError:

@@ -9,6 +9,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from ..errors import Fault
+from ..files import is_file
 from ..sealed import read_record, write_record
 from .names import KINDS, present
 
@@ -72,6 +73,8 @@ def strangers(folder: Path, manifest: Manifest, apart: Iterable[str] = ()) -> li
 
 def digest(path: Path) -> str:
     """SHA-256 of a file, empty where it cannot be read."""
+    if not is_file(path):
+        return ""
     try:
         with path.open("rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest()

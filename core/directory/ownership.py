@@ -9,12 +9,12 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from ..errors import Fault, InputError, RunError, StorageError, TolevoError, raise_all, refuse
-from ..files import cause
+from ..files import cause, is_folder
 from .lock import PATIENCE, Held, Lock, acquire, commands, holders
 from .manifest import MANIFEST, write_manifest
 from .names import KINDS, folders, is_output_file, kinds_in, present
 from .parts import sweep
-from .standing import Standing, occupied, standing
+from .standing import Standing, irregular, occupied, standing
 from .unfinished import UNFINISHED, Unfinished, read_unfinished, write_unfinished
 
 BUSY = "is in use by {}: wait for it, end it, or name another directory"
@@ -22,6 +22,7 @@ OCCUPIED = "{} is not empty; name another directory, or add --overwrite or --res
 UNCHANGED = (
     "cannot be written ({}: {}): nothing was changed; {} and run the same command again, or name another directory"
 )
+GONE = "{} was removed while the command worked in it, and what it held is lost: run the same command again"
 READY = 60.0
 """Time [s] within which a command whose result can be shared has begun or completed it."""
 LAST = 600.0
@@ -65,6 +66,7 @@ class Ownership:
         if not resume:
             if not overwrite and occupied(self.folder):
                 raise refuse("--out", OCCUPIED.format(self.folder))
+            raise_all(irregular(self.folder))
             return
         here = self.standing = standing(self.folder, apart)
         raise_all(here.faults)
@@ -126,6 +128,8 @@ class Ownership:
 
     def complete(self, status: str = "done") -> None:
         """Mark what has been written as a complete set."""
+        if not self._lock.holds():
+            raise RunError(GONE.format(self.folder))
         write_manifest(self.folder, self.command, status)
         (self.folder / UNFINISHED).unlink(missing_ok=True)
 
@@ -185,6 +189,8 @@ def owned(
         held.check(resume, overwrite, apart)
         yield held
     except OSError as error:
+        if not is_folder(folder):
+            raise RunError(GONE.format(folder)) from None
         if (why := cause(error)) is None:
             raise
         raise held.unwritten(error.filename or folder, *why) from error

@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from ..errors import Fault
-from ..files import is_folder
+from ..files import is_file, is_folder, not_a_file
 from .lock import LOCK, holders
 from .manifest import ANEW, AS_IT_IS, MANIFEST, Manifest, read_manifest, strangers
-from .names import KINDS, is_output_file, kind_of, present
+from .names import KINDS, folders, is_output_file, kind_of, present
 from .parts import is_part
 from .unfinished import UNFINISHED, Unfinished, read_unfinished
 
@@ -46,6 +46,8 @@ class Standing:
 
 def standing(folder: Path, apart: Iterable[str] = ()) -> Standing:
     """The state of a directory; the files in `apart` check themselves and are not tested."""
+    if strange := irregular(folder):
+        return Standing(faults=tuple(strange))
     busy, seal = holders(folder), seal_of(folder)
     faults: list[Fault] = []
     manifest = unfinished = None
@@ -66,6 +68,17 @@ def standing(folder: Path, apart: Iterable[str] = ()) -> Standing:
         missing = tuple(name for name in manifest.files if name not in there)
     command = mark.command if mark is not None else kind_of(folder)
     return Standing(command, manifest, unfinished, tuple(faults), missing, busy, seal)
+
+
+def irregular(folder: Path) -> list[Fault]:
+    """A fault for every name of a result in a directory that is a device, a pipe, or no file else."""
+    names = (LOCK, MANIFEST, UNFINISHED)
+    paths = [path for place in folders(folder) for path in place.iterdir()]
+    return [
+        Fault(str(path), f"{not_a_file(path)}: it is no file of a result; move it away, or name another directory")
+        for path in sorted(paths)
+        if (path.name in names or is_output_file(path.name)) and not (is_file(path) or is_folder(path))
+    ]
 
 
 def not_whole(folder: Path) -> tuple[Fault, ...]:

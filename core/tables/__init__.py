@@ -9,7 +9,7 @@ from .assembling import SHOWN
 from .marks import is_missing
 from .naming import ColumnUse, Fitted, Tell, fitted, silent, without_unused
 from .options import AS_DETECTED, KEYS, NO_OPTIONS, ReadOptions
-from .parsed import cell_faults, parsed, write
+from .parsed import cell_faults, columns_of, parsed, write
 from .reading import PARQUET, opened, opened_whole, read_table, table_of
 from .record import Dialect, Table
 
@@ -27,6 +27,7 @@ __all__ = [
     "Table",
     "Tell",
     "cell_faults",
+    "columns_of",
     "fitted",
     "is_missing",
     "names_of_characteristics",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import math
 from collections.abc import Iterable
 from pathlib import Path
@@ -14,8 +15,12 @@ from numpy.typing import NDArray
 from ..csv_text import csv_text
 from ..errors import Fault, nearest
 from ..files import clear_parts, write_bytes, write_text
+from ..units import shortened
 from .assembling import SHOWN
 from .reading import PARQUET
+
+HEADER = 2**20
+"""Bytes of a line of column names at most."""
 
 
 def write(frame: pd.DataFrame, path: Path) -> None:
@@ -25,6 +30,21 @@ def write(frame: pd.DataFrame, path: Path) -> None:
         write_bytes(path, frame.to_parquet(index=False))
     else:
         write_text(path, csv_text(frame))
+
+
+def columns_of(path: Path) -> list[str]:
+    """The columns of a table that `write` wrote; none where a file is no such table."""
+    from pyarrow import ArrowInvalid
+    from pyarrow.parquet import read_schema
+
+    with path.open("rb") as file:
+        first = file.readline(HEADER)
+    try:
+        if first.startswith(b"PAR1"):
+            return [str(name) for name in read_schema(path).names]
+        return next(csv.reader([first.decode(errors="replace").rstrip("\n")]), [])
+    except (ArrowInvalid, OSError, csv.Error):
+        return []
 
 
 def parsed(
@@ -96,7 +116,7 @@ def _number(cell: Any) -> tuple[float, str]:
             raise ValueError
         value = float(cell)
     except (TypeError, ValueError):
-        return math.nan, f'must be a number, got "{cell}"'
+        return math.nan, f'must be a number, got "{shortened(str(cell))}"'
     if not math.isfinite(value):
         return math.nan, f"must be a finite number, got {cell}"
     return value, ""

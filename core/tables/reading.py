@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pandas as pd
 
+from .. import files
 from ..errors import Fault, InputError, raise_all, refuse
 from .aqdef.reading import SUFFIXES
 from .assembling import assembled
@@ -20,6 +21,8 @@ from .unit_text import names_of, split_header
 PARQUET = (".parquet", ".pq")
 WORKBOOKS = (".xlsx", ".xlsm")
 EMPTY = "is empty; it needs a line of column names and one row or more below it"
+COLUMNS = 5000
+"""Columns of a table at most."""
 OLD = b"\xd0\xcf\x11\xe0"
 """How workbooks before XLSX begin."""
 
@@ -74,6 +77,8 @@ def _opened(path: Path, place: str, options: ReadOptions) -> tuple[Table | None,
             rows, dialect, bulk = rows_of_text(content, place, options)
         if not rows:
             raise refuse(place, EMPTY)
+        if (most := max(len(cells) for _, cells in rows)) > COLUMNS:
+            raise refuse(place, f"has {most} columns, {COLUMNS} are the most that are read: leave some out")
         return assembled(rows, dialect, place, options, bulk)
     except InputError as error:
         return None, list(error.faults)
@@ -81,13 +86,9 @@ def _opened(path: Path, place: str, options: ReadOptions) -> tuple[Table | None,
 
 def _content(path: Path, place: str) -> bytes:
     try:
-        content = path.read_bytes()
-    except FileNotFoundError:
-        raise refuse(place, "does not exist") from None
-    except IsADirectoryError:
-        raise refuse(place, "is a directory; name a file") from None
-    except OSError as error:
-        raise refuse(place, f"cannot be read: {error.strerror}") from error
+        content = files.content(path)
+    except ValueError as error:
+        raise refuse(place, str(error)) from None
     if not content.strip():
         raise refuse(place, EMPTY)
     if content.startswith(OLD):

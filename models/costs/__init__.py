@@ -11,7 +11,7 @@ from .reciprocal_power import ReciprocalPower
 from .reciprocal_squared import ReciprocalSquared
 from .table import Table
 
-CURVES: Kinds[CostCurve] = Kinds("curves", CostCurve)
+CURVES: Kinds[CostCurve] = Kinds("curves")
 """Plugins included."""
 
 __all__ = [

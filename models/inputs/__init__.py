@@ -15,7 +15,7 @@ from .truncated_normal import TruncatedNormal
 from .uniform import Uniform
 from .zone import Zone
 
-DISTRIBUTIONS: Kinds[Distribution] = Kinds("distributions", Distribution)
+DISTRIBUTIONS: Kinds[Distribution] = Kinds("distributions")
 """Plugins included."""
 
 __all__ = [

@@ -40,8 +40,9 @@ def plain_kind(given: Any) -> PlainKind:
     if isinstance(given, type) and issubclass(given, Problem):
         try:
             given = given()
-        except TypeError as error:
-            raise refuse("problem", f"{name} cannot be made without arguments ({error}): give an object") from error
+        except Exception as error:  # code of a foreign class
+            text = f"{name} cannot be made without arguments ({type(error).__name__}: {error}): give an object"
+            raise refuse("problem", text) from error
     if not isinstance(given, Problem):
         raise refuse("problem", f"{name} is no problem: it must be a ToleranceProblem or a pymoo Problem")
     raise_all(faults_of(given))

@@ -47,7 +47,7 @@ def _read(section: Section, place: str, several: bool) -> Requirement:
         family(unit)
     except ValueError as error:
         section.fault("unit", str(error))
-        unit = ""
+        unit = "mm"  # most likely, so that parts without a unit of their own are no faults as well
     lower, upper = (section.number(key, unit) for key in ("lower", "upper"))
     if lower is not None and upper is not None and lower >= upper:
         section.fault("lower", f"must be below upper ({upper:g}), got {lower:g}")

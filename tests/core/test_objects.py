@@ -164,7 +164,7 @@ def test_algorithm_and_seed_take_the_place_of_those_in_the_source() -> None:
     ("problem", "text"),
     [
         (3, "problem: int is no problem: it must be a ToleranceProblem or a pymoo Problem"),
-        ("pathlib:Path", "problem: Path is no problem"),
+        ("pathlib:Path", 'problem: "pathlib:Path" is not a class of problems: it must be a subclass of Problem'),
         ("no.such:Thing", 'problem: "no.such:Thing" cannot be imported (ModuleNotFoundError'),
         (Unbounded(), "problem: Unbounded needs finite bounds xl < xu of every variable"),
         (NeedsArguments, "problem: NeedsArguments cannot be made without arguments"),

@@ -15,6 +15,15 @@ again = tolevo_fake:Creep
 lost = tolevo_fake.nowhere:Lost
 costly = tolevo_fake.costly:Costly
 """
+INNER = """from tolevo.models.effects.effect import Effect
+class Creep(Effect):
+    '''Slow creep.
+
+    More.
+    '''
+    name, family, cause = "seeping", "load", "Grease."
+    own_parameters = own_action = None
+"""
 NEEDS = """Requires-Dist: pytest>=1
 Requires-Dist: pytest>=1; extra == "heavy"
 Requires-Dist: tolevo-none_such.at.all>=1,<2; extra == "heavy"
@@ -35,9 +44,9 @@ def plugin(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     package = tmp_path / "tolevo_fake"
     package.mkdir()
     (package / "__init__.py").write_text("from .inner import Creep as Creep\n")
-    (package / "inner.py").write_text('class Creep:\n    """Slow creep.\n\n    More.\n    """\n')
+    (package / "inner.py").write_text(INNER)
     (package / "broken.py").write_text('"""x"""\nraise RuntimeError("no licence")\n')
-    (package / "costly.py").write_text('class Costly:\n    extras = ("heavy",)\n')
+    (package / "costly.py").write_text('from .inner import Creep\nclass Costly(Creep):\n    extras = ("heavy",)\n')
     install(tmp_path, "tolevo-fake", "1.2", ENTRIES, NEEDS)
     monkeypatch.syspath_prepend(tmp_path)
     imported = [name for name in sys.modules if name.startswith("tolevo_fake")]

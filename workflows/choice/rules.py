@@ -10,7 +10,7 @@ from ...errors import InputError
 from ...registry import PLUGIN_FAULTS, Kinds, origin
 from .rule import ChoiceRule, Points
 
-RULES: Kinds[ChoiceRule] = Kinds("rules", ChoiceRule)
+RULES: Kinds[ChoiceRule] = Kinds("rules")
 """The rules by name: entry points of `tolevo.rules`."""
 ONLY = "only"
 """Name of the choice where there is but one objective."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import threading
+import warnings
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
@@ -13,6 +14,7 @@ from multiprocessing import active_children, connection, get_context, parent_pro
 from multiprocessing.process import BaseProcess
 from typing import Any
 
+from ...streams import warn_in_a_line
 from .executor import ATTEMPTS, Executor, Lost, Result, TaskT
 from .threads import VARIABLES
 
@@ -105,6 +107,7 @@ def _one_thread() -> Iterator[None]:
 def _begin() -> None:
     """A worker leaves interrupts to its study, and ends with it, however that ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    warnings.showwarning = warn_in_a_line
     parent = parent_process()
     if parent is not None:
         threading.Thread(target=_follow, args=(parent,), daemon=True).start()

@@ -22,7 +22,6 @@ POINTS = "next_measurement.csv"
 
 def write(result: GapResult, folder: Path, lines: Sequence[str]) -> None:
     """Everything that the contract lists, and the summary's lines; `gap.json` last."""
-    folder.mkdir(parents=True, exist_ok=True)
     write_text(folder / "config.toml", result.configuration)
     write_text(folder / "corrected.toml", result.corrected)
     write_bytes(folder / "residuals.parquet", result.residuals.to_parquet(index=False))

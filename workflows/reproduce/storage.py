@@ -23,7 +23,7 @@ FOLDER = "checked"
 
 def keep(folder: Path, task: ClaimTask, checked: Checked) -> None:
     """Write a checked claim."""
-    (folder / FOLDER).mkdir(parents=True, exist_ok=True)
+    (folder / FOLDER).mkdir(exist_ok=True)
     tables = TABLES.dump_python(dict(checked.tables), mode="json")
     write_record(_path(folder, task), {"key": task.key, "verdict": asdict(checked.verdict), "tables": tables})
 

@@ -20,7 +20,6 @@ TABLES, FIGURES = "tables", "figures"
 
 def write(result: ClaimsResult, folder: Path) -> None:
     """Verdicts as CSV and JSON, the tables and figures of the calculations, and the page."""
-    folder.mkdir(parents=True, exist_ok=True)
     write_text(folder / "claims.csv", csv_text(flat(result.table)))
     write_text(folder / "claims.json", as_json(claims_record(result)))
     for stem, table in result.tables.items():

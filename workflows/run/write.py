@@ -21,7 +21,6 @@ def write(result: RunResult, folder: Path) -> None:
     from ...reports.sheet import allocation_sheet
     from ...reports.sheets import drawing_page
 
-    folder.mkdir(parents=True, exist_ok=True)
     texts = _texts(result)
     sheet = allocation_sheet(result)
     for name, text in texts.items():

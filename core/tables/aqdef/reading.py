@@ -6,6 +6,7 @@ import math
 import re
 from pathlib import Path
 
+from ... import files
 from ...errors import Fault, InputError, raise_all, refuse
 from ..encoding import decoded
 from ..moments import moment
@@ -69,9 +70,9 @@ def _files(path: Path, place: str) -> list[Path]:
 
 def _bytes(path: Path, place: str) -> bytes:
     try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise refuse(place, f"cannot be read: {error.strerror}") from error
+        content = files.content(path)
+    except ValueError as error:
+        raise refuse(place, str(error)) from None
     if not content.strip():
         raise refuse(place, "is empty")
     return content

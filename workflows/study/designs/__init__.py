@@ -11,7 +11,7 @@ from .one_at_a_time import OneAtATime
 from .sobol import Sobol
 from .table import Table
 
-DESIGNS: Kinds[Design] = Kinds("designs", Design)
+DESIGNS: Kinds[Design] = Kinds("designs")
 """The kinds of designs by name: entry points of `tolevo.designs`."""
 
 __all__ = ["DESIGNS", "Factorial", "LatinHypercube", "Morris", "OneAtATime", "Sobol", "Table"]
