@@ -23,7 +23,7 @@ from ..files import write_bytes
 from ..sealed import sealed, unsealed
 from .states import SavedState, State, joined, part
 
-FORMAT = 3
+FORMAT = 4
 EVERY = 2.0
 """Least time between two saved states [s]."""
 

@@ -18,6 +18,7 @@ from ...csv_text import csv_text
 from ...directory import Ownership, owned
 from ...errors import refuse
 from ...files import write_text
+from ...problems.designs import designs_frame
 from ...problems.interfaces import Checks, Page, WithEffects
 from ...problems.tolerance_problem import ToleranceProblem
 from ...records import Axis, RunResult, mechanism_lines, model_lines
@@ -45,6 +46,7 @@ from .units import with_units
 from .write import write
 
 MISS = "nearest_miss.csv"
+FAILED = "failed.csv"
 
 
 def run(
@@ -106,7 +108,8 @@ def _run(
     warned = (*WithEffects.of(plan.problem).effect_notes(), *Checks.of(plan.problem).cautions(), *comparisons)
     alternative_costs = [] if stopped else alternatives(plan.problem, front)
     remarks = (*Page.of(plan.problem).remarks(front), *sentences(alternative_costs))
-    notes = (*warned, *remarks, *resume_notes, *_notes(references, dropped, joined))
+    failures = _failure_notes(search_result)
+    notes = (*failures, *warned, *remarks, *resume_notes, *_notes(references, dropped, joined))
     decisions = decide(plan.problem, front, plan.choice)
     proven = (*proof_notes(front, front_proof), *end_notes(plan.problem, front), *notes, *decisions.notes)
     summary = _summary(plan, search_result, front, status, proven, time.monotonic() - start)
@@ -122,6 +125,9 @@ def _run(
         result = replace(result, before=before, moved=effects.moved(plan.problem, before, front))
     if front.empty:
         write_text(out / MISS, csv_text(nearest_miss(plan.problem, search_result)))
+    if len(search_result.failed):
+        listed = designs_frame(plan.problem, plan.problem.complete(search_result.failed))
+        write_text(out / FAILED, csv_text(listed))
     write(result, out)
     if not incomplete:
         place.complete(status)
@@ -174,6 +180,7 @@ def _summary(
         "versions": {"python": platform.python_version()} | {p: version(p) for p in packages},
         "configuration_hash": hashlib.sha256(plan.configuration.encode()).hexdigest(),
         "evaluations": search_result.evaluations,
+        **({"failed_evaluations": search_result.failures} if search_result.failures else {}),
         "seconds": seconds,
         "points": len(front),
         "ideal": dict(zip(names, ideal.tolist(), strict=True)),
@@ -259,6 +266,18 @@ def _notes(references: pd.DataFrame, dropped: int, joined: int) -> list[str]:
             "search's own front"
         )
     return notes
+
+
+def _failure_notes(search_result: SearchResult) -> list[str]:
+    """What the user should know of evaluations that failed."""
+    if not search_result.failures:
+        return []
+    number, listed = search_result.failures, len(search_result.failed)
+    which = "their designs are" if listed == number else f"the first {listed} of their designs are"
+    return [
+        f"{number} of {search_result.evaluations} evaluations failed, because a value is not finite: they count as "
+        f"infeasible; {which} in {FAILED}"
+    ]
 
 
 def _lines(result: RunResult, status: str, out: Path, proof_lines: Sequence[str]) -> tuple[str, ...]:
