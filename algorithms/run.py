@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from bisect import bisect_left
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -10,6 +11,7 @@ from functools import cache
 import numpy as np
 
 from ..arrays import Array, Flags
+from ..journal import recalled
 from ..problems.tolerance_problem import ToleranceProblem
 from .archive import Archive
 from .attained import Attained
@@ -48,6 +50,8 @@ Values = tuple[Array, Array]
 """Objectives (n, objectives) and constraints (n, constraints) of n designs."""
 FAILED = 1e6
 """Violation of every limit by a design whose evaluation failed: more than by any other."""
+EVEN = 0.25
+"""Fraction by which the estimate of a whole may have changed since half of the time."""
 LISTED = 1000
 """Designs whose evaluation failed that are listed at most; all of them are counted."""
 
@@ -195,6 +199,12 @@ class Run:
         return f, g
 
     def _values(self, x: Array) -> Values:
+        """Values of a batch, with the clock at its end; recalled where this search is repeated."""
+        f, g, end = recalled((x,), lambda: (*self._computed(x), np.array(self.seconds)))
+        self._start = min(self._start, time.monotonic() - float(end))
+        return f, g
+
+    def _computed(self, x: Array) -> Values:
         count = len(x) // self.problem.declaration.grain if self.problem.declaration.grain else 1
         if count < 2:
             return values_of(self.problem, x)
@@ -229,6 +239,15 @@ class Run:
             done,
         )
 
+    def pulse(self) -> None:
+        """Report the present phase, where nothing has been evaluated since the last report."""
+        if self._report is None:
+            return
+        row = self._rows[-1] if self._rows else (self.evaluations, 0.0, 0.0, "", None)
+        self._rows.append((row[0], self.seconds, row[2], *self._phase))
+        self._report(self._progress(len(self._rows) - 1, (self.attained.values() or [0.0])[-1]))
+        del self._rows[-1]
+
     def choose(self, x: Array) -> None:
         """Add search vectors (n, variables) to those that the algorithm returns as its result."""
         self.chosen = np.vstack([self.chosen, x])
@@ -238,18 +257,30 @@ class Run:
         self._phase = name, share
 
     def _remaining(self, at: int) -> float | None:
-        """Remaining seconds after the batch `at`, by the budget that will be used up first."""
+        """Remaining seconds after the batch `at`, by the budget that will be used up first.
+
+        None where the work does not go on evenly: where the estimate at half the time was another.
+        """
+        seconds = self._rows[at][1]
+        half = bisect_left(self._rows, 0.5 * seconds, hi=at, key=lambda row: row[1])
+        total, before = self._total(at), self._total(half)
+        if total is None or before is None or abs(total - before) > EVEN * total:
+            return None
+        return max(0.0, total - seconds)
+
+    def _total(self, at: int) -> float | None:
+        """Estimate of the seconds of the whole after the batch `at`; None where nothing is known."""
         evaluations, seconds, _, _, done = self._rows[at]
         estimates = []
         if self.generations is not None:
-            estimates.append(seconds * (self.generations / (at + 1) - 1.0))
+            estimates.append(seconds * self.generations / (at + 1))
         if self.budget.evaluations is not None:
-            estimates.append(seconds * (self.budget.evaluations / max(1, evaluations) - 1.0))
+            estimates.append(seconds * self.budget.evaluations / max(1, evaluations))
         if self.budget.time_limit_s is not None:
-            estimates.append(self.budget.time_limit_s - seconds)
+            estimates.append(self.budget.time_limit_s)
         if done:
-            estimates.append(seconds * (1.0 / done - 1.0))
-        return max(0.0, min(estimates)) if estimates else None
+            estimates.append(seconds / done)
+        return min(estimates) if estimates else None
 
     def state(self) -> State:
         """Counts, history and archive as arrays."""

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from ..arrays import Array
+from ..journal import unrecorded
 from ..problems.tolerance_problem import ToleranceProblem
 from .drivers import Driver, Unsavable, driver
 from .exact.finish import finished
@@ -98,7 +99,8 @@ def drive(run: Run, settings: AlgorithmSettings, seed: int, engine: str, keeper:
         if isinstance(settings, Solver):
             settings.solve(run)
         else:
-            _evolve(run, lambda: driver(run.problem, settings, seed, engine), keeper)
+            with unrecorded():  # its state is saved instead
+                _evolve(run, lambda: driver(run.problem, settings, seed, engine), keeper)
     except BudgetSpent:
         pass
     polish = bool(getattr(settings, "polish", False)) and not isinstance(settings, Solver)

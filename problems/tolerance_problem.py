@@ -15,6 +15,7 @@ from pymoo.core.problem import Problem
 from ..arrays import Array, Integers
 from ..declarations import Assumption, Output, Variable, completed
 from ..errors import Fault, ModelError
+from ..journal import recalled_columns
 from ..section import Section
 from .assumptions import assumptions_of
 from .declaration import ConfiguredProblem, Declaration, Interval
@@ -224,9 +225,11 @@ class ToleranceProblem(Problem):
         designs = np.asarray(designs, dtype=float)
         outputs = dict(known or {})
         if known is None:
-            outputs = self._outputs(designs, searching) | self._further(designs, searching)
+            outputs = recalled_columns(
+                (designs, searching), lambda: self._outputs(designs, searching) | self._further(designs, searching)
+            )
         if errors and not searching:
-            outputs |= self._verified(designs, outputs)
+            outputs |= recalled_columns((designs, "errors"), lambda: self._verified(designs, outputs))
         for output in self.outputs:
             shape = np.shape(outputs[output.name]) if output.name in outputs else None
             if shape != (len(designs),):
