@@ -16,12 +16,15 @@ import pandas as pd
 import pytest
 from typer.testing import CliRunner, Result
 
+import tolevo
 from tolevo.algorithms.checkpoint import Checkpoint
+from tolevo.algorithms.exact import choices
 from tolevo.algorithms.nsga2 import NSGA2
 from tolevo.algorithms.settings import Budget
 from tolevo.cli import app
 from tolevo.problems.rv_backlash import RvBacklash
-from tolevo.workflows.run.references import SideSearch
+from tolevo.problems.stack import Stack
+from tolevo.workflows.run.references import SideSearch, documents, side_searches
 from tolevo.workflows.run.resume import CHECKPOINT
 from tolevo.workflows.run.sides import Sides
 
@@ -199,6 +202,122 @@ def test_finished_side_searches_are_not_repeated(drive: Path, tmp_path: Path, mo
     assert run(drive, out, *more, "--resume").exit_code == 0  # those with the old budget are
     kept = set(Checkpoint.read(out / CHECKPOINT).tables)
     assert len(kept) == len(labels) > len(kept & labels) == 1  # made anew, the GA's stays
+
+
+ALTERNATIVES = """
+problem = "stack"
+seed = 1
+[objectives]
+minimise = ["cost", "gap.variation"]
+[limits]
+play.variation = 0.2
+[[requirement]]
+name = "gap"
+unit = "mm"
+formula = "a - b - c"
+method = "worst_case"
+[[requirement]]
+name = "play"
+unit = "mm"
+formula = "a - b"
+method = "rss"
+[[part]]
+name = "a"
+nominal = 20.0
+[[part.process]]
+name = "turned"
+t_min = 0.05
+t_max = 0.2
+cost = { model = "reciprocal", a = 1.0, b = 0.2 }
+[[part.process]]
+name = "ground"
+t_min = 0.01
+t_max = 0.06
+cost = { model = "reciprocal", a = 4.0, b = 0.05 }
+[[part]]
+name = "b"
+nominal = 15.0
+t_min = 0.01
+t_max = 0.2
+cost = { model = "reciprocal", a = 1.0, b = 0.1 }
+[[part]]
+name = "c"
+nominal = 4.0
+t_min = 0.01
+t_max = 0.2
+cost = { model = "reciprocal", a = 1.0, b = 0.3 }
+[algorithm]
+name = "exact"
+points = 8
+"""
+
+
+def test_exact_goes_on_from_what_it_has_solved(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, after: int) -> None:
+    """What was solved before an interrupt is not solved again, and all of a whole run is recalled."""
+    solved: list[bytes] = []
+    solve = choices._least_cost
+
+    def counted(form: Any, limits: Any, near: Any) -> Any:
+        solved.append(limits.tobytes())
+        return solve(form, limits, near)
+
+    monkeypatch.setattr(choices, "_least_cost", counted)
+    monkeypatch.setattr("tolevo.journal.LEAST", 0.0)  # however fast the processor is
+    config = tmp_path / "c.toml"
+    config.write_text(ALTERNATIVES, encoding="utf-8")
+    whole = tolevo.run(config, tmp_path / "whole")
+    count = len(solved)
+    assert count > 20
+    states: list[float] = []
+
+    def stop(state: Any) -> None:
+        states.append(state.seconds)
+        if len(states) == 9:
+            raise KeyboardInterrupt
+
+    cut = tolevo.run(config, tmp_path / "broken", progress=stop)
+    assert cut.status == "interrupted"
+    assert len(cut.front) > 0  # points from the start
+    solved[:count] = []
+    again = tolevo.run(config, tmp_path / "broken", resume=True)
+    assert len(solved) <= count + 1
+    pd.testing.assert_frame_equal(again.front, whole.front)
+    solved.clear()
+    same = tolevo.run(config, tmp_path / "broken", resume=True)
+    assert not solved
+    pd.testing.assert_frame_equal(same.front, whole.front)
+
+
+def test_a_changed_key_of_a_part_is_named_in_one_line(tmp_path: Path) -> None:
+    config = tmp_path / "c.toml"
+    config.write_text(ALTERNATIVES, encoding="utf-8")
+    assert run(config, tmp_path / "o").exit_code == 0
+    config.write_text(ALTERNATIVES.replace("b = 0.3", "b = 0.31"), encoding="utf-8")
+    refused = run(config, tmp_path / "o", "--resume")
+    assert refused.exit_code == 2
+    assert refused.stderr.splitlines() == [
+        "part[2].cost.b: is 0.31, but the run to resume has 0.3: only the budget may differ; undo the change, or "
+        "start again with --overwrite"
+    ]
+
+
+def test_a_changed_model_is_not_resumed(config: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert run(config, tmp_path / "o").exit_code == 0
+    sound = Stack._outputs
+    monkeypatch.setattr(Stack, "_outputs", lambda *given: {name: 1.01 * value for name, value in sound(*given).items()})
+    refused = run(config, tmp_path / "o", "--resume")
+    assert refused.exit_code == 2
+    assert refused.stderr.startswith("problem: gives other values than in the run to resume")
+
+
+def test_the_ga_is_a_reference_where_it_is_asked_for(tmp_path: Path) -> None:
+    """A stack has no published allocation, the drive has some."""
+    for text, asked, count in ((ALTERNATIVES, "documents", 0), (ALTERNATIVES, "ga", 1), (DRIVE, "documents", 1)):
+        config = tmp_path / "c.toml"
+        config.write_text(text, encoding="utf-8")
+        plan = tolevo.read(config, [f"references={asked}"]).plan()
+        searches = side_searches(plan, documents(plan.problem))
+        assert sum("GA" in side.label for side in searches) == count
 
 
 def _hears_interrupts() -> None:

@@ -14,6 +14,7 @@ import numpy as np
 import pandas as pd
 
 from ...algorithms.checkpoint import Checkpoint
+from ...algorithms.indicators import nondominated
 from ...algorithms.search import Progress, SearchResult, search
 from ...csv_text import csv_text
 from ...directory import Ownership, owned
@@ -164,7 +165,9 @@ def _interrupted(
     plan: RunPlan, out: Path, search_result: SearchResult, printed: pd.DataFrame, start: float
 ) -> RunOutcome:
     """Write the front so far, without what takes long: proofs, decisions, page and figures."""
-    front = reported_front(plan.problem, search_result).assign(bound=np.nan, gap_percent=np.nan)
+    best = nondominated(search_result.f) if len(search_result.f) else slice(0)
+    few = replace(search_result, x=search_result.x[best], f=search_result.f[best])
+    front = reported_front(plan.problem, few).assign(bound=np.nan, gap_percent=np.nan)
     references = table(replace(plan, references=False), printed, {}, None)
     summary = _summary(plan, search_result, front, "interrupted", (), time.monotonic() - start)
     result = _result(plan, search_result, front, references, summary, (), None)
