@@ -6,12 +6,12 @@ import time
 from bisect import bisect_left
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 
 from ..arrays import Array, Flags
-from ..journal import recalled
+from ..journal import recalled, unrecorded
 from ..problems.tolerance_problem import ToleranceProblem
 from .archive import Archive
 from .attained import Attained
@@ -79,6 +79,11 @@ def without_failures(f: Array, g: Array, box: Callable[[], tuple[Array, Array]])
     return f, g, failed
 
 
+def _box(problem: ToleranceProblem) -> tuple[Array, Array]:
+    with unrecorded():  # it is asked for at moments that differ
+        return problem.box()
+
+
 class Run:
     """The problem, the budget, a generator, and `evaluate` for an algorithm.
 
@@ -101,7 +106,7 @@ class Run:
         self.budget = budget
         self.rng = np.random.default_rng(seed)
         self.archive = Archive(problem.n_var, problem.n_obj)
-        self._box = cache(problem.box)
+        self._box = cache(partial(_box, problem))
         self.attained = Attained(problem.n_obj, self._box)
         self.chosen = np.empty((0, problem.n_var))
         self.failed = np.empty((0, problem.n_var))

@@ -107,7 +107,8 @@ def _fragile(frame: FrameType | None) -> bool:
 
 def _end_processes() -> None:
     """Kill the processes of pools, and unlink their semaphores, which would be reported as lost."""
-    processes, locks = sys.modules.get("multiprocessing.process"), sys.modules.get("multiprocessing.synchronize")
+    processes: Any = sys.modules.get("multiprocessing.process")
+    locks: Any = sys.modules.get("multiprocessing.synchronize")
     for child in list(getattr(processes, "_children", ())):
         with suppress(Exception):
             child.kill()

@@ -317,7 +317,7 @@ def _placed(table: Mapping[str, Any], other: Mapping[str, Any]) -> dict[str, Any
     """A table in which lists of tables that are as long in the other one are tables by place."""
     placed: dict[str, Any] = {}
     for key, value in table.items():
-        counterpart = other.get(key)
+        counterpart: Any = other.get(key)
         if isinstance(value, dict) and isinstance(counterpart, dict):
             placed[key] = _placed(value, counterpart)
         elif _tables(value) and _tables(counterpart) and len(value) == len(counterpart):

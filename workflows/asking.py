@@ -141,7 +141,7 @@ class Search:
         names = dict.fromkeys((*self.problem.objectives, *limited))
         return [name for name in names if name not in self.problem.names]
 
-    def _faults(self, outputs: Mapping[str, Array], count: int) -> list[Fault]:
+    def _faults(self, outputs: Mapping[str, Any] | pd.DataFrame, count: int) -> list[Fault]:
         faults = []
         for name in self._needed():
             if name not in outputs:

@@ -27,7 +27,7 @@ NO_ORDER = (
 
 def aligned(
     problem: ToleranceProblem, asked: pd.DataFrame, x: pd.DataFrame, outputs: pd.DataFrame | Mapping[str, Any]
-) -> Mapping[str, Any]:
+) -> Mapping[str, Any] | pd.DataFrame:
     """The outputs, by name, in the order of the designs that were `asked` for.
 
     `x` are these designs, as the user has them. Columns (n,) without an index follow the rows of
@@ -57,7 +57,7 @@ def aligned(
 
 
 def _fits(column: Any, order: Integers) -> bool:
-    return np.shape(column) == np.shape(order)
+    return bool(np.shape(column) == np.shape(order))
 
 
 def _free(problem: ToleranceProblem) -> list[str]:

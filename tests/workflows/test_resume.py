@@ -12,6 +12,7 @@ from multiprocessing import active_children
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 import pytest
 from typer.testing import CliRunner, Result
@@ -19,9 +20,12 @@ from typer.testing import CliRunner, Result
 import tolevo
 from tolevo.algorithms.checkpoint import Checkpoint
 from tolevo.algorithms.exact import choices
+from tolevo.algorithms.exact.solver import Exact
 from tolevo.algorithms.nsga2 import NSGA2
+from tolevo.algorithms.search import SearchResult, search
 from tolevo.algorithms.settings import Budget
 from tolevo.cli import app
+from tolevo.journal import Section, recorded
 from tolevo.problems.rv_backlash import RvBacklash
 from tolevo.problems.stack import Stack
 from tolevo.workflows.run.references import SideSearch, documents, side_searches
@@ -252,8 +256,8 @@ points = 8
 """
 
 
-def test_exact_goes_on_from_what_it_has_solved(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, after: int) -> None:
-    """What was solved before an interrupt is not solved again, and all of a whole run is recalled."""
+def test_exact_goes_on_from_what_it_has_solved(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What was solved before an interrupt is not solved again; there are points from the start."""
     solved: list[bytes] = []
     solve = choices._least_cost
 
@@ -261,42 +265,47 @@ def test_exact_goes_on_from_what_it_has_solved(tmp_path: Path, monkeypatch: pyte
         solved.append(limits.tobytes())
         return solve(form, limits, near)
 
+    def searched(section: Section, report: Any = None) -> SearchResult:
+        with recorded(section):
+            return search(problem, Exact(points=8), Budget(), 0, report)
+
     monkeypatch.setattr(choices, "_least_cost", counted)
     monkeypatch.setattr("tolevo.journal.LEAST", 0.0)  # however fast the processor is
     config = tmp_path / "c.toml"
     config.write_text(ALTERNATIVES, encoding="utf-8")
-    whole = tolevo.run(config, tmp_path / "whole")
+    problem = tolevo.read(config).problem
+    assert problem is not None
+    whole = searched(Section())
     count = len(solved)
     assert count > 20
-    states: list[float] = []
+    states: list[Any] = []
 
     def stop(state: Any) -> None:
-        states.append(state.seconds)
+        states.append(state)
         if len(states) == 9:
             raise KeyboardInterrupt
 
-    cut = tolevo.run(config, tmp_path / "broken", progress=stop)
-    assert cut.status == "interrupted"
-    assert len(cut.front) > 0  # points from the start
-    solved[:count] = []
-    again = tolevo.run(config, tmp_path / "broken", resume=True)
-    assert len(solved) <= count + 1
-    pd.testing.assert_frame_equal(again.front, whole.front)
+    section, stored = Section(), Section()
+    cut = searched(section, stop)
+    assert cut.interrupted
+    assert len(cut.x) > 4
+    stored.restore(section.state())
+    again = searched(stored)
+    assert len(solved) <= 2 * count + 1
+    np.testing.assert_array_equal(again.chosen, whole.chosen)
+    np.testing.assert_array_equal(again.f, whole.f)
     solved.clear()
-    same = tolevo.run(config, tmp_path / "broken", resume=True)
+    np.testing.assert_array_equal(searched(stored).chosen, whole.chosen)
     assert not solved
-    pd.testing.assert_frame_equal(same.front, whole.front)
 
 
-def test_a_changed_key_of_a_part_is_named_in_one_line(tmp_path: Path) -> None:
-    config = tmp_path / "c.toml"
-    config.write_text(ALTERNATIVES, encoding="utf-8")
+def test_a_changed_key_of_a_part_is_named_in_one_line(config: Path, tmp_path: Path) -> None:
     assert run(config, tmp_path / "o").exit_code == 0
-    config.write_text(ALTERNATIVES.replace("b = 0.3", "b = 0.31"), encoding="utf-8")
+    config.write_text(CONFIG.replace("b = 0.2 ", "b = 0.21 "), encoding="utf-8")
     refused = run(config, tmp_path / "o", "--resume")
     assert refused.exit_code == 2
     assert refused.stderr.splitlines() == [
-        "part[2].cost.b: is 0.31, but the run to resume has 0.3: only the budget may differ; undo the change, or "
+        "part[1].cost.b: is 0.21, but the run to resume has 0.2: only the budget may differ; undo the change, or "
         "start again with --overwrite"
     ]
 
