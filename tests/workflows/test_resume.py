@@ -266,6 +266,7 @@ def test_exact_goes_on_from_what_it_has_solved(tmp_path: Path, monkeypatch: pyte
         return solve(form, limits, near)
 
     def searched(section: Section, report: Any = None) -> SearchResult:
+        assert problem is not None
         with recorded(section):
             return search(problem, Exact(points=8), Budget(), 0, report)
 
@@ -274,7 +275,6 @@ def test_exact_goes_on_from_what_it_has_solved(tmp_path: Path, monkeypatch: pyte
     config = tmp_path / "c.toml"
     config.write_text(ALTERNATIVES, encoding="utf-8")
     problem = tolevo.read(config).problem
-    assert problem is not None
     whole = searched(Section())
     count = len(solved)
     assert count > 20
