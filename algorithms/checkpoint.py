@@ -20,26 +20,32 @@ from numpy.typing import NDArray
 
 from ..errors import refuse
 from ..files import write_bytes
+from ..journal import Section
 from ..sealed import sealed, unsealed
 from .states import SavedState, State, joined, part
 
-FORMAT = 3
+FORMAT = 4
 EVERY = 2.0
 """Least time between two saved states [s]."""
+SPARE = 50.0
+"""Time between two saved states, as a multiple of the time that saving takes, where that is more."""
 
 
 class Checkpoint:
     """State of one search, and finished tables of its run, in the file `path`.
 
-    `identity` is a text that identifies the run. A checkpoint is a `Keeper` for `search`.
+    `identity` is a text that identifies the run, `model` are values of its model by which a changed
+    one is detected. A checkpoint is a `Keeper` for `search`.
     """
 
     def __init__(self, path: Path, identity: str, every: float = EVERY) -> None:
         self.path = path
         self.identity = identity
         self.every = every
+        self.model: NDArray[np.float64] = np.zeros(0)
         self.unsavable = False
         self.tables: dict[str, pd.DataFrame] = {}
+        self._sections: dict[str, Section] = {}
         self._state: State = {}
         self._last = -math.inf
 
@@ -55,6 +61,9 @@ class Checkpoint:
             checkpoint.unsavable = bool(content["unsavable"])
             for at, name in enumerate(content["tables"].tolist()):
                 checkpoint.tables[name] = _table(part(content, f"table.{at}."))
+            checkpoint.model = content["model"]
+            for at, name in enumerate(content["sections"].tolist()):
+                checkpoint.section(name).restore(part(content, f"section.{at}."))
         except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
             raise refuse(str(path), f"cannot be read: {error}; start again with --overwrite") from error
         checkpoint._state = part(content, "state.")
@@ -90,16 +99,30 @@ class Checkpoint:
         wanted = set(names)
         self.tables = {name: table for name, table in self.tables.items() if name in wanted}
 
+    def section(self, name: str) -> Section:
+        """The steps of a part of the run that can be recalled; they are saved like a state."""
+        return self._sections.setdefault(name, Section(self._step))
+
+    def _step(self) -> None:
+        if self.due():
+            start = time.monotonic()
+            self.write()
+            self._last = time.monotonic()
+            self.every = max(self.every, SPARE * (self._last - start))
+
     def write(self) -> None:
         """Write state and tables in one step."""
         content: State = {
             "format": np.array(FORMAT),
             "identity": np.array(self.identity),
+            "model": self.model,
             "unsavable": np.array(self.unsavable),
             "tables": np.array(list(self.tables), dtype=str),
+            "sections": np.array(list(self._sections), dtype=str),
         }
+        sections = {f"section.{at}": section.state() for at, section in enumerate(self._sections.values())}
         tables = {f"table.{at}": _arrays(table) for at, table in enumerate(self.tables.values())}
-        content |= joined(state=self._state, **tables)
+        content |= joined(state=self._state, **tables, **sections)
         file = io.BytesIO()
         np.savez(file, allow_pickle=False, **content)
         write_bytes(self.path, sealed(file.getvalue()))

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import time
+from bisect import bisect_left
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 
-from ..arrays import Array
+from ..arrays import Array, Flags
+from ..journal import recalled, unrecorded
 from ..problems.tolerance_problem import ToleranceProblem
 from .archive import Archive
 from .attained import Attained
+from .discrete import DiscreteDesigns
 from .engine.survival import violation_of
 from .settings import Budget
 from .states import SavedState, State, joined, part
@@ -45,13 +48,40 @@ Row = tuple[int, float, float, str, float | None]
 """Evaluations, seconds, feasible fraction, phase and fraction done of a batch."""
 Values = tuple[Array, Array]
 """Objectives (n, objectives) and constraints (n, constraints) of n designs."""
+FAILED = 1e6
+"""Violation of every limit by a design whose evaluation failed: more than by any other."""
+EVEN = 0.25
+"""Fraction by which the estimate of a whole may have changed since half of the time."""
+LISTED = 1000
+"""Designs whose evaluation failed that are listed at most; all of them are counted."""
 
 
 def values_of(problem: ToleranceProblem, x: Array) -> Values:
     """The values of search vectors, by pymoo's `_evaluate`, which a problem may have wrapped."""
     out: dict[str, Array] = {}
-    problem._evaluate(x, out)
+    problem._evaluate(x, out, failing=True)
     return out["F"], out.get("G", np.empty((len(x), 0)))
+
+
+def without_failures(f: Array, g: Array, box: Callable[[], tuple[Array, Array]]) -> tuple[Array, Array, Flags]:
+    """Objectives and constraints in which failed evaluations are infeasible, and which rows (n,) failed.
+
+    An evaluation has failed where a value is not finite. Its objectives become worse than the nadir
+    of the problem's `box` and than all others of the batch, so that no algorithm prefers it.
+    """
+    failed: Flags = np.asarray(~(np.isfinite(f).all(axis=1) & np.isfinite(g).all(axis=1)))
+    if not np.count_nonzero(failed):
+        return f, g, failed
+    ideal, nadir = box()
+    worst = np.max(f[~failed], axis=0, initial=-np.inf)
+    f, g = f.copy(), g.copy()
+    f[failed], g[failed] = np.maximum(worst, nadir) + (nadir - ideal), FAILED
+    return f, g, failed
+
+
+def _box(problem: ToleranceProblem) -> tuple[Array, Array]:
+    with unrecorded():  # it is asked for at moments that differ
+        return problem.box()
 
 
 class Run:
@@ -76,9 +106,13 @@ class Run:
         self.budget = budget
         self.rng = np.random.default_rng(seed)
         self.archive = Archive(problem.n_var, problem.n_obj)
-        self.attained = Attained(problem.n_obj, cache(problem.box))
+        self._box = cache(partial(_box, problem))
+        self.attained = Attained(problem.n_obj, self._box)
         self.chosen = np.empty((0, problem.n_var))
-        self.evaluations = 0
+        self.failed = np.empty((0, problem.n_var))
+        self.failures = 0
+        self.discrete = DiscreteDesigns.of(problem)
+        self.evaluations = self.asked = 0
         self.generations = budget.generations if counts_generations else None
         self._report = report
         self._shared = values
@@ -117,23 +151,65 @@ class Run:
             or (limit is not None and self.seconds >= limit)
         )
 
+    @property
+    def exhausted(self) -> bool:
+        """Whether every design that exists has been evaluated."""
+        return self.discrete is not None and self.discrete.remaining <= 0.0
+
+    def complete(self) -> None:
+        """Evaluate all designs of whole numbers that remain, where the evaluations suffice that were
+        spared because designs came again.
+        """
+        if self.discrete is None or self.budget.time_limit_s is not None:
+            return
+        if 0.0 < self.discrete.remaining <= self.asked - self.evaluations:
+            self.phase("designs that remain")
+            x = self.discrete.rest(int(self.discrete.remaining))
+            f, g = self._evaluated(x)
+            self.discrete.learn(x, f, g)
+
     def evaluate(self, x: Array) -> tuple[Array, Array]:
         """Objectives (n, objectives) and constraints (n, constraints) of search vectors.
 
-        Raises BudgetSpent where the budget does not cover all of `x`; the rows that it covers are
-        evaluated and recorded before.
+        Designs of whole numbers alone are evaluated, and counted, once. Raises BudgetSpent where the
+        budget does not cover all of `x`; the rows that it covers are evaluated and recorded before.
         """
         if self.spent:
             raise BudgetSpent
+        self.asked += len(x)
+        if self.discrete is None:
+            return self._evaluated(x)
+        new = x[self.discrete.unknown(x)]
+        left = len(new) if self.evaluations_left is None else self.evaluations_left
+        f, g = self._evaluated(new[:left])
+        self.discrete.learn(new[:left], f, g)
+        if left < len(new):
+            raise BudgetSpent
+        return self.discrete.values(x)
+
+    def _evaluated(self, x: Array) -> Values:
         covered = x if self.evaluations_left is None else x[: self.evaluations_left]
-        f, g = self._values(covered)
+        shape = self.problem.n_obj, self.problem.n_ieq_constr
+        f, g = self._values(covered) if len(covered) else (np.empty((0, shape[0])), np.empty((0, shape[1])))
+        f, g, failed = without_failures(f, g, self._box)
         self.evaluations += len(covered)
-        self._remember(covered, f, violation_of(g))
+        violation = violation_of(g)
+        if np.count_nonzero(failed):
+            violation[failed] = np.inf
+            self.failures += int(np.count_nonzero(failed))
+            self.failed = np.concatenate([self.failed, covered[failed]])[:LISTED]
+        self._remember(covered, f, violation)
         if len(covered) < len(x):
             raise BudgetSpent
         return f, g
 
     def _values(self, x: Array) -> Values:
+        """Values of a batch, with the clock at its end; recalled where this search is repeated."""
+        f, g, end = recalled((x,), lambda: (*self._computed(x), np.array(self.seconds)))
+        self._start = min(self._start, time.monotonic() - float(end))
+        return f, g
+
+    def _computed(self, x: Array) -> Values:
         count = len(x) // self.problem.declaration.grain if self.problem.declaration.grain else 1
         if count < 2:
             return values_of(self.problem, x)
@@ -168,6 +244,15 @@ class Run:
             done,
         )
 
+    def pulse(self) -> None:
+        """Report the present phase, where nothing has been evaluated since the last report."""
+        if self._report is None:
+            return
+        row = self._rows[-1] if self._rows else (self.evaluations, 0.0, 0.0, "", None)
+        self._rows.append((row[0], self.seconds, row[2], *self._phase))
+        self._report(self._progress(len(self._rows) - 1, (self.attained.values() or [0.0])[-1]))
+        del self._rows[-1]
+
     def choose(self, x: Array) -> None:
         """Add search vectors (n, variables) to those that the algorithm returns as its result."""
         self.chosen = np.vstack([self.chosen, x])
@@ -177,33 +262,50 @@ class Run:
         self._phase = name, share
 
     def _remaining(self, at: int) -> float | None:
-        """Remaining seconds after the batch `at`, by the budget that will be used up first."""
+        """Remaining seconds after the batch `at`, by the budget that will be used up first.
+
+        None where the work does not go on evenly: where the estimate at half the time was another.
+        """
+        seconds = self._rows[at][1]
+        half = bisect_left(self._rows, 0.5 * seconds, hi=at, key=lambda row: row[1])
+        total, before = self._total(at), self._total(half)
+        if total is None or before is None or abs(total - before) > EVEN * total:
+            return None
+        return max(0.0, total - seconds)
+
+    def _total(self, at: int) -> float | None:
+        """Estimate of the seconds of the whole after the batch `at`; None where nothing is known."""
         evaluations, seconds, _, _, done = self._rows[at]
         estimates = []
         if self.generations is not None:
-            estimates.append(seconds * (self.generations / (at + 1) - 1.0))
+            estimates.append(seconds * self.generations / (at + 1))
         if self.budget.evaluations is not None:
-            estimates.append(seconds * (self.budget.evaluations / max(1, evaluations) - 1.0))
+            estimates.append(seconds * self.budget.evaluations / max(1, evaluations))
         if self.budget.time_limit_s is not None:
-            estimates.append(self.budget.time_limit_s - seconds)
+            estimates.append(self.budget.time_limit_s)
         if done:
-            estimates.append(seconds * (1.0 / done - 1.0))
-        return max(0.0, min(estimates)) if estimates else None
+            estimates.append(seconds / done)
+        return min(estimates) if estimates else None
 
     def state(self) -> State:
         """Counts, history and archive as arrays."""
         table = [(p.generation, p.evaluations, p.seconds, p.hypervolume, p.feasible_fraction) for p in self.history]
         arrays = {
             "history": np.array(table, dtype=float).reshape(-1, 5),
-            "counts": np.array([self.evaluations, self.seconds]),
+            "counts": np.array([self.evaluations, self.seconds, self.failures, self.asked]),
+            "failed": self.failed,
         }
-        return arrays | joined(archive=self.archive.state(), attained=self.attained.state())
+        discrete = {} if self.discrete is None else self.discrete.state()
+        return arrays | joined(archive=self.archive.state(), attained=self.attained.state(), discrete=discrete)
 
     def restore(self, state: SavedState) -> None:
         """Continue from a `state()`, with the clock at its seconds."""
         self._rows = [(int(n), s, fraction, "", None) for _, n, s, _, fraction in state["history"].tolist()]
-        evaluations, seconds = state["counts"].tolist()
-        self.evaluations = int(evaluations)
+        evaluations, seconds, failures, asked = state["counts"].tolist()
+        self.evaluations, self.failures, self.asked = int(evaluations), int(failures), int(asked)
+        self.failed = state["failed"]
         self._start = time.monotonic() - seconds
         self.archive.restore(part(state, "archive."))
         self.attained.restore(part(state, "attained."))
+        if self.discrete is not None:
+            self.discrete.restore(part(state, "discrete."))

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from ..arrays import Array
+from ..journal import unrecorded
 from ..problems.tolerance_problem import ToleranceProblem
 from .drivers import Driver, Unsavable, driver
 from .exact.finish import finished, secured
@@ -28,6 +29,7 @@ class SearchResult:
 
     `miss` is the least violating design (one row, none where nothing was evaluated). `chosen` are
     the designs that the algorithm itself returns as its result, none where that is the archive.
+    `failures` evaluations had a value that is not finite; `failed` are their designs, the first ones.
     """
 
     x: Array
@@ -37,6 +39,8 @@ class SearchResult:
     history: tuple[Progress, ...]
     interrupted: bool
     chosen: Array
+    failed: Array
+    failures: int
 
 
 class Keeper(Protocol):
@@ -85,7 +89,8 @@ def search(
         interrupted = True
     x, f = run.archive.arrays()
     chosen = run.chosen[:0] if interrupted else run.chosen
-    return SearchResult(x, f, run.archive.miss, run.evaluations, run.history, interrupted, chosen)
+    more = interrupted, chosen, run.failed, run.failures
+    return SearchResult(x, f, run.archive.miss, run.evaluations, run.history, *more)
 
 
 def drive(run: Run, settings: AlgorithmSettings, seed: int, engine: str, keeper: Keeper | None = None) -> None:
@@ -95,7 +100,8 @@ def drive(run: Run, settings: AlgorithmSettings, seed: int, engine: str, keeper:
         if isinstance(settings, Solver):
             settings.solve(run)
         else:
-            _evolve(run, lambda: driver(run.problem, settings, seed, engine), keeper)
+            with unrecorded():  # its state is saved instead
+                _evolve(run, lambda: driver(run.problem, settings, seed, engine), keeper)
     except BudgetSpent:
         pass
     run.problem = problem
@@ -110,10 +116,11 @@ def _evolve(run: Run, fresh: Callable[[], Driver], keeper: Keeper | None) -> Non
     """Evaluate generation after generation, until the budget is used up.
 
     A state is saved before a generation begins. Where the budget ends within a generation, a search
-    with a larger budget continues from the state before it.
+    with a larger budget continues from the state before it. The evaluations that were spared because
+    designs of whole numbers came again are used for all designs that remain, where they suffice.
     """
     population, size = _begun(run, fresh, keeper), 0
-    while not run.spent:
+    while not (run.spent or run.exhausted):
         remaining = run.evaluations_left
         if keeper is not None and (keeper.due() or (remaining is not None and remaining < 2 * size)):
             _save(keeper, run, population)
@@ -124,6 +131,7 @@ def _evolve(run: Run, fresh: Callable[[], Driver], keeper: Keeper | None) -> Non
             population.tell(f, g)
     if keeper is not None:
         _save(keeper, run, population)
+    run.complete()
 
 
 def _begun(run: Run, fresh: Callable[[], Driver], keeper: Keeper | None) -> Driver:

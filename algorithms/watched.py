@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 
 from ..arrays import Array
+from ..errors import ModelError
 from ..problems.tolerance_problem import ToleranceProblem
 from .course import Course
 from .run import Run
@@ -55,6 +56,12 @@ def watch(
     engine: str = "pymoo",
     limit_s: float | None = None,
 ) -> None:
-    """Search as `search` does, with the same designs, and record them in `course`."""
+    """Search as `search` does, with the same designs, and record them in `course`.
+
+    Raises ModelError where every evaluation failed.
+    """
     run = WatchedRun(problem, budget, seed, course, isinstance(settings, Solver), limit_s)
     drive(run, settings, seed, engine)
+    if run.failures and run.failures == run.evaluations:
+        where = dict(zip(problem.names, problem.complete(run.failed[:1])[0].tolist(), strict=True))
+        raise ModelError(f"F or G is not finite at {where}, nor at any other of {run.failures} designs")

@@ -139,8 +139,9 @@ def search(
     """A search in the caller's loop: `ask` for designs, `tell` their outputs, take the `result`.
 
     `start` are designs, one per row, that the first generation begins with (the first of them, if
-    they are more than it holds); a front or an allocation can be given as it stands. The algorithm
-    is that of the configuration where none is given. Raises ConfigurationError with every fault.
+    they are more than it holds); a front or an allocation can be given as it stands. They lie in the
+    ranges that are searched. The algorithm is that of the configuration where none is given. Raises
+    ConfigurationError with every fault.
     """
     from .workflows.asking import Search, askable
 
@@ -152,7 +153,8 @@ def search(
     if start is not None:
         from .workflows.evaluate import designs_in
 
-        designs = designs_in(problem, *readable(start, tables.NO_OPTIONS))
+        table, place = readable(start, tables.NO_OPTIONS)
+        designs = designs_in(problem, table, "start" if place == "frame" else place, searched=True)
     return Search(problem, configuration.algorithm, configuration.seed, configuration.engine, designs)
 
 

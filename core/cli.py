@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import atexit
 import gc
-import signal
+import os
+import sys
 from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
@@ -13,9 +15,10 @@ import typer
 
 from .arguments import template_faults
 from .counts import forced
-from .ending import INTERRUPTED, exit_status
+from .ending import exit_status
 from .errors import raise_all
 from .files import write_text
+from .interrupts import INTERRUPTED, current, listen
 from .options import Asked, Blocks, Dialect, Into, MessageOptions, Shared, grouped
 from .results import Finished
 from .streams import keep_standard_streams
@@ -36,13 +39,23 @@ Table = Annotated[Path, typer.Option("--out", help="The table that is written.")
 
 
 def main() -> None:
-    """Entry point of the `tolevo` command; SIGTERM and SIGHUP end it as Ctrl-C does."""
-    for request in (signal.SIGTERM, signal.SIGHUP):
-        if signal.getsignal(request) is not signal.SIG_IGN:  # as nohup leaves it
-            signal.signal(request, signal.default_int_handler)
+    """Entry point of the `tolevo` command; SIGTERM and SIGHUP end it as Ctrl-C does.
+
+    An interrupted command ends without the end of the interpreter, which waits for libraries that
+    were interrupted.
+    """
+    interrupts = listen()
     gc.set_threshold(GARBAGE)
     keep_standard_streams()
-    app()
+    try:
+        app()
+    finally:
+        if interrupts.requested:
+            interrupts.say()
+            atexit._run_exitfuncs()
+            for stream in (sys.stdout, sys.stderr):
+                stream.flush()
+            os._exit(INTERRUPTED)
 
 
 def command(name: str) -> Callable[[Callable[..., Finished | None]], Callable[..., Any]]:
@@ -76,6 +89,9 @@ def _called(name: str, asked: Asked, *arguments: Any, **options: Any) -> Finishe
 
 def _ended(finished: Finished) -> int:
     """Print how a command ended, and where its page is; returns the exit status."""
+    if finished.status == "interrupted" and (interrupts := current()) is not None:
+        interrupts.say(finished.lines[0])
+        return INTERRUPTED
     for line in finished.lines:
         typer.echo(line, err=finished.status != "done")
     page = finished.folder / "report.html"

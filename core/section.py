@@ -300,6 +300,10 @@ class Section:
         return None
 
 
+SHOWN = 80
+"""Characters of a value in a message at most."""
+
+
 def flat(table: Mapping[str, Any], place: str = "") -> dict[str, Any]:
     """Values of nested tables by dotted key."""
     values: dict[str, Any] = {}
@@ -307,3 +311,39 @@ def flat(table: Mapping[str, Any], place: str = "") -> dict[str, Any]:
         at = f"{place}{key}"
         values |= flat(value, f"{at}.") if isinstance(value, dict) else {at: value}
     return values
+
+
+def differences(before: Mapping[str, Any], after: Mapping[str, Any]) -> dict[str, tuple[str, str]]:
+    """The values, before and after, of each key of nested tables that differs, as a message shows them.
+
+    A table in a list has its place, such as part[1].cost.b; where a name is added or removed the
+    list is one value.
+    """
+    old, new = flat(_placed(before, after)), flat(_placed(after, before))
+    keys = dict.fromkeys([*new, *old])
+    return {key: (_shown(old, key), _shown(new, key)) for key in keys if old.get(key) != new.get(key)}
+
+
+def _placed(table: Mapping[str, Any], other: Mapping[str, Any]) -> dict[str, Any]:
+    """A table in which lists of tables that are as long in the other one are tables by place."""
+    placed: dict[str, Any] = {}
+    for key, value in table.items():
+        counterpart: Any = other.get(key)
+        if isinstance(value, dict) and isinstance(counterpart, dict):
+            placed[key] = _placed(value, counterpart)
+        elif _tables(value) and _tables(counterpart) and len(value) == len(counterpart):
+            pairs = zip(value, counterpart, strict=True)
+            placed |= {f"{key}[{at}]": _placed(own, another) for at, (own, another) in enumerate(pairs)}
+        else:
+            placed[key] = value
+    return placed
+
+
+def _tables(value: Any) -> bool:
+    return isinstance(value, list) and bool(value) and all(isinstance(item, dict) for item in value)
+
+
+def _shown(values: Mapping[str, Any], key: str) -> str:
+    """A value as a message shows it, long ones by their beginning."""
+    text = f'"{values[key]}"' if isinstance(values.get(key), str) else str(values.get(key, "unset"))
+    return text if len(text) <= SHOWN else f"{text[: SHOWN - 4]} ..."

@@ -15,6 +15,7 @@ from pymoo.core.problem import Problem
 from ..arrays import Array, Integers
 from ..declarations import Assumption, Output, Variable, completed
 from ..errors import Fault, ModelError
+from ..journal import recalled_columns
 from ..section import Section
 from .assumptions import assumptions_of
 from .declaration import ConfiguredProblem, Declaration, Interval
@@ -125,6 +126,8 @@ class ToleranceProblem(Problem):
     def box(self) -> tuple[Array, Array]:
         """Ideal and nadir of the normalised hypervolume, fixed by the problem."""
         values = self.objective_values(self.outputs_of(self._corners(), errors=False))
+        finite = np.isfinite(values).all(axis=1)
+        values = values[finite] if finite.any() else np.zeros((1, len(self.objectives)))
         proven = np.array([self.interval(name)[0] for name in self.objectives])
         ideal = np.where(np.isfinite(proven), proven, values.min(axis=0))
         return ideal, np.maximum(values.max(axis=0), ideal + 1e-12)
@@ -222,9 +225,11 @@ class ToleranceProblem(Problem):
         designs = np.asarray(designs, dtype=float)
         outputs = dict(known or {})
         if known is None:
-            outputs = self._outputs(designs, searching) | self._further(designs, searching)
+            outputs = recalled_columns(
+                (designs, searching), lambda: self._outputs(designs, searching) | self._further(designs, searching)
+            )
         if errors and not searching:
-            outputs |= self._verified(designs, outputs)
+            outputs |= recalled_columns((designs, "errors"), lambda: self._verified(designs, outputs))
         for output in self.outputs:
             shape = np.shape(outputs[output.name]) if output.name in outputs else None
             if shape != (len(designs),):
@@ -251,26 +256,30 @@ class ToleranceProblem(Problem):
         ]
         return np.stack(columns, axis=1) if columns else np.zeros((len(designs), 0))
 
-    def _evaluate(self, x: Array, out: dict[str, Any], *args: Any, **kwargs: Any) -> None:
+    def _evaluate(self, x: Array, out: dict[str, Any], *args: Any, failing: bool = False, **kwargs: Any) -> None:
+        """F and G of search vectors. Raises ModelError where a value is not finite, unless `failing`."""
         f, g = self.searched(np.atleast_2d(x))
+        if not failing:
+            self._refuse_failures(x, f, g)
         out["F"] = f
         if self.limits:
             out["G"] = g
 
     def searched(self, x: Array) -> tuple[Array, Array]:
-        """F (n, objectives) and G (n, constraints) of search vectors, as a search sees them.
-
-        Raises ModelError where a value is not finite.
+        """F (n, objectives) and G (n, constraints) of search vectors, as a search sees them; not
+        finite where an evaluation fails.
         """
         designs = self.complete(x)
         outputs = self.outputs_of(designs, searching=True)
-        f, g = self.objective_values(outputs), self.violations(designs, outputs)
-        for name, values in (("F", f), ("G", g)):
-            if np.count_nonzero(np.isfinite(values)) < values.size:
-                row = int(np.argmin(np.all(np.isfinite(values), axis=1)))
-                where = dict(zip(self.names, designs[row].tolist(), strict=True))
+        return self.objective_values(outputs), self.violations(designs, outputs)
+
+    def _refuse_failures(self, x: Array, *values: Array) -> None:
+        """Raises ModelError where a value (n, any number) at search vectors is not finite."""
+        for name, columns in zip("FG", values, strict=True):
+            if np.count_nonzero(np.isfinite(columns)) < columns.size:
+                row = int(np.argmin(np.all(np.isfinite(columns), axis=1)))
+                where = dict(zip(self.names, self.complete(np.atleast_2d(x))[row].tolist(), strict=True))
                 raise ModelError(f"{name} is not finite at {where}")
-        return f, g
 
     def tested(self, x: Array) -> tuple[Array, Array]:
         """F and G of search vectors as reported: where a search sees a sample, on a fresh one."""

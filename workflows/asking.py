@@ -4,18 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from ..algorithms.archive import Archive
+from ..algorithms.discrete import DiscreteDesigns
 from ..algorithms.drivers import driver
+from ..algorithms.engine.survival import violation_of
 from ..algorithms.indicators import nondominated
+from ..algorithms.run import without_failures
 from ..algorithms.settings import AlgorithmSettings, Solver
 from ..arrays import Array
 from ..errors import Fault, raise_all
 from ..problems.designs import designs_frame
 from ..problems.tolerance_problem import ToleranceProblem
+from .told import aligned
+
+TRIES = 50
+"""Generations without a new design of whole numbers after which the remaining ones are asked for."""
 
 
 def askable(name: str, algorithm: AlgorithmSettings | None) -> list[Fault]:
@@ -31,11 +39,13 @@ class Asked:
     """The results of a search so far.
 
     `front` has the non-dominated feasible designs, one per row, by the first objective: every
-    variable, and every objective that is an output. `evaluations` counts designs.
+    variable, and every objective that is an output. `evaluations` counts designs. `failed` are the
+    designs whose evaluation failed.
     """
 
     front: pd.DataFrame
     evaluations: int
+    failed: pd.DataFrame
 
     def _repr_html_(self) -> str:
         """The front: what a notebook shows."""
@@ -46,7 +56,8 @@ class Search:
     """A population search whose designs are evaluated by the user.
 
     `ask` and `tell` take turns. Which designs are asked for depends on problem, algorithm, seed,
-    engine, the designs to `start` with (n, all variables), and the outputs so far.
+    engine, the designs to `start` with (n, all variables), and the outputs so far. Designs of whole
+    numbers alone are asked for once: `ask` returns none when all of them have been evaluated.
     """
 
     def __init__(
@@ -60,38 +71,59 @@ class Search:
         self.problem = problem
         self._driver = driver(problem, algorithm, seed, engine)
         self._archive = Archive(problem.n_var, problem.n_obj)
+        self._discrete = DiscreteDesigns.of(problem)
         self._start = start
+        if start is not None:
+            free = [problem.names.index(variable.name) for variable in problem.free]
+            self._start = np.clip(start[:, free], problem.xl, problem.xu)
         self._open: Array | None = None
+        self._new: Array = np.empty((0, problem.n_var))
+        self._failed = np.empty((0, problem.n_var))
         self._evaluations = 0
 
     def ask(self) -> pd.DataFrame:
         """The next designs, one per row, every variable a column; the same until they are told."""
-        if self._open is None:
+        tries = 0
+        while self._open is None:
             self._open = self._driver.ask()
             if self._start is not None:
-                names = self.problem.names
-                free = [names.index(variable.name) for variable in self.problem.free]
-                self._open = self._driver.begin_with(self._start[: len(self._open), free])
+                self._open = self._driver.begin_with(self._start[: len(self._open)])
                 self._start = None
-        return designs_frame(self.problem, self.problem.complete(self._open))
+            self._new = self._open
+            if self._discrete is not None:
+                self._new = self._open[self._discrete.unknown(self._open)]
+                tries += 1
+                if not len(self._new) and self._discrete.remaining > 0.0:
+                    if tries < TRIES:
+                        self._driver.tell(*self._discrete.values(self._open))
+                        self._open = None
+                    else:  # the algorithm has converged
+                        self._new = self._discrete.rest(len(self._open))
+        return designs_frame(self.problem, self.problem.complete(self._new))
 
-    def tell(self, x: pd.DataFrame, outputs: pd.DataFrame | Mapping[str, Array]) -> None:
-        """Take the outputs at the designs `x` that `ask` returned, in their order.
+    def tell(self, x: pd.DataFrame, outputs: pd.DataFrame | Mapping[str, Any]) -> None:
+        """Take the outputs at the designs `x` that `ask` returned.
 
-        `outputs` are columns (n,) by name: every objective and every output with a limit. Raises
-        ConfigurationError where one is missing, not finite, or of another length.
+        `outputs` are columns (n,) by name: every objective and every output with a limit. Rows in
+        another order are recognised by the design columns of a frame, or by its index; a value that
+        is not finite states that an evaluation failed, and its design counts as infeasible. Raises
+        ConfigurationError where an output is missing or of another length, or where the order of
+        the rows is not known.
         """
-        asked = self.ask()
-        raise_all(_order_faults(asked, x))
-        raise_all(self._faults(outputs, len(asked)))
+        outputs = aligned(self.problem, self.ask(), x, outputs)
+        raise_all(self._faults(outputs, len(self._new)))
         assert self._open is not None
-        designs = self.problem.complete(self._open)
+        designs = self.problem.complete(self._new)
         values = {name: np.asarray(outputs[name], dtype=float) for name in self._needed()}
-        f = self.problem.objective_values(values)
-        g = self.problem.violations(designs, values)
-        self._driver.tell(f, g)
-        self._archive.add(self._open, f, np.maximum(g, 0.0).sum(axis=1))
+        f, g = self.problem.objective_values(values), self.problem.violations(designs, values)
+        f, g, failed = without_failures(f, g, self.problem.box)
+        self._archive.add(self._new, f, np.where(failed, np.inf, violation_of(g)))
+        self._failed = np.concatenate([self._failed, self._new[failed]])
         self._evaluations += len(f)
+        if self._discrete is not None:
+            self._discrete.learn(self._new, f, g)
+            f, g = self._discrete.values(self._open)
+        self._driver.tell(f, g)
         self._open = None
 
     def result(self) -> Asked:
@@ -100,7 +132,8 @@ class Search:
         rows = np.flatnonzero(nondominated(f)) if len(f) else np.zeros(0, dtype=np.int64)
         front = designs_frame(self.problem, self.problem.complete(x[rows]))
         front[list(self.problem.objectives)] = f[rows]
-        return Asked(front.sort_values(self.problem.objectives[0], ignore_index=True), self._evaluations)
+        failed = designs_frame(self.problem, self.problem.complete(self._failed))
+        return Asked(front.sort_values(self.problem.objectives[0], ignore_index=True), self._evaluations, failed)
 
     def _needed(self) -> list[str]:
         """Objectives and limited outputs; a limited variable is known."""
@@ -108,24 +141,14 @@ class Search:
         names = dict.fromkeys((*self.problem.objectives, *limited))
         return [name for name in names if name not in self.problem.names]
 
-    def _faults(self, outputs: pd.DataFrame | Mapping[str, Array], count: int) -> list[Fault]:
+    def _faults(self, outputs: Mapping[str, Any] | pd.DataFrame, count: int) -> list[Fault]:
         faults = []
         for name in self._needed():
             if name not in outputs:
                 text = "is missing: state every objective and every output with a limit"
             elif np.shape(outputs[name]) != (count,):
                 text = f"must have shape ({count},), a value for each design"
-            elif not np.all(np.isfinite(np.asarray(outputs[name], dtype=float))):
-                text = "must be finite at every design"
             else:
                 continue
             faults.append(Fault(f"outputs.{name}", text))
         return faults
-
-
-def _order_faults(asked: pd.DataFrame, x: pd.DataFrame) -> list[Fault]:
-    """A fault where the designs are not those that `ask` returned."""
-    same = set(asked) <= set(x) and len(x) == len(asked)
-    if same and all(np.array_equal(asked[name].to_numpy(), x[name].to_numpy()) for name in asked):
-        return []
-    return [Fault("x", "must be the designs that ask() returned last, in their order")]

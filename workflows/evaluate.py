@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import pandas as pd
 
@@ -16,6 +17,8 @@ from ..problems.slips import slip
 from ..problems.tolerance_problem import ToleranceProblem
 from .blocks import ArrayRows, Computed
 
+WITHIN = 1e-9
+"""Fraction of a range by which a design may leave it: the last digits of a table."""
 GRAIN = 64
 """Designs that are evaluated at once."""
 REPORTED, SEARCH = "reported", "search"
@@ -41,14 +44,19 @@ def evaluation(problem: ToleranceProblem, designs: Array, configuration: str = "
 
 
 def designs_in(
-    problem: ToleranceProblem, table: tables.Table, place: str, understood: tables.Tell = tables.silent
+    problem: ToleranceProblem,
+    table: tables.Table,
+    place: str,
+    understood: tables.Tell = tables.silent,
+    searched: bool = False,
 ) -> Array:
     """Full designs (n, all variables) in a table that faults call `place`.
 
     A column may be left out where the problem fixes that variable; where it is given, it counts.
     `[columns]` of the configuration says what columns of the file are.
     A tolerance of 0 is evaluated as a limit: its cost may be infinite (`inf`).
-    Raises InputError with every fault of the table.
+    A design outside of the ranges that are searched is a fault where it is to be `searched`, else
+    it is reported. Raises InputError with every fault of the table.
     """
     names = [variable.name for variable in problem.variables]
     needed = [name for name in names if name not in problem.fixed]
@@ -72,8 +80,41 @@ def designs_in(
     for name, bad_rows in Checks.of(problem).misplaced(designs).items():
         bad = {frame.index[row]: reason for row, reason in bad_rows.items()}
         faults += tables.cell_faults(place, name, bad)
+    left = _beyond(problem, designs, frame.index)
+    for name, rows in left.items() if searched else ():
+        faults += tables.cell_faults(place, name, rows)
     raise_all(faults)
+    understood(_left(left))
     return designs
+
+
+def _beyond(problem: ToleranceProblem, designs: Array, index: pd.Index[Any]) -> dict[str, dict[object, str]]:
+    """Where full designs (n, all variables) leave what is searched: reasons by row, by variable."""
+    reasons: dict[str, dict[object, str]] = {}
+    ranges = {v.name: (low, high) for v, low, high in zip(problem.free, problem.xl, problem.xu, strict=True)}
+    ranges |= {name: (value, value) for name, value in problem.fixed.items()}
+    for variable in problem.variables:
+        low, high = ranges[variable.name]
+        unit, room = f" {variable.unit}".rstrip(), WITHIN * max(high - low, abs(high), abs(low))
+        for at, value in zip(index, problem.column(designs, variable.name).tolist(), strict=True):
+            if low - room <= value <= high + room:
+                continue
+            if low == high:
+                why = f"is fixed at {low:g}{unit}"
+            else:
+                why = f"must be at least {low:g}{unit}" if value < low else f"must be at most {high:g}{unit}"
+            reasons.setdefault(variable.name, {})[at] = f"{why}, got {value:g}"
+    return reasons
+
+
+def _left(reasons: dict[str, dict[object, str]]) -> list[str]:
+    """Which designs leave the ranges of the problem, a line per variable."""
+    lines = []
+    for name, rows in reasons.items():
+        row, why = next(iter(rows.items()))
+        more = {1: "", 2: "; another row as well"}.get(len(rows), f"; {len(rows) - 1} more rows as well")
+        lines.append(f"row {row} leaves what the problem searches: {name} {why}{more}")
+    return lines
 
 
 def _slips(problem: ToleranceProblem, frame: pd.DataFrame) -> list[str]:

@@ -9,12 +9,15 @@ their bounds, so that the returned bound is always proven.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
 
 from ...arrays import Array, Flags, Integers
+from ...journal import recalled
 from ...problems.forms import Feature, Form
 from ...problems.spread import Spread, largest_parts
 from .ascent import Ascent
@@ -26,7 +29,15 @@ from .path import Path
 from .points import least_of_points, only_points
 from .prices import ROUNDING, less_rounding, rows_of, spread_at, tabulated
 from .programme import Programme
-from .separable import Squares, least_leaf, separable, separable_but_for_doubt
+from .separable import Leaf, Squares, least_leaf, separable, separable_but_for_doubt
+
+Watch = Callable[[Optimum, float], None]
+"""Called with optima as they are solved, and the fraction of all that is solved."""
+
+
+def unwatched(optimum: Optimum, share: float) -> None:
+    """Do nothing with what is solved."""
+
 
 GRID = np.unique(np.concatenate([np.geomspace(0.02, 50.0, 15), np.geomspace(0.7, 1.4, 13)]))
 """Prices at which nodes are bounded, in units of the best known allocation's own."""
@@ -44,30 +55,59 @@ CLOSE = 1e-10
 """A node whose bound is this close to the best cost cannot improve it noticeably."""
 
 
-def least_cost(form: Form, limits: Array) -> Optimum:
+def least_cost(form: Form, limits: Array, watch: Watch = unwatched) -> Optimum:
     """The cheapest allocation that keeps each set of upper limits (n, r) of a form.
 
     Cost and bound are inf where no allocation can keep them, the cost alone where none is known.
+    `watch` is called with what is solved, and its fraction of the whole.
     """
     limits = np.asarray(limits, dtype=float)
     if form.quantiles and sum(len(feature.ways) > 1 for feature in form.features) >= MIXED:
-        return _by_master(form, limits)
+        return _each(form, limits, watch, lambda limit, _: _by_master(form, limit))
     if only_points(form):
-        return least_of_points(form, limits)
+        return _together(form, limits, watch, lambda: least_of_points(form, limits))
     if separable_but_for_doubt(form) and not _pointed(form):
-        return least_under_doubt(form, limits, cost_range(form)[0])
+        return _together(form, limits, watch, lambda: least_under_doubt(form, limits, cost_range(form)[0]))
     several = len(form.outputs) > 1
     if (several or form.combinations > MANY) and _priced(form):
-        return _by_squares(form, limits)
+        return _by_squares(form, limits, watch)
     if form.combinations == 1 or form.separable or len(limits) < 2:
-        return _least_cost(form, limits, None)
+        return _together(form, limits, watch, lambda: _least_cost(form, limits, None))
+    # multipliers of several requirements are improved for each alone
+    return _each(form, limits, watch, lambda limit, previous: _least_cost(form, limit, previous))
+
+
+def _together(form: Form, limits: Array, watch: Watch, solve: Callable[[], Optimum]) -> Optimum:
+    """What `solve` returns for all limits, unless it was solved before."""
+    optimum = _recalled(form, limits, solve)
+    watch(optimum, 1.0)
+    return optimum
+
+
+def _each(form: Form, limits: Array, watch: Watch, solve: Callable[[Array, Optimum | None], Optimum]) -> Optimum:
+    """What `solve` returns for one set of limits (1, r) after the other, next to the one before."""
     optima: list[Optimum] = []
-    for limit in limits:  # multipliers of several requirements are improved for each alone
-        previous = optima[-1:]
-        optima.append(_least_cost(form, limit[None, :], previous[0] if previous else None))
-    return Optimum(
-        *(np.concatenate([getattr(optimum, name) for optimum in optima]) for name in Optimum.__dataclass_fields__)
-    )
+    for done, limit in enumerate(limits, 1):
+        solved = partial(solve, limit[None, :], optima[-1] if optima else None)
+        optima.append(_recalled(form, limit, solved))
+        watch(optima[-1], done / len(limits))
+    return _joined([Optimum.unknown(form, limits[:0]), *optima])
+
+
+def _joined(optima: list[Optimum]) -> Optimum:
+    """The optima below each other."""
+    names = Optimum.__dataclass_fields__
+    return Optimum(*(np.concatenate([getattr(optimum, name) for optimum in optima]) for name in names))
+
+
+def _recalled(form: Form, limits: Array, solve: Callable[[], Optimum]) -> Optimum:
+    ranges = [(way.low, way.high) for feature in form.features for way in feature.ways]
+
+    def arrays() -> tuple[Array, ...]:
+        optimum = solve()
+        return tuple(getattr(optimum, name) for name in Optimum.__dataclass_fields__)
+
+    return Optimum(*recalled((limits, *form.outputs, np.array(ranges)), arrays))
 
 
 def _pointed(form: Form) -> bool:
@@ -95,24 +135,25 @@ def _priced(form: Form) -> bool:
     return any(curve.priced for curve in curves) and separable(form)
 
 
-def _by_squares(form: Form, limits: Array) -> Optimum:
+def _by_squares(form: Form, limits: Array, watch: Watch) -> Optimum:
     """`least_cost` for roots of sums of squares, by prices of the squares."""
-    squares, leaves = Squares(form), []
-    known = None
-    for limit in limits:
-        best, bound = least_leaf(squares, limit, known)
+    squares, optima, floor = Squares(form), [Optimum.unknown(form, limits[:0])], cost_range(form)[0]
+    known: Leaf | None = None
+    for done, limit in enumerate(limits, 1):
+        ways, t, mu, numbers = recalled((limit, *form.outputs), partial(_leaf_arrays, squares, limit, known))
+        best = Leaf(tuple(ways.tolist()), t, float(numbers[0]), float(numbers[1]), mu)
         if np.isfinite(best.cost):
             known = best
-        leaves.append((best, bound))
-    lam = np.array([leaf.mu * squares.worth(limit) for (leaf, _), limit in zip(leaves, limits, strict=True)])
-    bounds = [max(bound, cost_range(form)[0]) for _, bound in leaves]
-    return Optimum(
-        np.array([leaf.ways for leaf, _ in leaves], dtype=np.int64).reshape(len(leaves), -1),
-        np.array([leaf.t for leaf, _ in leaves]).reshape(len(leaves), -1),
-        np.array([leaf.cost for leaf, _ in leaves]),
-        np.minimum(bounds, [leaf.cost for leaf, _ in leaves]),
-        lam.reshape(len(leaves), -1),
-    )
+        bound = min(max(float(numbers[2]), floor), best.cost)
+        costs = np.array([best.cost]), np.array([bound])
+        optima.append(Optimum(ways[None, :], t[None, :], *costs, (mu * squares.worth(limit))[None, :]))
+        watch(optima[-1], done / len(limits))
+    return _joined(optima)
+
+
+def _leaf_arrays(squares: Squares, limit: Array, known: Leaf | None) -> tuple[Array | Integers, ...]:
+    leaf, bound = least_leaf(squares, limit, known)
+    return np.array(leaf.ways, dtype=np.int64), leaf.t, leaf.mu, np.array([leaf.cost, leaf.bound, bound])
 
 
 def _by_master(form: Form, limits: Array) -> Optimum:

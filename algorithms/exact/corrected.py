@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ...arrays import Array, Flags, Integers
+from ...journal import recalled
 from ...problems.forms import Form
 from ...problems.interfaces import Provable
 from ...problems.least import least_value
@@ -117,6 +118,20 @@ class Corrected:
         Where `least` is a row, its value is minimised and its limit ignored. The result is None too
         where the cost is clearly higher than `than`.
         """
+        nothing = np.zeros(0)
+
+        def arrays() -> tuple[Array | Integers, ...]:
+            point = self._point(ways, limit, least, than)
+            after = (nothing if array is None else array for array in (self._moved, self._start))
+            if point is None:
+                return (nothing, *after)
+            return (point.x, *after, np.array(point.cost), point.t, np.array(point.ways, dtype=np.int64))
+
+        x, moved, start, *more = recalled((np.array(ways), limit, least, than), arrays)
+        self._moved, self._start = (array if len(array) else None for array in (moved, start))
+        return Point(tuple(more[2].tolist()), x, float(more[0]), more[1]) if more else None
+
+    def _point(self, ways: tuple[int, ...], limit: Array, least: int, than: float) -> Point | None:
         problem, best = self.run.problem, None
         real = np.isfinite(limit)
         scale = Combination(self.form, ways).sizes(limit)

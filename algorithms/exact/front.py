@@ -9,7 +9,7 @@ import scipy
 
 from ...arrays import Array, Flags
 from ...problems.forms import Form
-from .choices import Optimum, contributions, least_cost
+from .choices import Optimum, Watch, contributions, least_cost, unwatched
 from .combination import Combination
 from .path import Path, arc_length
 from .pieces import convex_pieces
@@ -19,13 +19,15 @@ COARSE = 128
 """Limits at which a front with alternatives is solved first."""
 
 
-def front(form: Form, points: int, upper: Array, swept: Flags | None = None, most: float = np.inf) -> Optimum:
+def front(
+    form: Form, points: int, upper: Array, swept: Flags | None = None, most: float = np.inf, watch: Watch = unwatched
+) -> Optimum:
     """About `points` allocations along the front of cost and the swept requirements.
 
     `upper` (r,) are limits that all of them keep, inf where there is none, `most` is one on the
     cost; `swept` (r,) marks the requirements that are objectives (all of them, if not given): those
     of one name are one objective. With one objective in addition to the cost the points are spread
-    evenly by arc length, with several by a Sobol sequence.
+    evenly by arc length, with several by a Sobol sequence. `watch` is called as they are solved.
     """
     swept = np.ones(len(upper), dtype=bool) if swept is None else swept
     form = convex_pieces(form)
@@ -41,15 +43,15 @@ def front(form: Form, points: int, upper: Array, swept: Flags | None = None, mos
     ends = [(float(low[mask].max()), float(high[mask].max())) for mask in rows]
     if len(rows) == 1:
         coarse = np.linspace(*ends[0], min(COARSE, 2 * points))
-        return _by_limits(form, points, rows[0], coarse, upper, most)
+        return _by_limits(form, points, rows[0], coarse, upper, most, watch)
     sample = scipy.stats.qmc.Sobol(len(rows), scramble=False).random_base2(int(np.ceil(np.log2(points))))
     limits = np.tile(upper, (points, 1))
     for mask, (first, last), fraction in zip(rows, ends, sample[:points].T, strict=True):
         limits[:, mask] = (first + (last - first) * fraction)[:, None]
-    return least_cost(form, limits)
+    return least_cost(form, limits, watch)
 
 
-def _by_limits(form: Form, points: int, rows: Flags, coarse: Array, upper: Array, most: float) -> Optimum:
+def _by_limits(form: Form, points: int, rows: Flags, coarse: Array, upper: Array, most: float, watch: Watch) -> Optimum:
     """The optima at limits of the requirements `rows`, spread by arc length of a coarse front."""
 
     def limits(values: Array) -> Array:
@@ -57,13 +59,14 @@ def _by_limits(form: Form, points: int, rows: Flags, coarse: Array, upper: Array
         upper_limits[:, rows] = values[:, None]
         return upper_limits
 
-    first = least_cost(form, limits(coarse))
+    part = len(coarse) / (len(coarse) + points)
+    first = least_cost(form, limits(coarse), lambda optimum, share: watch(optimum, part * share))
     kept = first.cost <= most
     begin = max(0, int(np.argmax(kept)) - 1)  # 0 where all are kept or none
     coarse, cost = coarse[begin:], first.cost[begin:]
     length = arc_length(np.stack([coarse, cost]))
     even = np.interp(np.linspace(0.0, length[-1], points), length, coarse)
-    return least_cost(form, limits(even))
+    return least_cost(form, limits(even), lambda optimum, share: watch(optimum, part + (1.0 - part) * share))
 
 
 def _along_path(form: Form, points: int, upper: float, most: float) -> Optimum:

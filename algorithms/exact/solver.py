@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import partial
 from typing import ClassVar
 
 import numpy as np
@@ -17,12 +18,12 @@ from ..run import Run
 from ..settings import Budget, Solver
 from .bounds import BEYOND, reason, restricted, row_limits, upper_limit
 from .branch import Branch
-from .choices import least_cost, tightest_ways
+from .choices import Optimum, Watch, least_cost, tightest_ways, unwatched
 from .combination import within
 from .corrected import corrected_vectors, is_corrected
 from .designs import search_vector, search_vectors
 from .epsilon import epsilon_front, scale_of
-from .front import front, tightest
+from .front import COARSE, front, tightest
 from .pieces import convex_pieces
 from .points import cheapest_choice, points_alone
 
@@ -36,6 +37,8 @@ CORRECTIONS, FURTHER = 6, 1.0 + 1e-3
 """Times a limit is moved by what a form understates, and how much further than that."""
 BACK = np.array([0.0, 1e-9, 1e-7, 1e-5, 1e-3, 1e-2])
 """Fractions of the way back to a design that keeps the limits, where SLSQP ends just beyond them."""
+EARLY = 0.9
+"""Fraction of the work that a closed form takes."""
 SOME = 3
 """Points of a front that are tested: if any breaks limits in the full model, the limits are moved."""
 
@@ -59,7 +62,7 @@ class Exact(Solver):
         if form is None:
             epsilon_front(run, self.points)
             return
-        run.phase("closed form", 0.5)
+        run.phase("closed form", 0.0)
         remaining = run.evaluations_left
         points = self.points if remaining is None else max(2, min(self.points, remaining))
         if is_corrected(form):
@@ -69,14 +72,29 @@ class Exact(Solver):
                 run.choose(x)
                 run.evaluate(x)
             return
-        x = _improved(run, form, exact_vectors(run.problem, form, points))
+        x = _improved(run, form, exact_vectors(run.problem, form, points, partial(_watched, run, form)))
         if not len(x):
             return
-        if form.stands:  # a report computes the represented outputs more accurately
-            run.choose(x)
+        early = run.evaluations > 0
+        run.phase("points of the closed form", 0.95)
         _, violations = run.evaluate(x)
+        if form.stands or (early and np.all(violations <= 0.0)):
+            run.choose(x)  # a report computes the represented outputs more accurately
         if form.tested and not np.all(violations <= 0.0):
             epsilon_front(run, self.points)
+
+
+def _watched(run: Run, form: Form, optimum: Optimum, share: float) -> None:
+    """Report a point that is solved; those of a coarse front are evaluated, so that it has points
+    from the start, unless evaluations are counted.
+    """
+    run.phase("closed form", EARLY * share)
+    if run.evaluations_left is None and run.evaluations < COARSE and len(optimum.cost) == 1 and run.problem.n_obj > 1:
+        x = search_vectors(run.problem, form, optimum)
+        if len(x):
+            run.evaluate(x)
+            return
+    run.pulse()
 
 
 def closed_form(problem: ToleranceProblem) -> Form | None:
@@ -91,7 +109,7 @@ def closed_form(problem: ToleranceProblem) -> Form | None:
     return convex_pieces(restricted(form, used))
 
 
-def exact_vectors(problem: ToleranceProblem, form: Form, points: int) -> Array:
+def exact_vectors(problem: ToleranceProblem, form: Form, points: int, watch: Watch = unwatched) -> Array:
     """Search vectors (k, variables) of the exact front, or of the one least cost."""
     upper = _solved_limits(problem, form)
     real = np.isfinite(upper)
@@ -103,7 +121,7 @@ def exact_vectors(problem: ToleranceProblem, form: Form, points: int) -> Array:
     most = upper_limit(problem, "cost")
     limit, x = upper, np.empty((0, problem.n_var))
     for _ in range(CORRECTIONS):
-        optimum = front(form, points, loosened(limit, ROOMIER), swept, float(loosened(most)))
+        optimum = front(form, points, loosened(limit, ROOMIER), swept, float(loosened(most)), watch)
         x = search_vectors(problem, form, within(form, optimum, _strict(form, limit)))
         if not form.exact:
             return x

@@ -40,7 +40,7 @@ from .table import TABLE, read_table_model
 from .unresolved import read_unresolved
 from .variables import mid_parameter, read_variable
 
-REFERENCES = ("documents", "none")
+REFERENCES = ("documents", "ga", "none")
 PROBLEM_ONLY = (
     "references",
     "costs",

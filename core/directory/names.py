@@ -107,6 +107,7 @@ KINDS: Mapping[str, Kind] = {
             "reducers.npz",
             "allocation.xlsx",
             "nearest_miss.csv",
+            "failed.csv",
             "summary.json",
         ),
         pages=(PAGE, *_drawn("front")),

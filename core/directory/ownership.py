@@ -10,6 +10,7 @@ from pathlib import Path
 
 from ..errors import Fault, InputError, RunError, StorageError, TolevoError, raise_all, refuse
 from ..files import cause, is_folder
+from ..interrupts import keeps
 from .lock import PATIENCE, Held, Lock, acquire, commands, holders
 from .manifest import MANIFEST, write_manifest
 from .names import KINDS, folders, is_output_file, kinds_in, present
@@ -44,6 +45,8 @@ class Ownership:
         self._made = made
         self._token = ""
         self.begun = self.joined
+        if self.begun:
+            keeps(self._kept)
 
     @property
     def blank(self) -> bool:
@@ -89,7 +92,16 @@ class Ownership:
         self._token = secrets.token_hex(8)
         write_unfinished(self.folder, self.command, self._token, old)
         self.begun = True
+        keeps(self._kept)
         self._retire(old)
+
+    def _kept(self) -> str:
+        """What an interrupt leaves, and how to go on."""
+        kind = KINDS[self.command]
+        kept = (
+            f"{kind.saved} is kept in {self.folder}" if present(self.folder, kind.state) else "nothing had been saved"
+        )
+        return f"{kept}; run the same command with --resume to continue"
 
     def _old(self) -> list[str]:
         """Names of all files that commands have written here."""

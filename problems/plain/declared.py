@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from itertools import islice
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from pymoo.core.problem import Problem
-from pymoo.core.variable import Integer
+from pymoo.core.variable import Binary, Choice, Integer, Real
 
+from ...arrays import Array
 from ...declarations import Kind, Output, Parameter, Variable
 from ...errors import Fault
 from ..declaration import Declaration
@@ -26,15 +29,47 @@ def declaration_of(problem: Problem) -> Declaration:
 
 
 def variables_of(problem: Problem) -> tuple[Variable, ...]:
-    """One variable per column: those that the problem declares as `variables`, else x1, x2, ..."""
+    """One variable per column: those that the problem declares as `variables`, those of pymoo's
+    mixed `vars` by their names, else x1, x2, ...
+    """
     declared: tuple[Variable, ...] = getattr(problem, "variables", ())
     if declared:
         return tuple(declared)
+    if mixed := mixed_variables(problem):
+        return tuple(_mixed(str(name), variable) for name, variable in mixed.items())
     whole = problem.vtype in (int, bool, Integer)
     return tuple(
         Variable(f"x{at}", "", Kind.NOMINAL, low, high, f"variable {at}", integer=whole)
         for at, (low, high) in enumerate(zip(*_bounds(problem), strict=True), 1)
     )
+
+
+def mixed_variables(problem: Problem) -> Mapping[Any, Any]:
+    """Pymoo's mixed `vars` by name, empty where a problem has a plain vector of variables."""
+    variables: Mapping[Any, Any] = getattr(problem, "vars", None) or {}
+    return variables
+
+
+def _mixed(name: str, variable: Any) -> Variable:
+    """A variable of pymoo's mixed `vars`; options of a choice are 0, 1, ... with their texts as labels."""
+    if isinstance(variable, Choice):
+        labels = tuple(map(str, variable.options))
+        return Variable(name, "", Kind.CHOICE, 0, len(labels) - 1, f"choice {name}", integer=True, labels=labels)
+    low, high = (0.0, 1.0) if isinstance(variable, Binary) else map(float, variable.bounds)
+    return Variable(name, "", Kind.NOMINAL, low, high, f"variable {name}", integer=not isinstance(variable, Real))
+
+
+def mixed_designs(problem: Problem, designs: Array) -> NDArray[Any]:
+    """Designs (n, variables) as a problem with mixed `vars` takes them: a dictionary each."""
+    columns: dict[str, list[Any]] = {}
+    for (name, variable), column in zip(mixed_variables(problem).items(), designs.T, strict=True):
+        if isinstance(variable, Choice):
+            columns[name] = [variable.options[int(at)] for at in column]
+        else:
+            kind = bool if isinstance(variable, Binary) else int if isinstance(variable, Integer) else float
+            columns[name] = [kind(value) for value in column.tolist()]
+    rows = [dict(zip(columns, values, strict=True)) for values in zip(*columns.values(), strict=True)]
+    return np.array(rows, dtype=object)
 
 
 def outputs_of(problem: Problem) -> tuple[Output, ...]:
@@ -64,8 +99,9 @@ def limits_of(problem: Problem, missed: float) -> Mapping[str, Bound]:
 
 def faults_of(problem: Problem) -> list[Fault]:
     """What keeps a pymoo problem from being run, at the key `problem`."""
-    bounds = np.array(_bounds(problem))
-    messages = []
+    mixed = mixed_variables(problem)
+    messages = _mixed_faults(mixed)
+    bounds = np.zeros((2, 0)) if mixed else np.array(_bounds(problem))
     if not (np.all(np.isfinite(bounds)) and np.all(bounds[0] < bounds[1])):
         messages.append("needs finite bounds xl < xu of every variable")
     for name, count in (
@@ -77,6 +113,25 @@ def faults_of(problem: Problem) -> list[Fault]:
     if problem.n_obj < 1:
         messages.append("has no objective")
     return [Fault("problem", f"{type(problem).__name__} {text}") for text in messages]
+
+
+def _mixed_faults(variables: Mapping[Any, Any]) -> list[str]:
+    """What keeps pymoo's mixed `vars` from being searched."""
+    messages = []
+    for name, variable in variables.items():
+        if not isinstance(variable, Real | Integer | Binary | Choice):
+            messages.append(
+                f"has the variable {name} of the kind {type(variable).__name__}: state Real or another of pymoo's"
+            )
+        elif isinstance(variable, Choice):
+            texts = list(map(str, variable.options))
+            if len(set(texts)) < max(2, len(texts)) or "" in texts:
+                messages.append(f"has the choice {name} with the options {texts}: state two or more that differ")
+        elif isinstance(variable, Real | Integer):
+            ends = [np.nan if end is None else float(end) for end in variable.bounds]
+            if not (np.all(np.isfinite(ends)) and ends[0] < ends[1]):
+                messages.append(f"needs finite bounds of the variable {name}, the lower below the upper")
+    return messages
 
 
 def _bounds(problem: Problem) -> tuple[list[float], list[float]]:

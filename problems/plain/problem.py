@@ -13,7 +13,7 @@ from ...declarations import number
 from ..interfaces import WithEffects
 from ..settings import Bound, Settings
 from ..tolerance_problem import ToleranceProblem
-from .declared import MISSED, declaration_of, limits_of, names_of
+from .declared import MISSED, declaration_of, limits_of, mixed_designs, mixed_variables, names_of
 
 SPREAD = 6
 """Binary logarithm of the designs whose objectives span the box of the hypervolume."""
@@ -30,6 +30,7 @@ class PlainProblem(ToleranceProblem, WithEffects):
     def __init__(self, pymoo_problem: Problem, settings: Settings | None = None) -> None:
         self.pymoo_problem = pymoo_problem
         self.declaration = declaration_of(pymoo_problem)
+        self._known: dict[tuple[float, ...], Array] = {}
         super().__init__(settings)
 
     def _completed(self, given: Settings) -> Settings:
@@ -38,13 +39,22 @@ class PlainProblem(ToleranceProblem, WithEffects):
         return super()._completed(replace(given, limits=limits))
 
     def _outputs(self, designs: Array, searching: bool) -> dict[str, Array]:
-        evaluated = self.pymoo_problem.evaluate(designs, return_as_dictionary=True)
-        return {
-            name: column
-            for key, names in names_of(self.pymoo_problem).items()
-            if names
-            for name, column in zip(names, np.asarray(evaluated[key], dtype=float).T, strict=True)
-        }
+        names = [name for group in names_of(self.pymoo_problem).values() for name in group]
+        if not all(variable.integer for variable in self.variables):
+            return dict(zip(names, self._evaluated(designs).T, strict=True))
+        keys = list(map(tuple, designs.tolist()))  # designs of whole numbers come again and again
+        new = [key for key in dict.fromkeys(keys) if key not in self._known]
+        if new:
+            self._known.update(zip(new, self._evaluated(np.array(new)), strict=True))
+        values = np.array([self._known[key] for key in keys]).reshape(len(keys), len(names))
+        return dict(zip(names, values.T, strict=True))
+
+    def _evaluated(self, designs: Array) -> Array:
+        """Objectives and constraints (n, all) of designs (n, variables), by pymoo's problem."""
+        x = mixed_designs(self.pymoo_problem, designs) if mixed_variables(self.pymoo_problem) else designs
+        values = self.pymoo_problem.evaluate(x, return_as_dictionary=True)
+        used = [key for key, names in names_of(self.pymoo_problem).items() if names]
+        return np.concatenate([np.asarray(values[key], dtype=float).reshape(len(x), -1) for key in used], axis=1)
 
     def _corners(self) -> Array:
         """The corners, and designs between them: extremes need not lie at the corners."""

@@ -172,7 +172,7 @@ def test_a_file_of_another_format_is_named(tmp_path: Path) -> None:
     path, file = tmp_path / "checkpoint.npz", io.BytesIO()
     np.savez(file, format=np.array(99))
     path.write_bytes(sealed(file.getvalue()))
-    with pytest.raises(InputError, match="cannot be read: format 99, expected 3"):
+    with pytest.raises(InputError, match="cannot be read: format 99, expected 4"):
         Checkpoint.read(path)
     path.write_bytes(file.getvalue())  # as earlier versions wrote it
     with pytest.raises(InputError, match="of another version: it does not end with its digest"):

@@ -118,7 +118,7 @@ def test_the_whole_one_is_read(content: bytes, tmp_path: Path) -> None:
     assert list(found.tables) == ["one", "none"]
     assert found.saved() is not None
     with np.load(path, allow_pickle=False) as file:  # by numpy alone as well
-        assert int(file["format"]) == 3
+        assert int(file["format"]) == 4
 
 
 @pytest.mark.parametrize("damage", WAYS)

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 import tomllib
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -222,3 +223,30 @@ def test_a_polite_kill_ends_like_an_interrupt(config: Path, tmp_path: Path) -> N
         errors = process.stderr.read().decode()
     assert process.returncode == 130, errors
     assert "Traceback" not in errors
+
+
+def cpu_of(process: int) -> float:
+    """CPU seconds of a process."""
+    fields = Path(f"/proc/{process}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()
+    return sum(map(int, fields[11:13])) / os.sysconf("SC_CLK_TCK")
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="CPU time of a process is read from /proc")
+@pytest.mark.parametrize("moment", [0.1, 0.4, 1.0, 1.6])
+def test_an_interrupt_at_any_moment_ends_a_command_with_one_line(config: Path, tmp_path: Path, moment: float) -> None:
+    """Also while libraries are loaded and before anything is written, with a process for side searches."""
+    command = [sys.executable, "-m", "tolevo", "run", str(config), "--out", str(tmp_path / "o"), "--quiet"]
+    command += ["--set", "algorithm.generations=100000", "--set", "references=none", "--workers", "2"]
+    hears = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
+    with subprocess.Popen(command, stderr=subprocess.PIPE, start_new_session=True, preexec_fn=hears) as process:
+        while (used := cpu_of(process.pid)) < moment:
+            time.sleep(0.005)
+        os.killpg(process.pid, signal.SIGINT)  # as a terminal does
+        assert process.stderr is not None
+        errors = process.stderr.read().decode()
+        _, status, resources = os.wait4(process.pid, 0)
+        process.returncode = os.waitstatus_to_exitcode(status)
+    assert process.returncode == 130
+    assert errors.startswith("interrupted: ")
+    assert len(errors.splitlines()) == 1
+    assert resources.ru_utime + resources.ru_stime - used < 2.0

@@ -10,6 +10,8 @@ import numpy as np
 import pandas as pd
 import pytest
 from pymoo.core.problem import ElementwiseProblem, Problem
+from pymoo.core.variable import Binary, Choice, Integer, Real
+from pymoo.core.variable import Variable as PymooVariable
 
 import tolevo
 from tolevo.declarations import Kind, Output, Variable
@@ -217,7 +219,213 @@ def test_bad_answers_are_all_named() -> None:
     assert places[0] == "outputs.cost"
     assert len(places) > 1
     with pytest.raises(InputError, match="must be the designs that ask"):
-        search.tell(x.iloc[::-1].reset_index(drop=True), {})
+        search.tell(x.assign(rod_length_1_um=1.0), {})
     pd.testing.assert_frame_equal(search.ask(), x)  # nothing is lost by a bad answer
     with pytest.raises(InputError, match="evaluates designs itself"):
         tolevo.search(PoseAccuracy(), tolevo.algorithms.Exact())
+
+
+def seat(**more: Any) -> Any:
+    """A stack of two parts: cost 2 + 0.1 / a_t + 0.1 / b_t."""
+    part: dict[str, Any] = {"sensitivity": 1.0, "nominal": 5.0, "t_min": 0.01, "t_max": 0.2}
+    part["cost"] = {"model": "reciprocal", "a": 1.0, "b": 0.1}
+    return tolevo.read(
+        {
+            "problem": "stack",
+            "requirement": {"name": "gap", "unit": "mm"},
+            "objectives": {"minimise": ["cost", "variation"]},
+            "part": [part | {"name": "a"}, part | {"name": "b", "sensitivity": -1.0}],
+            **more,
+        }
+    )
+
+
+def first_cost(front: pd.DataFrame) -> pd.Series:
+    return 2.0 + 0.1 / front["a_t"] + 0.1 / front["b_t"]
+
+
+NEEDED = ["cost", "variation"]
+
+
+@pytest.mark.parametrize(
+    "order",
+    [
+        lambda x, y: (x, y.sample(frac=1, random_state=1)),  # as the bench returned them
+        lambda x, y: (x, y.sample(frac=1, random_state=1).reset_index(drop=True)),  # by its columns
+        lambda x, y: (x, y.sample(frac=1, random_state=1)[NEEDED]),  # by its index
+        lambda x, y: (x, y.sample(frac=1, random_state=1).round(9).reset_index(drop=True)),
+        lambda x, y: (x.sample(frac=1, random_state=2), y[NEEDED].sample(frac=1, random_state=2)),
+        lambda x, y: (x.sample(frac=1, random_state=2), y.sample(frac=1, random_state=3)),
+        lambda x, y: (x.iloc[::-1].reset_index(drop=True), {n: y[n].to_numpy()[::-1] for n in NEEDED}),
+        lambda x, y: (x, {n: y[n].sample(frac=1, random_state=4) for n in NEEDED}),
+    ],
+    ids=["index", "columns", "index alone", "rounded", "the same for both", "both", "arrays", "series"],
+)
+def test_outputs_in_another_order_belong_to_their_designs(order: Any) -> None:
+    stack = seat()
+    search = tolevo.search(stack, SMALL, seed=1)
+    x = search.ask()
+    search.tell(*order(x, tolevo.evaluate(stack, x)))
+    front = search.result().front
+    np.testing.assert_allclose(front["cost"], first_cost(front), rtol=1e-6)  # of designs rounded to 1e-9
+
+
+@pytest.mark.parametrize(
+    ("order", "text"),
+    [
+        (lambda x, y: (x, y[NEEDED].set_axis(np.arange(100, 120))), "an order that is not known"),
+        (
+            lambda x, y: (x.iloc[::-1], y[NEEDED].sample(frac=1, random_state=3)),
+            "an order that is not known: .*the columns a_t, b_t",
+        ),
+        (lambda x, y: (x, y.assign(a_t=0.1)), "belong to other designs"),
+        (lambda x, y: (x, y.head(5)), "outputs.cost: must have shape"),
+    ],
+    ids=["another index", "a third order", "other designs", "too few"],
+)
+def test_outputs_whose_order_is_not_known_are_refused(order: Any, text: str) -> None:
+    stack = seat()
+    search = tolevo.search(stack, SMALL, seed=1)
+    x = search.ask()
+    with pytest.raises(InputError, match=text):
+        search.tell(*order(x, tolevo.evaluate(stack, x)))
+
+
+def test_a_start_outside_of_the_ranges_is_refused() -> None:
+    start = pd.DataFrame({"a_t": [0.1, 0.5], "b_t": [0.001, 0.1]})
+    with pytest.raises(InputError) as caught:
+        tolevo.search(seat(), SMALL, start=start)
+    assert [str(fault) for fault in caught.value.faults] == [
+        "start: row 2, column a_t: must be at most 0.2 mm, got 0.5",
+        "start: row 1, column b_t: must be at least 0.01 mm, got 0.001",
+    ]
+    fixed = tolevo.read({"problem": Beam(), "variables": {"ribs": {"value": 2}}})
+    with pytest.raises(InputError, match=r"row 1, column ribs: is fixed at 2, got 1"):
+        tolevo.search(fixed, SMALL, start=pd.DataFrame({"height_mm": [20.0], "ribs": [1]}))
+
+
+def test_a_failed_evaluation_that_is_told_is_infeasible_and_listed() -> None:
+    for engine in ("pymoo", "array"):
+        stack = seat(algorithm={"engine": engine})
+        search = tolevo.search(stack, SMALL, seed=1)
+        failed = 0
+        for _ in range(6):
+            x = search.ask()
+            y = tolevo.evaluate(stack, x)
+            y.loc[y["a_t"] > 0.12, "variation"] = np.nan
+            failed += int((x["a_t"] > 0.12).sum())
+            search.tell(x, y)
+        result = search.result()
+        assert failed > 0
+        assert len(result.failed) == failed
+        assert (result.failed["a_t"] > 0.12).all()
+        assert len(result.front)
+        assert (result.front["a_t"] <= 0.12).all()
+
+
+# ---------------------------------------------------------------- problems as pymoo states them
+
+
+class Mixed(ElementwiseProblem):
+    """Of pymoo's documentation on mixed variables, with two objectives."""
+
+    def __init__(self) -> None:
+        kinds = {
+            "b": Binary(),
+            "m": Choice(options=["al", "ss"]),
+            "n": Integer(bounds=(0, 2)),
+            "y": Real(bounds=(0, 5)),
+        }
+        super().__init__(vars=kinds, n_obj=2)
+
+    def _evaluate(self, x: Any, out: dict[str, Any], *args: Any, **kwargs: Any) -> None:
+        assert isinstance(x["b"], bool)
+        assert isinstance(x["n"], int)
+        second = (x["n"] + 2) ** 2 + (x["y"] - 1) ** 2 + 10 * (x["m"] == "ss") + x["b"]
+        out["F"] = [x["n"] ** 2 + x["y"] ** 2, second]
+
+
+class Fails(Problem):
+    """A simulation that does not converge where x1 is below 0.3."""
+
+    def __init__(self, constraints: int = 0) -> None:
+        super().__init__(n_var=2, n_obj=2, n_ieq_constr=constraints, xl=0, xu=1)
+
+    def _evaluate(self, x: Any, out: dict[str, Any], *args: Any, **kwargs: Any) -> None:
+        first = np.where(x[:, 0] < 0.3, np.nan, x[:, 0])
+        out["F"] = np.column_stack([first, 1 - x[:, 0] + x[:, 1]])
+        if self.n_ieq_constr:
+            out["G"] = np.where(x[:, :1] < 0.3, np.nan, x[:, :1] - 0.9)
+
+
+class Whole(Problem):
+    """36 designs, 6 of them on the front."""
+
+    def __init__(self) -> None:
+        self.computed: list[tuple[float, ...]] = []
+        super().__init__(n_var=2, n_obj=2, xl=0, xu=5, vtype=int)
+
+    def _evaluate(self, x: Any, out: dict[str, Any], *args: Any, **kwargs: Any) -> None:
+        self.computed += map(tuple, np.asarray(x).tolist())
+        out["F"] = np.column_stack([x[:, 0] ** 2 + x[:, 1], (x[:, 0] - 5) ** 2 + x[:, 1]])
+
+
+def test_mixed_variables_keep_their_names_and_kinds(tmp_path: Path) -> None:
+    result = tolevo.run(Mixed(), tmp_path / "o", algorithm=SMALL, seed=1, settings=["algorithm.generations=30"])
+    front = result.front
+    assert set(front["m"]) == {"al"}
+    np.testing.assert_allclose(front["f1"], front["n"] ** 2 + front["y"] ** 2)
+    np.testing.assert_allclose(front["f2"], (front["n"] + 2) ** 2 + (front["y"] - 1) ** 2 + front["b"])
+    np.testing.assert_allclose(tolevo.evaluate(Mixed(), front)["f2"], front["f2"])
+    assert "choice" in tolevo.check(Mixed())
+
+
+@pytest.mark.parametrize(
+    ("kinds", "text"),
+    [
+        ({"y": Real(bounds=(0, None))}, "Bad needs finite bounds of the variable y"),
+        ({"m": Choice(options=["one"])}, "Bad has the choice m with the options"),
+        ({"v": PymooVariable()}, "Bad has the variable v of the kind Variable"),
+    ],
+    ids=["no bound", "one option", "no kind"],
+)
+def test_mixed_variables_that_cannot_be_searched_are_refused(kinds: dict[str, Any], text: str) -> None:
+    bad = type("Bad", (Mixed,), {"__init__": lambda self: ElementwiseProblem.__init__(self, vars=kinds, n_obj=2)})
+    assert any(text in fault for fault in faults_of({"problem": bad()}))
+
+
+@pytest.mark.parametrize("constraints", [0, 1])
+@pytest.mark.parametrize("name", ["nsga2", "gde3", "hybrid", "exact", "random"])
+def test_a_failed_evaluation_is_infeasible_counted_and_listed(tmp_path: Path, name: str, constraints: int) -> None:
+    budget = {"evaluations": 200} if name in ("hybrid", "exact") else {"generations": 5, "population": 20}
+    table = {"problem": Fails(constraints), "seed": 1, "algorithm": {"name": name, **budget}}
+    result = tolevo.run(table, tmp_path / "o")
+    assert result.status == "done"
+    assert (result.front["x1"] >= 0.3).all()
+    failed = pd.read_csv(tmp_path / "o" / "failed.csv")
+    assert (failed["x1"] < 0.3).all()
+    assert result.summary["failed_evaluations"] == len(failed)
+    assert any(f"{len(failed)} of {result.summary['evaluations']} evaluations failed" in line for line in result.lines)
+
+
+@pytest.mark.parametrize("engine", ["pymoo", "array"])
+def test_no_discrete_design_is_evaluated_twice(engine: str) -> None:
+    problem = Whole()
+    table = {"problem": problem, "seed": 1,
+             "algorithm": {"name": "nsga2", "population": 40, "generations": 15, "engine": engine}}  # fmt: skip
+    result = tolevo.run(table)
+    assert len(problem.computed) == len(set(problem.computed)) == 36
+    assert sorted(result.front["x1"]) == [0, 1, 2, 3, 4, 5]
+    assert result.summary["evaluations"] == 36
+
+
+def test_no_discrete_design_is_asked_for_twice() -> None:
+    problem, computed = Whole(), list[tuple[float, ...]]()
+    search = tolevo.search(problem, SMALL, seed=1)
+    for _ in range(12):
+        x = search.ask()
+        computed += map(tuple, x.to_numpy().tolist())
+        search.tell(x, {"f1": x["x1"] ** 2 + x["x2"], "f2": (x["x1"] - 5) ** 2 + x["x2"]})
+    assert len(search.ask()) == 0
+    assert len(computed) == len(set(computed)) == 36
+    assert len(search.result().front) == 6

@@ -20,9 +20,8 @@ QUICK = ("run", "evaluate", "reproduce", "template")
 LONG = ("gap", "study", "report")
 NAMES = [*QUICK, *(pytest.param(name, marks=pytest.mark.slow) for name in LONG)]
 ENDED = {0, 130}
-PROMPT = 3.0
-"""CPU seconds within which a command ends after a signal that it hears: a run, which saves what it
-has with its page and figures, took 1.24 s."""
+PROMPT = 2.0
+"""CPU seconds within which a command ends after a signal that it hears."""
 
 
 class Known:

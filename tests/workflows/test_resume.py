@@ -12,16 +12,23 @@ from multiprocessing import active_children
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 import pytest
 from typer.testing import CliRunner, Result
 
+import tolevo
 from tolevo.algorithms.checkpoint import Checkpoint
+from tolevo.algorithms.exact import choices
+from tolevo.algorithms.exact.solver import Exact
 from tolevo.algorithms.nsga2 import NSGA2
+from tolevo.algorithms.search import SearchResult, search
 from tolevo.algorithms.settings import Budget
 from tolevo.cli import app
+from tolevo.journal import Section, recorded
 from tolevo.problems.rv_backlash import RvBacklash
-from tolevo.workflows.run.references import SideSearch
+from tolevo.problems.stack import Stack
+from tolevo.workflows.run.references import SideSearch, documents, side_searches
 from tolevo.workflows.run.resume import CHECKPOINT
 from tolevo.workflows.run.sides import Sides
 
@@ -199,6 +206,127 @@ def test_finished_side_searches_are_not_repeated(drive: Path, tmp_path: Path, mo
     assert run(drive, out, *more, "--resume").exit_code == 0  # those with the old budget are
     kept = set(Checkpoint.read(out / CHECKPOINT).tables)
     assert len(kept) == len(labels) > len(kept & labels) == 1  # made anew, the GA's stays
+
+
+ALTERNATIVES = """
+problem = "stack"
+seed = 1
+[objectives]
+minimise = ["cost", "gap.variation"]
+[limits]
+play.variation = 0.2
+[[requirement]]
+name = "gap"
+unit = "mm"
+formula = "a - b - c"
+method = "worst_case"
+[[requirement]]
+name = "play"
+unit = "mm"
+formula = "a - b"
+method = "rss"
+[[part]]
+name = "a"
+nominal = 20.0
+[[part.process]]
+name = "turned"
+t_min = 0.05
+t_max = 0.2
+cost = { model = "reciprocal", a = 1.0, b = 0.2 }
+[[part.process]]
+name = "ground"
+t_min = 0.01
+t_max = 0.06
+cost = { model = "reciprocal", a = 4.0, b = 0.05 }
+[[part]]
+name = "b"
+nominal = 15.0
+t_min = 0.01
+t_max = 0.2
+cost = { model = "reciprocal", a = 1.0, b = 0.1 }
+[[part]]
+name = "c"
+nominal = 4.0
+t_min = 0.01
+t_max = 0.2
+cost = { model = "reciprocal", a = 1.0, b = 0.3 }
+[algorithm]
+name = "exact"
+points = 8
+"""
+
+
+def test_exact_goes_on_from_what_it_has_solved(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What was solved before an interrupt is not solved again; there are points from the start."""
+    solved: list[bytes] = []
+    solve = choices._least_cost
+
+    def counted(form: Any, limits: Any, near: Any) -> Any:
+        solved.append(limits.tobytes())
+        return solve(form, limits, near)
+
+    def searched(section: Section, report: Any = None) -> SearchResult:
+        assert problem is not None
+        with recorded(section):
+            return search(problem, Exact(points=8), Budget(), 0, report)
+
+    monkeypatch.setattr(choices, "_least_cost", counted)
+    monkeypatch.setattr("tolevo.journal.LEAST", 0.0)  # however fast the processor is
+    config = tmp_path / "c.toml"
+    config.write_text(ALTERNATIVES, encoding="utf-8")
+    problem = tolevo.read(config).problem
+    whole = searched(Section())
+    count = len(solved)
+    assert count > 20
+    states: list[Any] = []
+
+    def stop(state: Any) -> None:
+        states.append(state)
+        if len(states) == 9:
+            raise KeyboardInterrupt
+
+    section, stored = Section(), Section()
+    cut = searched(section, stop)
+    assert cut.interrupted
+    assert len(cut.x) > 4
+    stored.restore(section.state())
+    again = searched(stored)
+    assert len(solved) <= 2 * count + 1
+    np.testing.assert_array_equal(again.chosen, whole.chosen)
+    np.testing.assert_array_equal(again.f, whole.f)
+    solved.clear()
+    np.testing.assert_array_equal(searched(stored).chosen, whole.chosen)
+    assert not solved
+
+
+def test_a_changed_key_of_a_part_is_named_in_one_line(config: Path, tmp_path: Path) -> None:
+    assert run(config, tmp_path / "o").exit_code == 0
+    config.write_text(CONFIG.replace("b = 0.2 ", "b = 0.21 "), encoding="utf-8")
+    refused = run(config, tmp_path / "o", "--resume")
+    assert refused.exit_code == 2
+    assert refused.stderr.splitlines() == [
+        "part[1].cost.b: is 0.21, but the run to resume has 0.2: only the budget may differ; undo the change, or "
+        "start again with --overwrite"
+    ]
+
+
+def test_a_changed_model_is_not_resumed(config: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert run(config, tmp_path / "o").exit_code == 0
+    sound = Stack._outputs
+    monkeypatch.setattr(Stack, "_outputs", lambda *given: {name: 1.01 * value for name, value in sound(*given).items()})
+    refused = run(config, tmp_path / "o", "--resume")
+    assert refused.exit_code == 2
+    assert refused.stderr.startswith("problem: gives other values than in the run to resume")
+
+
+def test_the_ga_is_a_reference_where_it_is_asked_for(tmp_path: Path) -> None:
+    """A stack has no published allocation, the drive has some."""
+    for text, asked, count in ((ALTERNATIVES, "documents", 0), (ALTERNATIVES, "ga", 1), (DRIVE, "documents", 1)):
+        config = tmp_path / "c.toml"
+        config.write_text(text, encoding="utf-8")
+        plan = tolevo.read(config, [f"references={asked}"]).plan()
+        searches = side_searches(plan, documents(plan.problem))
+        assert sum("GA" in side.label for side in searches) == count
 
 
 def _hears_interrupts() -> None:

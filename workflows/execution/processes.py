@@ -14,6 +14,7 @@ from multiprocessing import active_children, connection, get_context, parent_pro
 from multiprocessing.process import BaseProcess
 from typing import Any
 
+from ...interrupts import REQUESTS
 from ...streams import warn_in_a_line
 from .executor import ATTEMPTS, Executor, Lost, Result, TaskT
 from .threads import VARIABLES
@@ -78,14 +79,14 @@ class _Lane:
         if self._pool is None:
             self._pool = ProcessPoolExecutor(1, mp_context=get_context("spawn"), initializer=_begin)
             existing = set(active_children())
-            with _one_thread():  # the process starts with its first task
+            with _one_thread(), _uninterrupted():  # the process starts with its first task
                 self._pool.submit(os.getpid)
             self._processes = set(active_children()) - existing
         return self._pool
 
     def close(self) -> None:
         for process in self._processes:
-            process.terminate()
+            process.kill()
         if self._pool is not None:
             self._pool.shutdown(wait=True, cancel_futures=True)
         self._pool, self._processes = None, set()
@@ -104,9 +105,20 @@ def _one_thread() -> Iterator[None]:
         os.environ.update(before)
 
 
+@contextmanager
+def _uninterrupted() -> Iterator[None]:
+    """Processes that start in this context leave interrupts to this one, from their first moment on."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, REQUESTS)
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
 def _begin() -> None:
     """A worker leaves interrupts to its study, and ends with it, however that ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, REQUESTS)
     warnings.showwarning = warn_in_a_line
     parent = parent_process()
     if parent is not None:

@@ -9,13 +9,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
 
 from ...directory import MANIFEST, Ownership
 from ...errors import Fault, raise_all, refuse
 from ...files import write_text
 from ...sealed import digest_of, loads, sealed_record, unsealed_record
-from ...section import flat
+from ...section import differences, flat
 from .data import GapData
 from .plan import GapPlan
 
@@ -136,12 +135,13 @@ def _read(path: Path) -> tuple[Identity, dict[int, Replicate]]:
 def _faults(old: Identity, new: Identity) -> list[Fault]:
     """Differences between this analysis and the one to be resumed, as faults."""
     undo = "undo the change, or start again with --overwrite"
-    was, now = (flat(tomllib.loads(identity.configuration)) for identity in (old, new))
+    tables = [tomllib.loads(identity.configuration) for identity in (old, new)]
     faults = [
-        Fault(key, f"is {_shown(now, key)}, but the analysis to resume has {_shown(was, key)}; {undo}")
-        for key in dict.fromkeys([*now, *was])
-        if key != BUDGET and now.get(key) != was.get(key)
+        Fault(key, f"is {now}, but the analysis to resume has {was}; {undo}")
+        for key, (was, now) in differences(*tables).items()
+        if key != BUDGET
     ]
+    was, now = map(flat, tables)
     if now[BUDGET] < was[BUDGET]:
         faults.append(
             Fault(BUDGET, f"is {now[BUDGET]}, but the analysis to resume had {was[BUDGET]}: it may only grow; {undo}")
@@ -152,7 +152,3 @@ def _faults(old: Identity, new: Identity) -> list[Fault]:
         text = f"version {new.version} cannot resume an analysis of {old.version}; start again with --overwrite"
         faults.append(Fault("tolevo", text))
     return faults
-
-
-def _shown(values: Mapping[str, Any], key: str) -> str:
-    return f'"{values[key]}"' if isinstance(values.get(key), str) else str(values.get(key, "unset"))

@@ -52,7 +52,7 @@ def _reproduce(
     try:
         _finish(tasks, known, out, executor, progress)
     except KeyboardInterrupt:
-        saved = f"{len(known)} of {len(tasks)} claims are checked and saved in {out}; {GO_ON}"
+        saved = f"interrupted: {len(known)} of {len(tasks)} claims are checked and saved in {out}; {GO_ON}"
         return ReproduceOutcome("interrupted", out, (saved,))
     result = assembled(plan, [(task, known[task.key]) for task in tasks])
     write(result, out)

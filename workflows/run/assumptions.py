@@ -87,21 +87,17 @@ def assumptions_cost(
     design, at its integers; `unit` (m,) is the scale of the objectives, `more` (m,) is what is
     added to the levels of the design. `phase` is called with the fraction that is done. None where
     these costs are not defined: another problem than cost against backlash, least cost without a
-    limit on backlash, or no allocation even without a change. An interrupt leaves out the remaining
-    assumptions.
+    limit on backlash, or no allocation even without a change.
     """
     if not _applicable(problem):
         return None
     variants = Comparison.of(problem).variants()
     rows: list[dict[str, Any]] = []
-    try:
-        for row in _rows(problem, variants, design, (unit, more)):
-            rows.append(row)
-            phase(len(rows) / len(variants))
-            if np.isnan(float(rows[0]["cost"])):
-                return None
-    except KeyboardInterrupt:
-        pass
+    for row in _rows(problem, variants, design, (unit, more)):
+        rows.append(row)
+        phase(len(rows) / len(variants))
+        if np.isnan(float(rows[0]["cost"])):
+            return None
     return pd.DataFrame(rows) if len(rows) > 1 else None
 
 

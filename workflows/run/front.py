@@ -48,7 +48,8 @@ def reported_front(problem: ToleranceProblem, result: SearchResult) -> pd.DataFr
 
 def _best(problem: ToleranceProblem, designs: Array, values: Mapping[str, Array]) -> NDArray[np.int64]:
     """Rows of the feasible designs that no other feasible one dominates."""
-    rows = np.flatnonzero(np.all(problem.violations(designs, values) <= 0.0, axis=1))
+    finite = np.isfinite(problem.objective_values(values)).all(axis=1)
+    rows = np.flatnonzero(finite & np.all(problem.violations(designs, values) <= 0.0, axis=1))
     return rows[nondominated(problem.objective_values(values)[rows])] if len(rows) else rows
 
 

@@ -15,7 +15,8 @@ from ..choice import ChoiceSettings
 class RunPlan:
     """A resolved run; `configuration` is the TOML text that repeats it.
 
-    `engine` is "pymoo" or "array".
+    `engine` is "pymoo" or "array". With `reference_search` the GA searches the least cost as a
+    reference for a problem without published allocations as well.
     """
 
     problem: ToleranceProblem
@@ -27,6 +28,7 @@ class RunPlan:
     title: str
     engine: str = "pymoo"
     choice: ChoiceSettings = field(default_factory=ChoiceSettings)
+    reference_search: bool = False
 
 
 @dataclass(frozen=True, slots=True)

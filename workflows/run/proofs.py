@@ -33,7 +33,6 @@ EXACT = 1e-3
 """Gap [percent] below which a point counts as optimal."""
 INFORMATIVE = 25.0
 """Median gap [percent] beyond which a bound that leaves limits out is not informative."""
-INTERRUPTED = "the run was interrupted; the bounds are computed when --resume has finished it"
 CLOSED = 1e-7
 """Relative gap up to which a front counts as exact."""
 
@@ -53,25 +52,16 @@ def informative(proven: Proof, gap_percent: NDArray[np.float64]) -> bool:
     return not proven.omitted_limits or bool(np.nanmedian(gap_percent) <= INFORMATIVE)
 
 
-def takes_long(problem: ToleranceProblem) -> bool:
-    """Whether proofs take seconds for each point, which an interrupted run does not wait for."""
-    form = Provable.of(problem).form()
-    return form is not None and bool(form.quantiles)
-
-
 def with_bounds(
-    frame: pd.DataFrame, problem: ToleranceProblem, within: NDArray[np.bool_] | None = None, interrupted: bool = False
+    frame: pd.DataFrame, problem: ToleranceProblem, within: NDArray[np.bool_] | None = None
 ) -> tuple[pd.DataFrame, Proof]:
     """The frame with `bound` and `gap_percent`, and the proof of its feasible points.
 
     Both are NaN in rows that are marked as not feasible, or that are not `within` the search space
     (n,). Where a point disproves its bound all are NaN and the statement says so.
-    Where a run was `interrupted`, proofs that take long are left out.
     """
     frame = frame.assign(bound=np.nan, gap_percent=np.nan)
     frame = frame[[name for name in frame if name != "knee"] + ["knee"] * ("knee" in frame)]
-    if interrupted and takes_long(problem):
-        return frame, Proof.without(len(frame), INTERRUPTED)
     eligible = frame[frame["feasible"].astype(bool)] if "feasible" in frame else frame
     eligible = eligible if within is None else eligible[within[frame.index.isin(eligible.index)]]
     form = Provable.of(problem).form()
@@ -91,10 +81,11 @@ def with_bounds(
 def solved_front(plan: RunPlan, result: SearchResult) -> np.ndarray | None:
     """Search vectors (k, variables) of the exact front, where the run itself has solved it whole.
 
-    None where it was interrupted, or has fewer points than are solved for otherwise.
+    None where it has fewer points than are solved for otherwise.
     """
-    solved = isinstance(plan.algorithm, ExactSettings) and plan.problem.n_obj == 2 and not result.interrupted
-    return result.x if solved and len(result.x) >= SOLVED else None
+    solved = isinstance(plan.algorithm, ExactSettings) and plan.problem.n_obj == 2
+    x = result.chosen if len(result.chosen) else result.x
+    return x if solved and len(x) >= SOLVED else None
 
 
 def exact_front(problem: ToleranceProblem, known: np.ndarray | None = None) -> Exact | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping
+from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,7 +10,7 @@ import pandas as pd
 
 from ...algorithms.exact.solver import Exact
 from ...algorithms.ga import GA
-from ...algorithms.search import search
+from ...algorithms.search import Progress, search
 from ...algorithms.settings import AlgorithmSettings, Budget, Crossover, Mutation
 from ...arrays import Array
 from ...problems.designs import designs_of
@@ -56,9 +56,9 @@ class SideSearch:
         """What its result depends on, in addition to the problem and the algorithm."""
         return f"{self.label}, seed {self.seed}, {self.budget}"
 
-    def front(self) -> pd.DataFrame | None:
-        """Its reported front; None where it was interrupted."""
-        result = search(self.problem, self.algorithm, self.budget, self.seed, engine=self.engine)
+    def front(self, report: Callable[[Progress], None] | None = None) -> pd.DataFrame | None:
+        """Its reported front; None where it was interrupted. `report` is called with its states."""
+        result = search(self.problem, self.algorithm, self.budget, self.seed, report, self.engine)
         return None if result.interrupted else reported_front(self.problem, result)
 
 
@@ -78,7 +78,7 @@ def side_searches(plan: RunPlan, printed: pd.DataFrame) -> tuple[SideSearch, ...
     seeds = iter(np.random.SeedSequence(plan.seed).generate_state(1 + len(printed)).tolist())
     optimum = Documented.of(problem).least_cost()
     first = next(seeds)
-    if optimum is not None:
+    if optimum is not None and (len(printed) or plan.reference_search):
         label, cheapest = optimum
         searches.append(SideSearch(label, cheapest, *_ga(problem), first, relaxed=False))
     for row in printed.to_dict("records"):

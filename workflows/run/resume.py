@@ -6,17 +6,23 @@ import tomllib
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
+
 from ...algorithms.checkpoint import Checkpoint
 from ...algorithms.settings import Budget
+from ...arrays import Array
 from ...directory import Ownership
 from ...errors import Fault, raise_all, refuse
-from ...section import flat
+from ...problems.tolerance_problem import ToleranceProblem
+from ...section import differences, flat
 from .plan import RunPlan
 
 CHECKPOINT = "checkpoint.npz"
 CONFIGURATION = "config.toml"
 BUDGET = frozenset(f"algorithm.{name}" for name in ("generations", "evaluations", "time_limit_s"))
 """The keys that may differ between a run and the command that resumes it."""
+SAME = 1e-6
+"""Relative difference of values of a model up to which it is the same: that of other processors."""
 AFTERWARDS = ("choice.", "rounding.")
 """Tables of what is done with the front after the search."""
 
@@ -26,16 +32,32 @@ def opened(plan: RunPlan, place: Ownership, resume: bool) -> Checkpoint:
 
     Raises InputError where what is there is not the same run, or has no checkpoint.
     """
-    path = place.folder / CHECKPOINT
+    path, model = place.folder / CHECKPOINT, _model(plan.problem)
     if not resume or place.blank:
-        return Checkpoint(path, plan.configuration)
+        checkpoint = Checkpoint(path, plan.configuration)
+        checkpoint.model = model
+        return checkpoint
     if not path.is_file():
         text = f"{place.folder} holds no {CHECKPOINT} of a run; name another directory, or --overwrite"
         raise refuse("--resume", text)
     checkpoint = Checkpoint.read(path)
-    raise_all(_faults(checkpoint, plan))
+    raise_all(_faults(checkpoint, plan) or _changed(checkpoint.model, model))
     checkpoint.identity = plan.configuration
     return checkpoint
+
+
+def _model(problem: ToleranceProblem) -> Array:
+    """Values of the model at one design, by which a changed model is detected."""
+    values = problem.outputs_of(problem.complete(problem.xl[None, :]), searching=True)
+    return np.array([values[output.name][0] for output in problem.outputs], dtype=float)
+
+
+def _changed(before: Array, now: Array) -> list[Fault]:
+    """A fault where a model has changed since the run was begun."""
+    if before.shape == now.shape and np.allclose(before, now, rtol=SAME, atol=0.0, equal_nan=True):
+        return []
+    text = "gives other values than in the run to resume, as another version or a changed file does; start again with "
+    return [Fault("problem", f"{text}--overwrite")]
 
 
 def seconds_before(checkpoint: Checkpoint) -> float:
@@ -52,18 +74,18 @@ def notes_of(checkpoint: Checkpoint, resume: bool) -> tuple[str, ...]:
 
 
 def _faults(checkpoint: Checkpoint, plan: RunPlan) -> list[Fault]:
-    old, new = flat(tomllib.loads(checkpoint.identity)), flat(tomllib.loads(plan.configuration))
+    old, new = tomllib.loads(checkpoint.identity), tomllib.loads(plan.configuration)
     faults = [
         Fault(
             key,
-            f"is {_shown(new, key)}, but the run to resume has {_shown(old, key)}: only the "
-            "budget may differ; undo the change, or start again with --overwrite",
+            f"is {now}, but the run to resume has {was}: only the budget may differ; undo the change, or start "
+            "again with --overwrite",
         )
-        for key in dict.fromkeys([*new, *old])
-        if not key.startswith(AFTERWARDS) and key not in BUDGET and new.get(key) != old.get(key)
+        for key, (was, now) in differences(old, new).items()
+        if not key.startswith(AFTERWARDS) and key not in BUDGET
     ]
     state = checkpoint.saved()
-    return faults + (_smaller(old, new) if state is None else _shrunk(state, plan.budget))
+    return faults + (_smaller(flat(old), flat(new)) if state is None else _shrunk(state, plan.budget))
 
 
 def _smaller(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[Fault]:
@@ -85,7 +107,3 @@ def _shrunk(state: Mapping[str, Any], budget: Budget) -> list[Fault]:
         for name, count in used.items()
         if (limit := getattr(budget, name)) is not None and limit < count
     ]
-
-
-def _shown(values: Mapping[str, Any], key: str) -> str:
-    return f'"{values[key]}"' if isinstance(values.get(key), str) else str(values.get(key, "unset"))

@@ -10,14 +10,18 @@ from dataclasses import asdict, replace
 from importlib.metadata import version
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 
 from ...algorithms.checkpoint import Checkpoint
+from ...algorithms.indicators import nondominated
 from ...algorithms.search import Progress, SearchResult, search
 from ...csv_text import csv_text
 from ...directory import Ownership, owned
 from ...errors import refuse
 from ...files import write_text
+from ...journal import recorded
+from ...problems.designs import designs_frame
 from ...problems.interfaces import Checks, Page, WithEffects
 from ...problems.tolerance_problem import ToleranceProblem
 from ...records import Axis, RunResult, mechanism_lines, model_lines
@@ -33,7 +37,7 @@ from .designs import Designs
 from .front import inside, labelled, nearest_miss, reported_front, with_references
 from .plan import RunOutcome, RunPlan
 from .promised import with_capability, with_promise
-from .proofs import Exact, end_notes, exact_front, measures, proof_notes, solved_front, takes_long, with_bounds
+from .proofs import Exact, end_notes, exact_front, measures, proof_notes, solved_front, with_bounds
 from .reach import searchable
 from .reducer_fronts import REDUCERS, store_reducer_fronts
 from .references import compare, documents, side_searches, table
@@ -42,9 +46,10 @@ from .resume import CHECKPOINT, CONFIGURATION, notes_of, opened, seconds_before
 from .sides import Fronts, Sides
 from .sketch import drawn
 from .units import with_units
-from .write import write
+from .write import write, write_tables
 
 MISS = "nearest_miss.csv"
+FAILED = "failed.csv"
 
 
 def run(
@@ -82,21 +87,50 @@ def _run(
     write_text(out / CONFIGURATION, plan.configuration)
     checkpoint.write()
     store_reducer_fronts(plan.problem, out)
-    search_result, fronts = _searched(plan, checkpoint, Sides(searches, workers, checkpoint), progress)
+    try:
+        search_result, fronts = _searched(plan, checkpoint, Sides(searches, workers, checkpoint, progress), progress)
+        if search_result.interrupted or any(side_front is None for side_front in fronts.values()):
+            checkpoint.write()
+            return _interrupted(plan, out, search_result, printed, start)
+        with recorded(checkpoint.section("result")):
+            result, lines = _concluded(plan, search_result, fronts, printed, resume_notes, start, progress)
+    except KeyboardInterrupt:
+        checkpoint.write()
+        raise
+    checkpoint.write()
+    if result.front.empty:
+        write_text(out / MISS, csv_text(nearest_miss(plan.problem, search_result)))
+    if len(search_result.failed):
+        listed = designs_frame(plan.problem, plan.problem.complete(search_result.failed))
+        write_text(out / FAILED, csv_text(listed))
+    write(result, out)
+    status = str(result.summary["status"])
+    place.complete(status)
+    return RunOutcome(status, out, _lines(result, status, out, lines), result)
+
+
+def _concluded(
+    plan: RunPlan,
+    search_result: SearchResult,
+    fronts: Fronts,
+    printed: pd.DataFrame,
+    resume_notes: tuple[str, ...],
+    start: float,
+    progress: Callable[[Progress], None] | None,
+) -> tuple[RunResult, Sequence[str]]:
+    """Everything that follows from the searches, and what the terminal says of the proof."""
     searched = reported_front(plan.problem, search_result)
     exact = exact_front(plan.problem, solved_front(plan, search_result))
     references = table(plan, printed, fronts, exact)
     front, dropped, joined = with_references(searched, references, plan.problem)
-    stopped = search_result.interrupted
-    front, front_proof = with_bounds(front, plan.problem, interrupted=stopped)
+    front, front_proof = with_bounds(front, plan.problem)
     before = next((side_front for side, side_front in fronts.items() if side.apart), None)
     overlays = {s.label: o for s, o in fronts.items() if s.overlay and o is not None}
     relaxed = {side.label: side_front for side, side_front in fronts.items() if side.relaxed}
     if len(references):
-        references, _ = with_bounds(references, plan.problem, inside(references, plan.problem), stopped)
+        references, _ = with_bounds(references, plan.problem, inside(references, plan.problem))
         references = compare(references, searched, relaxed, plan.problem)
-    incomplete = search_result.interrupted or any(side_front is None for side_front in fronts.values())
-    status = "interrupted" if incomplete else "done" if len(front) else "no_feasible_point"
+    status = "done" if len(front) else "no_feasible_point"
     names = list(plan.problem.objectives)
     for other_front in overlays.values():
         front = overlay.with_distance(front, other_front, names)
@@ -104,9 +138,10 @@ def _run(
         n for label, other_front in overlays.items() for n in overlay.notes(front, label, other_front, names)
     ]
     warned = (*WithEffects.of(plan.problem).effect_notes(), *Checks.of(plan.problem).cautions(), *comparisons)
-    alternative_costs = [] if stopped else alternatives(plan.problem, front)
+    alternative_costs = alternatives(plan.problem, front)
     remarks = (*Page.of(plan.problem).remarks(front), *sentences(alternative_costs))
-    notes = (*warned, *remarks, *resume_notes, *_notes(references, dropped, joined))
+    failures = _failure_notes(search_result)
+    notes = (*failures, *warned, *remarks, *resume_notes, *_notes(references, dropped, joined))
     decisions = decide(plan.problem, front, plan.choice)
     proven = (*proof_notes(front, front_proof), *end_notes(plan.problem, front), *notes, *decisions.notes)
     summary = _summary(plan, search_result, front, status, proven, time.monotonic() - start)
@@ -117,31 +152,31 @@ def _run(
     looser = None if looser is None or looser.empty else looser
     result = replace(with_choices(result, decisions, plan, exact), overlays=overlays, relaxed=looser)
     result = replace(result, summary={**result.summary, "answers": answers(result, plan.problem, front_proof)})
-    result = _with_more(result, plan.problem, search_result, incomplete, progress)
+    result = with_requirements(
+        with_units(with_capability(with_promise(result, plan.problem), plan.problem), plan.problem), plan.problem
+    )
+    result = with_assumptions(result, plan.problem, search_result.history, progress)
     if before is not None:
         result = replace(result, before=before, moved=effects.moved(plan.problem, before, front))
-    if front.empty:
-        write_text(out / MISS, csv_text(nearest_miss(plan.problem, search_result)))
-    write(result, out)
-    if not incomplete:
-        place.complete(status)
-    return RunOutcome(status, out, _lines(result, status, out, proof_notes(front, front_proof)), result)
+    return result, proof_notes(front, front_proof)
 
 
-def _with_more(
-    result: RunResult,
-    problem: ToleranceProblem,
-    search_result: SearchResult,
-    incomplete: bool,
-    progress: Callable[[Progress], None] | None,
-) -> RunResult:
-    """The result with tables derived from it; after an interrupt without those that take long."""
-    if not incomplete:
-        result = with_capability(with_promise(result, problem), problem)
-    result = with_units(result, problem)
-    if not (search_result.interrupted and takes_long(problem)):
-        result = with_requirements(result, problem)
-    return result if incomplete else with_assumptions(result, problem, search_result.history, progress)
+def _interrupted(
+    plan: RunPlan, out: Path, search_result: SearchResult, printed: pd.DataFrame, start: float
+) -> RunOutcome:
+    """Write the front so far, without what takes long: proofs, decisions, page and figures."""
+    best = nondominated(search_result.f) if len(search_result.f) else slice(0)
+    few = replace(search_result, x=search_result.x[best], f=search_result.f[best])
+    front = reported_front(plan.problem, few).assign(bound=np.nan, gap_percent=np.nan)
+    references = table(replace(plan, references=False), printed, {}, None)
+    summary = _summary(plan, search_result, front, "interrupted", (), time.monotonic() - start)
+    result = _result(plan, search_result, front, references, summary, (), None)
+    write_tables(result, out)
+    line = (
+        f"interrupted: {len(front)} Pareto points of {search_result.evaluations} evaluations, and the search as it was "
+        f"saved last, are in {out}; run the same command with --resume to continue"
+    )
+    return RunOutcome("interrupted", out, (line,), result)
 
 
 def _searched(
@@ -154,9 +189,10 @@ def _searched(
             if progress is not None:
                 progress(state)
 
-        search_result = search(
-            plan.problem, plan.algorithm, plan.budget, plan.seed, report, plan.engine, checkpoint, designs.values
-        )
+        with recorded(checkpoint.section("search")):
+            search_result = search(
+                plan.problem, plan.algorithm, plan.budget, plan.seed, report, plan.engine, checkpoint, designs.values
+            )
         if not search_result.interrupted:
             sides.finish()
         return search_result, sides.fronts()
@@ -174,6 +210,7 @@ def _summary(
         "versions": {"python": platform.python_version()} | {p: version(p) for p in packages},
         "configuration_hash": hashlib.sha256(plan.configuration.encode()).hexdigest(),
         "evaluations": search_result.evaluations,
+        **({"failed_evaluations": search_result.failures} if search_result.failures else {}),
         "seconds": seconds,
         "points": len(front),
         "ideal": dict(zip(names, ideal.tolist(), strict=True)),
@@ -261,6 +298,18 @@ def _notes(references: pd.DataFrame, dropped: int, joined: int) -> list[str]:
     return notes
 
 
+def _failure_notes(search_result: SearchResult) -> list[str]:
+    """What the user should know of evaluations that failed."""
+    if not search_result.failures:
+        return []
+    number, listed = search_result.failures, len(search_result.failed)
+    which = "their designs are" if listed == number else f"the first {listed} of their designs are"
+    return [
+        f"{number} of {search_result.evaluations} evaluations failed, because a value is not finite: they count as "
+        f"infeasible; {which} in {FAILED}"
+    ]
+
+
 def _lines(result: RunResult, status: str, out: Path, proof_lines: Sequence[str]) -> tuple[str, ...]:
     """A short summary for the terminal; `proof_lines` are left out where the answers state them."""
     lines = [
@@ -283,6 +332,4 @@ def _lines(result: RunResult, status: str, out: Path, proof_lines: Sequence[str]
             f"the nearest miss is in {out / 'nearest_miss.csv'}; relax the limit it "
             "breaks, widen the ranges or raise the budget"
         )
-    if status == "interrupted":
-        lines.append("the results so far are saved; run the same command with --resume to continue")
     return tuple(lines)

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import secrets
 from collections import deque
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from functools import partial
 
 import pandas as pd
 
 from ...algorithms.checkpoint import Checkpoint
+from ...algorithms.search import Progress
+from ...journal import recorded
 from ..execution import Background, Closing, Execution, Lost, Processes, executor_of, next_of
 from .references import SideSearch
 
@@ -36,8 +39,14 @@ class Sides(Closing):
     that no other has begun. Searches that still run when the context is left are ended at once.
     """
 
-    def __init__(self, searches: tuple[SideSearch, ...], workers: Execution | int, checkpoint: Checkpoint) -> None:
-        self.searches = searches
+    def __init__(
+        self,
+        searches: tuple[SideSearch, ...],
+        workers: Execution | int,
+        checkpoint: Checkpoint,
+        progress: Callable[[Progress], None] | None = None,
+    ) -> None:
+        self.searches, self._progress = searches, progress
         self.checkpoint = checkpoint
         checkpoint.keep_only([side.key for side in searches])
         name = secrets.token_hex(8)
@@ -87,8 +96,17 @@ class Sides(Closing):
                 side = self._open.pop().side
             except IndexError:  # begun elsewhere meanwhile
                 return
-            self._keep(side, side.front())
+            with recorded(self.checkpoint.section(side.key)):
+                front = side.front(partial(self._report, side))
+            self._keep(side, front)
             self.collect()
+
+    def _report(self, side: SideSearch, state: Progress) -> None:
+        """Pass the state of a side search on, under its own name."""
+        self.collect()
+        if self._progress is not None:
+            step = f"{side.label}, {state.phase or f'generation {state.generation}'}"
+            self._progress(replace(state, phase=step))
 
     def fronts(self) -> Fronts:
         """The front of each side search, None where it has not been computed."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Mapping
 from pathlib import Path
 
 from ...csv_text import csv_text
@@ -21,10 +22,8 @@ def write(result: RunResult, folder: Path) -> None:
     from ...reports.sheet import allocation_sheet
     from ...reports.sheets import drawing_page
 
-    texts = _texts(result)
-    sheet = allocation_sheet(result)
-    for name, text in texts.items():
-        write_text(folder / name, text)
+    sheet, texts = allocation_sheet(result), _texts(result)
+    _write_texts(texts, folder)
     write_bytes(folder / "front.parquet", result.front.to_parquet(index=False))
     write_text(folder / "front.json", as_json(records(result.front)))
     if sheet is not None:
@@ -34,6 +33,22 @@ def write(result: RunResult, folder: Path) -> None:
     write_text(folder / "report.html", page(result))
     if (drawing := drawing_page(result)) is not None:
         write_text(folder / "drawing.html", drawing)
+    _write_summary(result, texts, folder)
+
+
+def write_tables(result: RunResult, folder: Path) -> None:
+    """Write the tables and the summary alone, as far as a result has them."""
+    texts = _texts(result)
+    _write_texts(texts, folder)
+    _write_summary(result, texts, folder)
+
+
+def _write_texts(texts: Mapping[str, str], folder: Path) -> None:
+    for name, text in texts.items():
+        write_text(folder / name, text)
+
+
+def _write_summary(result: RunResult, texts: Mapping[str, str], folder: Path) -> None:
     summary = dict(result.summary) | {"files": {n: digest(t) for n, t in texts.items()}}
     write_text(folder / "summary.json", as_json(summary))
 

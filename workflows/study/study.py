@@ -87,7 +87,7 @@ def _study(
                 measures = Work(plan, database, executor, progress).finish()
             data = gathered(plan, database, measures, notes)
         except KeyboardInterrupt:
-            return StudyOutcome("interrupted", place.folder, (_saved(database, plan, site),))
+            return StudyOutcome("interrupted", place.folder, (f"interrupted: {_saved(database, plan, site)}",))
         except DAMAGE as error:
             where, saved = database.backend.display_name, _saved(database, plan, site)
             raise RunError(f"{where}: {reason(error)}; {saved}") from error

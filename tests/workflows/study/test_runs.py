@@ -217,7 +217,7 @@ def faulty(monkeypatch: pytest.MonkeyPatch, what: str) -> None:
 
 @pytest.mark.parametrize(
     ("what", "reason"),
-    [("exception", "ZeroDivisionError: a part has no size"), ("nan", "ModelError: F is not finite at")],
+    [("exception", "ZeroDivisionError: a part has no size"), ("nan", "ModelError: F or G is not finite at")],
 )
 def test_a_failed_run_is_recorded_and_the_study_goes_on(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, what: str, reason: str

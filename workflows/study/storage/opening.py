@@ -8,6 +8,7 @@ from itertools import count
 from pathlib import Path
 
 from ....errors import Fault, InputError, raise_all, refuse
+from ....section import differences as changes
 from ....section import flat
 from ...store.backend import DAMAGE, Backend, Foreign, Newer, reason
 from ...store.faults import not_ours
@@ -144,11 +145,11 @@ def _digest(identity: str, points: str) -> str:
 
 def differences(before: str, after: str, restart: str = SqliteFile.restart) -> list[Fault]:
     """What makes a configuration (TOML) that of another study than one before."""
-    old, new = (flat(tomllib.loads(text)) for text in (before, after))
+    tables = [tomllib.loads(text) for text in (before, after)]
+    old, new = map(flat, tables)
     faults = []
-    for key in dict.fromkeys([*new, *old]):
-        was, now = old.get(key, "unset"), new.get(key, "unset")
-        if was == now or key == HYPOTHESES or (key == GROWS and now > was):
+    for key, (was, now) in changes(*tables).items():
+        if key == HYPOTHESES or (key == GROWS and new[key] > old[key]):
             continue
         hint = "it may only grow" if key == GROWS else "only seeds may grow"
         faults.append(Fault(key, f"is {now}, but the study to resume has {was}: {hint}; undo the change, or {restart}"))

@@ -1,0 +1,119 @@
+"""Interrupts of a command: Ctrl-C, SIGTERM and SIGHUP end it with one line and status 130.
+
+While a command has nothing to save it ends at once, wherever it is: an exception would leave a
+half-loaded library. Later the first interrupt raises KeyboardInterrupt, so that the command saves
+its result so far; the second one ends it at once, and so does CPU time beyond `GRACE`. What ends at
+once is what a kill would leave: files are whole, and `--resume` continues.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+from collections.abc import Callable
+from contextlib import suppress
+from types import FrameType
+from typing import Any, NoReturn
+
+INTERRUPTED = 130
+REQUESTS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+GRACE = 1.2
+"""CPU time [s] within which an interrupted command saves what it has."""
+FRAGILE = ("importlib._bootstrap", "numba.", "llvmlite.")
+"""Modules through which no exception can be raised safely: imports and compilers."""
+SHOW_CURSOR = b"\x1b[?25h"
+
+
+class Interrupts:
+    """The handler of these signals, and of exceptions that nothing can raise."""
+
+    def __init__(self) -> None:
+        self.requested = False
+        self._kept: Callable[[], str] | None = None
+        self._said = False
+
+    def __call__(self, number: int, frame: FrameType | None) -> None:
+        if self.requested or self._kept is None or _fragile(frame):
+            self.quit()
+        self.requested = True
+        signal.signal(signal.SIGVTALRM, lambda *_: self.quit())
+        signal.setitimer(signal.ITIMER_VIRTUAL, GRACE)
+        raise KeyboardInterrupt
+
+    def ignored(self, unraisable: Any) -> None:
+        """`sys.unraisablehook`: an interrupt that a callback cannot raise ends the command."""
+        if issubclass(unraisable.exc_type, KeyboardInterrupt):
+            self.quit()
+        if not self.requested:
+            sys.__unraisablehook__(unraisable)
+
+    def keeps(self, kept: Callable[[], str]) -> None:
+        """From here on there is something to save; `kept` says what has been saved, and how to go on."""
+        self._kept = kept
+
+    def say(self, text: str = "") -> None:
+        """Write the one line of an interrupted command."""
+        if self._said:
+            return
+        self._said = True
+        if not text:
+            text = f"interrupted: {self._kept() if self._kept is not None else 'nothing was written'}"
+        with suppress(OSError):
+            os.write(2, (SHOW_CURSOR if os.isatty(2) else b"") + f"{text}\n".encode())
+
+    def quit(self) -> NoReturn:
+        """End the process and those that it started, at once."""
+        for request in (*REQUESTS, signal.SIGVTALRM):
+            signal.signal(request, signal.SIG_IGN)
+        with suppress(Exception):
+            _end_processes()
+        with suppress(Exception):
+            self.say()
+        os._exit(INTERRUPTED)
+
+
+def listen() -> Interrupts:
+    """Handle the signals from here on, except those that are ignored, as nohup leaves them."""
+    if (known := current()) is not None:
+        return known
+    interrupts = Interrupts()
+    for request in REQUESTS:
+        if signal.getsignal(request) is not signal.SIG_IGN:
+            signal.signal(request, interrupts)
+    sys.unraisablehook = interrupts.ignored
+    return interrupts
+
+
+def current() -> Interrupts | None:
+    """The handler of this process, None where it is not a command."""
+    handlers = (signal.getsignal(request) for request in REQUESTS)
+    return next((handler for handler in handlers if isinstance(handler, Interrupts)), None)
+
+
+def keeps(kept: Callable[[], str]) -> None:
+    """A command has begun to save, and can go on from there: see `Interrupts.keeps`."""
+    if (interrupts := current()) is not None:
+        interrupts.keeps(kept)
+
+
+def _fragile(frame: FrameType | None) -> bool:
+    while frame is not None:
+        if str(frame.f_globals.get("__name__", "")).startswith(FRAGILE):
+            return True
+        frame = frame.f_back
+    return False
+
+
+def _end_processes() -> None:
+    """Kill the processes of pools, and unlink their semaphores, which would be reported as lost."""
+    processes: Any = sys.modules.get("multiprocessing.process")
+    locks: Any = sys.modules.get("multiprocessing.synchronize")
+    for child in list(getattr(processes, "_children", ())):
+        with suppress(Exception):
+            child.kill()
+    finalizers = getattr(sys.modules.get("multiprocessing.util"), "_finalizer_registry", {})
+    for finalizer in list(finalizers.values()) if locks is not None else ():
+        with suppress(Exception):
+            if finalizer._callback is locks.SemLock._cleanup:
+                finalizer()

@@ -1,0 +1,83 @@
+"""Steps of a repeated computation are recalled, as long as their inputs are the same."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+import pytest
+
+from tolevo.journal import Section, recalled, recalled_columns, recorded
+
+
+def worked(calls: list[int], n: int) -> tuple[np.ndarray, ...]:
+    """A step of some milliseconds: a square, and whether it is even."""
+    calls.append(n)
+    until = time.thread_time() + 0.002
+    while time.thread_time() < until:
+        pass
+    return np.array(n * n), np.array([n % 2 == 0]), np.arange(n), np.zeros((0, n))
+
+
+def repeated(section: Section, numbers: list[int]) -> tuple[list[int], list[int]]:
+    """The squares, and the numbers that were computed."""
+    calls: list[int] = []
+    with recorded(section):
+        squares = [int(recalled((n,), lambda n=n: worked(calls, n))[0]) for n in numbers]  # type: ignore[misc]
+    return squares, calls
+
+
+def test_steps_are_computed_once_also_from_the_stored_state() -> None:
+    section = Section()
+    assert repeated(section, [1, 2, 3]) == ([1, 4, 9], [1, 2, 3])
+    assert repeated(section, [1, 2, 3, 4]) == ([1, 4, 9, 16], [4])
+    stored = Section()
+    stored.restore(section.state())
+    assert repeated(stored, [1, 2, 3, 4]) == ([1, 4, 9, 16], [])
+    with recorded(stored):
+        arrays = recalled((1,), lambda: worked([], 1))
+    assert [array.dtype.kind for array in arrays] == ["i", "b", "i", "f"]
+    assert [array.shape for array in arrays] == [(), (1,), (1,), (0, 1)]
+
+
+def test_other_inputs_are_computed_anew_with_all_that_follows() -> None:
+    section = Section()
+    repeated(section, [1, 2, 3])
+    assert repeated(section, [1, 5, 3]) == ([1, 25, 9], [5, 3])
+
+
+def test_a_step_that_fails_leaves_its_place_to_the_next_attempt() -> None:
+    section = Section()
+
+    def failing() -> tuple[np.ndarray, ...]:
+        raise KeyboardInterrupt
+
+    repeated(section, [1])
+    with recorded(section):
+        recalled((1,), lambda: worked([], 1))
+        with pytest.raises(KeyboardInterrupt):
+            recalled((2,), failing)
+    assert repeated(section, [1, 2]) == ([1, 4], [2])
+
+
+def test_steps_within_a_step_are_part_of_it() -> None:
+    section, calls = Section(), list[int]()
+
+    def outer() -> tuple[np.ndarray, ...]:
+        return recalled((1,), lambda: worked(calls, 1)) + worked(calls, 2)
+
+    for _ in range(2):
+        with recorded(section):
+            assert len(recalled(("outer",), outer)) == 8
+    assert calls == [1, 2]
+
+
+def test_columns_keep_their_names() -> None:
+    section, calls = Section(), list[int]()
+    for _ in range(2):
+        with recorded(section):
+            columns = recalled_columns((3,), lambda: dict(zip("abcd", worked(calls, 3), strict=True)))
+            assert list(columns) == ["a", "b", "c", "d"]
+            assert int(columns["a"]) == 9
+            assert recalled_columns(("none",), dict) == {}
+    assert calls == [3]
