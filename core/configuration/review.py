@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import copy
 import json
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from .. import tables
 from ..csv_text import read_own_csv
@@ -58,7 +61,7 @@ def reopened(run: Path, parts: Sequence[Path], since: Sequence[Path], options: t
     every fault. A directory among them is the result of `tolevo gap` on the units themselves.
     """
     faults: list[Fault] = []
-    table, design = _run(run, faults)
+    table, drawn = _run(run, faults)
     units = [path for path in parts if path.is_dir()]
     files = [path for path in parts if not path.is_dir()]
     attributed = "; ".join(_attributed(path, faults) for path in units)
@@ -70,6 +73,7 @@ def reopened(run: Path, parts: Sequence[Path], since: Sequence[Path], options: t
     before = _problem(table, faults)
     if before is None:
         raise InputError(faults)
+    design = _numbers(before, drawn)
     owners = _owners(table, before, design)
     now = _anew(table, owners, _opened(files, options, faults), faults)
     earlier = _anew(table, owners, _opened(since, options, faults), faults) if since else None
@@ -100,8 +104,8 @@ def reviewed(run: Path, parts: Sequence[Path], since: Sequence[Path], options: t
     return "\n".join([*result.lines, "", table])
 
 
-def _run(run: Path, faults: list[Fault]) -> tuple[Table | None, dict[str, float]]:
-    """The resolved tables of a run and the rounded design of its first choice."""
+def _run(run: Path, faults: list[Fault]) -> tuple[Table | None, dict[str, object]]:
+    """The resolved tables of a run and the rounded design of its first choice, as the files have it."""
     table = load(run / "config.toml", faults)
     try:
         allocation = read_own_csv(run / "allocation.csv")
@@ -116,7 +120,23 @@ def _run(run: Path, faults: list[Fault]) -> tuple[Table | None, dict[str, float]
     chosen = allocation[allocation["point"] == point]
     searched = front.iloc[point].to_dict() if point < len(front) else {}
     rounded = zip(chosen["variable"], chosen["rounded"], strict=True)
-    return table, {str(name): value for name, value in (*searched.items(), *rounded) if isinstance(value, (int, float))}
+    return table, {str(name): value for name, value in (*searched.items(), *rounded)}
+
+
+def _numbers(problem: ToleranceProblem, drawn: Mapping[str, object]) -> dict[str, float]:
+    """A design by name; a column that holds names of processes has its numbers as texts."""
+    design = {}
+    for variable in problem.variables:
+        value = drawn.get(variable.name)
+        if variable.labels:
+            if str(value) in variable.labels:
+                design[variable.name] = float(variable.labels.index(str(value)))
+            continue
+        with suppress(TypeError, ValueError):
+            number = float(value)  # type: ignore[arg-type]
+            if np.isfinite(number):
+                design[variable.name] = number
+    return design
 
 
 def _with_promise(table: Table, faults: list[Fault]) -> None:

@@ -182,7 +182,7 @@ def _statement(stack: Stack, rows: list[Row], left_out: tuple[str, ...]) -> str:
         more += "; good parts of an inspected machine are normal with the mean and scatter of that machine"
     if not stack.definition.requirement.key:
         return f"least cost of the linearised stack, variation = {words[rows[0].method]}{more}"
-    methods = ", ".join(f"{row.output} by {row.method}" for row in rows)
+    methods = ", ".join(dict.fromkeys(f"{row.output} by {row.method}" for row in rows))
     return f"least cost of the linearised stack ({methods}){more}"
 
 

@@ -253,7 +253,7 @@ def test_a_measured_standard_deviation_is_as_made(tmp_path: Path) -> None:
     parts.to_csv(tmp_path / "now.csv", index=False)
     told = reviewed(str(run), str(tmp_path / "now.csv"))
     kept = re.search(r"by the present parts: .* probability of ([0-9.]+) %", told)
-    costs = re.search(r"promise now is ([0-9.]+); the drawing's is ([0-9.]+)", told)
+    costs = re.search(r"promise now is ([0-9.]+); the drawing costs ([0-9.]+)", told)
     assert kept is not None
     assert costs is not None
     assert float(kept.group(1)) > 95.0
