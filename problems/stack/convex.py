@@ -64,6 +64,7 @@ def form_of(stack: Stack, gaussian: bool = False) -> Form | None:
         quantiles=quantiles if any(quantile is not None for quantile in quantiles) else (),
         most=tuple(row.most for row in rows) if limited else (),
         surpluses=surpluses if any(surplus is not None for surplus in surpluses) else (),
+        labels=tuple((row.label, row.measured.requirement.unit if row.most < np.inf else "") for row in rows),
     )
 
 

@@ -24,6 +24,8 @@ BINDING = 1e-3
 """Fraction of a limit within which it binds."""
 NEAR_ALL = 10.0
 """The same as a multiple of it, of what a limit in percent leaves to 100 %."""
+ERRORS = 2.0
+"""Standard errors of a sampled value within which it is at its limit."""
 VANISHED = 1e-9
 """Fraction of a requirement below which its change with the tolerances counts as none."""
 NEIGHBOURS = 2
@@ -65,12 +67,16 @@ def prices(problem: ToleranceProblem, front: pd.DataFrame, slopes: Slopes) -> pd
     return pd.concat(frames, ignore_index=True)
 
 
-def used_up(limit: Limit, margin: float | Array) -> NDArray[np.bool_]:
-    """Whether values at a `margin` from a limit use it up."""
+def used_up(limit: Limit, front: pd.DataFrame) -> NDArray[np.bool_]:
+    """Whether points (n,) of a front use a limit up, by their margin and the error of their value."""
+    margin, error = (
+        front[name].fillna(0.0).to_numpy(dtype=float) if name in front else np.zeros(len(front))
+        for name in (f"margin_{limit.name}", f"{limit.name}_error")
+    )
     ends = [abs(end) for end in (limit.low, limit.high) if np.isfinite(end) and end != 0.0]
     if limit.unit == "percent":
         ends += [NEAR_ALL * (100.0 - end) for end in (limit.low, limit.high) if 0.0 < end < 100.0]
-    return np.asarray(margin <= BINDING * min(ends, default=limit.scale))
+    return np.asarray(margin <= np.maximum(BINDING * min(ends, default=limit.scale), ERRORS * error))
 
 
 def _fitted(
@@ -133,7 +139,7 @@ def _limits_at(
     for at, name in enumerate(names):
         if name not in problem.objectives:
             limit, value = limits[name], front[name].to_numpy(dtype=float)
-            binding[:, at] = used_up(limit, front[f"margin_{name}"].to_numpy(dtype=float))
+            binding[:, at] = used_up(limit, front)
             sides[value - limit.low < limit.high - value, at] = -1.0
             if limit.unit == "percent" and limit.low >= 100.0:  # no more of it can be had, and no less be told
                 sizes[:, at] = np.inf

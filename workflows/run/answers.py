@@ -157,8 +157,8 @@ class Sentences:
         limits = [o for o in self.problem.limits if o.count and o.name != COST]
         if not limits:
             return "No limits are set in addition to the objectives."
-        row = self.result.front.iloc[self.point]
-        held = [o for o in limits if used_up(o, float(row[f"margin_{o.name}"]))]
+        row = self.result.front.iloc[[self.point]]
+        held = [o for o in limits if used_up(o, row)[0]]
         if not held:
             return f"{self._here} every limit is kept with a margin{self._held_back([o.name for o in limits])}."
         return " ".join(self._cost_of(limit) for limit in held)
