@@ -244,6 +244,7 @@ def _prices(prices: pd.DataFrame | None) -> list[dict[str, Any]]:
     if prices is None or prices.empty:
         return []
     columns = {"rows": "point", "price": "price", "source": "source", "tighter": "tighter"}
+    columns |= {"spread": "spread_percent"} if "spread_percent" in prices else {}
     if "tighter" not in prices:  # of an earlier version, which does not tell on which side a limit lies
         return []
     return [

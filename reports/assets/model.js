@@ -28,7 +28,7 @@ function modelOf(found) {
         output: own.output, label: own.label, unit: priced ? priced.unit : own.unit, tighter: priced ? priced.tighter[rank] : "less", explained: own.explained, limit,
         aim, value: aim >= 0 ? found.aims[aim][at] : limit ? limit.values[at] : null, along: own.along[row],
         share: (name) => { const column = own.names.indexOf(name); return column < 0 ? null : own.shares[column][row]; },
-        price: priced ? priced.price[rank] : null, source: priced ? priced.source[rank] : "",
+        price: priced ? priced.price[rank] : null, source: priced ? priced.source[rank] : "", spread: priced && priced.spread ? priced.spread[rank] : 0,
       };
     });
   }

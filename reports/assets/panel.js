@@ -7,6 +7,8 @@ const SOURCES = {
   estimate: ["estimate", "by the conditions of an optimum, which this point meets only roughly"],
 };
 
+const ROUGH = 30; // percent: the residual of the conditions of an optimum beyond which no price is stated
+
 function bar(share, kind) {
   const outer = element("span", "", { class: "bar", "aria-hidden": "true" });
   const inner = element("span", "", { class: share < 0 ? "other" : kind });
@@ -28,12 +30,13 @@ function distance(found, at) {
   if (bound === null || bound === undefined) return "No bound of its cost is proven.";
   if (!found.informative) return "The proven bound of the cost is not informative here: it leaves out limits that hold the points back.";
   const gap = found.gap[at] < 0.001 ? "less than 0.001" : number(found.gap[at], 3);
-  return `Proven: at equal other objectives nothing costs less than ${number(bound)}; this point lies ${gap} % above.`;
+  return `Proven: at equal other objectives nothing costs less than ${withUnit(number(bound), found.unit)}; this point lies ${gap} % above.`;
 }
 
 // "What does one arc minute cost here": a sentence for each requirement that has a price.
 function slopes(found, needs) {
-  return needs.filter((need) => need.price).map((need) => {
+  const known = (need) => need.price && (need.source !== "estimate" || need.spread <= ROUGH);
+  return needs.filter(known).map((need) => {
     const more = need.tighter === "more";
     const room = more && need.unit === "percent" ? 100 - need.value : need.value;
     const part = room ? 10 ** Math.floor(Math.log10(Math.abs(room))) / 10 : 0.1;

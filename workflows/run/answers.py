@@ -26,6 +26,8 @@ from .proofs import EXACT, distance_words, informative, percent
 from .references import gain_column
 
 COST = "cost"
+ROUGH = 30.0
+"""Residual of the conditions of an optimum [percent] beyond which they give no price in a sentence."""
 ALIKE = 1e-9
 """Relative difference below which two values count as equal."""
 TENTH = 0.1
@@ -254,6 +256,7 @@ class Sentences:
         if prices is None:
             return None
         at_point = (prices["output"] == name) & (prices["point"] == self.point) & (prices["price"] > 0.0)
+        at_point &= (prices["source"] != "estimate") | (prices["spread_percent"] <= ROUGH)
         if not np.any(at_point):
             return None
         row = prices[at_point].iloc[0]

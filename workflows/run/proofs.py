@@ -188,9 +188,10 @@ def end_notes(problem: ToleranceProblem, front: pd.DataFrame) -> list[str]:
         (names[0], float(front[names[0]].min()), None if least is None else least.value),
         ("cost", float(front["cost"].min()), cheapest),
     ]
+    units = {output.name: f" {output.unit}".rstrip() for output in problem.outputs}
     return [
-        f"end of the front: the least {name} is {reached:.4g}; none below {proven:.4g} is possible "
-        f"({_missing(reached, proven)} missing at most)"
+        f"end of the front: the least {name} is {reached:.4g}{units[name]}; none below {proven:.4g}{units[name]} is "
+        f"possible ({_missing(reached, proven)} missing at most)"
         for name, reached, proven in ends
         if proven is not None and np.isfinite(proven)
     ]
