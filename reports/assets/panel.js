@@ -38,7 +38,7 @@ function slopes(found, needs) {
   const known = (need) => need.price && (need.source !== "estimate" || need.spread <= ROUGH);
   return needs.filter(known).map((need) => {
     const more = need.tighter === "more";
-    const room = more && need.unit === "percent" ? 100 - need.value : need.value;
+    const room = more && (need.unit === "percent" || need.unit === "%") ? 100 - need.value : need.value;
     const part = room ? 10 ** Math.floor(Math.log10(Math.abs(room))) / 10 : 0.1;
     const how = SOURCES[need.source] || ["", ""];
     const rate = need.unit ? `${number(Math.abs(need.price), 3)} per ${need.unit}; ` : "";

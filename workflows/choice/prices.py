@@ -24,6 +24,8 @@ BINDING = 1e-3
 """Fraction of a limit within which it binds."""
 NEAR_ALL = 10.0
 """The same as a multiple of it, of what a limit in percent leaves to 100 %."""
+PERCENT = ("percent", "%")
+"""Units of outputs that end at 100."""
 ERRORS = 2.0
 """Standard errors of a sampled value within which it is at its limit."""
 VANISHED = 1e-9
@@ -74,7 +76,7 @@ def used_up(limit: Limit, front: pd.DataFrame) -> NDArray[np.bool_]:
         for name in (f"margin_{limit.name}", f"{limit.name}_error")
     )
     ends = [abs(end) for end in (limit.low, limit.high) if np.isfinite(end) and end != 0.0]
-    if limit.unit == "percent":
+    if limit.unit in PERCENT:
         ends += [NEAR_ALL * (100.0 - end) for end in (limit.low, limit.high) if 0.0 < end < 100.0]
     return np.asarray(margin <= np.maximum(BINDING * min(ends, default=limit.scale), ERRORS * error))
 
@@ -141,7 +143,7 @@ def _limits_at(
             limit, value = limits[name], front[name].to_numpy(dtype=float)
             binding[:, at] = used_up(limit, front)
             sides[value - limit.low < limit.high - value, at] = -1.0
-            if limit.unit == "percent" and limit.low >= 100.0:  # no more of it can be had, and no less be told
+            if limit.unit in PERCENT and limit.low >= 100.0:  # no more of it can be had, and no less be told
                 sizes[:, at] = np.inf
     return binding, sides, sizes
 

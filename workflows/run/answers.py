@@ -17,7 +17,7 @@ from ...problems.tolerance_problem import ToleranceProblem
 from ...records import RunResult
 from ...units import drawing_number, plain_number
 from ..choice.changes import step_words, words
-from ..choice.prices import used_up
+from ..choice.prices import PERCENT, used_up
 from ..promise.anew import cheapest_at
 from ..promise.least import cheapest
 from ..promise.limits import promised_limits
@@ -163,7 +163,13 @@ class Sentences:
         held = [o for o in limits if used_up(o, row)[0]]
         if not held:
             return f"{self._here} every limit is kept with a margin{self._held_back([o.name for o in limits])}."
-        return " ".join(self._cost_of(limit) for limit in held)
+        saved = {limit.name: self._cost_of(limit) for limit in held}
+        unknown = [self.limit(limit) for limit in held if not saved[limit.name]]
+        if unknown:
+            plural = ("limit of", "binds", "it") if len(unknown) == 1 else ("limits of", "bind", "them")
+            what = f"{self._here} the {plural[0]} {listed(unknown)} {plural[1]}"
+            saved[""] = f"{what}; what loosening {plural[2]} would save is not known."
+        return " ".join(filter(None, saved.values()))
 
     @property
     def _here(self) -> str:
@@ -228,6 +234,7 @@ class Sentences:
         return cost if np.isfinite(cost) else None
 
     def _cost_of(self, limit: Limit) -> str:
+        """What loosening a limit that binds would save; empty where it is not known."""
         binds = f"{self._here} the limit of {self.limit(limit)} binds"
         lower = float(self.result.front.iloc[self.point][limit.name]) - limit.low < self._above(limit)
         step = _step(limit, lower)
@@ -246,7 +253,7 @@ class Sentences:
             change = f"{'lowering' if lower else 'raising'} it by {drawing_number(small)}{unit}"
             if price * small <= max(self._cost - self.floor, 0.0):
                 return f"{binds}: {change} would save about {self.money(price * small)} ({how})."
-        return self._relaxed(limit.name) or f"{binds}; what loosening it would save is not known."
+        return self._relaxed(limit.name)
 
     def _above(self, limit: Limit) -> float:
         return limit.high - float(self.result.front.iloc[self.point][limit.name])
@@ -313,8 +320,13 @@ class Sentences:
         )
 
 
+def listed(texts: list[str]) -> str:
+    """Like "a, b and c"."""
+    return " and ".join([*([", ".join(texts[:-1])] if len(texts) > 1 else []), texts[-1]])
+
+
 def _step(limit: Limit, lower: bool, part: float = TENTH) -> float:
     """A part of the distance of a limit from zero, or of a least percentage from 100 %."""
     end = limit.low if lower else limit.high
-    remaining = 100.0 - end if lower and limit.unit == "percent" and end < 100.0 else np.inf
+    remaining = 100.0 - end if lower and limit.unit in PERCENT and end < 100.0 else np.inf
     return float(f"{min(abs(end), remaining) * part:.2g}") or limit.scale * part
