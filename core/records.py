@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from .units import drawing_number
+
 if TYPE_CHECKING:
     import pandas as pd
 
@@ -55,8 +57,8 @@ class RunResult:
     of the files of these names, None where there is none. `overlays` are fronts of other algorithms
     by label (`overlays.csv`). `unit_turn`, `population` and `assumptions_cost` are the tables of
     the files of these names, of problems that know units; `requirements` and `drivers` of those
-    with several requirements. `prices` and `relaxed` (the fronts whose limits are as loose as those
-    of a reference, under its `label`) are those of these names, and `tolerances` the records of
+    with several requirements. `prices`, `changes` and `relaxed` (the fronts whose limits are as loose
+    as those of a reference, under its `label`) are those of these names, and `tolerances` the records of
     `tolerances.json`: what a drawing and a price need to know of each variable. `promise`,
     `next_parts` are the tables of these names, of runs that promise a yield, `capability` that of
     runs with measured parts.
@@ -86,6 +88,7 @@ class RunResult:
     requirements: pd.DataFrame | None = None
     drivers: pd.DataFrame | None = None
     prices: pd.DataFrame | None = None
+    changes: pd.DataFrame | None = None
     relaxed: pd.DataFrame | None = None
     tolerances: tuple[Mapping[str, Any], ...] = ()
     promise: pd.DataFrame | None = None
@@ -103,7 +106,8 @@ class RunResult:
 
 def unit_of_cost(summary: Mapping[str, Any]) -> str:
     """The unit that every cost of a run has; empty where costs are relative."""
-    return str(summary.get("currency") or "")
+    costs = summary.get("costs")
+    return str(summary.get("currency") or (costs.get("currency") if isinstance(costs, Mapping) else "") or "")
 
 
 def mechanism_lines(summary: Mapping[str, Any]) -> list[str]:
@@ -141,9 +145,10 @@ def _described(known: Mapping[str, Any]) -> str:
     low, high, unit = (known.get(key) for key in ("lower", "upper", "unit"))
     name, ends = str(known.get("name") or ""), f" {unit}" if unit else ""
     if low is not None and high is not None:
-        name += f", {low:g} to {high:g}{ends}"
+        name += f", {drawing_number(low)} to {drawing_number(high)}{ends}"
     elif low is not None or high is not None:
-        name += f", at least {low:g}{ends}" if high is None else f", at most {high:g}{ends}"
+        bound = f"at least {drawing_number(low)}" if low is not None else f"at most {drawing_number(high or 0.0)}"
+        name += f", {bound}{ends}"
     drawing, description = known.get("drawing"), known.get("description")
     name += f" (drawing {drawing})" if drawing else ""
     return name + (f": {description}" if description else "")

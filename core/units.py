@@ -191,3 +191,19 @@ def _misfit(unit: str, source: Unit, to: str, target: Unit) -> str:
 def _in_si(unit: Unit) -> str:
     powers = (base if power == 1 else f"{base}^{power}" for base, power in unit.dimensions)
     return " ".join(powers) or "a plain number"
+
+
+DRAWN_DIGITS = 10
+"""Digits of a number on a drawing at most: the last ones of a sum are left out."""
+
+
+def drawing_number(value: float) -> str:
+    """A number as a drawing has it, on pages, in tables and on the terminal: 36.05 and 112.0435,
+    not 36.050000000000004 and 112.
+    """
+    return f"{float(f'{value:.{DRAWN_DIGITS}g}'):.{DRAWN_DIGITS}g}"
+
+
+def plain_number(value: float, digits: int = 4) -> str:
+    """A number in a sentence: 0.427, 12.35 and 12346, never 1.235e+04."""
+    return f"{value:.0f}" if abs(value) >= 10.0**digits else f"{value:.{digits}g}"

@@ -159,6 +159,9 @@ class Form:
     """By requirement, an output that it stands for: what is proven holds at equal requirements."""
     surpluses: tuple[Surplus | None, ...] = ()
     """By requirement, what uncertain processes add under its root; empty: nothing anywhere."""
+    labels: tuple[tuple[str, str], ...] = ()
+    """By requirement, which part of its output it is ("upper limit of gap"), and its unit; empty: it
+    is the output."""
 
     @property
     def rows(self) -> tuple[Quantile | None, ...]:

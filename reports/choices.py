@@ -30,7 +30,7 @@ def choice_sections(result: RunResult) -> tuple[str, ...]:
     """The sections on choices, none where nothing is chosen."""
     if result.choices is None:
         return ()
-    names = ["choice", "meaning", "point"]
+    names = ["choice", "meaning"]
     for name in (axis.name for axis in result.objectives):
         names += [name, f"rounded_{name}", f"rounding_loss_{name}_percent"]
     names += ["rounded_feasible", "rounded_violated_limits", "unchanged_percent", "model"]
@@ -40,7 +40,7 @@ def choice_sections(result: RunResult) -> tuple[str, ...]:
         parts.append(folded("With other costs", described(SENSITIVITY, moved.drop(columns="same"))))
     if result.allocation is not None:
         parts += [
-            folded(f"For the drawing: {order.title}", described(order.note, order.table)) for order in orders(result)
+            folded(f"For the drawing: {order.title}", described(order.note, order.drawn)) for order in orders(result)
         ]
         rules = pd.DataFrame(list(result.summary.get("rounding") or ()))
         parts.append(folded("Rounding", described(ROUNDED, rules)))

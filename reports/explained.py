@@ -14,6 +14,8 @@ from ..units import split_unit
 
 CONTRIBUTED = ("point", "output", "explained", "along")
 """Columns of `contributions.csv` that are not those of tolerances."""
+LENGTHS = ("variation", "worst_case", "rss", "domain_margin")
+"""Outputs of a stack in the unit of its requirement."""
 NOT_INFORMATIVE = "not informative"
 NORMAL = 3.0
 """Standard deviations in the root sum of squares `rss` of a stack."""
@@ -35,10 +37,24 @@ def words(name: str) -> str:
 
 
 def units_of(result: RunResult) -> dict[str, str]:
-    """Units by column, as far as they are known."""
-    return {axis.name: axis.unit for axis in (*result.objectives, *result.variables)} | {
-        str(name): split_unit(str(name))[1] for name in result.front if split_unit(str(name))[1]
+    """Units by column, as far as they are known; those of a stack by its requirements."""
+    mechanism = result.summary.get("mechanism")
+    requirements = mechanism.get("requirements") if isinstance(mechanism, Mapping) else None
+    units = {
+        str(one.get("name", "")): str(one.get("unit", "")) for one in requirements or () if isinstance(one, Mapping)
     }
+    alone = next(iter(units.values())) if len(set(units.values())) == 1 else ""
+    lengths = {
+        name: units.get(key, alone)
+        for name in map(str, result.front)
+        for key, _, kind in (name.rpartition("."),)
+        if kind in LENGTHS
+    }
+    return (
+        lengths
+        | {axis.name: axis.unit for axis in (*result.objectives, *result.variables)}
+        | {str(name): split_unit(str(name))[1] for name in result.front if split_unit(str(name))[1]}
+    )
 
 
 def informative(result: RunResult) -> bool:
@@ -80,13 +96,23 @@ def limits_of(result: RunResult, kept: pd.DataFrame) -> list[dict[str, Any]]:
     if not isinstance(table, Mapping):
         return []
     limits = []
-    for key, bound in table.items():
-        name = str(key)
+    for name, bound in _flat(table).items():
         if name in kept:
             side = "min" if name.endswith("yield_percent") else "max"
             ends: Mapping[str, object] = bound if isinstance(bound, Mapping) else {side: bound}
             low, high, values = ends.get("min"), ends.get("max"), kept[name].tolist()
             limits.append({"name": name, "label": words(name), "low": low, "high": high, "values": values})
+    return limits
+
+
+def _flat(table: Mapping[str, Any], above: str = "") -> dict[str, Any]:
+    """The limits by the full name of their output: those of a requirement are a table of their own."""
+    limits: dict[str, Any] = {}
+    for key, bound in table.items():
+        if isinstance(bound, Mapping) and not {"min", "max"} & set(bound):
+            limits |= _flat(bound, f"{above}{key}.")
+        else:
+            limits[f"{above}{key}"] = bound
     return limits
 
 

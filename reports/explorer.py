@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 
 from ..records import Axis, RunResult, unit_of_cost
 from .explained import CONTRIBUTED, informative, law_of, limits_of, tolerance_records, unit_columns, units_of, words
+from .orders import ALONE, orders
 from .scripts import data, package_scripts
+from .tables import shown
 
 MOST = 5000
 """Points on a page at most."""
@@ -98,6 +100,10 @@ def content_of(result: RunResult, most: int) -> dict[str, Any]:
         "prices": _prices(result.prices),
         "units": unit_columns(result, kept),
         "law": law_of(result, kept),
+        "whole": len(front),
+        "changes": _changes(result),
+        "changed": [{"label": words(name), "unit": units_of(result).get(name, "")} for name in _changed(result)],
+        "orders": _orders(result),
         "relaxed": _fronts_of(relaxed, names, most),
         "contributions": _contributions(result.contributions, result),
         "exact": _exact(result, names),
@@ -136,9 +142,48 @@ def _choices(result: RunResult) -> list[dict[str, Any]]:
     if result.choices is None:
         return []
     return [
-        {"name": row["choice"], "meaning": row["meaning"], "row": row["point"]}
+        {
+            "name": "the allocation" if row["choice"] == ALONE else row["choice"],
+            "meaning": row["meaning"],
+            "row": row["point"],
+            "advice": text if isinstance(text := row.get("loosen_first"), str) else "",
+        }
         for row in result.choices.to_dict("records")
     ]
+
+
+def _changed(result: RunResult) -> list[str]:
+    """The requirements whose change by single steps is known."""
+    columns = [] if result.changes is None else map(str, result.changes)
+    return [name.removeprefix("change_") for name in columns if name.startswith("change_")]
+
+
+def _changes(result: RunResult) -> list[dict[str, Any]]:
+    """The single steps that were tried at chosen points."""
+    names = _changed(result)
+    records = [] if result.changes is None else result.changes.to_dict("records")
+    return [
+        {
+            "row": row["point"],
+            "variable": row["variable"],
+            "to": str(row["to"]),
+            "cost": row["cost_change"],
+            "each": [row[f"change_{name}"] for name in names],
+            "broken": text if isinstance(text := row.get("broken"), str) else "",
+        }
+        for row in records
+    ]
+
+
+def _orders(result: RunResult) -> dict[str, dict[str, Any]]:
+    """What to write on the drawing, by row of the front."""
+    sheets: dict[str, dict[str, Any]] = {}
+    for order in orders(result):
+        sheet = order.sheet
+        rows = [[shown(cell) for cell in row] for row in sheet.to_numpy(dtype=object).tolist()]
+        content = {"heads": list(map(str, sheet)), "rows": rows, "verdict": order.verdict}
+        sheets |= {str(point): content for point in order.points}
+    return sheets
 
 
 def _chosen_rows(result: RunResult) -> list[int]:
@@ -198,9 +243,13 @@ def _contributions(contributions: pd.DataFrame | None, result: RunResult) -> lis
 def _prices(prices: pd.DataFrame | None) -> list[dict[str, Any]]:
     if prices is None or prices.empty:
         return []
-    columns = {"rows": "point", "price": "price", "source": "source"}
+    columns = {"rows": "point", "price": "price", "source": "source", "tighter": "tighter"}
+    columns |= {"spread": "spread_percent"} if "spread_percent" in prices else {}
+    if "tighter" not in prices:  # of an earlier version, which does not tell on which side a limit lies
+        return []
     return [
-        {"output": output} | {key: some[name].tolist() for key, name in columns.items()}
+        {"output": output, "unit": text if isinstance(text := some["unit"].iloc[0], str) else ""}
+        | {key: some[name].tolist() for key, name in columns.items()}
         for output, some in _by_output(prices)
     ]
 

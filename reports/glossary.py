@@ -14,8 +14,7 @@ TERMS: Mapping[str, str] = {
         "t dy/dt of a tolerance t in a requirement y, over its sum for all tolerances; of a root "
         "sum of squares that is the fraction of the variance."
     ),
-    "price": "What one unit less of a requirement (of a yield one more) adds to the least cost; of "
-    "a tolerance, what changing it costs where all requirements are kept by changing the others.",
+    "price": "What one unit less of a requirement (of a yield one more) adds to the least cost.",
     "multiplier": "The price of a requirement at a proven optimum (Karush, Kuhn and Tucker).",
     "relaxed": "Compared with a front whose broken limits are as loose as those of the reference.",
     "hypervolume": ("The fraction of the problem's box, from ideal to nadir, that the front dominates."),

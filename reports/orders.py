@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from numbers import Real
 
 import pandas as pd
 
 from ..records import RunResult
+from ..units import drawing_number
 
 COLUMNS = {
     "variable": "tolerance",
@@ -30,6 +32,25 @@ COLUMNS = {
     "characteristic": "characteristic",
 }
 """Columns of an order by those of `allocation.csv`."""
+SIZES = ("nominal", "upper deviation", "lower deviation", "upper limit", "lower limit", "value")
+"""Columns whose numbers go on a drawing, with all their digits."""
+DRAWN = (
+    "tolerance",
+    "on the drawing",
+    "upper deviation",
+    "lower deviation",
+    "nominal",
+    "unit",
+    "grade, class",
+    "symbol",
+    "process",
+    "Ra [um]",
+    "Cpk wanted",
+    "inspection",
+)
+"""Columns of the sheet of an order."""
+ALONE = "only"
+"""The rule that chooses the one point of a run."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,16 +69,46 @@ class Order:
         """The first rule in words, and how many more."""
         first = self.rules[0].replace("_", " ")
         more = len(self.rules) - 1
+        if self.rules == (ALONE,):
+            return "the allocation"
         return f"{first} and {more} more rules" if more > 1 else ", ".join(self.rules).replace("_", " ")
 
     @property
     def note(self) -> str:
         """All rules that choose it, and the points of the front."""
+        if self.rules == (ALONE,):
+            return "The one allocation of this run, rounded to what can be ordered."
         rules = ", ".join(rule.replace("_", " ") for rule in self.rules)
+        points = " and ".join(str(point + 1) for point in self.points)
         if len(self.points) == 1:
-            return f"Chosen by: {rules} (point {self.points[0]} of front.csv)."
-        points = ", ".join(map(str, self.points))
-        return f"Chosen by: {rules}; the points {points} of front.csv round to this allocation."
+            return f"Chosen by: {rules} (allocation {points} of the front)."
+        return f"Chosen by: {rules}; the allocations {points} of the front round to this one."
+
+    @property
+    def verdict(self) -> str:
+        """Whether the rounded allocation keeps all limits; empty where it is not known."""
+        broken = self.outcome.get("rounded_violated_limits")
+        if self.outcome.get("rounded_feasible"):
+            return "; keeps all limits"
+        return f"; breaks {broken}" if _has_value(broken) else ""
+
+    @property
+    def drawn(self) -> pd.DataFrame:
+        """The table with every number that goes on a drawing as it is written there."""
+        texts = self.table.copy()
+        for name in set(SIZES) & set(texts):
+            texts[name] = [
+                drawing_number(float(value)) if isinstance(value, Real) and _has_value(value) else value
+                for value in texts[name]
+            ]
+        return texts
+
+    @property
+    def sheet(self) -> pd.DataFrame:
+        """What a drawing needs of every tolerance, its name in words."""
+        parts = self.drawn[~self.table["tolerance"].astype(str).str.endswith("_process")]
+        words = parts["tolerance"].map(lambda name: str(name).removesuffix("_t").replace("_", " "))
+        return parts.assign(tolerance=words)[[name for name in DRAWN if name in parts]]
 
 
 def orders(result: RunResult) -> list[Order]:

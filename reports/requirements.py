@@ -13,7 +13,7 @@ RELAXED = (
     "much the least cost falls per unit of the limit. saves_at_least and saves_at_most hold for a limit "
     "that is relaxed by the given percentage while all others stay: the first by a computed allocation, "
     "the second because nothing can cost less than the bound there. drives names the parts "
-    "that contribute most. requirements.csv has all digits."
+    "that contribute most, and row which limit of a yield it is. requirements.csv has all digits."
 )
 DRIVEN = (
     "The requirements that limit the tolerance of each part: at the least cost the slope of its cost "

@@ -7,22 +7,7 @@ from html import escape
 from ..records import RunResult, mechanism_lines, unit_of_cost
 from .document import document
 from .orders import Order, orders
-from .tables import chosen, shown, table
-
-COLUMNS = (
-    "tolerance",
-    "on the drawing",
-    "upper deviation",
-    "lower deviation",
-    "nominal",
-    "unit",
-    "grade, class",
-    "symbol",
-    "process",
-    "Ra [um]",
-    "Cpk wanted",
-    "inspection",
-)
+from .tables import shown, table
 
 
 def drawing_page(result: RunResult) -> str | None:
@@ -42,14 +27,8 @@ def _sheet(result: RunResult, order: Order) -> str:
         f"{cost if axis.name == 'cost' else ''}".strip()
         for axis in result.objectives
     )
-    kept = order.outcome.get("rounded_feasible")
-    broken = shown(order.outcome.get("rounded_violated_limits"))
-    verdict = "keeps all limits" if kept else f"breaks {broken}" if broken else ""
-    statement = f"Verified by the full model: {values}{f'; {verdict}' if verdict else ''}."
-    parts = order.table[~order.table["tolerance"].astype(str).str.endswith("_process")]
-    words = parts["tolerance"].map(lambda name: str(name).removesuffix("_t").replace("_", " "))
-    shown_table = table(chosen(parts.assign(tolerance=words), COLUMNS))
+    statement = f"Verified by the full model: {values}{order.verdict}."
     return (
         f'<section class="sheet">\n<h2>{escape(order.title)}</h2>\n<p>{escape(order.note)}</p>'
-        f"\n<p>{escape(statement)}</p>\n{shown_table}\n</section>"
+        f"\n<p>{escape(statement)}</p>\n{table(order.sheet)}\n</section>"
     )

@@ -173,6 +173,7 @@ def restricted(form: Form, used: Flags) -> Form:
         quantiles=tuple(form.quantiles[i] for i in kept) if form.quantiles else (),
         surpluses=surpluses if any(surplus is not None for surplus in surpluses) else (),
         most=tuple(form.most[i] for i in kept) if form.most else (),
+        labels=tuple(form.labels[i] for i in kept) if form.labels else (),
         features=features,
         offset=form.offset[kept],
         constant=form.constant[kept],

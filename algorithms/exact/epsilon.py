@@ -39,7 +39,7 @@ def epsilon_front(run: Run, points: int) -> None:
         sampled_front(run, branches, points)
         return
     for at, branch in enumerate(branches):
-        run.phase("ends of the front", 0.2 * at / len(branches))
+        run.phase("ends of the front" if problem.n_obj > 1 else "least cost", 0.2 * at / len(branches))
         branch.begin(run)
     alive = [branch for branch in branches if branch.f]
     if alive and problem.n_obj == 2:

@@ -98,6 +98,7 @@ KINDS: Mapping[str, Kind] = {
             "requirements.csv",
             "drivers.csv",
             "prices.csv",
+            "changes.csv",
             "relaxed.csv",
             "promise.csv",
             "next_parts.csv",

@@ -64,6 +64,7 @@ def form_of(stack: Stack, gaussian: bool = False) -> Form | None:
         quantiles=quantiles if any(quantile is not None for quantile in quantiles) else (),
         most=tuple(row.most for row in rows) if limited else (),
         surpluses=surpluses if any(surplus is not None for surplus in surpluses) else (),
+        labels=tuple((row.label, row.measured.requirement.unit if row.most < np.inf else "") for row in rows),
     )
 
 
@@ -183,7 +184,7 @@ def _statement(stack: Stack, rows: list[Row], left_out: tuple[str, ...]) -> str:
         more += "; good parts of an inspected machine are normal with the mean and scatter of that machine"
     if not stack.definition.requirement.key:
         return f"least cost of the linearised stack, variation = {words[rows[0].method]}{more}"
-    methods = ", ".join(f"{row.output} by {row.method}" for row in rows)
+    methods = ", ".join(dict.fromkeys(f"{row.output} by {row.method}" for row in rows))
     return f"least cost of the linearised stack ({methods}){more}"
 
 

@@ -161,12 +161,21 @@ class Measured:
         return {self.name(name): ends for name, ends in by_output.items()}
 
     @property
+    def off_nominal(self) -> str:
+        """In words where the value at the nominal sizes lies outside of the limits; else empty."""
+        mechanism, unit = self.mechanism, f" {self.requirement.unit}".rstrip()
+        if mechanism.lower <= mechanism.centre <= mechanism.upper:
+            return ""
+        above = mechanism.centre > mechanism.upper
+        limit = f"above upper = {mechanism.upper:.10g}" if above else f"below lower = {mechanism.lower:.10g}"
+        return f"is {mechanism.centre:.6g}{unit} at the nominal values, {limit}"
+
+    @property
     def off_limits(self) -> bool:
         """Whether the mean lies outside of the limits, and no tolerance moves it: fewer than half
         of the units conform, as deviations are even.
         """
-        lower, upper = self.mechanism.lower, self.mechanism.upper
-        return self._still and not lower <= self.mechanism.centre <= upper
+        return self._still and bool(self.off_nominal)
 
     @property
     def _still(self) -> bool:

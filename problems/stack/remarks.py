@@ -51,6 +51,12 @@ def warnings_of(stack: Stack) -> tuple[str, ...]:
     for part in stack.definition.parts:
         sentences += departures(part.machines, f"part {part.name}")
     for measured in stack.measured:
+        if text := measured.off_nominal:
+            most = "fewer than half of the units conform whatever the tolerances" if measured.off_limits else ""
+            sentences.append(
+                f"{measured.requirement.place} {text}: {most or 'the tolerances are not what breaks its limits'}; move "
+                "the nominal values or the limits"
+            )
         sentences += [_domain(measured)] if measured.partial else []
         if measured.mechanism.formula is not None:
             unit = f" {measured.requirement.unit}".rstrip()

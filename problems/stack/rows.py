@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -26,6 +26,8 @@ CENTRED = 1e-7
 """Relative difference of two limits' distances from the mean that counts as none: a yield changes by
 its square. Limits about a nominal a million times as large are rounded to less."""
 YIELD, WHOLE = "yield_percent", 100.0
+ENDS = {1.0: "upper limit", -1.0: "lower limit"}
+"""The limit that a row keeps, by its side."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,6 +54,14 @@ class Row:
     doubt: Surplus | None = None
     by_process: Array | None = None
     even_doubt: bool = True
+    limit: str = ""
+    """Which limits of the requirement a row keeps, in words; empty for a variation."""
+
+    @property
+    def label(self) -> str:
+        """What it is of its requirement, in words: "upper limit of gap", "rss of gap"."""
+        name = self.measured.requirement.key or self.measured.requirement.name
+        return f"{self.limit or self.method}{f' of {name}' if name else ''}"
 
     def spread_of(self, at: int, number: int) -> float:
         """The spread of a part by one of its processes: doubt widens that of a sampled one."""
@@ -187,6 +197,7 @@ def _promise_rows(stack: Stack, gaussian: bool) -> list[Row]:
         doubts = [norm.surplus() for norm in norms] if assured else []
         wider = np.array([np.sqrt(over(norm.even, norms[0].even, 1.0)) for norm in norms])
         sides = promised.sides
+        two_sided = len(sides) > 1
         if not np.any(linear.mean) and not _off_centre(promised.measured):
             sides = [(1.0, min(room for _, room in sides))]
         rows += [
@@ -201,6 +212,7 @@ def _promise_rows(stack: Stack, gaussian: bool) -> list[Row]:
                 doubt=_least(doubts),
                 by_process=None if len(norms) == 1 else wider,
                 even_doubt=_alike(doubts),
+                limit=ENDS[side] if len(sides) > 1 or not two_sided else "both limits",
             )
             for side, room in sides
         ]
@@ -255,16 +267,19 @@ def _kept_limits(measured: Measured, output: str, p: float) -> list[Row]:
     above, below = mechanism.upper - mechanism.centre, mechanism.centre - mechanism.lower
     sides = [(side, room) for side, room in ((1.0, above), (-1.0, below)) if np.isfinite(room)]
     if len(sides) < 2:
-        return [_at(output, measured, p, side=side, most=room) for side, room in sides]
+        return [replace(_at(output, measured, p, side=side, most=room), limit=ENDS[side]) for side, room in sides]
     half, off = 0.5 * (above + below), 0.5 * (above - below)
-    middle = _at(output, measured, 0.5 * (1.0 + p), most=half)
+    middle = replace(_at(output, measured, 0.5 * (1.0 + p), most=half), limit="both limits")
     moves = bool(np.any(law.mean)) or _off_centre(measured)
     if not moves and abs(off) <= CENTRED * half:
         return [middle]
     lines = tangents(p) if moves and law.covariance is not None else ()
     rows = [
-        _at(output, measured, p, 1.0 / room, side, half + side * off / room, z)
-        for z, room in ((None, 1.0), *lines)
+        replace(
+            _at(output, measured, p, 1.0 / room, side, half + side * off / room, z),
+            limit=f"{ENDS[side]}, tangent {at}" if at else ENDS[side],
+        )
+        for at, (z, room) in enumerate(((None, 1.0), *lines))
         for side in (1.0, -1.0)
     ]
     return [middle, *rows] if moves else rows

@@ -186,9 +186,9 @@
     });
     if (parallel) parallel.show(state.at, state.kept, state.ranges);
     byId("headline").textContent = headline(found, state.at);
-    byId("slope").replaceChildren(firsts(found, model, state.at, needs), ...slopes(found, needs).map((text) => element("p", text)), element("p", distance(found, state.at), { class: "hint" }));
+    byId("slope").replaceChildren(firsts(found, state.at), ...slopes(found, needs).map((text) => element("p", text)), element("p", distance(found, state.at), { class: "hint" }));
     const parts = state.view === "matters" ? [mattering(found, model, state.at), element("p", explained(found, model, state.at), { class: "hint" })]
-      : state.view === "drawing" ? ordered(found, model, state.at) : [beside(found, model, state.at, found.references[state.against])];
+      : state.view === "drawing" ? ordered(found, state.at) : [beside(found, model, state.at, found.references[state.against])];
     byId("allocation").replaceChildren(...parts);
     along.value = String(state.at);
     along.setAttribute("aria-valuetext", headline(found, state.at));

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ import pytest
 from scipy import stats
 from typer.testing import CliRunner
 
+import tolevo
 from tolevo.cli import app
 from tolevo.configuration import read
 from tolevo.errors import InputError
@@ -281,6 +283,20 @@ def test_nominal_values_outside_of_the_limits_are_a_fault(statement: str, tmp_pa
         "fewer than half of the units conform, but 99.73 % are required; move the nominal values "
         "or the limits"
     ]  # fmt: skip
+
+
+@pytest.mark.parametrize("method", ["worst_case", "rss", "shifted_rss", "monte_carlo"])
+def test_a_nominal_outside_of_its_own_limits_is_reported_for_every_method(method: str) -> None:
+    """40 cos 40 deg + sqrt(140^2 - (40 sin 40 deg + 2)^2) is 167.872 mm, and the limits begin at
+    168.9: a fault where a yield is asked for, and a note else.
+    """
+    path = Path(__file__).parents[1] / "cases" / "nominal_outside_limits" / "crank.toml"
+    content = tomllib.loads(path.read_text(encoding="utf-8"))
+    content["requirement"]["method"] = method
+    assert "167.872 mm at the nominal values, below lower = 168.9" in tolevo.check(content)
+    with pytest.raises(InputError) as caught:
+        tolevo.check(content | {"objectives": {"minimise": ["cost"]}, "limits": {"yield_percent": 99.73}})
+    assert "is 167.872 mm at the nominal values, below lower = 168.9: whatever the tolerances" in str(caught.value)
 
 
 def test_no_yield_exceeds_that_of_the_tightest_parts(tmp_path: Path) -> None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -170,5 +172,8 @@ def test_a_bound_without_some_limits_says_nothing_of_points_far_above_it() -> No
     far, near = np.array([30.0, 40.0, np.nan]), np.array([20.0, np.nan])
     kept = Proof(np.ones(3), "least cost")
     without = Proof(np.ones(3), "least cost", ("yield_percent",))
-    assert informative(kept, far) and informative(kept, near)
-    assert not informative(without, far) and informative(without, near)
+    front: Any = SimpleNamespace(n_obj=2, limits=[SimpleNamespace(name="yield_percent", count=1)])
+    assert informative(front, kept, far) and informative(front, kept, near)
+    assert not informative(front, without, far) and informative(front, without, near)
+    least: Any = SimpleNamespace(n_obj=1, limits=front.limits)  # the only limit left out: the loosest tolerances
+    assert informative(least, kept, near) and not informative(least, without, near)

@@ -12,6 +12,7 @@ import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
+import tolevo
 from tolevo.cli import app
 from tolevo.configuration import read
 from tolevo.problems.designs import designs_frame
@@ -253,7 +254,7 @@ def test_a_measured_standard_deviation_is_as_made(tmp_path: Path) -> None:
     parts.to_csv(tmp_path / "now.csv", index=False)
     told = reviewed(str(run), str(tmp_path / "now.csv"))
     kept = re.search(r"by the present parts: .* probability of ([0-9.]+) %", told)
-    costs = re.search(r"promise now is ([0-9.]+); the drawing's is ([0-9.]+)", told)
+    costs = re.search(r"promise now is ([0-9.]+); the drawing costs ([0-9.]+)", told)
     assert kept is not None
     assert costs is not None
     assert float(kept.group(1)) > 95.0
@@ -269,3 +270,25 @@ def test_a_measured_standard_deviation_is_as_made(tmp_path: Path) -> None:
                ["rod_length_2_um"])  # fmt: skip
     assert row[-3:-1] == ["as", "made"]
     assert float(row[-4]) == pytest.approx(made, rel=1e-3)
+
+
+def test_the_drawing_of_a_run_with_processes_is_what_is_reviewed(tmp_path: Path) -> None:
+    """Names of processes make a column of text: the rounded values were left out, and the cost was
+    infinite. Prices of the drawing by the list: linear between its entries.
+    """
+    case, out = Path(__file__).parents[1] / "cases" / "review_inf", tmp_path / "o"
+    done = CliRunner().invoke(app, ["run", str(case / "m_normal.toml"), "--out", str(out), "--quiet"])
+    assert done.exit_code == 0, done.output
+    told = reviewed(str(out), str(case / "neu.csv"))
+    assert "inf" not in told.split("\n\n")[0]
+    assert "nan" not in told
+    drawn = pd.read_csv(out / "allocation.csv").set_index("variable")["rounded"]
+    evaluated = tolevo.evaluate(case / "m_normal.toml", pd.DataFrame([drawn.to_dict()]))
+    found = re.search(r"now is ([\d.]+) EUR; the drawing costs ([\d.]+) EUR: a new allocation costs ([\d.]+) EUR", told)
+    assert found is not None
+    assert float(found[2]) == pytest.approx(evaluated["cost"][0], rel=1e-3)
+    assert float(found[3]) == pytest.approx(float(found[1]) - float(found[2]), abs=0.01)
+    rows = {line.split()[0]: line.split() for line in told.split("\n\n")[1].splitlines()}
+    for name in ("housing", "cover", "spacer", "shaft"):
+        assert rows[name][rows["part"].index("tolerance")] == f"{float(drawn[f'{name}_t']):g}"
+    assert np.isfinite([float(row[-1]) for name, row in rows.items() if name != "part"]).all()

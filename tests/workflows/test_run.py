@@ -29,7 +29,7 @@ FILES = {
     "front.csv", "front.parquet", "front.json", "references.csv", "convergence.csv",
     "summary.json", "config.toml", "report.html", "front.png", "front.svg",
     "checkpoint.npz", "choices.csv", "choice_sensitivity.csv", "allocation.csv", "allocation.xlsx",
-    "contributions.csv", "manifest.json", "requirements.csv", "drivers.csv", "prices.csv",
+    "contributions.csv", "manifest.json", "requirements.csv", "drivers.csv", "prices.csv", "changes.csv",
     "relaxed.csv", "tolerances.json", "drawing.html",
 }  # fmt: skip
 NEAR = {"dr_rp_mm": VariableSetting(low=-0.05, high=-0.03), "dr_p_mm": VariableSetting(low=-0.09, high=-0.06)}

@@ -12,7 +12,8 @@ from ...arrays import Array
 from ...declarations import Kind, Variable
 from ...problems.interfaces import Comparison, Drawing
 from ...problems.tolerance_problem import ToleranceProblem
-from .notation import MIDDLE, drawing_number, inspection, notation, process_of
+from ...units import drawing_number
+from .notation import MIDDLE, inspection, notation, process_of
 from .roughness import SHARE, roughness
 from .steps import without_last_digits
 

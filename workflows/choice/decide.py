@@ -16,6 +16,7 @@ from ...problems.interfaces import Accuracy, Comparison
 from ...problems.settings import Bound
 from ...problems.tolerance_problem import ToleranceProblem
 from .allocation import allocation
+from .changes import advice, changes
 from .contributions import contributions
 from .prices import prices
 from .roughness import share_of
@@ -31,8 +32,8 @@ from .tolerances import tolerances
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Decisions:
-    """The tables `choices`, `sensitivity`, `allocation`, `contributions` and `prices`; `rounding`:
-    by variable how it is rounded; `tolerances`: what a drawing and a price need to know of each;
+    """The tables `choices`, `sensitivity`, `allocation`, `contributions`, `prices` and `changes`;
+    `rounding`: by variable how it is rounded; `tolerances`: what a drawing and a price need to know of each;
     `notes`: rules that failed.
     """
 
@@ -42,6 +43,7 @@ class Decisions:
     contributions: pd.DataFrame = field(default_factory=pd.DataFrame)
     rounding: dict[str, str] = field(default_factory=dict)
     prices: pd.DataFrame = field(default_factory=pd.DataFrame)
+    changes: pd.DataFrame = field(default_factory=pd.DataFrame)
     tolerances: tuple[dict[str, Any], ...] = ()
     notes: tuple[str, ...] = ()
 
@@ -64,16 +66,23 @@ def decide(problem: ToleranceProblem, front: pd.DataFrame, settings: ChoiceSetti
     rules = {v.name: rule_message(problem, v, steps[v.name]) for v in problem.free}
     by_point = {at: " ".join(n for n, choice in choices.items() if choice == at) for at in rows}
     both = {at: (designs[at], new[at]) for at in rows}
+    tried = changes(problem, {at: designs[at] for at in _tried(problem, rows)}, grades)
     return Decisions(
-        _table(problem, front, choices, new, spread),
+        _table(problem, front, choices, new, spread, tried),
         spread,
         allocation(problem, by_point, both, grades, rules, share_of(settings)),
         contributions(problem, slopes),
         rules,
         prices(problem, front, slopes),
+        tried,
         tolerances(problem, rules, grades),
         tuple(notes),
     )
+
+
+def _tried(problem: ToleranceProblem, rows: list[int]) -> list[int]:
+    """The chosen rows whose single steps are tried: the first alone where each takes a sample."""
+    return rows[:1] if problem.declaration.sampled else rows
 
 
 def _required_bounds(settings: ChoiceSettings, choices: Mapping[str, int], at: int) -> dict[str, Bound]:
@@ -105,7 +114,12 @@ def _within_limits(front: pd.DataFrame, limits: Mapping[str, Bound]) -> NDArray[
 
 
 def _table(
-    problem: ToleranceProblem, front: pd.DataFrame, choices: dict[str, int], new: dict[int, Array], spread: pd.DataFrame
+    problem: ToleranceProblem,
+    front: pd.DataFrame,
+    choices: dict[str, int],
+    new: dict[int, Array],
+    spread: pd.DataFrame,
+    tried: pd.DataFrame,
 ) -> pd.DataFrame:
     """`choices.csv`: the chosen points, unrounded and rounded, and how sure each choice is."""
     after = Accuracy.of(problem).reported().frame(np.stack([new[at] for at in choices.values()]))
@@ -123,6 +137,11 @@ def _table(
         loss = after[name].to_numpy(dtype=float) - values
         fraction = np.divide(loss, np.abs(values), out=np.full_like(loss, np.nan), where=values != 0.0)
         table[f"rounding_loss_{name}_percent"] = 100.0 * fraction
+    records = selected.to_dict("records")
+    table["loosen_first"] = [
+        advice(problem, steps, records[at]) if len(steps := tried[tried["point"] == point]) else ""
+        for at, point in enumerate(choices.values())
+    ]
     table["rounded_feasible"] = after["feasible"]
     table["rounded_violated_limits"] = broken
     if problem.declaration.model_statement:

@@ -4,14 +4,7 @@ from __future__ import annotations
 
 from ...declarations import Kind, Variable
 from ...problems.tolerance_problem import ToleranceProblem
-
-DIGITS = 10
-"""Digits of a number on a drawing at most: the last ones of a sum are left out."""
-
-
-def drawing_number(value: float) -> str:
-    """A number as a drawing has it: 36.05, not 36.050000000000004."""
-    return f"{float(f'{value:.{DIGITS}g}'):.{DIGITS}g}"
+from ...units import drawing_number
 
 
 def notation(variable: Variable, nominal: float | None, mid: float, t: float, grade: str = "") -> str:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ...arrays import Array
 from ...problems.interfaces import Drawing
+from ...problems.limits import Limit
 from ...problems.tolerance_problem import ToleranceProblem
 from .rule import COST
 from .slopes import Slopes, tolerances_of
@@ -21,6 +22,14 @@ EDGE = 1e-6
 """Fraction of its range by which a tolerance is inside of its bounds."""
 BINDING = 1e-3
 """Fraction of a limit within which it binds."""
+NEAR_ALL = 10.0
+"""The same as a multiple of it, of what a limit in percent leaves to 100 %."""
+PERCENT = ("percent", "%")
+"""Units of outputs that end at 100."""
+ERRORS = 2.0
+"""Standard errors of a sampled value within which it is at its limit."""
+VANISHED = 1e-9
+"""Fraction of a requirement below which its change with the tolerances counts as none."""
 NEIGHBOURS = 2
 """Points on either side by which the slope of a front is taken."""
 
@@ -32,15 +41,19 @@ def prices(problem: ToleranceProblem, front: pd.DataFrame, slopes: Slopes) -> pd
     At the least cost -dC/dt_j = sum_i price_i s_i dy_i/dt_j for every tolerance inside of its
     bounds (Karush, Kuhn and Tucker), s_i -1 at a lower limit and else 1; the prices, none below 0,
     fit that best, each tolerance weighted by its width. Limits that a point does not use up have
-    the price 0. Columns: `point`, `output`, `price` (cost per unit of the output), `source`:
-    `multiplier` where the point is proven optimal (gap at most `PROVEN` %) and the conditions hold,
-    `front` where it is the slope of the front of two objectives, else `estimate`, with
-    `spread_percent`, the residual of the conditions.
+    the price 0; where no tolerance changes a requirement, as a yield of 100 %, its price is not
+    known. Columns: `point`, `output`, `unit`, `tighter` (`less` of the output, or `more` of one with
+    a lower limit), `price` (cost per unit of the output), `source`: `multiplier` where the point is
+    proven optimal (gap at most `PROVEN` %) and the conditions hold, `front` where it is the slope of
+    the front of two objectives, else `estimate`, with `spread_percent`, the residual of the
+    conditions.
     """
     names, rows = list(slopes.along), slopes.rows
     if front.empty or not names or not slopes.saved.size or COST not in front:
         return pd.DataFrame()
-    fitted, residual = _fitted(problem, slopes, *_limits_at(problem, front.iloc[rows], names))
+    binding, sides, sizes = _limits_at(problem, front.iloc[rows], names)
+    fitted, residual = _fitted(problem, slopes, binding, sides, sizes)
+    units = {output.name: output.unit for output in problem.outputs}
     sure = _proven(front)[rows] & (residual <= FITS)
     sources = np.where(sure, "multiplier", "estimate").astype(object)
     frames = []
@@ -50,14 +63,31 @@ def prices(problem: ToleranceProblem, front: pd.DataFrame, slopes: Slopes) -> pd
         if slope is not None:
             known = np.isfinite(slope[rows]) & (source == "estimate")
             price, source = np.where(known, slope[rows], price), np.where(known, "front", source)
-        frames.append(
-            pd.DataFrame({"point": rows, "output": name, "price": price, "source": source, "spread_percent": residual})
-        )
+        columns = {"point": rows, "output": name, "unit": units.get(name, "")}
+        columns |= {"tighter": np.where(sides[:, at] < 0.0, "more", "less"), "price": price, "source": source}
+        frames.append(pd.DataFrame(columns | {"spread_percent": residual}))
     return pd.concat(frames, ignore_index=True)
 
 
-def _fitted(problem: ToleranceProblem, slopes: Slopes, binding: NDArray[np.bool_], sides: Array) -> tuple[Array, Array]:
-    """Prices (n, requirements) by the conditions of an optimum, and their residual [%] (n,)."""
+def used_up(limit: Limit, front: pd.DataFrame) -> NDArray[np.bool_]:
+    """Whether points (n,) of a front use a limit up, by their margin and the error of their value."""
+    margin, error = (
+        front[name].fillna(0.0).to_numpy(dtype=float) if name in front else np.zeros(len(front))
+        for name in (f"margin_{limit.name}", f"{limit.name}_error")
+    )
+    ends = [abs(end) for end in (limit.low, limit.high) if np.isfinite(end) and end != 0.0]
+    if limit.unit in PERCENT:
+        ends += [NEAR_ALL * (100.0 - end) for end in (limit.low, limit.high) if 0.0 < end < 100.0]
+    return np.asarray(margin <= np.maximum(BINDING * min(ends, default=limit.scale), ERRORS * error))
+
+
+def _fitted(
+    problem: ToleranceProblem, slopes: Slopes, binding: NDArray[np.bool_], sides: Array, sizes: Array
+) -> tuple[Array, Array]:
+    """Prices (n, requirements) by the conditions of an optimum, and their residual [%] (n,).
+
+    NaN where tolerances do not change a requirement of such a size (n, requirements).
+    """
     free = {v.name: at for at, v in enumerate(problem.free)}
     tolerances = tolerances_of(problem)
     designs, save = slopes.designs, slopes.saved
@@ -79,6 +109,10 @@ def _fitted(problem: ToleranceProblem, slopes: Slopes, binding: NDArray[np.bool_
             continue
         matrix = along[row][inner][:, used] * sides[row, used]
         size = np.linalg.norm(matrix, axis=0)
+        known = size > VANISHED * sizes[row, used]
+        if not np.any(known):
+            continue
+        used, matrix, size = used[known], matrix[:, known], size[known]
         scaled = matrix / np.where(size > 0.0, size, 1.0)
         solution, residual = _above_zero(scaled, right)
         prices[row, used] = np.divide(solution, size, out=np.zeros_like(size), where=size > 0.0)
@@ -95,19 +129,23 @@ def _above_zero(matrix: Array, right: Array) -> tuple[Array, float]:
     return x, float(np.linalg.norm(matrix @ x - right))
 
 
-def _limits_at(problem: ToleranceProblem, front: pd.DataFrame, names: list[str]) -> tuple[NDArray[np.bool_], Array]:
-    """Which requirements (n, requirements) are used up (objectives always are), and their sides: -1
-    where the nearer limit is a lower one, else 1.
+def _limits_at(
+    problem: ToleranceProblem, front: pd.DataFrame, names: list[str]
+) -> tuple[NDArray[np.bool_], Array, Array]:
+    """Which requirements (n, requirements) are used up (objectives always are), their sides: -1
+    where the nearer limit is a lower one, else 1; and their sizes: infinite where 100 % is asked for.
     """
     binding, sides = np.ones((len(front), len(names)), dtype=bool), np.ones((len(front), len(names)))
+    sizes = np.abs(front[names].to_numpy(dtype=float)) if set(names) <= set(front) else np.ones(sides.shape)
     limits = {limit.name: limit for limit in problem.limits}
     for at, name in enumerate(names):
         if name not in problem.objectives:
             limit, value = limits[name], front[name].to_numpy(dtype=float)
-            scale = max(abs(bound) for bound in (limit.low, limit.high) if np.isfinite(bound))
-            binding[:, at] = front[f"margin_{name}"].to_numpy(dtype=float) <= BINDING * (scale or limit.scale)
+            binding[:, at] = used_up(limit, front)
             sides[value - limit.low < limit.high - value, at] = -1.0
-    return binding, sides
+            if limit.unit in PERCENT and limit.low >= 100.0:  # no more of it can be had, and no less be told
+                sizes[:, at] = np.inf
+    return binding, sides, sizes
 
 
 def _proven(front: pd.DataFrame) -> NDArray[np.bool_]:

@@ -65,20 +65,15 @@ def review(
         least = cheapest(cheapest_at(reset, {}), _full(reset, design))
     if reset is not None and np.isfinite(least.cost):
         # standard deviations estimated from parts cost the same in both
-        cost = float(reset.cost_of(_full(reset, design)[None, :])[0])
-        side = "saves" if least.cost < cost else "costs"
-        lines.append(
-            f"the least cost that keeps the promise now is {least.cost:.4g}; the drawing's "
-            f"is {cost:.4g}: a new allocation {side} {abs(cost - least.cost):.4g} "
-            f"({100.0 * abs(1.0 - least.cost / cost):.2g} %), {_compliance(reset, least.design)}"
-        )
+        lines.append(_compared(reset, least, float(reset.cost_of(_full(reset, design)[None, :])[0])))
     else:
         lines.append("no allocation keeps the promise by the present parts, even at the tightest tolerances")
     then, latest = characteristics(before), characteristics(now)
     shown = [name for name, measured in then.items() if name in made or not measured.fixed or measured.stated]
     saved = _savings(reset or before, design, least.design)
     rows = [
-        _row(then[name], latest[name], design, least.design, name in made) | {"saving": saved[then[name].at]}
+        _row(then[name], latest[name], design, least.design, name in made)
+        | {"process": _new_process(now, then[name], design, least.design), "saving": saved[then[name].at]}
         for name in shown
     ]
     for name in made:
@@ -91,6 +86,20 @@ def review(
     return Review(tuple(lines), pd.DataFrame(rows))
 
 
+def _compared(problem: ToleranceProblem, least: Least, cost: float) -> str:
+    """The least cost by the present parts in comparison with the cost of the drawing."""
+    currency = problem.settings.money.currency
+    text = f"the least cost that keeps the promise now is {f'{least.cost:.4g} {currency}'.rstrip()}"
+    now = f"with it {_compliance(problem, least.design)}"
+    if not np.isfinite(cost):
+        return f"{text}; what the drawing costs is not known, for no price of its values is stated; {now}"
+    difference = f"{abs(cost - least.cost):.4g} {currency}".rstrip()
+    change = f"saves {difference}" if least.cost < cost else f"costs {difference} more"
+    percent = f"{100.0 * abs(1.0 - least.cost / cost):.2g} %" if cost > 0.0 else "the drawing is free"
+    drawn = f"{cost:.4g} {currency}".rstrip()
+    return f"{text}; the drawing costs {drawn}: a new allocation {change} ({percent}); {now}"
+
+
 def _full(problem: ToleranceProblem, design: Mapping[str, float]) -> Array:
     """A full design (all variables,) with the tolerances of the drawing."""
     full = problem.corner(tight=True) if isinstance(problem, Stack) else problem.complete(problem.xl[None, :])[0]
@@ -100,14 +109,34 @@ def _full(problem: ToleranceProblem, design: Mapping[str, float]) -> Array:
 
 
 def _savings(problem: ToleranceProblem, design: Mapping[str, float], new_design: Array) -> Array:
-    """The saving (all,) of each value of a new design alone, from the cost of the drawing."""
-    full = _full(problem, design)
+    """The saving (all,) of each value of a new design alone, from the cost of the drawing; that of a
+    tolerance together with its process. NaN where it is not known.
+    """
+    full, names = _full(problem, design), problem.names
     changed = np.repeat(full[None, :], len(full), axis=0)
     np.fill_diagonal(changed, new_design)
+    for at, name in enumerate(names):
+        if (process := f"{name.removesuffix('_t')}_process") in names:
+            changed[at, names.index(process)] = new_design[names.index(process)]
     known = np.isfinite(new_design)
-    savings = np.full(len(full), np.nan)
-    savings[known] = problem.cost_of(full[None, :])[0] - problem.cost_of(changed[known])
-    return savings
+    costs = np.full(len(full) + 1, np.nan)
+    costs[0] = problem.cost_of(full[None, :])[0]
+    costs[1:][known] = problem.cost_of(changed[known])
+    costs[~np.isfinite(costs)] = np.nan
+    return np.asarray(costs[0] - costs[1:])
+
+
+def _new_process(
+    problem: ToleranceProblem, part: Characteristic, design: Mapping[str, float], new_design: Array
+) -> object:
+    """The process of a part in a new design, where it is another than on the drawing; else NaN."""
+    name = f"{part.tolerance.removesuffix('_t')}_process"
+    if name not in problem.names:
+        return np.nan
+    at = problem.names.index(name)
+    new, labels = new_design[at], problem.variables[at].labels
+    same = not np.isfinite(new) or round(float(new)) == round(float(design.get(name, new)))
+    return np.nan if same or not labels else labels[round(float(new))]
 
 
 def _compliance(problem: ToleranceProblem, design: Array) -> str:

@@ -38,6 +38,7 @@ NEEDED = {
     "requirements": ("requirement", "multiplier_cost_per_unit"),
     "drivers": ("part", "driven_by"),
     "prices": ("point", "output", "price", "source"),
+    "changes": ("point", "variable", "to", "cost_change", "breaks"),
     "relaxed": ("label",),
     "promise": ("statement", "cost", "assurance_percent"),
     "next_parts": ("part", "shadow_gain"),

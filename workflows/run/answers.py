@@ -2,63 +2,74 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from ...algorithms.exact.bounds import Proof
+from ...algorithms.exact.solver import closed_form
 from ...problems.interfaces import Documented
 from ...problems.limits import Limit
+from ...problems.settings import Bound
 from ...problems.tolerance_problem import ToleranceProblem
-from ...records import RunResult, unit_of_cost
-from ...units import split_unit
+from ...records import RunResult
+from ...units import drawing_number, plain_number
+from ..choice.changes import step_words, words
+from ..choice.prices import PERCENT, used_up
+from ..promise.anew import cheapest_at
+from ..promise.least import cheapest
 from ..promise.limits import promised_limits
 from .choices import chosen_point
 from .proofs import EXACT, distance_words, informative, percent
 from .references import gain_column
 
 COST = "cost"
+ROUGH = 30.0
+"""Residual of the conditions of an optimum [percent] beyond which they give no price in a sentence."""
 ALIKE = 1e-9
 """Relative difference below which two values count as equal."""
 TENTH = 0.1
-"""Fraction of a limit by which it is loosened, to state its price."""
-NEAR = 1e-3
-"""Fraction of a limit within which a point counts as being at it."""
+"""Fraction of a limit by which it is loosened, to state what that saves."""
+SMALL = 0.01
+"""The same where its price is known alone, which holds for small changes."""
 
 
 def answers(result: RunResult, problem: ToleranceProblem, proven: Proof) -> dict[str, str]:
-    """`asked`, `found`, `published`, `limits` and `proof`: a sentence or two each.
+    """`asked`, `found`, `published`, `limits`, `loosen` and `proof`: a sentence or two each.
 
-    `proven` are the bounds of the front. Only `asked` where the front is
-    empty.
+    `proven` are the bounds of the front. Only `asked` where the front is empty; `published` where a
+    document prints an allocation, `loosen` where single steps of the tolerances were tried.
     """
-    sentences = Sentences(result, problem)
+    sentences = Sentences(result, problem, proven)
     asked = {"asked": sentences.request()}
     if result.front.empty:
         return asked
-    return asked | {
+    stated = {
         "found": sentences.outcome(),
         "published": sentences.published(),
         "limits": sentences.of_limits(),
-        "proof": sentences.proof(proven),
+        "loosen": sentences.loosening(),
+        "proof": sentences.proof(),
     }
+    return asked | {name: text for name, text in stated.items() if text}
 
 
 class Sentences:
     """The sentences of one run."""
 
-    def __init__(self, result: RunResult, problem: ToleranceProblem) -> None:
-        self.result, self.problem = result, problem
+    def __init__(self, result: RunResult, problem: ToleranceProblem, proven: Proof) -> None:
+        self.result, self.problem, self.proven = result, problem, proven
         self.units = {o.name: o.unit for o in problem.outputs}
         self.units |= {v.name: v.unit for v in problem.variables}
-        self.units[COST] = unit_of_cost(result.summary)
+        self.units[COST] = problem.settings.money.currency
         self.names = list(problem.objectives)
         self.point = chosen_point(result)
 
     def value(self, name: str, value: float) -> str:
         """Like "backlash 1.04 arcmin"."""
-        return f"{words(name)} {value:.4g} {self.units.get(name, '')}".rstrip()
+        return f"{words(name)} {plain_number(value)} {self.units.get(name, '')}".rstrip()
 
     def row(self, row: Any, names: list[str] | None = None) -> str:
         return ", ".join(self.value(name, float(row[name])) for name in names or self.names)
@@ -83,8 +94,8 @@ class Sentences:
 
     def limit(self, limit: Limit) -> str:
         unit = f" {limit.unit}".rstrip()
-        ends = [f"at least {limit.low:.4g}{unit}"] if np.isfinite(limit.low) else []
-        ends += [f"at most {limit.high:.4g}{unit}"] if np.isfinite(limit.high) else []
+        ends = [f"at least {drawing_number(limit.low)}{unit}"] if np.isfinite(limit.low) else []
+        ends += [f"at most {drawing_number(limit.high)}{unit}"] if np.isfinite(limit.high) else []
         return f"{words(limit.name)} {' and '.join(ends)}"
 
     def outcome(self) -> str:
@@ -95,7 +106,7 @@ class Sentences:
             more = f" (with {self.row(row, limited)})" if limited else ""
             return f"Found: {self.row(row)}{more}."
         ends = ", ".join(
-            f"{words(n)} {front[n].min():.4g} to {front[n].max():.4g} {self.units.get(n, '')}".rstrip()
+            f"{words(n)} {plain_number(front[n].min())} to {self.value('', float(front[n].max())).strip()}"
             for n in self.names
         )
         choices = self.result.choices
@@ -107,7 +118,7 @@ class Sentences:
         for row in self.result.references.to_dict("records"):
             if row["label"] in printed:
                 return self._comparison({str(name): value for name, value in row.items()})
-        return "No published allocation of this problem is known, so nothing can be compared."
+        return ""
 
     def _comparison(self, row: dict[str, Any]) -> str:
         label, broken = str(row["label"]), str(row["violated_limits"]).split()
@@ -147,44 +158,115 @@ class Sentences:
     def of_limits(self) -> str:
         limits = [o for o in self.problem.limits if o.count and o.name != COST]
         if not limits:
-            return "No limits are set in addition to the objectives, so none adds to the cost."
-        row = self.result.front.iloc[self.point]
-        held = [o for o in limits if self._used(o, row)]
-        where = "At the one point" if len(self.result.front) == 1 else "At this point"
+            return "No limits are set in addition to the objectives."
+        row = self.result.front.iloc[[self.point]]
+        held = [o for o in limits if used_up(o, row)[0]]
         if not held:
-            return f"{where} every limit is kept with a margin, so none adds to the cost there."
-        return " ".join(self._cost_of(limit, where) for limit in held)
+            return f"{self._here} every limit is kept with a margin{self._held_back([o.name for o in limits])}."
+        saved = {limit.name: self._cost_of(limit) for limit in held}
+        unknown = [self.limit(limit) for limit in held if not saved[limit.name]]
+        if unknown:
+            plural = ("limit of", "binds", "it") if len(unknown) == 1 else ("limits of", "bind", "them")
+            what = f"{self._here} the {plural[0]} {listed(unknown)} {plural[1]}"
+            saved[""] = f"{what}; what loosening {plural[2]} would save is not known."
+        return " ".join(filter(None, saved.values()))
 
-    def _used(self, limit: Limit, row: pd.Series) -> bool:
-        scale = max(abs(b) for b in (limit.low, limit.high) if np.isfinite(b)) or limit.scale
-        return float(row[f"margin_{limit.name}"]) <= NEAR * scale
+    @property
+    def _here(self) -> str:
+        return "At this allocation"
 
-    def _cost_of(self, limit: Limit, where: str) -> str:
-        text = self.limit(limit)
+    @property
+    def _cost(self) -> float:
+        return float(self.result.front.iloc[self.point].get(COST, np.nan))
+
+    def money(self, amount: float) -> str:
+        return f"{plain_number(amount, 3)} {self.units[COST]}".rstrip()
+
+    def _held_back(self, limits: list[str]) -> str:
+        """What is known of limits that a point keeps with a margin: what the cost is without them,
+        which single steps they forbid, or that it is not known.
+        """
+        none = ", and none adds to the cost"
+        if self._cost <= self.floor + ALIKE * abs(self._cost):
+            return f"{none}: nothing in the ranges is cheaper"
+        without = self._solved(dict.fromkeys(limits, Bound()))
+        if without is not None and self._cost - without <= EXACT / 100.0 * abs(self._cost):
+            return f"{none} (solved without them)"
+        tried = self._tried()
+        blocked = tried[(tried["breaks"] != "") & (tried["cost_change"] < 0.0)] if len(tried) else tried
+        if without is not None:
+            return f", but without them the least cost would be {self.money(self._cost - without)} lower"
+        if len(blocked):
+            step = blocked.sort_values("cost_change", kind="stable").iloc[0].to_dict()
+            saved = self.money(-float(step["cost_change"]))
+            return f", but they hold steps back: {step_words(step)}, would save {saved}, and breaks {step['broken']}"
+        return "; whether one of them adds to the cost is not known"
+
+    @property
+    def floor(self) -> float:
+        """The least cost of the ranges, whatever the limits; -inf where it is not known."""
+        return float(self.problem.interval(COST)[0])
+
+    def _tried(self) -> pd.DataFrame:
+        """The single steps that were tried at the point."""
+        tried = self.result.changes
+        return pd.DataFrame() if tried is None else tried[tried["point"] == self.point]
+
+    def loosening(self) -> str:
+        choices = self.result.choices
+        return "" if choices is None or choices.empty else str(choices["loosen_first"].iloc[0])
+
+    def _solved(self, limits: Mapping[str, Bound]) -> float | None:
+        """The least cost with other limits at the point's other objectives; None where it has no
+        closed form that solves it.
+        """
+        row = self.result.front.iloc[self.point]
+        levels = {name: float(row[name]) for name in self.names if name != COST}
+        if COST not in self.names or set(limits) & promised_limits(self.problem):
+            return None
+        relaxed = cheapest_at(self.problem.relaxed(limits), {n: v + ALIKE * abs(v) for n, v in levels.items()})
+        if not any(limit.count for limit in relaxed.limits):
+            return self.floor
+        form = closed_form(relaxed)
+        if form is None or not form.exact:
+            return None
+        cost = cheapest(relaxed).cost
+        return cost if np.isfinite(cost) else None
+
+    def _cost_of(self, limit: Limit) -> str:
+        """What loosening a limit that binds would save; empty where it is not known."""
+        binds = f"{self._here} the limit of {self.limit(limit)} binds"
+        lower = float(self.result.front.iloc[self.point][limit.name]) - limit.low < self._above(limit)
+        step = _step(limit, lower)
+        end = limit.low - step if lower else limit.high + step
+        looser = Bound(end, limit.high) if lower else Bound(limit.low, end)
+        unit = f" {limit.unit}".rstrip()
+        change = f"{'lowering' if lower else 'raising'} it to {drawing_number(end)}{unit}"
+        now, then = (self._solved({limit.name: bound}) for bound in (Bound(limit.low, limit.high), looser))
+        if now is not None and then is not None:
+            return f"{binds}: {change} would save {self.money(max(now - then, 0.0))} (solved again)."
         priced = self._price(limit.name)
         if priced is not None:
             price, proven = priced
             how = "by the multiplier of the proven optimum" if proven else "estimated by the conditions of an optimum"
-            step = _step(limit)
-            unit = f" {limit.unit}".rstrip()
-            cost = f" {self.units[COST]}".rstrip()
-            return (
-                f"{where} the limit of {text} binds: loosening it by {step:.3g}{unit} would "
-                f"save about {price * step:.3g}{cost} ({how})."
-            )
-        relaxed = self._relaxed(limit.name)
-        return relaxed or (
-            f"{where} the limit of {text} binds; its price is not known, because the model gives no derivative of it."
-        )
+            small = _step(limit, lower, SMALL)
+            change = f"{'lowering' if lower else 'raising'} it by {drawing_number(small)}{unit}"
+            if price * small <= max(self._cost - self.floor, 0.0):
+                return f"{binds}: {change} would save about {self.money(price * small)} ({how})."
+        return self._relaxed(limit.name)
+
+    def _above(self, limit: Limit) -> float:
+        return limit.high - float(self.result.front.iloc[self.point][limit.name])
 
     def _price(self, name: str) -> tuple[float, bool] | None:
         prices = self.result.prices
         if prices is None:
             return None
-        priced = prices[(prices["output"] == name) & np.isfinite(prices["price"])]
-        if priced.empty or priced["price"].max() <= 0.0:
+        at_point = (prices["output"] == name) & (prices["point"] == self.point) & (prices["price"] > 0.0)
+        at_point &= (prices["source"] != "estimate") | (prices["spread_percent"] <= ROUGH)
+        if not np.any(at_point):
             return None
-        row = priced.iloc[int((priced["point"] - self.point).abs().to_numpy().argmin())]
+        row = prices[at_point].iloc[0]
         return float(row["price"]), row["source"] == "multiplier"
 
     def _relaxed(self, name: str) -> str:
@@ -211,12 +293,13 @@ class Sentences:
                 )
         return ""
 
-    def proof(self, proven: Proof) -> str:
+    def proof(self) -> str:
+        proven = self.proven
         gap = self.result.front["gap_percent"].to_numpy(dtype=float)
         if np.all(np.isnan(gap)):
             why = proven.missing or proven.statement or "there is no bound of the cost"
             return f"How far the points are from the optimum is not proven ({why})."
-        if not informative(proven, gap):
+        if not informative(self.problem, proven, gap):
             return (
                 "How far the points are from the optimum is not known: the proven bound is not informative, because it "
                 f"leaves out limits that hold them back ({proven.statement})."
@@ -237,14 +320,13 @@ class Sentences:
         )
 
 
-def _step(limit: Limit) -> float:
-    """A tenth of a limit; for a lower limit in percent at most a tenth of its distance to 100 %."""
-    if np.isfinite(limit.high):
-        return abs(limit.high) * TENTH or 1.0
-    remaining = 100.0 - limit.low if limit.unit == "percent" else np.inf
-    return min(abs(limit.low), remaining if remaining > 0.0 else np.inf) * TENTH or 1.0
+def listed(texts: list[str]) -> str:
+    """Like "a, b and c"."""
+    return " and ".join([*([", ".join(texts[:-1])] if len(texts) > 1 else []), texts[-1]])
 
 
-def words(name: str) -> str:
-    """A column as words, without its unit."""
-    return split_unit(name)[0].replace("_", " ").replace(".", " ")
+def _step(limit: Limit, lower: bool, part: float = TENTH) -> float:
+    """A part of the distance of a limit from zero, or of a least percentage from 100 %."""
+    end = limit.low if lower else limit.high
+    remaining = 100.0 - end if lower and limit.unit in PERCENT and end < 100.0 else np.inf
+    return float(f"{min(abs(end), remaining) * part:.2g}") or limit.scale * part

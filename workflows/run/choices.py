@@ -31,6 +31,7 @@ TABLES = {
     "requirements": "requirements.csv",
     "drivers": "drivers.csv",
     "prices": "prices.csv",
+    "changes": "changes.csv",
     "relaxed": "relaxed.csv",
     "promise": "promise.csv",
     "next_parts": "next_parts.csv",
@@ -60,6 +61,7 @@ def with_choices(result: RunResult, decisions: Decisions, plan: RunPlan, exact: 
         allocation=_none_if_empty(decisions.allocation),
         contributions=_none_if_empty(decisions.contributions),
         prices=_none_if_empty(decisions.prices),
+        changes=_none_if_empty(decisions.changes),
         tolerances=decisions.tolerances,
         exact_front=exact_table(plan.problem, exact),
     )

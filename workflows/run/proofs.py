@@ -45,10 +45,14 @@ class Exact:
     hypervolume: float
 
 
-def informative(proven: Proof, gap_percent: NDArray[np.float64]) -> bool:
+def informative(problem: ToleranceProblem, proven: Proof, gap_percent: NDArray[np.float64]) -> bool:
     """Whether bounds say something of points (n,) that lie so far above them: where limits are
-    left out, the points may be held back by those alone.
+    left out, the points may be held back by those alone. Where that are all limits of a least cost,
+    the bound is the cost of the loosest tolerances, and says nothing.
     """
+    limits = {limit.name for limit in problem.limits if limit.count}
+    if problem.n_obj == 1 and limits and limits <= set(proven.omitted_limits):
+        return False
     return not proven.omitted_limits or bool(np.nanmedian(gap_percent) <= INFORMATIVE)
 
 
@@ -175,9 +179,10 @@ def end_notes(problem: ToleranceProblem, front: pd.DataFrame) -> list[str]:
         (names[0], float(front[names[0]].min()), None if least is None else least.value),
         ("cost", float(front["cost"].min()), cheapest),
     ]
+    units = {output.name: f" {output.unit}".rstrip() for output in problem.outputs}
     return [
-        f"end of the front: the least {name} is {reached:.4g}; none below {proven:.4g} is possible "
-        f"({_missing(reached, proven)} missing at most)"
+        f"end of the front: the least {name} is {reached:.4g}{units[name]}; none below {proven:.4g}{units[name]} is "
+        f"possible ({_missing(reached, proven)} missing at most)"
         for name, reached, proven in ends
         if proven is not None and np.isfinite(proven)
     ]
@@ -190,12 +195,12 @@ def _missing(reached: float, proven: float) -> str:
     return percent(100.0 * (reached - proven) / proven)
 
 
-def proof_notes(front: pd.DataFrame, proven: Proof) -> list[str]:
+def proof_notes(problem: ToleranceProblem, front: pd.DataFrame, proven: Proof) -> list[str]:
     """What the page and the terminal say of the proof."""
     gap = front["gap_percent"].to_numpy(dtype=float)
     if not len(gap) or np.all(np.isnan(gap)):
         return [proven.statement] if len(gap) else []
-    if not informative(proven, gap):
+    if not informative(problem, proven, gap):
         return [
             f"the bound is not informative: the points lie {np.nanmedian(gap):.3g} % above it "
             f"in the median, because it leaves out limits that hold them back ({proven.statement})"

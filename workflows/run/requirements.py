@@ -71,12 +71,14 @@ def _table(problem: ToleranceProblem, limits: Array, optimum: Optimum, combinati
     fractions = _fractions(optimum, combination)
     rows = []
     for at, name in enumerate(form.outputs):
-        unit = "" if np.isfinite(form.own_limits[at]) else units.get(name, "")
+        part, unit = form.labels[at] if form.labels else ("", "")
+        unit = unit or ("" if np.isfinite(form.own_limits[at]) else units.get(name, ""))
         top = [int(j) for j in np.argsort(-fractions[at])[:DRIVEN] if fractions[at, j] > 0.0]
         names = [f"{form.features[j].variable} {100.0 * fractions[at, j]:.0f} %" for j in top]
         rows.append(
             {
                 "requirement": name,
+                "row": part or name,
                 "unit": unit,
                 "limit": limits[at],
                 "value": values[at],

@@ -25,6 +25,8 @@ from ...problems.designs import designs_frame
 from ...problems.interfaces import Checks, Page, WithEffects
 from ...problems.tolerance_problem import ToleranceProblem
 from ...records import Axis, RunResult, mechanism_lines, model_lines
+from ...units import plain_number
+from ..choice.changes import against, words
 from ..choice.decide import decide
 from ..choice.roughness import roughness_assumptions
 from ..execution import Execution, pinned
@@ -40,7 +42,7 @@ from .promised import with_capability, with_promise
 from .proofs import Exact, end_notes, exact_front, measures, proof_notes, solved_front, with_bounds
 from .reach import searchable
 from .reducer_fronts import REDUCERS, store_reducer_fronts
-from .references import compare, documents, side_searches, table
+from .references import compare, documents, side_searches, table, violated
 from .requirements import with_requirements
 from .resume import CHECKPOINT, CONFIGURATION, notes_of, opened, seconds_before
 from .sides import Fronts, Sides
@@ -98,15 +100,16 @@ def _run(
         checkpoint.write()
         raise
     checkpoint.write()
+    miss = nearest_miss(plan.problem, search_result) if result.front.empty else pd.DataFrame()
     if result.front.empty:
-        write_text(out / MISS, csv_text(nearest_miss(plan.problem, search_result)))
+        write_text(out / MISS, csv_text(miss))
     if len(search_result.failed):
         listed = designs_frame(plan.problem, plan.problem.complete(search_result.failed))
         write_text(out / FAILED, csv_text(listed))
     write(result, out)
     status = str(result.summary["status"])
     place.complete(status)
-    return RunOutcome(status, out, _lines(result, status, out, lines), result)
+    return RunOutcome(status, out, _lines(result, status, out, lines, _broken(plan.problem, miss)), result)
 
 
 def _concluded(
@@ -143,7 +146,7 @@ def _concluded(
     failures = _failure_notes(search_result)
     notes = (*failures, *warned, *remarks, *resume_notes, *_notes(references, dropped, joined))
     decisions = decide(plan.problem, front, plan.choice)
-    proven = (*proof_notes(front, front_proof), *end_notes(plan.problem, front), *notes, *decisions.notes)
+    proven = (*proof_notes(plan.problem, front, front_proof), *end_notes(plan.problem, front), *notes, *decisions.notes)
     summary = _summary(plan, search_result, front, status, proven, time.monotonic() - start)
     summary |= measures(search_result, front, front_proof, exact)
     summary |= drawn(plan.problem, front) | ({"alternatives": alternative_costs} if alternative_costs else {})
@@ -158,7 +161,7 @@ def _concluded(
     result = with_assumptions(result, plan.problem, search_result.history, progress)
     if before is not None:
         result = replace(result, before=before, moved=effects.moved(plan.problem, before, front))
-    return result, proof_notes(front, front_proof)
+    return result, proof_notes(plan.problem, front, front_proof)
 
 
 def _interrupted(
@@ -290,10 +293,12 @@ def _notes(references: pd.DataFrame, dropped: int, joined: int) -> list[str]:
         if row["violated_limits"]
     ]
     if joined:
+        were, points = ("reference was", "it dominates"), ("references were", "they dominate")
+        added, beaten = were if joined == 1 else points
+        removed = {0: "no point", 1: "one point"}.get(dropped, f"{dropped} points")
         notes.append(
-            f"{joined} of the references were added to the front, because the search had found nothing as good; "
-            f"{dropped} points that they dominate were removed. The gains in the table of references are those of the "
-            "search's own front"
+            f"the search found nothing as good as {joined} of the references: {joined} {added} added to the front, and "
+            f"{removed} that {beaten} removed; the table of references compares them with the front of the search alone"
         )
     return notes
 
@@ -310,7 +315,15 @@ def _failure_notes(search_result: SearchResult) -> list[str]:
     ]
 
 
-def _lines(result: RunResult, status: str, out: Path, proof_lines: Sequence[str]) -> tuple[str, ...]:
+def _broken(problem: ToleranceProblem, miss: pd.DataFrame) -> str:
+    """The limits that the nearest miss breaks, with its values."""
+    rows = miss.to_dict("records")
+    names = {name for row in rows for name in violated(problem, row)}
+    limits = [limit for limit in problem.limits if limit.name in names]
+    return "; ".join(f"{words(o.name)} {against(float(rows[0][o.name]), o)}" for o in limits)
+
+
+def _lines(result: RunResult, status: str, out: Path, proof_lines: Sequence[str], broken: str) -> tuple[str, ...]:
     """A short summary for the terminal; `proof_lines` are left out where the answers state them."""
     lines = [
         f"{status}: {len(result.front)} Pareto points, {result.summary['evaluations']} "
@@ -321,7 +334,7 @@ def _lines(result: RunResult, status: str, out: Path, proof_lines: Sequence[str]
     for row in result.references.to_dict("records"):
         compliance = "meets all limits" if row["feasible"] else f"breaks {row['violated_limits']}"
         values = ", ".join(
-            f"{axis.name} {row[axis.name]:.4g} {axis.unit if axis.name == 'cost' else ''}".rstrip()
+            f"{axis.name} {plain_number(row[axis.name])} {axis.unit if axis.name == 'cost' else ''}".rstrip()
             for axis in result.objectives
         )
         lines.append(f"reference {row['label']}: {values}; {compliance}")
@@ -329,7 +342,7 @@ def _lines(result: RunResult, status: str, out: Path, proof_lines: Sequence[str]
     lines += [f"note: {note}" for note in result.notes if note not in answered]
     if status == "no_feasible_point":
         lines.append(
-            f"the nearest miss is in {out / 'nearest_miss.csv'}; relax the limit it "
+            f"the nearest miss is in {out / 'nearest_miss.csv'}{f' ({broken})' if broken else ''}; relax the limit it "
             "breaks, widen the ranges or raise the budget"
         )
     return tuple(lines)

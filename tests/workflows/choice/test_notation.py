@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 
 from tolevo.declarations import Kind, Variable
-from tolevo.workflows.choice.notation import drawing_number, inspection, notation
+from tolevo.units import drawing_number
+from tolevo.workflows.choice.notation import inspection, notation
 
 
 @pytest.mark.parametrize(
