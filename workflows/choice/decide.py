@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from ...arrays import Array
 from ...problems.designs import designs_of
 from ...problems.interfaces import Accuracy, Comparison
+from ...problems.limits import limits_of
 from ...problems.settings import Bound
 from ...problems.tolerance_problem import ToleranceProblem
 from .allocation import allocation
@@ -104,13 +105,14 @@ def points_of(problem: ToleranceProblem, front: pd.DataFrame, settings: ChoiceSe
         names,
         cost,
         weights / weights.sum(),
-        _within_limits(front, settings.limits) if settings.limits else None,
+        _within_limits(problem, front, settings.limits) if settings.limits else None,
         settings.budget,
     )
 
 
-def _within_limits(front: pd.DataFrame, limits: Mapping[str, Bound]) -> NDArray[np.bool_]:
-    return np.asarray(np.all([front[name].between(bound.low, bound.high) for name, bound in limits.items()], axis=0))
+def _within_limits(problem: ToleranceProblem, front: pd.DataFrame, bounds: Mapping[str, Bound]) -> NDArray[np.bool_]:
+    limits = limits_of(bounds, problem.outputs, problem.variables)
+    return np.asarray(np.all([limit.kept(front[limit.name].to_numpy(dtype=float)) for limit in limits], axis=0))
 
 
 def _table(
