@@ -15,6 +15,8 @@ from .epsilon import scale_of
 
 POINTS = 40
 """Points of a front that are tested on fresh units at most."""
+CANDIDATES = 500
+"""Designs of the archive that take the place of a result of which no point keeps its limits."""
 
 
 def finished(run: Run, polish: bool) -> None:
@@ -41,33 +43,43 @@ def finished(run: Run, polish: bool) -> None:
 def secured(run: Run) -> None:
     """Replace points of the result that break a limit as reported, though they keep it in the search.
 
-    They are solved again with their limits moved by the difference. One point whose limits take a
-    sample is in any case: it may keep them with a margin by chance.
+    A single point is solved again with its limits moved by the difference, in any case where they take
+    a sample: it may keep them with a margin by chance. Points of a front are moved inside their limits.
+    Where none keeps them after that, others of the archive are candidates.
     """
-    problem, alone = run.problem, run.problem.n_obj == 1
+    problem, alone, x = run.problem, run.problem.n_obj == 1, run.chosen
     smooth = Accuracy.of(problem).smooth()
     sampled = smooth is not problem
-    x = run.chosen if len(run.chosen) else _front(run)
+    if not (alone or sampled):
+        return
+    archived = run.archive.arrays()[0]
+    if not len(x):
+        x = _front(run, max(POINTS, len(archived)))
     if not len(x) and sampled:
         x = run.archive.miss
     if not len(x):
         return
-    broken = np.any(problem.tested(x)[1] > 0.0, axis=1)
-    if not np.any(broken) and not (alone and sampled):
+    f, g = problem.tested(x)
+    broken = np.any(g > 0.0, axis=1)
+    if not np.all(broken) and not (sampled and (alone or np.any(broken))):
         return
-    if not (alone or sampled or np.all(broken)):
-        return
+    rows = np.flatnonzero(broken)
+    if alone:
+        rows = np.lexsort([f[:, 0], broken])[:1]
     free, unit = Run(smooth, Budget(), seed=0), scale_of(problem)
     run.chosen = x[~broken]
-    for done, vector in enumerate(x if alone else x[broken]):
-        run.phase("fresh units", done / len(x))
+    for done, vector in enumerate(x[rows[np.unique(np.linspace(0, len(rows) - 1, POINTS).astype(int))]]):
+        run.phase("fresh units", done / len(rows))
         branch = Branch(free, vector, unit)
         y = branch.smooth.scaled(vector[None, :])[0]
-        run.choose(feasible_afresh(free, branch, y, branch.smooth.values(y)[0], search=True))
+        run.choose(feasible_afresh(free, branch, y, branch.smooth.values(y)[0], search=alone))
+    if len(archived) and np.all(np.any(problem.tested(run.chosen)[1] > 0.0, axis=1)):
+        order = np.lexsort(run.archive.arrays()[1].T[::-1])
+        run.choose(archived[order[np.unique(np.linspace(0, len(order) - 1, CANDIDATES).astype(int))]])
 
 
-def _front(run: Run) -> Array:
-    """Search vectors (n, variables) along the front of the archive, at most `POINTS`."""
+def _front(run: Run, most: int = POINTS) -> Array:
+    """Search vectors (n, variables) along the front of the archive, at most so many."""
     x, f = run.archive.arrays()
     if not len(x):
         return x
@@ -75,7 +87,7 @@ def _front(run: Run) -> Array:
         return np.asarray(x[[int(np.argmin(f[:, 0]))]])
     rows = np.flatnonzero(nondominated(f))
     rows = rows[np.lexsort(f[rows].T[::-1])]
-    some = np.unique(np.linspace(0, len(rows) - 1, POINTS).astype(int))
+    some = np.unique(np.linspace(0, len(rows) - 1, most).astype(int))
     return np.asarray(x[rows[some]])
 
 

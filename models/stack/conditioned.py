@@ -216,7 +216,7 @@ class Course:
             z = weight + difference * z
         z = np.clip(z, self.nodes[0], self.nodes[-1])
         below, above = (away[0] < 0.0, away[-1] > 0.0) if self.rising else (away[0] > 0.0, away[-1] < 0.0)
-        return np.where(below, self.nodes[0], np.where(above, self.nodes[-1], z))
+        return np.asarray(np.where(below, self.nodes[0], np.where(above, self.nodes[-1], z)))
 
     def reached(self, level: float) -> Array | None:
         """z_i (m,) at which y is a level, by the secant method; None where it is missed by more than `CLOSE`."""

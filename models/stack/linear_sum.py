@@ -64,9 +64,11 @@ class Table:
         low, high = law.support
         reach = max(high - mean, mean - low)
         step = 2.0 * np.pi / (NODE * POINTS)
-        edges = -1.0 + step * np.arange(int(np.ceil(2.0 / step)) + 1)
+        edges = -1.0 + step * np.arange(int(np.ceil(2.0 / step)) + 1, dtype=float)
         centre = 0.5 * (edges[1:] + edges[:-1])
-        mass, first, second = (np.diff(part) for part in law.partial_moments(mean + reach * edges))
+        mass, first, second = (
+            np.diff(part) for part in law.partial_moments(np.asarray(mean + reach * edges, dtype=float))
+        )
         middle = mean + reach * centre
         moments = [mass, (first - middle * mass) / reach, (second - 2.0 * middle * first + middle**2 * mass) / reach**2]
         nodes = int(np.ceil(np.pi * TERMS[-1] / NODE)) + 2
@@ -95,7 +97,9 @@ class Table:
         return value, slope / NODE
 
 
-def _hermite(phi: Array, slope: Array, bend: Array) -> NDArray[np.complex128]:
+def _hermite(
+    phi: NDArray[np.complex128], slope: NDArray[np.complex128], bend: NDArray[np.complex128]
+) -> NDArray[np.complex128]:
     """Coefficients (nodes - 1, 6) between nodes of values and two derivatives (nodes,)."""
     rise, begin, end = phi[1:] - phi[:-1], slope[:-1], slope[1:]
     left, right = 0.5 * bend[:-1], 0.5 * bend[1:]
@@ -243,7 +247,7 @@ class LinearSum:
         reach = scales * [table.reach for table in self.tables]
         most = np.minimum(reach @ self.count, REACH * np.sqrt(reach**2 @ self.count))
         half_range = 2.0 * np.maximum(most, np.finfo(float).tiny ** 0.5)
-        odd = 2.0 * np.arange(terms) + 1.0
+        odd = 2.0 * np.arange(terms, dtype=float) + 1.0
         w = odd * (np.pi / half_range)[:, None]
         values = [table.at(reach[:, at, None] * w) for at, table in enumerate(self.tables)]
         factors, slopes = [], []
@@ -291,7 +295,7 @@ class LinearSum:
     def _mean(self) -> Array:
         """Shift of the mean of y per unit of each tolerance (p,)."""
         means = self.slope * self.count * [table.mean for table in self.tables]
-        return np.bincount(self.owner, means, len(self.mechanism.inputs))
+        return np.asarray(np.bincount(self.owner, means, len(self.mechanism.inputs)), dtype=float)
 
     def _std(self, t: Tolerances) -> Array:
         moments = [self.mechanism.inputs[at].raw_moments(2) for at in self.owner.tolist()]

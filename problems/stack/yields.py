@@ -16,8 +16,8 @@ from .measured import Measured
 
 SEARCH_SAMPLES = 8192
 """Units of the yields and half-widths of a search; reported ones take `[propagation] samples`."""
-INTEGRATED = 8
-"""Units of a count that one unit replaces at least, of which a piece is integrated."""
+INTEGRATED = 8, 16
+"""Units of a count that one unit replaces, of which a piece is integrated, in a search and in a report."""
 UNDECIDED = 6.0
 """Standard errors about a limit within which a search takes the whole sample."""
 
@@ -109,8 +109,8 @@ class Yields:
         """The estimate of which a piece is integrated; None without any."""
         key = tuple(self.measured.index(measured) for measured in requirements), searching
         if key not in self._conditioned:
-            units = self.settings.propagation.samples // INTEGRATED
-            sample = self.drawn(min(units, SEARCH_SAMPLES // INTEGRATED) if searching else units)
+            units = min(SEARCH_SAMPLES, self.settings.propagation.samples) // INTEGRATED[0]
+            sample = self.drawn(units if searching else self.settings.propagation.samples // INTEGRATED[1])
             mechanisms = [measured.mechanism for measured in requirements]
             self._conditioned[key] = conditioned(mechanisms, sample)
         return self._conditioned[key]

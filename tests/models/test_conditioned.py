@@ -81,7 +81,9 @@ def test_nothing_is_integrated_over_a_piece_that_turns() -> None:
     sample = Sample.draw(turning, 64, np.random.default_rng(0))
     made, t = conditioned([turning], sample), np.array([[0.4, 0.4]])
     assert made is not None
-    assert made.within(t) is made.within_slopes(t) is made.half_width(t, 0.9973) is None
+    assert made.within(t) is None
+    assert made.within_slopes(t) is None
+    assert made.half_width(t, 0.9973) is None
     correlated = Mechanism(
         ("a", "b"), (0, 1), (Normal(), Normal()), np.ones(2), 0.0, upper=1.0, correlation=np.array([[1, 0.5], [0.5, 1]])
     )
