@@ -21,6 +21,10 @@ SAME = 1e-9
 """Relative difference below which two values count as equal."""
 NAMED = 8
 """Steps that a sentence names at most."""
+FEW, MOST = 8, 100
+"""Steps of a point that are tried at least, and at most."""
+VALUES, IN_ALL = 4000, 20_000
+"""Values of variables in the designs that are tried at most: of a point, and of all points."""
 
 Step = tuple[Variable, str, float, Array]
 """The variable of a tolerance, its new value in words, that value, and the full design (all,)."""
@@ -35,12 +39,18 @@ def changes(
     ordered of a variable, with the name of its grade. Choices are moved to every other process, or
     to the next grade. Columns: `point`, `variable`, `to` (in words), `value`, `cost_change`,
     `change_<name>` of every other objective and limited output, `breaks` (the limits that the
-    changed design breaks by the full model, separated by spaces) and `broken` (with their values).
+    changed design breaks by the full model, separated by spaces), `broken` (with their values) and
+    `untried` (steps of the point that were too many to be tried: those that save least). A point
+    for which none is left of the budget has no row.
     """
-    whole = Accuracy.of(problem).reported()
-    rows = []
+    whole, size = Accuracy.of(problem).reported(), len(problem.variables)
+    rows, used = [], 0
     for point, design in designs.items():
-        steps = list(_steps(problem, design, values))
+        every = list(_steps(problem, design, values))
+        steps = _few(problem, every, int(np.clip(VALUES // size, FEW, MOST)))
+        used += len(steps) * size
+        if rows and used > IN_ALL:
+            break
         tried = np.stack([design, *(step[3] for step in steps)])
         outputs = _evaluated(whole, tried)
         cost = outputs.get(COST, np.zeros(len(tried)))
@@ -53,8 +63,17 @@ def changes(
                 | {"cost_change": cost[at] - cost[0]}
                 | {f"change_{name}": column[at] for name, column in moved.items()}
                 | {"breaks": " ".join(broken), "broken": "; ".join(broken.values())}
+                | {"untried": len(every) - len(steps)}
             )
     return pd.DataFrame(rows) if rows else pd.DataFrame({"point": [], "cost_change": [], "breaks": []})
+
+
+def _few(problem: ToleranceProblem, steps: list[Step], most: int) -> list[Step]:
+    """At most so many steps, those that save most."""
+    if len(steps) <= most:
+        return steps
+    order = np.argsort(problem.cost_of(np.stack([step[3] for step in steps])), kind="stable")[:most]
+    return [steps[at] for at in np.sort(order)]
 
 
 def _limited(problem: ToleranceProblem) -> list[str]:
@@ -177,7 +196,9 @@ def advice(problem: ToleranceProblem, tried: pd.DataFrame, design_values: Mappin
         return "No step of one tolerance by itself to the next value that can be ordered saves anything."
     kept = saving[saving["breaks"] == ""]
     if kept.empty:
-        return f"No tolerance can be loosened by itself: every step breaks a limit ({_listed(saving)})."
+        untried = int(tried["untried"].iloc[0])
+        which = f"each of the {len(saving)} steps that save most" if untried else "every step"
+        return f"No tolerance can be loosened by itself: {which} breaks a limit ({_listed(saving)})."
     worse = [kept[f"change_{name}"].to_numpy(dtype=float) / (abs(design_values[name]) or 1.0) for name in others]
     loss = np.max([np.zeros(len(kept)), *worse], axis=0)
     rate = -kept["cost_change"].to_numpy(dtype=float) / size / np.maximum(loss, SAME)

@@ -244,7 +244,8 @@ class Sentences:
         change = f"{'lowering' if lower else 'raising'} it to {drawing_number(end)}{unit}"
         now, then = (self._solved({limit.name: bound}) for bound in (Bound(limit.low, limit.high), looser))
         if now is not None and then is not None:
-            return f"{binds}: {change} would save {self.money(max(now - then, 0.0))} (solved again)."
+            saved = self.money(now - then) if now - then > EXACT / 100.0 * abs(now) else "nothing"
+            return f"{binds}: {change} would save {saved} (solved again)."
         priced = self._price(limit.name)
         if priced is not None:
             price, proven = priced
@@ -262,12 +263,12 @@ class Sentences:
         prices = self.result.prices
         if prices is None:
             return None
-        at_point = (prices["output"] == name) & (prices["point"] == self.point) & (prices["price"] > 0.0)
-        at_point &= (prices["source"] != "estimate") | (prices["spread_percent"] <= ROUGH)
-        if not np.any(at_point):
+        of_limit = prices[prices["output"] == name]
+        if of_limit.empty:
             return None
-        row = prices[at_point].iloc[0]
-        return float(row["price"]), row["source"] == "multiplier"
+        row = of_limit.iloc[int((of_limit["point"] - self.point).abs().to_numpy().argmin())]
+        rough = row["source"] == "estimate" and not row["spread_percent"] <= ROUGH
+        return None if rough or not row["price"] > 0.0 else (float(row["price"]), row["source"] == "multiplier")
 
     def _relaxed(self, name: str) -> str:
         """What a front with a looser limit saves at the other objectives of the point."""
