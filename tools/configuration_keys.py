@@ -83,7 +83,7 @@ them."""
 OUTSIDE = {
     "built_to.run": "text",
     "cell.joints_deg": "list of lists of numbers",
-    "costs.file": "text",
+    **dict.fromkeys(("costs.decimal", "costs.delimiter", "costs.encoding", "costs.file"), "text"),
     "free.NAME": "number or text with a unit",
     "measured.characteristic": "text",
     "measured.decimal": "text",
@@ -91,7 +91,7 @@ OUTSIDE = {
     "measured.encoding": "text",
     "measured.file": "text or list of texts",
     "noise.NAME": "number or text with a unit",
-    "part[].costs.file": "text",
+    **dict.fromkeys((f"part[].costs.{key}" for key in ("decimal", "delimiter", "encoding", "file")), "text"),
     "vary.NAME": "list or table",
 }
 """Keys that are read before sections are made, or by whatever name they bear, and their types."""

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ...arrays import Array
 from ...declarations import Output
 from ...units import converted
-from ..measurable import Changeable, Column, MeasurableModel, Role
+from ..measurable import Changeable, Column, MeasurableModel, Role, ranks_of_units
 from .effect import Measurements, Target
 from .path import follows_load
 
@@ -184,13 +184,22 @@ def labels_of(values: NDArray[Any]) -> tuple[NDArray[np.str_], NDArray[np.int64]
     return names, np.asarray(inverse, dtype=np.int64)
 
 
+def _are_numbers(labels: NDArray[Any]) -> bool:
+    """Whether labels are numbers."""
+    return labels.dtype.kind in "fiu" or all(str(label).isdecimal() for label in labels.tolist())
+
+
 def unit_numbers(measurements: Measurements) -> NDArray[np.int64]:
     """Number (n,) of the unit of each row, in the order of measurement, from 0.
 
-    Rows with the same labels of unit and lot are one unit where the table has repeats; otherwise
+    Without a time that is the order of the units' own numbers; units with other labels are in the
+    order of the rows. Rows with the same labels of unit and lot are one unit where the table has repeats; otherwise
     each row is a unit.
     """
     order, numbers = measurements.in_order, np.empty(len(measurements), dtype=np.int64)
+    if measurements.order is None and Role.UNIT in measurements and _are_numbers(measurements[Role.UNIT]):
+        labels = {role.value: measurements[role] for role in LABELS if role in measurements}
+        order = np.argsort(ranks_of_units(labels))
     if Role.REPEAT in measurements and Role.UNIT in measurements:
         codes = [labels_of(measurements[role][order])[1] for role in LABELS if role in measurements]
         numbers[order] = _by_appearance(np.stack(codes))

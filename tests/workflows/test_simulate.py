@@ -75,9 +75,20 @@ def test_a_measurement_table_is_taken(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("grain", [8, 65_536])
-@pytest.mark.parametrize("more", ["", "lots", "repeats", "labels"])
+@pytest.mark.parametrize(
+    ("more", "worn"),
+    [
+        ("", False),
+        ("lots", False),
+        ("repeats", False),
+        ("labels", False),
+        ("", True),
+        ("lots", True),
+        ("repeats", True),
+    ],
+)
 def test_a_value_follows_the_number_of_its_unit(
-    grain: int, more: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    grain: int, more: str, worn: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Shuffled rows of 20 units have the values of their units, in the order of the rows."""
     monkeypatch.setattr("tolevo.workflows.simulate.GRAIN", grain)
@@ -89,10 +100,12 @@ def test_a_value_follows_the_number_of_its_unit(
     if more == "repeats":
         frame = pd.DataFrame({"unit": [*range(1, 11)] * 2, "repeat": [1] * 10 + [2] * 10})
     keys = [name for name in ("lot", "unit", "repeat") if name in frame]
-    values = tolevo.simulate(BATCH, frame).set_index(keys)["backlash_arcmin"]
+    effect = {"name": "tool_wear_drift", "parameters": {"rate_per_unit_arcmin": 0.01}}
+    config = BATCH | ({"effect": [effect]} if worn else {})
+    values = tolevo.simulate(config, frame).set_index(keys)["backlash_arcmin"]
     for seed in (1, 2):
         shuffled = frame.sample(frac=1.0, random_state=seed)
-        found = tolevo.simulate(BATCH, shuffled)
+        found = tolevo.simulate(config, shuffled)
         assert found[keys].to_numpy().tolist() == shuffled[keys].to_numpy().tolist()
         assert found.set_index(keys)["backlash_arcmin"].loc[values.index].tolist() == values.tolist()
     assert values.nunique() == (10 if more == "repeats" else 20)
