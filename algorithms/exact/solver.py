@@ -64,11 +64,13 @@ class Exact(Solver):
         x = exact_vectors(run.problem, form, points, partial(_solved, run, form))
         if not len(x):
             return
+        if form.stands:  # a report computes the represented outputs more accurately
+            run.choose(x)
         early = run.evaluations > 0
-        run.phase("points of the closed form", 0.95)
+        run.phase("points of the closed form", EARLY)
         _, violations = run.evaluate(x)
-        if form.stands or (early and np.all(violations <= 0.0)):
-            run.choose(x)  # a report computes the represented outputs more accurately
+        if early and not form.stands and np.all(violations <= 0.0):
+            run.choose(x)  # rather than points of a coarse front
         if form.tested and not np.all(violations <= 0.0):
             epsilon_front(run, self.points)
 
