@@ -2,7 +2,7 @@
 
 A step is recalled by its place in the sequence of steps, which is the same each time, and a checksum
 of its inputs: where that differs, this step and all later ones are computed anew. Steps that took
-little time are computed again rather than stored.
+little time are computed again rather than stored. The steps within a step are stored until it ends.
 """
 
 from __future__ import annotations
@@ -35,6 +35,7 @@ class Section:
         self._results: dict[int, Arrays] = {}
         self._bytes = 0
         self._at = 0
+        self._inner: tuple[int, Section] | None = None
 
     def begin(self) -> None:
         """Begin again with the first step."""
@@ -46,16 +47,20 @@ class Section:
         if at < len(self._checks) and self._checks[at] != check:
             del self._checks[at:]
             self._results = {place: result for place, result in self._results.items() if place < at}
+            self._inner = None
         self._at += 1
         if at in self._results:
             return tuple(array.copy() for array in self._results[at])
+        if self._inner is None or self._inner[0] != at:
+            self._inner = at, Section(self._changed)
         start = time.thread_time()
         try:
-            with unrecorded():
+            with recorded(self._inner[1]):
                 result = compute()
         except BaseException:
             self._at = at
             raise
+        self._inner = None
         if at == len(self._checks):
             self._checks.append(check)
         size = sum(array.nbytes for array in result)
@@ -68,8 +73,12 @@ class Section:
     def state(self) -> dict[str, NDArray[Any]]:
         """Everything as arrays."""
         stored = [array for result in self._results.values() for array in result]
+        inner = {}
+        if self._inner is not None and self._inner[1]._checks:
+            inner = {f"inner.{key}": value for key, value in self._inner[1].state().items()}
+            inner["inner"] = np.array(self._inner[0])
         shapes = [[KINDS.index(array.dtype.kind), array.ndim, *array.shape] for array in stored]
-        return {
+        return inner | {
             "checks": np.array(self._checks, dtype=np.int64),
             "places": np.array(list(self._results), dtype=np.int64),
             "counts": np.array([len(result) for result in self._results.values()], dtype=np.int64),
@@ -93,6 +102,11 @@ class Section:
                 used += size
             self._results[place] = tuple(arrays)
         self._bytes = values.nbytes
+        if "inner" in state:
+            self._inner = int(state["inner"]), Section(self._changed)
+            self._inner[1].restore(
+                {key.removeprefix("inner."): value for key, value in state.items() if key.startswith("inner.")}
+            )
 
 
 _OPEN: ContextVar[Section | None] = ContextVar("section", default=None)

@@ -10,10 +10,12 @@ by the allocation that breaks them least, or by none where its tangents prove th
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from ...arrays import Array, Flags
+from ...journal import recalled
 from .combination import Combination, Solved, moved_within
 from .prices import ROUNDING
 from .slsqp import ascend, slsqp
@@ -68,7 +70,8 @@ class Programme:
                 if starts is not None and not np.any(np.isnan(starts[row])):
                     start = np.clip(starts[row], c.low, c.high)
                 first = self._between(limit, inner) if start is None else start
-                start, multiplier[row] = self._solved(limit, first, inner, tolerance)
+                solve = partial(self._solved, limit, first, inner, tolerance)
+                start, multiplier[row] = recalled((limit, first, inner), solve)
                 corner = self._cornered(limit)
                 if corner is not None:
                     further, prices = self._solved(limit, corner, inner, tolerance)

@@ -75,12 +75,14 @@ class Exact(Solver):
         x = _improved(run, form, exact_vectors(run.problem, form, points, partial(_watched, run, form)))
         if not len(x):
             return
-        early = run.evaluations > 0
         inexact = run.problem.n_obj == 1 and not form.exact and not form.tested
-        run.phase("points of the closed form", 0.95)
+        if form.stands or inexact:  # a report computes the represented outputs more accurately
+            run.choose(x)
+        early = run.evaluations > 0
+        run.phase("points of the closed form", EARLY)
         _, violations = run.evaluate(x)
-        if form.stands or inexact or (early and np.all(violations <= 0.0)):
-            run.choose(x)  # a report computes the represented outputs more accurately
+        if early and not form.stands and np.all(violations <= 0.0):
+            run.choose(x)  # rather than points of a coarse front
         if form.tested and not np.all(violations <= 0.0):
             epsilon_front(run, self.points)
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
 from ...arrays import Array, Integers
+from ...journal import recalled_columns
 from ...models.manipulator.fields import Field, worst_deviation, worst_exceedance, worst_quantile
 from ...models.manipulator.indices import GRID
 from ...models.manipulator.ring import Machines, Sample, main_plane
@@ -47,7 +48,8 @@ class Population:
         """The outputs `wanted` (n,), with their errors, of standard deviations (n, sources)."""
         names = OVER_MACHINES.intersection(wanted)
         starts = range(0, len(sigma) if names else 0, BLOCK)
-        blocks = [self._block(sigma[at : at + BLOCK], names) for at in starts]
+        parts = [sigma[at : at + BLOCK] for at in starts]
+        blocks = [recalled_columns((part, *sorted(names)), partial(self._block, part, names)) for part in parts]
         every = blocks[0] if blocks else ()
         return {name: np.concatenate([block[name] for block in blocks]) for name in every}
 

@@ -72,6 +72,26 @@ def test_steps_within_a_step_are_part_of_it() -> None:
     assert calls == [1, 2]
 
 
+def test_the_steps_of_a_step_that_was_interrupted_are_recalled() -> None:
+    section, calls, ends = Section(), list[int](), [True, False, False]
+
+    def outer() -> tuple[np.ndarray, ...]:
+        first = recalled((1,), lambda: worked(calls, 1))
+        if ends.pop(0):
+            raise KeyboardInterrupt
+        return first + recalled((2,), lambda: worked(calls, 2))
+
+    with recorded(section), pytest.raises(KeyboardInterrupt):
+        recalled(("outer",), outer)
+    stored = Section()
+    stored.restore(section.state())
+    for _ in range(2):
+        with recorded(stored):
+            assert len(recalled(("outer",), outer)) == 8
+    assert calls == [1, 2]
+    assert "inner" not in stored.state()
+
+
 def test_columns_keep_their_names() -> None:
     section, calls = Section(), list[int]()
     for _ in range(2):
