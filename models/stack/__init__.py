@@ -1,6 +1,6 @@
 """Tolerance stacks: any requirement on any parts, linearised and exact."""
 
-from .domain import box, least_margin
+from .domain import box, least_margin, worst_by_corners
 from .law import Law, law_of
 from .linear import Linear, linearised
 from .made import AsMade, Tolerances, between, limit_of, mean_of, spread_of
@@ -24,5 +24,6 @@ __all__ = [
     "linearised",
     "mean_of",
     "spread_of",
+    "worst_by_corners",
     "yield_percent",
 ]
