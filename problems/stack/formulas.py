@@ -78,7 +78,8 @@ def _linearised(mechanism: Mechanism, loosest: Array) -> tuple[Mechanism, list[s
     centre = mechanism.gain * _at(formula, mechanism, mids)
     mechanism = replace(mechanism, sensitivities=known, centre=centre)
     effects = np.abs(known) * loosest
-    rough, without_effect = [], []
+    rough: list[str] = []
+    without_effect: list[str] = []
     for i, name in enumerate(mechanism.names):
         if name not in formula.names or loosest[i] <= 0.0:
             continue

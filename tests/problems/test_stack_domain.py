@@ -193,7 +193,7 @@ def normal(rng: np.random.Generator, low: float, high: float) -> np.ndarray:
 def pole_units() -> np.ndarray:
     rng = np.random.default_rng(1)
     h, d, t = (rng.uniform(m - r, m + r, UNITS) for m, r in ((90.0, 4.5), (6.0, 0.25), (0.0, 0.1)))
-    return np.abs(t * h / d) <= 1.6
+    return np.asarray(np.abs(t * h / d) <= 1.6)
 
 
 def flange_units() -> np.ndarray:
@@ -309,6 +309,7 @@ cost = {{ model = "reciprocal", a = 1.0, b = 0.05 }}
 def test_the_least_cost_of_a_radial_position(method: str, limit: str, t: float, tmp_path: Path) -> None:
     (tmp_path / "c.toml").write_text(RADIAL.format(method=method, limit=limit), "utf-8")
     problem = read(tmp_path / "c.toml").problem
+    assert problem is not None
     found = search(problem, Exact(), Budget(), seed=0)
     outputs = problem.outputs_of(problem.complete(found.x))
     least = 2.0 * (1.0 + 0.05 / t)
