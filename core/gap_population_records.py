@@ -48,7 +48,8 @@ class InputChange:
     """The change of one input that would alone explain a difference.
 
     `amount` is in `unit`, a factor for a widening without a unit; `share_of_tolerance` is the
-    fraction of the half-width of its zone. `distance` is twice the log likelihood by which it
+    fraction of the half-width of its zone; all are nan where an excluded input would need more than 10
+    of them. `distance` is twice the log likelihood by which it
     explains the data worse than the best. `parts` is how many measured parts would show it,
     `readings` how many units like these would distinguish it from the best (0: none would, or not
     known).

@@ -201,7 +201,9 @@ class Verdict:
 
 @dataclass(frozen=True, slots=True)
 class Recommendation:
-    """Settings recommended for one response; `shown` says whether a test supports them."""
+    """The best observed settings for one response; `shown` says whether a test supports them, and
+    `sentence` which settings to use: these, or those that they are not shown to beat.
+    """
 
     response: str
     point: int

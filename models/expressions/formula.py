@@ -9,8 +9,9 @@ from functools import cached_property
 import numpy as np
 
 from ...arrays import Array
+from .functions import KINKED
 from .parser import parse
-from .tree import Expression, Name
+from .tree import Call, Expression, Name
 
 
 @dataclass(frozen=True)
@@ -35,6 +36,11 @@ class Formula:
             if isinstance(node, Name):
                 positions[node.name] = min(node.at, positions.get(node.name, node.at))
         return positions
+
+    @property
+    def kinked(self) -> bool:
+        """Whether it calls a function that has a kink."""
+        return any(isinstance(node, Call) and node.function in KINKED for node in self.tree.nodes())
 
     @property
     def linear(self) -> bool:

@@ -95,4 +95,6 @@ FUNCTIONS: Mapping[str, Function] = MappingProxyType(
         "max": Function(_over_arguments(np.max), _extremum_slopes(np.argmax), least=2, most=16),
     }
 )
+KINKED = ("abs", "min", "max")
+"""Functions whose slopes jump somewhere."""
 CONSTANTS: Mapping[str, float] = MappingProxyType({"pi": float(np.pi)})

@@ -1,7 +1,7 @@
 """Tolerance stacks: any requirement on any parts, linearised and exact."""
 
 from .conditioned import Conditioned, conditioned
-from .domain import box, least_margin
+from .domain import box, least_margin, worst_by_corners
 from .law import Law, law_of
 from .linear import Linear, linearised
 from .linear_sum import LinearSum, linear_sum_of
@@ -30,5 +30,6 @@ __all__ = [
     "linearised",
     "mean_of",
     "spread_of",
+    "worst_by_corners",
     "yield_percent",
 ]

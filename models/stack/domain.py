@@ -1,7 +1,8 @@
-"""Distance of the designs of a stack from the edge of the domain of its requirement."""
+"""What the corners of the tolerances reach: the worst case, and the edge of the formula's domain."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from itertools import product
 
 import numpy as np
@@ -42,17 +43,38 @@ def least_margin(mechanism: Mechanism, t: Tolerances) -> Array:
     formula, mids, scale = mechanism.formula, mechanism.mids, mechanism.scale
     if formula is None or mids is None or scale is None:
         return np.full(len(t), np.inf)
+    middle = {name: np.asarray(mids[i]) for i, name in enumerate(mechanism.names) if name in formula.names}
+    margins = [np.empty(0)]
+    for x in _corners(mechanism, t):
+        shape = next(iter(x.values())).shape
+        margins.append(np.broadcast_to(domain_margin(formula, x, middle), shape).min(axis=1))
+    return np.concatenate(margins)
+
+
+def worst_by_corners(mechanism: Mechanism, t: Tolerances) -> Array:
+    """Largest deviation (n,) of y from its value at the mid-limits, over the corners of the
+    tolerances t (n, p) and points between; of units for which y has a value.
+
+    Exact where y is monotone in each piece while the others are held.
+    """
+    assert mechanism.formula is not None
+    worst = [np.empty(0)]
+    for x in _corners(mechanism, t):
+        deviations = np.abs(mechanism.gain * mechanism.formula.value(x) - mechanism.centre)
+        worst.append(np.where(np.isfinite(deviations), deviations, 0.0).max(axis=1))
+    return np.concatenate(worst)
+
+
+def _corners(mechanism: Mechanism, t: Tolerances) -> Iterator[dict[str, Array]]:
+    """Quantities (n, m) of the formula at `_points` of the tolerances t (n, p), in blocks of designs."""
+    formula, mids, scale = mechanism.formula, mechanism.mids, mechanism.scale
+    assert formula is not None and mids is not None and scale is not None
     used = [i for i, name in enumerate(mechanism.names) if name in formula.names]
-    names = [mechanism.names[i] for i in used]
     z, reach = _points(mechanism, used), (limit_of(t)[:, mechanism.owners] * scale)[:, used]
-    middle = {name: np.asarray(mids[i]) for name, i in zip(names, used, strict=True)}
-    margins, step = np.empty(len(t)), max(1, MEMORY // z.shape[1])
+    step = max(1, MEMORY // z.shape[1])
     for start in range(0, len(t), step):
         ends = reach[start : start + step]
-        x = {name: middle[name] + ends[:, k, None] * z[k] for k, name in enumerate(names)}
-        margin = domain_margin(formula, x, middle)
-        margins[start : start + step] = np.broadcast_to(margin, (len(ends), z.shape[1])).min(axis=1)
-    return margins
+        yield {mechanism.names[i]: mids[i] + ends[:, k, None] * z[k] for k, i in enumerate(used)}
 
 
 def _points(mechanism: Mechanism, used: list[int]) -> Array:

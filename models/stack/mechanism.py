@@ -30,7 +30,9 @@ class Mechanism:
     `sensitivities` (k,) are dy/dx_i at the mid-limits, requirement unit per unit of the part;
     `centre` is y at the mid-limits. `lower` and `upper` are the limits of y, infinite where there
     are none. Correlated pieces are normal. `undefined` states where the formula has no value
-    within the widest tolerances; empty where it has a value everywhere.
+    within the widest tolerances; empty where it has a value everywhere. `rough` are the pieces whose
+    effect the sensitivities do not describe: the formula has no slope there, or a kink at the
+    mid-limits. Sensitivities that are not finite are 0.
     """
 
     names: tuple[str, ...]
@@ -46,6 +48,7 @@ class Mechanism:
     gain: float = 1.0
     correlation: Array | None = None
     undefined: str = ""
+    rough: tuple[str, ...] = ()
 
     @cached_property
     def owners(self) -> NDArray[np.int64]:

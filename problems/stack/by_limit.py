@@ -1,8 +1,10 @@
-"""Derivatives by the limits of parts that machines make."""
+"""Derivatives by differences: by the limits of parts that machines make, and of counted yields."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from ...arrays import Array
 from .joint import joint_variations
@@ -12,6 +14,8 @@ if TYPE_CHECKING:
 
 STEP = 1e-6
 """Relative step of a limit."""
+WIDE = 0.05
+"""Relative step of a tolerance for outputs that are counted: enough units must change sides."""
 
 
 def by_limit(stack: Stack, designs: Array, slopes: dict[str, Array]) -> dict[str, Array]:
@@ -31,6 +35,28 @@ def by_limit(stack: Stack, designs: Array, slopes: dict[str, Array]) -> dict[str
             ends.append(_linear_outputs(stack, moved))
         for name in derivatives:
             derivatives[name][:, at] = (ends[0][name] - ends[1][name]) / (2.0 * step)
+    return derivatives
+
+
+def by_count(stack: Stack, designs: Array) -> dict[str, Array]:
+    """Derivatives (n, parts) of the required yields and half-widths where a formula is not described
+    by its slopes at the mid-limits: by central differences, on the units of a report.
+    """
+    rough = [measured for measured in stack.measured if measured.rough]
+    names = {measured.name(output) for measured in rough for output in ("yield_percent", "variation")}
+    names = (names | ({"yield_percent"} if rough else set())) & stack.required_outputs
+    names -= {measured.name("variation") for measured in rough if measured.requirement.method == "worst_case"}
+    derivatives = {name: np.zeros((len(designs), len(stack.definition.parts))) for name in names}
+    for at, part in enumerate(stack.definition.parts if names else ()):
+        if part.low == part.high:
+            continue
+        column, ends = stack.names.index(f"{part.name}_t"), []
+        for side in (1.0, -1.0):
+            moved = designs.copy()
+            moved[:, column] *= 1.0 + side * WIDE
+            ends.append(stack.yields.outputs(stack.parts_as_made(moved), searching=False, needed=True))
+        for name in names & set(ends[0]):
+            derivatives[name][:, at] = (ends[0][name] - ends[1][name]) / (2.0 * WIDE * designs[:, column])
     return derivatives
 
 

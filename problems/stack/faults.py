@@ -34,7 +34,7 @@ def faults_of(stack: Stack, inherited: Callable[[], list[Fault]]) -> list[Fault]
     """Every fault; where the sample is too large, faults of any problem are not sought."""
     faults = promise_faults(stack.definition, stack.given.limits)
     faults += size_faults(stack) or inherited()
-    faults += [*yield_faults(stack), *range_faults(stack)]
+    faults += [*yield_faults(stack), *first_order_faults(stack), *range_faults(stack)]
     return faults or domain_faults(stack)
 
 
@@ -74,6 +74,24 @@ def yield_faults(stack: Stack) -> list[Fault]:
     if stack.definition.requirement.key and "yield_percent" in stack.required_outputs and not bounded:
         text = "needs lower or upper of a [[requirement]]: without them there is no yield"
         faults.append(Fault("limits.yield_percent", text))
+    return faults
+
+
+def first_order_faults(stack: Stack) -> list[Fault]:
+    """What is asked for of a formula that its slopes at the mid-limits do not describe, and needs them."""
+    faults = []
+    for measured in (measured for measured in stack.measured if measured.rough):
+        why = (
+            f"follows from slopes at the mid-limits, and {measured.requirement.place}.formula has none there by "
+            f"{', '.join(measured.mechanism.rough)}"
+        )
+        names = {measured.name("rss"), "rss", *(measured.contribution(at) for at in measured.shown)}
+        for name in sorted(names & stack.required_outputs):
+            place = "objectives.minimise" if name in stack.objectives else f"limits.{name}"
+            use = ", ".join(measured.name(other) for other in ("variation", "worst_case", "yield_percent"))
+            faults.append(Fault(place, f"{name} {why}; use {use}"))
+        if stack.definition.promise is not None and measured.mechanism.bounded:
+            faults.append(Fault("promise", f"{why}; leave [promise] out, and limit {measured.name(YIELD)}"))
     return faults
 
 

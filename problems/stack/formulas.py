@@ -13,10 +13,14 @@ from ...errors import Fault, nearest
 from ...models.expressions import FUNCTIONS, Formula, FormulaError
 from ...models.stack import Mechanism, box, least_margin
 from ...units import family, to_unit
-from .definition import Part, Requirement
+from .definition import FIRST_ORDER, Part, Requirement
 
 NEGLIGIBLE = 1e-12
 """A part that adds less than this fraction of the worst case does not matter."""
+STEP = 1e-4
+"""Step to both sides of the mid-limits by which a kink is detected, in tolerances."""
+KINK = 0.05
+"""Difference of the slopes on both sides, as a fraction of all slopes, from which there is a kink."""
 
 
 def with_formula(
@@ -48,8 +52,8 @@ def with_formula(
     if why := _undefined(mechanism, nominals[bare.owners], parts):
         faults.append(Fault(place, why))
         return None
-    mechanism = _linearised(mechanism)
-    faults += _slope_faults(mechanism, parts, requirement)
+    mechanism, without_effect = _linearised(mechanism, np.array([part.high for part in parts])[bare.owners])
+    faults += _slope_faults(mechanism, without_effect, parts, requirement)
     faults += _nominal_faults(requirement, gain * _at(formula, mechanism, nominals[bare.owners]))
     loosest = np.array([[part.high for part in parts]])
     return replace(mechanism, undefined=_outside(mechanism, loosest[0], least_margin(mechanism, loosest)[0]))
@@ -60,14 +64,58 @@ def _at(formula: Formula, mechanism: Mechanism, x: Array) -> float:
     return float(formula.value(dict(zip(mechanism.names, x, strict=True))))
 
 
-def _linearised(mechanism: Mechanism) -> Mechanism:
-    """The mechanism with its value and sensitivities at the mid-limits."""
+def _linearised(mechanism: Mechanism, loosest: Array) -> tuple[Mechanism, list[str]]:
+    """The mechanism with its value and sensitivities at the mid-limits, and the pieces of the formula
+    on which it does not depend anywhere within the loosest tolerances (k,).
+
+    `rough` are the pieces without a finite slope other than 0, and those with a kink.
+    """
     formula, mids, scale = mechanism.formula, mechanism.mids, mechanism.scale
     assert formula is not None and mids is not None and scale is not None
-    slopes = formula.gradient(dict(zip(mechanism.names, mids, strict=True)))
-    by_piece = np.array([float(slopes.get(name, 0.0)) for name in mechanism.names])
+    gradient = formula.gradient(dict(zip(mechanism.names, mids, strict=True)))
+    slopes = mechanism.gain * scale * np.array([float(gradient.get(name, 0.0)) for name in mechanism.names])
+    known = np.where(np.isfinite(slopes), slopes, 0.0)
     centre = mechanism.gain * _at(formula, mechanism, mids)
-    return replace(mechanism, sensitivities=mechanism.gain * by_piece * scale, centre=centre)
+    mechanism = replace(mechanism, sensitivities=known, centre=centre)
+    effects = np.abs(known) * loosest
+    rough: list[str] = []
+    without_effect: list[str] = []
+    for i, name in enumerate(mechanism.names):
+        if name not in formula.names or loosest[i] <= 0.0:
+            continue
+        steep = np.isfinite(slopes[i]) and effects[i] > NEGLIGIBLE * effects.sum()
+        if steep and not (formula.kinked and _kink(mechanism, i, loosest[i], effects.sum())):
+            continue
+        matters = steep or not np.isfinite(slopes[i]) or _matters(mechanism, i, loosest)
+        (rough if matters else without_effect).append(name)
+    return replace(mechanism, rough=tuple(rough)), without_effect
+
+
+def _kink(mechanism: Mechanism, at: int, t: float, total: float) -> bool:
+    """Whether the slopes on both sides of the mid-limit of a piece differ; `total` is the effect of
+    the tolerances of all pieces.
+    """
+    formula, mids, scale = mechanism.formula, mechanism.mids, mechanism.scale
+    assert formula is not None and mids is not None and scale is not None
+    step = np.zeros_like(mids)
+    step[at] = STEP * t * scale[at]
+    ends = [_at(formula, mechanism, mids + side * step) for side in (-1.0, 0.0, 1.0)]
+    return bool(abs(mechanism.gain * (ends[0] - 2.0 * ends[1] + ends[2])) > KINK * STEP * total)
+
+
+def _matters(mechanism: Mechanism, at: int, loosest: Array) -> bool:
+    """Whether the formula depends on a piece somewhere within the loosest tolerances (k,)."""
+    formula, mids, scale = mechanism.formula, mechanism.mids, mechanism.scale
+    assert formula is not None and mids is not None and scale is not None
+    used = [i for i, name in enumerate(mechanism.names) if name in formula.names]
+    inside = box(len(used))
+    points = np.zeros((len(mids), inside.shape[1]))
+    points[used] = inside
+    values = []
+    for points[at] in (-1.0, 0.0, 1.0):
+        x = mids[:, None] + (loosest * scale)[:, None] * points
+        values.append(np.broadcast_to(formula.value(dict(zip(mechanism.names, x, strict=True))), inside.shape[1:]))
+    return bool(np.nanmax(np.ptp(values, axis=0)) > NEGLIGIBLE * np.nanmax(np.abs(values)))
 
 
 def _name_faults(formula: Formula, parts: Sequence[Part], requirement: Requirement) -> list[Fault]:
@@ -137,23 +185,26 @@ def _outside(mechanism: Mechanism, loosest: Array, margin: float) -> str:
     return why or ("some function leaves its domain" if margin < 0.0 else "")
 
 
-def _slope_faults(mechanism: Mechanism, parts: Sequence[Part], requirement: Requirement) -> list[Fault]:
-    """Pieces of the formula on which it does not depend, or depends without bound."""
-    place = f"{requirement.place}.formula"
-    names = mechanism.formula.names if mechanism.formula else {}
-    slopes, t = mechanism.sensitivities, np.array([part.high for part in parts])[mechanism.owners]
-    effect = np.where(t > 0.0, np.abs(slopes) * t, np.nan)
-    faults = []
-    for i, (name, at) in enumerate(zip(mechanism.names, mechanism.owner, strict=True)):
-        if name not in names:
-            continue
-        if not np.isfinite(slopes[i]):
-            text = f"has no finite derivative with respect to {name} at the mid-limits: there is no linear model"
-            faults.append(Fault(place, text))
-        elif effect[i] <= NEGLIGIBLE * np.nansum(effect):
-            text = f"the sensitivity of the requirement to {name} is 0 at the mid-limits: no tolerance of it matters "
-            text += f"(part {parts[at].name})"
-            faults.append(Fault(place if requirement.key else f"part[{at}].name", text))
+def _slope_faults(
+    mechanism: Mechanism, without_effect: Sequence[str], parts: Sequence[Part], requirement: Requirement
+) -> list[Fault]:
+    """Pieces without effect on the requirement, and methods that do not know the effect of some."""
+    owner = dict(zip(mechanism.names, mechanism.owner, strict=True))
+    faults = [
+        Fault(
+            f"{requirement.place}.formula" if requirement.key else f"part[{owner[name]}].name",
+            f"the requirement does not depend on {name} anywhere within the tolerances: leave it out "
+            f"(part {parts[owner[name]].name})",
+        )
+        for name in without_effect
+    ]
+    if mechanism.rough and requirement.method in FIRST_ORDER:
+        text = (
+            f"{requirement.method} knows the formula by its slopes at the mid-limits alone, and there it has no slope "
+            f"(0, not defined, or another one on each side) by {', '.join(mechanism.rough)}: a first-order standard "
+            'deviation cannot be given; state method = "monte_carlo" (units are drawn) or "worst_case" (by corners)'
+        )
+        faults.append(Fault(f"{requirement.place}.method", text))
     return faults
 
 

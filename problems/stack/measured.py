@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -22,6 +22,7 @@ from ...models.stack import (
     linearised,
     mean_of,
     spread_of,
+    worst_by_corners,
 )
 from ...models.stack.linear import SIGMAS
 from .definition import Definition, Part, Requirement
@@ -60,12 +61,19 @@ class Measured:
         return bool(self.mechanism.undefined)
 
     @property
+    def rough(self) -> bool:
+        """Whether slopes at the mid-limits do not describe the formula: its worst case is then by
+        corners, and it has neither a root sum square nor contributions.
+        """
+        return bool(self.mechanism.rough)
+
+    @property
     def bound_to_domain(self) -> bool:
         """Whether designs must stay in the domain: where the variation is the formula's own.
 
         The other methods know the formula by its slopes at the mid-limits alone.
         """
-        return self.partial and self.requirement.method == "monte_carlo"
+        return self.partial and (self.rough or self.requirement.method == "monte_carlo")
 
     def name(self, output: str) -> str:
         """The name of one of its outputs."""
@@ -85,6 +93,8 @@ class Measured:
     def variations(self, t: Tolerances) -> dict[str, Array]:
         """The linear variations (n,) by output, of tolerances (n, parts)."""
         by_output = {"worst_case": self.linear.worst_case(t), "rss": self.linear.rss(t)}
+        if self.rough:
+            by_output = {"worst_case": worst_by_corners(self.mechanism, t), "rss": np.full(len(t), np.nan)}
         method = self.requirement.method
         if method == "shifted_rss":
             by_output["variation"] = self.linear.shifted_rss(t)
@@ -100,6 +110,8 @@ class Measured:
         """Contributions [%] of its parts (n,)."""
         worst = self.requirement.method == "worst_case"
         shares = self.linear.worst_shares(t) if worst else self.linear.variance_shares(t)
+        if self.rough:
+            shares = np.full_like(shares, np.nan)
         return {self.contribution(at): 100.0 * shares[:, at] for at in self.shown}
 
     # ---------------------------------------------------------------- slopes
@@ -109,6 +121,8 @@ class Measured:
 
         The derivative of a sampled yield, a step function, is the normal linear model's.
         """
+        if self.rough:
+            return self._rough_slopes(t, wanted)
         worst, rss = np.broadcast_to(self.linear.worst, spread_of(t).shape), self.linear.rss_slopes(t)
         by_output = {"worst_case": worst, "rss": rss}
         method, distribution = self.requirement.method, self.distribution
@@ -119,16 +133,24 @@ class Measured:
         if self.mechanism.bounded and self.name("yield_percent") in wanted:
             by_output["yield_percent"] = self.yield_slopes(t)
         if self.partial and self.name("domain_margin") in wanted:
-            by_output["domain_margin"] = self._margin_slopes(limit_of(t))
+            by_output["domain_margin"] = self._towards_tighter(least_margin, limit_of(t))
         return {self.name(name): value for name, value in by_output.items()}
 
-    def _margin_slopes(self, t: Array) -> Array:
-        """By differences towards tighter tolerances, on the corner that is nearest to the edge."""
-        base, slopes = least_margin(self.mechanism, t), np.zeros_like(t)
+    def _rough_slopes(self, t: Tolerances, wanted: Collection[str]) -> dict[str, Array]:
+        """Derivatives (n, parts) of the worst case by corners, and of a domain margin that is wanted."""
+        worst = self._towards_tighter(worst_by_corners, limit_of(t))
+        by_output = {"worst_case": worst} | ({"variation": worst} if self.requirement.method == "worst_case" else {})
+        if self.partial and self.name("domain_margin") in wanted:
+            by_output["domain_margin"] = self._towards_tighter(least_margin, limit_of(t))
+        return {self.name(name): value for name, value in by_output.items()}
+
+    def _towards_tighter(self, of: Callable[[Mechanism, Tolerances], Array], t: Array) -> Array:
+        """By differences towards tighter tolerances, on the corner that decides."""
+        base, slopes = of(self.mechanism, t), np.zeros_like(t)
         for at in range(t.shape[1]):
             moved = t.copy()
             moved[:, at] *= 1.0 - STEP
-            change = base - least_margin(self.mechanism, moved)
+            change = base - of(self.mechanism, moved)
             slopes[:, at] = change / np.where(t[:, at] > 0.0, STEP * t[:, at], 1.0)
         return slopes
 
@@ -155,6 +177,8 @@ class Measured:
         rss = self._rss_interval(spread_of(low)[0], spread_of(high)[0])
         shift = self._shift(low), self._shift(high)
         by_output = {"worst_case": worst, "rss": rss, "yield_percent": (0.0, self._most_yield(low))}
+        if self.rough:
+            by_output = {"worst_case": (0.0, np.inf), "rss": (0.0, np.inf), "yield_percent": (0.0, 100.0)}
         by_method = by_output | {"shifted_rss": (rss[0] + shift[0], rss[1] + shift[1])}
         if self.requirement.method in by_method:
             by_output["variation"] = by_method[self.requirement.method]

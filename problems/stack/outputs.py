@@ -18,6 +18,8 @@ _MEANING = {
     "shifted_rss": "mean shifts and root sum square",
     "monte_carlo": "half-width at the coverage",
 }
+_WORST = ("sum of |sensitivity| times tolerance", "largest deviation over the corners of the tolerances")
+"""Of a formula that its slopes describe, and of another."""
 
 
 def variables_of(parts: Iterable[Part]) -> tuple[Variable, ...]:
@@ -90,9 +92,10 @@ def _of_requirement(requirement: Requirement, measured: Measured | None, parts: 
     meaning = f"variation of {name}: {_MEANING[requirement.method]}"
     qualified = requirement.output
     shown = range(len(parts)) if measured is None else measured.shown
+    rough = measured is not None and measured.rough
     outputs = [
         Output(qualified("variation"), unit, meaning, low=0.0),
-        Output(qualified("worst_case"), unit, "sum of |sensitivity| times tolerance", low=0.0),
+        Output(qualified("worst_case"), unit, _WORST[rough], low=0.0),
         Output(qualified("rss"), unit, "three standard deviations of the linear model", low=0.0),
         *_yields(qualified("yield_percent"), f"units with {name} within its limits"),
     ]

@@ -24,7 +24,7 @@ from ..promise import Promise, read_promise
 from ..settings import Settings
 from ..tolerance_problem import ToleranceProblem
 from .assumptions import assumptions_of
-from .by_limit import by_limit
+from .by_limit import by_count, by_limit
 from .convex import form_of, limits_by_spread
 from .costs import PartCosts
 from .defaults import with_defaults
@@ -249,6 +249,7 @@ class Stack(ToleranceProblem, Provable, Differentiable, Accuracy, Documented, Dr
         if not any(part.by_machine for part in self._parts):
             derivatives |= self.yields.slopes(t, coverage)
         derivatives = by_limit(self, designs, derivatives) | {"cost": self._by_part(designs, slope=True)}
+        derivatives |= by_count(self, designs)
         at = [self.names.index(f"{part.name}_t") for part in self._parts]
         wide = {name: np.zeros_like(designs) for name in derivatives}
         for name, slopes in derivatives.items():

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
+from ...arrays import Array
 from ...likely_units import unit_hint
 from ...models.machines.offers import departures
-from ...models.stack import Tolerances, between
+from ...models.stack import Tolerances, between, yield_percent
 from ...units import family
 from ..limits import keeps
 from ..money import rising
@@ -58,7 +59,8 @@ def warnings_of(stack: Stack) -> tuple[str, ...]:
                 "the nominal values or the limits"
             )
         sentences += [_domain(measured)] if measured.partial else []
-        if measured.mechanism.formula is not None:
+        sentences += [_rough(stack, measured)] if measured.rough else []
+        if measured.mechanism.formula is not None and not measured.rough:
             unit = f" {measured.requirement.unit}".rstrip()
             sample = stack.yields.drawn(WARNING_SAMPLES)
             warnings = linearity_warnings(
@@ -98,6 +100,26 @@ def _domain(measured: Measured) -> str:
         f"{measured.requirement.place}.formula leaves its domain within the widest tolerances: "
         f"{measured.mechanism.undefined}; {designs}; units that do are non-conforming"
     )
+
+
+def _rough(stack: Stack, measured: Measured) -> str:
+    """What is not given of a formula that its slopes at the mid-limits do not describe, and what is."""
+    mechanism, unit = measured.mechanism, f" {measured.requirement.unit}".rstrip()
+    _, loosest = stack.ends_as_made
+    first, worst = (float(values[0]) for values in (measured.linear.worst_case(loosest), _worst(measured, loosest)))
+    text = (
+        f"{measured.requirement.place}.formula has no slope at the mid-limits (0, not defined, or another one on each "
+        f"side) by {', '.join(mechanism.rough)}: no root sum square and no contributions are given; worst_case is that "
+        f"of the corners, {worst:.4g}{unit} at the loosest tolerances (first order: {first:.4g}{unit})"
+    )
+    if mechanism.bounded:
+        percent, error = yield_percent(mechanism, loosest, stack.yields.drawn(WARNING_SAMPLES))
+        text += f"; {percent[0]:.3f} % of the units (standard error {error[0]:.1g} %) are then within the limits"
+    return text
+
+
+def _worst(measured: Measured, t: Tolerances) -> Array:
+    return measured.variations(t)[measured.name("worst_case")]
 
 
 def domain_remarks(requirements: Sequence[Measured], front: pd.DataFrame) -> tuple[str, ...]:

@@ -111,6 +111,8 @@ def _complete(row: Row, rows: list[Row], stack: Stack) -> bool:
 
 def _row(stack: Stack, output: str, measured: Measured, kind: str, weight: float, gaussian: bool) -> list[Row]:
     """The row of a kind of variation of one requirement; none where it has no convex form."""
+    if measured.rough:
+        return []
     method = measured.requirement.method if kind == "variation" else kind
     if method == "monte_carlo":
         if isinstance(measured.law, Law):

@@ -122,8 +122,9 @@ def _before_after(result: GapResult, name: str) -> str:
         return ""
     unit = next((axis.unit for axis in result.outputs if axis.name == name), "noise units")
     floor = result.noise_floor.get(name)
-    noise = f"; noise alone causes {shown(floor)}" if floor is not None else ""
-    measure = str(result.summary.get("gap_is", RMSE))
+    cause = "chance" if len(result.units) else "noise"
+    noise = f"; {cause} alone causes {shown(floor)}" if floor is not None else ""
+    measure, _, _ = str(result.summary.get("gap_is", RMSE)).partition(";")
     return f"{name.replace('_', ' ')}: {shown(before)} before, {shown(after)} after [{unit}] ({measure}{noise})."
 
 

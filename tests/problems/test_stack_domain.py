@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -170,3 +171,163 @@ def test_margins_of_functions(text: str, x: float, margin: float) -> None:
     """Distance of the argument from the edge over that at the middle, a = 4."""
     found = domain_margin(Formula(text), {"a": np.array([x])}, {"a": np.asarray(4.0)})
     np.testing.assert_allclose(np.broadcast_to(found, 1), margin, rtol=1e-12)
+
+
+# ---------------------------------------------------------------- formulas without slope at the mid-limits
+
+SLOPELESS = Path(__file__).parents[1] / "cases"
+UNITS = 1_000_000
+
+
+def of_case(name: str) -> Stack:
+    problem = read(SLOPELESS / name).problem
+    assert isinstance(problem, Stack)
+    return problem
+
+
+def normal(rng: np.random.Generator, low: float, high: float) -> np.ndarray:
+    """Units of a part with Cp = 1 within these limits."""
+    return rng.normal(0.5 * (low + high), (high - low) / 6.0, UNITS)
+
+
+def pole_units() -> np.ndarray:
+    rng = np.random.default_rng(1)
+    h, d, t = (rng.uniform(m - r, m + r, UNITS) for m, r in ((90.0, 4.5), (6.0, 0.25), (0.0, 0.1)))
+    return np.asarray(np.abs(t * h / d) <= 1.6)
+
+
+def flange_units() -> np.ndarray:
+    rng = np.random.default_rng(2)
+    edge, hole_x = normal(rng, 49.7, 50.3), normal(rng, 29.7, 30.3)
+    hole, pin = normal(rng, 10.0, 10.036), normal(rng, 9.972, 9.987)  # 10 H9, 10 f7
+    bore, boss = normal(rng, 40.0, 40.025), normal(rng, 39.975, 39.991)  # 40 H7, 40 g6
+    u, v, w = rng.uniform(-1.0, 1.0, (3, UNITS))
+    gap = edge - hole_x + u * (0.1 + (hole - 10.0) / 2) + v * (bore - boss) / 2 + w * (hole - pin) / 2
+    return (gap >= 19.4) & (gap <= 20.6)
+
+
+@pytest.mark.parametrize(
+    ("name", "worst", "first", "rough", "percent"),
+    [
+        ("zero_slope/pole.toml", 0.1 * 94.5 / 5.75, 1.5, "H, D", lambda: 100.0 * pole_units().mean()),
+        # Rayleigh
+        ("zero_slope/true_position.toml", 0.1 * np.sqrt(2.0), 0.0, "x, y", lambda: 100.0 * (1.0 - np.exp(-4.5))),
+        ("mmc_assembly_shift/mmc.toml", None, None, "zone, hole, pin, bore, boss",
+         lambda: 100.0 * flange_units().mean()),
+    ],
+)  # fmt: skip
+def test_a_formula_without_slope_is_measured_by_corners_and_units(
+    name: str, worst: float | None, first: float | None, rough: str, percent: Callable[[], float]
+) -> None:
+    """These were refused: "no tolerance of it matters", "no finite derivative"."""
+    stack = of_case(name)
+    (measured,) = stack.measured
+    assert ", ".join(measured.mechanism.rough) == rough
+    loosest = stack.corner(tight=False)[None]
+    outputs = stack.outputs_of(loosest)
+    if worst is not None:
+        assert outputs["worst_case"][0] == pytest.approx(worst, rel=1e-12)
+        assert measured.linear.worst_case(stack.tolerances(loosest))[0] == pytest.approx(first, abs=1e-12)
+    error = np.hypot(outputs["yield_percent_error"][0], 0.003)
+    assert outputs["yield_percent"][0] == pytest.approx(percent(), abs=4.0 * error)
+    assert np.isnan(outputs["rss"][0])
+    (warning,) = (text for text in stack.warnings() if "no slope" in text)
+    assert f"by {rough}: no root sum square and no contributions are given" in warning
+
+
+@pytest.mark.parametrize(
+    ("formula", "rough"),
+    [
+        ("max(a, b) + a + b", "ab"),  # a kink, and slopes 2 and 1
+        ("abs(a - b) + c", "ab"),
+        ("min(a, b) + 2*c", "ab"),
+        ("(a - 10)*(b - 5) + c", "b"),
+        ("(a - 10)**2 + (b - 10)**2 - c", "ab"),
+        ("c*sqrt((a - b)**2)", "abc"),
+        ("a + b**2/c", ""),
+        ("max(a, b + 3) + c", "a"),
+    ],
+)
+def test_the_worst_case_without_slope_is_that_of_an_enumeration(formula: str, rough: str, tmp_path: Path) -> None:
+    nominals, t = (10.0, 10.0, 7.0), np.array([0.3, 0.2, 0.1])
+    parts = "".join(f"[[part]]\nname = '{n}'\nnominal = {x}\ntolerance = {r}\n"
+                    for n, x, r in zip("abc", nominals, t, strict=True) if n in formula)  # fmt: skip
+    text = f"[requirement]\nunit = 'mm'\nformula = '{formula}'\nmethod = 'worst_case'\n{parts}"
+    if rough == "a":  # b + 3 is always the larger one
+        (tmp_path / "c.toml").write_text(f"problem = 'stack'\n{text}", "utf-8")
+        with pytest.raises(InputError, match="does not depend on a anywhere within the tolerances: leave it out"):
+            read(tmp_path / "c.toml")
+        return
+    (tmp_path / "c.toml").write_text(f"problem = 'stack'\n{text}", "utf-8")
+    stack = read(tmp_path / "c.toml").problem
+    assert isinstance(stack, Stack)
+    assert "".join(stack.measured[0].mechanism.rough) == rough
+    levels = np.meshgrid(*(np.linspace(x - r, x + r, 9) for x, r in zip(nominals, t, strict=True)))
+    functions = {"max": lambda *x: np.maximum.reduce(np.broadcast_arrays(*x)), "abs": np.abs, "sqrt": np.sqrt,
+                 "min": lambda *x: np.minimum.reduce(np.broadcast_arrays(*x))}  # fmt: skip
+    at = dict(zip("abc", levels, strict=True)) | functions
+    y, middle = (eval(formula, {}, x) for x in (at, dict(zip("abc", nominals, strict=True)) | functions))
+    found = stack.outputs_of(stack.corner(tight=False)[None])["worst_case"][0]
+    if rough:
+        assert found == pytest.approx(np.abs(y - middle).max(), rel=1e-9)
+    else:  # of the linear model, as before
+        assert found == pytest.approx(0.3 + 2.0 * 10.0 / 7.0 * 0.2 + 100.0 / 49.0 * 0.1)
+
+
+RADIAL = """
+problem = "stack"
+[objectives]
+minimise = ["cost"]
+[limits]
+{limit}
+[requirement]
+name = "radial offset"
+unit = "mm"
+formula = "sqrt(x**2 + y**2)"
+upper = 0.1
+method = "{method}"
+[[part]]
+name = "x"
+nominal = 0.0
+t_min = 0.02
+t_max = 0.3
+cost = {{ model = "reciprocal", a = 1.0, b = 0.05 }}
+[[part]]
+name = "y"
+nominal = 0.0
+t_min = 0.02
+t_max = 0.3
+cost = {{ model = "reciprocal", a = 1.0, b = 0.05 }}
+"""
+
+
+@pytest.mark.parametrize(
+    ("method", "limit", "t"),
+    [("monte_carlo", "yield_percent = 99.0", 0.3 / np.sqrt(2.0 * np.log(100.0))),  # Rayleigh, alike by symmetry
+     ("worst_case", "variation = 0.1", 0.1 / np.sqrt(2.0))],
+)  # fmt: skip
+def test_the_least_cost_of_a_radial_position(method: str, limit: str, t: float, tmp_path: Path) -> None:
+    (tmp_path / "c.toml").write_text(RADIAL.format(method=method, limit=limit), "utf-8")
+    problem = read(tmp_path / "c.toml").problem
+    assert problem is not None
+    found = search(problem, Exact(), Budget(), seed=0)
+    outputs = problem.outputs_of(problem.complete(found.x))
+    least = 2.0 * (1.0 + 0.05 / t)
+    assert outputs["cost"].min() == pytest.approx(least, rel=5e-3)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('"monte_carlo"', '"rss"', 'by x, y: a first-order standard deviation cannot be given; state method = "monte_'),
+        ('"monte_carlo"', '"shifted_rss"', "shifted_rss knows the formula by its slopes at the mid-limits alone"),
+        ("yield_percent = 99.0", "rss = 0.1", "use variation, worst_case, yield_percent"),
+    ],
+)
+def test_what_first_order_cannot_give_is_refused_in_words(old: str, new: str, message: str, tmp_path: Path) -> None:
+    text = RADIAL.format(method="monte_carlo", limit="yield_percent = 99.0")
+    assert old in text
+    (tmp_path / "c.toml").write_text(text.replace(old, new), "utf-8")
+    with pytest.raises(InputError) as caught:
+        read(tmp_path / "c.toml")
+    assert message in str(caught.value)

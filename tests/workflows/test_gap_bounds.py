@@ -10,9 +10,12 @@ import pytest
 from scipy.optimize import lsq_linear
 
 from tolevo.configuration.gap import gap_plan, read_gap
-from tolevo.workflows.gap.analysis import Analysis, analysed
+from tolevo.workflows.gap import result
+from tolevo.workflows.gap.analysis import Analysis, analysed, without
+from tolevo.workflows.gap.close import Corrected
 from tolevo.workflows.gap.fit import Fit, Member
 from tolevo.workflows.gap.read import read_data
+from tolevo.workflows.gap.result import Ending, ended
 from tolevo.workflows.gap.setup import prepared
 
 SLIDE = """
@@ -124,3 +127,59 @@ def test_columns_of_joints_at_fault_are_not_asked_for() -> None:
     needed = [one.name for one in plan.model.columns if one.needed]
     assert needed == ["joint_1_deg", "joint_2_deg"]
     assert sorted(one.place for one in faults) == ["joint[0].a_mm", "joint[1].alpha_deg"]
+
+
+def ended_within(analysis: Analysis, most: int, monkeypatch: pytest.MonkeyPatch) -> Ending:
+    """The ending, which may exclude effects in so many turns at most."""
+    turns: list[str] = []
+
+    def counted(before: Analysis, name: str, trusted: str = "") -> Analysis:
+        assert len(turns) < most, turns
+        turns.append(name)
+        return without(before, name, trusted)
+
+    monkeypatch.setattr(result, "without", counted)
+    end = ended(analysis)
+    assert len({*turns}) == len(turns)
+    assert not {*turns} & {*end.fit.names}
+    return end
+
+
+def test_the_ending_of_effects_that_are_all_weak_excludes_each_once(
+    axis: Analysis, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A lag of the read-out has the column of viscous friction: each brought the other back."""
+    library = {candidate.name for candidate in axis.setup.library}
+    assert {"read_out_lag", "viscous_friction"} <= library
+    monkeypatch.setattr(Corrected, "nothing", lambda model, member: True)
+    end = ended_within(axis, len(library), monkeypatch)
+    assert not end.identified and end.verdict == "unnamed"
+    assert {"read_out_lag", "viscous_friction"} <= end.analysis.excluded
+
+
+def film() -> pd.DataFrame:
+    """262 rows of viscous friction that varies with load and time, on a drift that is a random walk."""
+    rng, n = np.random.default_rng(1144), 262
+    v, d, t = rng.uniform(0.01, 0.5, n), rng.choice([-1.0, 1.0], n), np.linspace(0.0, 40.0, n)
+    load = 500.0 * np.sin(t * rng.uniform(0.1, 3.0))
+    sigma, rate, _ = rng.uniform(0.2, 1.0), rng.uniform(2.0, 20.0), rng.integers(1, 4)
+    sizes = []
+    for more in (lambda: np.sin(rng.uniform(0.1, 2.0) * t) * v * d, lambda: load / 500.0 * v * d * t / 40.0,
+                 lambda: np.cumsum(rng.normal(0.0, 0.1, n))):  # fmt: skip
+        size, _ = rng.uniform(0.3, 2.0) * rate * 0.2, rng.integers(7)
+        sizes.append(size * more())
+    y = rate * v * d + sum(sizes) + rng.normal(0.0, sigma, n)
+    return pd.DataFrame({"speed": v, "direction": d, "time": t, "load": load, "error": y, "simulated": 0.0})
+
+
+def test_an_excluded_effect_does_not_come_back_for_one_with_the_same_columns(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The lag was excluded, came back in the place of viscous friction, and was excluded again."""
+    text = SLIDE.replace("[columns]", '[columns]\ntime = { role = "time", unit = "s" }')
+    (tmp_path / "gap.toml").write_text(text.replace("500", "200"), "utf-8")
+    film().to_csv(tmp_path / "data.csv", index=False)
+    plan = read_gap(tmp_path / "gap.toml")
+    found = analysed(prepared(plan, read_data(plan, tmp_path / "data.csv")))
+    end = ended_within(found, 10, monkeypatch)
+    assert {"read_out_lag", "viscous_friction"} <= end.analysis.excluded

@@ -182,6 +182,20 @@ def test_a_batch_comes_back(name: str, effects: tuple[str, ...]) -> None:
     assert y.std() == pytest.approx(drawn.std(), abs=3.0 * of_std)
 
 
+@pytest.mark.parametrize("name", ["mixed down", "shifted and widened"])
+def test_the_figure_is_of_the_model_before_and_of_the_corrected_configuration_after(name: str) -> None:
+    """Both were drawn with the effect on the scatter once more: before with it, after with it twice."""
+    result, table = found(name), BATCHES[name]()
+    inputs = {k: v for k, v in table.items() if k != BACKLASH}
+    plain = RvBatch(DOCUMENT).predict({"unit": np.arange(40000).astype(str)}, np.random.default_rng(3))[BACKLASH]
+    shares = result.units["share"].to_numpy()
+    for side, units_of_model in (("before", plain), ("after", simulated(result, inputs))):
+        expected = np.quantile(units_of_model, shares)
+        off = (result.units[side].to_numpy() - expected) / plain.std()
+        assert np.sqrt(np.mean(off**2)) < 0.04  # of 20,000 units; the effect once more moved it by 0.6 and 0.77
+    np.testing.assert_allclose(result.units["measured"], np.quantile(table[BACKLASH], shares))
+
+
 def test_steps_tell_what_the_mixture_did() -> None:
     """The shift that was named first is dropped beside it."""
     done = [(one.action, one.name) for one in found("mixed up").steps if one.accepted]

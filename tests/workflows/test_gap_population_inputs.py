@@ -248,6 +248,30 @@ def test_a_shift_beyond_all_limits_is_of_no_input() -> None:
     assert not gauge.excluded_because
 
 
+def test_an_amount_that_limits_hold_back_is_within_its_interval() -> None:
+    """Bearings 5 times as wide as drawn: 4 is admissible, and was told with "90 % from 4.8 to 5.2"."""
+    one = weighed(units(400, 12, ("crank_bearing_um", "widening", 5.0)))
+    bearings = next(c for c in one.tables.changes if (c.name, c.kind) == ("crank_bearing_um", "widening"))
+    assert bearings.free[0] > 4.5
+    for change in one.tables.changes:
+        for admissible, amount in ((True, change.best[0]), (False, change.free[0])):
+            low, high = change.interval(2.71, admissible)
+            assert low <= amount <= high
+            assert not admissible or high <= change.high + 1e-12
+
+
+def test_an_amount_that_no_part_can_have_is_not_told() -> None:
+    """A runout of 16 times its zone would do what pin holes do that are 4 um off; "6454 um, 1.8e3 of its
+    tolerance" was told once.
+    """
+    one = weighed(units(200, 9, ("pin_hole_radius_um", "shift", 4.0)))
+    records = [one.record(change, "arcmin") for change in one.tables.changes if change.kind == "shift"]
+    runout = next(record for record in records if record.input == "runout_um")
+    assert np.isnan([runout.amount, runout.low, runout.high, runout.share_of_tolerance]).all()
+    assert "all of its tolerance explains 6." in runout.excluded_because
+    assert all(not abs(record.share_of_tolerance) > 10.0 for record in records)
+
+
 def test_two_causes_are_of_no_single_input() -> None:
     """Drifting and in two groups."""
     y = units(400, 10) + 0.8 * (np.random.default_rng(1).random(400) < 0.4) + np.arange(400) / 400

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from tests.workflows.gap_toy import PENALTY, N, directions, member, squares_left, toy
+from tolevo.workflows.gap import select as selection
 from tolevo.workflows.gap.ambiguity import Other, correlation, first_of_confounded, rivals
 from tolevo.workflows.gap.blocks import Improvement
 from tolevo.workflows.gap.linear import joined
@@ -21,6 +22,7 @@ from tolevo.workflows.gap.select import (
     SMALL,
     TERM,
     UNITS,
+    VISITED,
     _next,
     concluding,
     masked,
@@ -307,3 +309,14 @@ def test_without_forms_there_is_no_evidence_and_without_a_gain_neither() -> None
     np.testing.assert_array_equal(strongest(none, np.zeros((0, 5))), np.zeros(5))
     groups = joined([directions(2), directions(1, 3)], [False, False], N)
     np.testing.assert_array_equal(evidence(groups, np.zeros(2)), np.zeros(2))
+
+
+def test_a_selection_that_reaches_ever_new_sets_ends(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Tests that turn every addition into another pair: 105 pairs of 15 effects, all of them new."""
+    names = [f"n{at}" for at in range(15)]
+    members = [member(one) for one in names]
+    search = toy(members, dict(zip(names, directions(15).T, strict=True)), directions(15) @ np.full(15, 20.0))
+    pairs = combinations(members, 2)
+    monkeypatch.setattr(selection, "_retested", lambda search, fit, *_: search.fitter.fit(next(pairs)))
+    found = select(search)
+    assert sum(step.action == "add" for step in found.steps) == VISITED * search.settings.effects_at_most

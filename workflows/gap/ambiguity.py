@@ -70,6 +70,12 @@ def correlation(fitter: Fitter, fit: Fit, other: Other) -> float:
     return float(a @ b) / size if size > 0.0 else float("nan")
 
 
+def same_columns(name: str, alternatives: Sequence[Other]) -> frozenset[str]:
+    """The effects that may replace `name` alone because they have the same columns."""
+    alike = (other for other in alternatives if other.instead_of == (name,) and abs(other.distance) < SAME_COLUMNS)
+    return frozenset(other.names[-1] for other in alike)
+
+
 def first_of_confounded(fit: Fit, alternatives: Sequence[Other], population: bool) -> Fit | None:
     """The fit with the preferred effect where another effect has the same columns, else None.
 

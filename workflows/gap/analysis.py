@@ -8,7 +8,7 @@ import numpy as np
 
 from ...models.effects.compose import acting, changes_of
 from .abstain import Identified, identified, structured
-from .ambiguity import Other, first_of_confounded, rivals
+from .ambiguity import Other, first_of_confounded, rivals, same_columns
 from .close import corrected
 from .curves import as_curve
 from .fit import Fit, is_term
@@ -156,8 +156,9 @@ def _settling(null_model: NullModel, selection: Selection, trusted: frozenset[st
 
 
 def without(analysis: Analysis, name: str, trusted: str = "") -> Analysis:
-    """The analysis of rows without the effect `name`, the remaining ones fitted and tested again.
-    Its contribution may belong to the form of the effect `trusted`; it stays as a generic curve.
+    """The analysis of rows without the effect `name` and those with the same columns, the remaining
+    ones fitted and tested again. What is excluded stays excluded. The contribution of `name` may
+    belong to the form of the effect `trusted`; it stays as a generic curve.
     """
     null_model, selection, fit = analysis.null_model, analysis.selection, analysis.fit
     curve, sure = None, analysis.trusted
@@ -166,9 +167,10 @@ def without(analysis: Analysis, name: str, trusted: str = "") -> Analysis:
         members = fit.names.index(name), fit.names.index(trusted)
         curve = as_curve(null_model.search.fitter, fit, *members, analysis.setup.data)
     settling = _settling(null_model, selection, sure)
-    excluded = frozenset({name, *analysis.excluded})
+    names = {name, *same_columns(name, analysis.rivals)}
+    excluded = analysis.excluded | names
     settled = settling.again(fit, excluded, () if curve is None else (curve,))
-    settled = replace(settled, removed=(*analysis.removed, *({name} & {*selection.identified})))
+    settled = replace(settled, removed=(*analysis.removed, *(names & {*selection.identified})))
     answer = _answer(null_model, settling, selection, settled, excluded)
     return replace(answer, excluded=excluded, trusted=sure)
 
@@ -180,7 +182,9 @@ def _answer(
     settled: Settled,
     excluded: frozenset[str] = frozenset(),
 ) -> Analysis:
-    """The analysis that ends with a settled fit; the instrument is preferred at equal columns."""
+    """The analysis that ends with a settled fit; the instrument is preferred at equal columns, but
+    no effect that is excluded.
+    """
     search, fit = null_model.search, settled.fit
     others = rivals(search, fit, fit.identified)
     if others and others[0].distance < -BETTER and not excluded & {*others[0].names}:
@@ -188,7 +192,8 @@ def _answer(
         if settling.holds(rival_fit):
             fit, others = rival_fit, rivals(search, rival_fit, rival_fit.identified)
     named = fit.identified
-    if (preferred := first_of_confounded(fit, others, False)) is not None:
+    allowed = [other for other in others if not excluded & {*other.names}]
+    if (preferred := first_of_confounded(fit, allowed, False)) is not None:
         fit = search.fitter.fit(sorted(preferred.members, key=is_term))
         others = rivals(search, fit, named)
     steps = concluding(search, selection, fit, {member.name: label(member) for member in fit.terms})

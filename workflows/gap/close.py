@@ -306,7 +306,8 @@ def _numbers(setup: Setup, fit: Fit) -> tuple[tuple[Number, ...], Array]:
                 continue
             value = values[parameter.name]
             size = max((abs(values[neighbour.name]) for neighbour in member.candidate.linear), default=0.0)
-            size = (abs(value) if abs(value) > NOTHING * size else size) or 1.0
+            small = parameter.linear and abs(value) <= NOTHING * size
+            size = (size if small else abs(value)) or size or 1.0
             numbers.append(Number("effect", member.name, parameter.name, parameter.low, parameter.high, size))
             start.append(value)
     return tuple(numbers), np.array(start, dtype=float)

@@ -40,7 +40,7 @@ def corrected_toml(plan: GapPlan, model: Corrected, scatter: tuple[Scatter, ...]
         configuration["variables"] = _at_mids(configuration["variables"], model.free())
     if turned := {name: sense for name, sense in plan.sense.items() if sense < 0}:
         configuration["sense"] = turned
-    if zero := _zero(plan, model):
+    if zero := zeros_with(plan, model):
         configuration["zero"] = zero
     terms = [table_of(member, model) for member in model.members if is_term(member)]
     more = [
@@ -93,7 +93,7 @@ def in_problem(plan: GapPlan, text: str, effects: tuple[FoundEffect, ...]) -> tu
     return tuple(replace(effect, in_problem=bool(what), counterpart=what or none) for effect, what in pairs)
 
 
-def _zero(plan: GapPlan, model: Corrected) -> dict[str, float]:
+def zeros_with(plan: GapPlan, model: Corrected) -> dict[str, float]:
     """What the instrument adds to each output: the known part plus the fitted one."""
     fitted = {number.name: value for number, value in model.numbers_of("zero")}
     return {name: plan.zero.get(name, 0.0) + fitted.get(name, 0.0) for name in {**plan.zero, **fitted}}

@@ -141,13 +141,15 @@ def _with_forms(remainder: Remainder, start: Start, allowed: NDArray[np.bool_]) 
     if not allowed.any():
         return start.certain_columns, False
     chosen, q, residual, white = start.certain_columns, start.q, start.residual, start.white
+    allowed = allowed.copy()
     projected, product, trend = start.projected, start.product, False
     while chosen.shape[1] < max(len(residual) // 5, start.certain_columns.shape[1] + 2):
         scale = residual @ residual / (len(residual) - q.shape[1])
         level = evidence(white, white.conditional_gains(projected, product) / scale)
         best = int(np.argmax(np.where(allowed, level, -np.inf)))
-        if level[best] < CERTAIN:
+        if not allowed[best] or level[best] < CERTAIN:
             break
+        allowed[best] = False
         chosen = np.column_stack([chosen, remainder.generic.of(best)])
         new = basis(projected_out(projected_out(white.of(best), q), q))
         residual, q = projected_out(residual, new), np.hstack([q, new])

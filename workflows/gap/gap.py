@@ -19,7 +19,7 @@ from .analysis import Analysis, analysed
 from .correct import corrected_toml, in_problem
 from .data import GapData
 from .ending_records import effects, gate, residual_table, rival_records, scores
-from .gaps import OF_UNITS, gaps, never_worse
+from .gaps import OF_ROWS, gaps, never_worse
 from .locate import regions
 from .next.measurement import next_measurement
 from .one_delay import uneven_delays
@@ -41,7 +41,7 @@ from .uncertainty import Spread, bootstrap
 from .write import summary_of, write
 
 RMSE = "{}: rmse {:.4g} -> {:.4g} {} on held-out rows; noise {:.4g}"
-FAR = "{}: batch from population {:.4g} -> {:.4g} {} on held-out units; chance {:.4g}"
+FAR = "{}: distance of the batch from the model's population {:.4g} -> {:.4g} {} on held-out units; chance {:.4g}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,7 +157,7 @@ def result_of(plan: GapPlan, data: GapData, end: Ending, spread: Spread | None =
         gap_after=gap_sizes.after,
         residuals=table,
         spectrum=spectrum(data, table, initial.noises, limit),
-        units=spread_of_units(setup.plan, data, end),
+        units=spread_of_units(data, end),
         summary=_summary(plan, data, end, spread) | {"gap_is": gap_sizes.meaning},
         notes=_notes(analysis, data, end),
         population=compared(end),
@@ -233,7 +233,7 @@ def lines_of(result: GapResult) -> tuple[str, ...]:
     lines = mechanism_lines(result.summary)
     lines += result.drawing.lines() if result.drawing else ()
     lines.append(f"{result.verdict}: {result.summary['rows']} rows")
-    words = FAR if result.summary["gap_is"] == OF_UNITS else RMSE
+    words = RMSE if result.summary["gap_is"] == OF_ROWS else FAR
     for output in result.outputs:
         before, after, floor = (gap[output.name] for gap in (result.gap_before, result.gap_after, result.noise_floor))
         lines.append(words.format(output.name, before, after, output.unit, floor))

@@ -14,10 +14,11 @@ from .result import Ending, ended, rmse
 
 OF_ROWS = "RMSE on held-out rows; the floor is the noise"
 OF_UNITS = (
-    "2-Wasserstein distance between the held-out units, less the effects on single units, and the "
-    "population that the model predicts; the floor is what all but 5 % of batches of this size "
-    "stay below, drawn from the corrected model"
+    "distance of the held-out units from the population that the model predicts; it is the 2-Wasserstein "
+    "distance, after the effects on single units are subtracted, and the floor is what all but 5 % of "
+    "batches of this size stay below, drawn from the corrected model"
 )
+"""What comes before the semicolon says it in short."""
 
 
 @dataclass(frozen=True)

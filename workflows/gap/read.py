@@ -24,7 +24,7 @@ from .data import GapData, assembled
 from .next.faults import range_faults
 from .plan import GapPlan, output_of
 from .plausible import implausible
-from .units import LEAST, numbered, one_per_unit, too_few
+from .units import LEAST, numbered, of_one_measurement, one_per_unit, too_few
 
 TIME = Column("time_s", "s", "order of measuring", False, role=Role.TIME)
 SAME = 1e-12
@@ -68,7 +68,8 @@ def checked_table(
     cells, faults = fitted.cells, [*faults, *fitted.faults]
     columns, outputs, predictions, stds = _layout(plan, cells)
     notes: list[str] = []
-    if plan.model is not None and plan.model.population:
+    population = plan.model is not None and plan.model.population
+    if population:
         cells = numbered(cells, columns, place, notes)
     faults += _missing_outputs(plan, cells, outputs, place)
     needed = [*(c.name for c in columns if c.needed), *predictions.values()]
@@ -89,7 +90,7 @@ def checked_table(
     frame, new_faults = _dropped(plan, frame, new_faults, place, notes)
     faults += new_faults + _block_faults(plan, cells, frame, place)
     if not faults and plan.model is not None:
-        if plan.model.population:
+        if population:
             frame, new_faults = one_per_unit(frame, columns, place, notes)
             faults += new_faults
         else:
@@ -104,7 +105,7 @@ def checked_table(
         f"no column {c.name} ({c.meaning}): what depends on it cannot be detected, and "
         "where it varied another effect may be identified instead"
         for c in columns
-        if c.name not in frame and c not in (TIME, REPEAT)
+        if c.name not in frame and c not in (TIME, REPEAT) and not (population and of_one_measurement(c))
     ]
     if sessions_unread and SESSION in frame:
         notes.append(

@@ -79,6 +79,9 @@ def ended(analysis: Analysis) -> Ending:
     others are fitted and tested again, where the joint interval of its parameters given the others
     contains 0. The same holds for an effect that may be an error of a larger one's form, unless
     held-out rows are then predicted worse.
+
+    Every turn excludes an effect for good, or keeps one in `needed`: there are at most two turns
+    for each effect of the library.
     """
     ending, needed = _ended(analysis), set[str]()
     while ending.rows and (weak := _weak(ending, needed)) is not None:
@@ -99,6 +102,8 @@ def _weak(end: Ending, needed: Collection[str]) -> tuple[str, str] | None:
     """
     for at in end.identified:
         name = end.fit.names[at]
+        if name in end.analysis.excluded:
+            continue
         larger = "" if name in needed else _form_of(end, at)
         if larger or end.model.nothing(end.fit.members[at]):
             return name, larger

@@ -29,6 +29,9 @@ SMALL = "its contribution is below the practical limit"
 NO_FORM = "its form is not that of the data: it is not significant given the other terms"
 AS_WELL = "fits at least as well as any generic form, given the others"
 TERM = "held-out rows are predicted better, and no effect of the library has this form"
+VISITED = 6
+"""Number of sets that a selection visits, per effect that it may have; the longest of 240 records
+visited 10 sets in all."""
 MASKED = 12
 """Number of candidates that are tried in pairs where none is significant alone."""
 PAIRS = 2
@@ -125,6 +128,8 @@ class Selection:
 def select(search: Search, quick: bool = False) -> Selection:
     """Effects that pass the threshold and the held-out test, added to the null fit one by one;
     `quick` does not try effects that are significant only in pairs.
+
+    A turn that reaches no new set rejects one more effect or pair, and the number of sets is limited.
     """
     fit = search.fitter.fit(())
     steps: list[Step] = []
@@ -133,7 +138,8 @@ def select(search: Search, quick: bool = False) -> Selection:
     accepted = [(fit, before)]
     visited = {frozenset(fit.names)}
     _note(steps, search, fit, before, "start", "", "the model as recalibrated")
-    while len(fit.members) < search.settings.effects_at_most:
+    most = search.settings.effects_at_most
+    while len(fit.members) < most and len(visited) <= VISITED * most:
         grown = _next(search, fit, rejected)
         if grown is None and not quick:
             grown = masked(search, fit, rejected)

@@ -78,8 +78,13 @@ def _several_per_unit(frame: pd.DataFrame, columns: Sequence[Column], place: str
         "a batch is compared by one measurement of each unit: give the largest (or the mean) of its "
         "measurements, set [parameters] positions to their number, and remove this column"
     )
-    inputs = (c.name for c in columns if c.role is Role.INPUT and c.name in frame)
+    inputs = (c.name for c in columns if of_one_measurement(c) and c.name in frame)
     return [Fault(f"{place}: column {name}", text) for name in inputs]
+
+
+def of_one_measurement(column: Column) -> bool:
+    """Whether a column distinguishes measurements of a unit, so that a batch must not have it."""
+    return column.role is Role.INPUT
 
 
 def too_few(frame: pd.DataFrame, columns: Sequence[Column], place: str) -> list[Fault]:

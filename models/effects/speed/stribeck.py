@@ -6,12 +6,15 @@ from math import inf
 
 import numpy as np
 
+from ....arrays import Array
 from ...measurable import Role
 from ..effect import EffectParameter, Measurements, Target, Values, quantity
 from ..shapes import Columns, Shape, Weight, speed_unit
 
 SLOWEST, FASTEST = 0.01, 0.7
 """Fractions of the largest speed between which the Stribeck speed lies."""
+GONE = 1e-6
+"""Fraction of the excess at rest below which it is 0: rows at such speeds say nothing of rest."""
 
 
 class Stribeck(Shape):
@@ -47,4 +50,9 @@ class Stribeck(Shape):
         speed = np.asarray(measurements[Role.SPEED], dtype=float)
         name = self.shape_parameters(target)[0].name
         falls = max(values[name], np.finfo(float).tiny)
-        return {"excess": lambda: np.asarray(direction * np.exp(-((speed / falls) ** 2))), "level": lambda: direction}
+
+        def excess() -> Array:
+            left = np.exp(-((speed / falls) ** 2))
+            return np.asarray(direction * np.where(left < GONE, 0.0, left))
+
+        return {"excess": excess, "level": lambda: direction}

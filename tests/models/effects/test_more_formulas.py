@@ -66,6 +66,15 @@ def test_stribeck_is_at_its_breakaway_at_rest_and_at_its_level_far_beyond() -> N
         np.testing.assert_allclose(found, expected * TABLE["way"], rtol=1e-6)
 
 
+def test_stribeck_says_nothing_of_rest_where_all_rows_are_far_from_it() -> None:
+    """An excess of 1e-68 of that at rest was fitted, as 4e67 N at rest; a tenth of it is fitted still."""
+    effect, _, target = bench("stribeck")
+    rows = measurements_of(COLUMNS, TABLE | {"rate": np.full(N, 6.0)})  # 1 rpm
+    for speed, factor in ((0.08, 0.0), (1.0 / math.sqrt(math.log(10.0)), 0.1)):
+        found = effect.act(rows, {"level_N": 0.0, "excess_N": 2.0, "speed_rpm": speed}, target).output["pull_N"]
+        np.testing.assert_allclose(found, 2.0 * factor * TABLE["way"])
+
+
 def test_directional_offset_is_mean_and_half_difference() -> None:
     """What a zero and friction would say: (a - b)/2 of a zero, (a + b)/2 along the direction."""
     a, b = 4.0, 1.5

@@ -241,7 +241,7 @@ def test_recommendation_is_judged_on_seeds_that_did_not_choose_it() -> None:
     share = 1 - judged[2].sum() / judged[0].sum()
     assert found.recovered[0] == pytest.approx(share)
     assert found.recovered[1] < share < found.recovered[2] < share + 0.05
-    assert "k = 2 beats the run's own setting on 12 seeds" in found.sentence
+    assert "use k = 2: it beats the run's own setting (k = 0) on 12 seeds" in found.sentence
     assert "recovers 75 %" in found.sentence
     changed = values.copy()
     changed[2, 1::2] += 6.0  # good only on the seeds that choose
@@ -261,6 +261,11 @@ def test_few_seeds_or_the_runs_own_setting_recommend_nothing() -> None:
     runs, design = study_runs(values + 0.01 * rng().normal(size=values.shape))
     few = recommendation(runs, design, {"k": 0}, GAP, rng())
     assert not few.shown and "at least 12 seeds are needed" in few.sentence
+    assert few.sentence.startswith("gap_percent: use k = 0, the run's own setting: k = 2 is the best observed, but ")
+    middle = recommendation(runs, design, {}, GAP, rng())
+    assert not middle.shown
+    assert middle.sentence.startswith("gap_percent: use k = 2, the best observed, or any other: the 5 seeds that did ")
+    assert "the setting in the middle (k = 0; p = " in middle.sentence
     own = recommendation(runs, design, {"k": 2}, GAP, rng())
     assert not own.shown and "nothing is to be changed" in own.sentence
 

@@ -88,14 +88,21 @@ class Change:
     def best(self) -> tuple[float, float]:
         """The likeliest admissible amount, and its log likelihood."""
         x, log = self._dense
-        log = np.where((x >= self.low - 1e-12) & (x <= self.high + 1e-12), log, -np.inf)
-        return _peak(x, log)
+        return _peak(x, np.where(self._admissible(x), log, -np.inf))
 
-    def interval(self, quantile: float) -> tuple[float, float]:
-        """Amounts whose log likelihood is within `quantile` (of chi2) of the highest one."""
+    def interval(self, quantile: float, admissible: bool) -> tuple[float, float]:
+        """Amounts whose log likelihood is within `quantile` (of chi2) of the highest one, of all amounts
+        or only of the `admissible` ones: the interval about `free`, or about `best`.
+        """
         x, log = self._dense
+        if admissible:
+            log = np.where(self._admissible(x), log, -np.inf)
         inside = x[2.0 * (log.max() - log) <= quantile]
         return float(inside.min()), float(inside.max())
+
+    def _admissible(self, x: Array) -> NDArray[np.bool_]:
+        """Which amounts (n,) are admissible, up to rounding."""
+        return np.asarray((x >= self.low - 1e-12) & (x <= self.high + 1e-12))
 
     def shown(self, amount: float) -> float:
         """An amount in the input's unit; a factor is unchanged."""

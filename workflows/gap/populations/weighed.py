@@ -13,6 +13,8 @@ from ....gap_population_records import InputChange
 from ....models.sources import Source
 from .input_changes import Change, Tables
 
+OUT_OF_QUESTION = 10.0
+"""Tolerances from which the amount that an excluded input would need is no size of a part, and not told."""
 UNLIKELY = 0.005
 """Level of each test of whether the best change explains the batch."""
 SURE = float((ndtri(0.95) + ndtri(0.9)) ** 2)
@@ -76,15 +78,16 @@ class Weighed:
         """A change as a record, amounts in the input's unit."""
         standing = change in self.standing
         amount = change.best[0] if standing else change.free[0]
-        ends = change.interval(float(chdtri(1, 1.0 - self.level)))
+        ends = change.interval(float(chdtri(1, 1.0 - self.level)), standing)
         low, high = sorted(change.shown(end) for end in ends)
+        numbers = change.shown(amount), low, high, change.share(amount)
+        if not standing and abs(numbers[-1]) > OUT_OF_QUESTION:
+            numbers = (np.nan,) * 4
         return InputChange(
             change.name,
-            change.shown(amount),
-            low,
-            high,
+            *numbers[:3],
             change.unit if change.source else unit,
-            change.share(amount),
+            numbers[-1],
             self.behind(change),
             "" if standing else self._reason_for_exclusion(change),
             parts_of(change, amount) if standing else 0,
@@ -96,6 +99,8 @@ class Weighed:
         amount, log = change.free
         if 2.0 * (self.top - log) > self.distance:
             return "the shape of the batch differs"
+        if change.kind != "widening" and abs(change.share(amount)) > OUT_OF_QUESTION:
+            return f"all of its tolerance explains {100.0 / abs(change.share(amount)):.2g} % of it"
         if change.kind != "widening":
             return f"it would need {abs(change.share(amount)):.3g} of its tolerance; its parts are inspected"
         if amount < change.low:

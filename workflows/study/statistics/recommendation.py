@@ -19,6 +19,7 @@ from .pairs import ALPHA, paired, pairs_needed
 from .runs import Runs
 
 UNKNOWN = (np.nan, np.nan, np.nan)
+MIDDLE = "the setting in the middle"
 
 
 def recommendation(
@@ -26,31 +27,33 @@ def recommendation(
 ) -> Recommendation:
     """The setting with the best median over the even replicates, tested on the odd ones.
 
-    A failed run counts as the worst. The reference is the run configuration's own setting where the
-    design has it, else the setting in the middle.
+    Its sentence says which setting to use: the best observed, or the run's own where the test does not show that
+    the other is better. A failed run counts as the worst. The reference is the run configuration's own setting where
+    the design has it, else the setting in the middle.
     """
     costs = runs.costs()
     chosen, held_out = costs[:, ::2], runs.array[:, 1::2]
     # Ties in the median (half of the runs not there) are broken by how many got there.
     rank = np.lexsort([np.isinf(chosen).sum(axis=1), np.median(chosen, axis=1)])
-    best, reference, named = int(rank[0]), int(rank[len(rank) // 2]), "the setting in the middle"
+    best, reference, named = int(rank[0]), int(rank[len(rank) // 2]), MIDDLE
     same = (design[list(base)] == pd.Series(base, dtype=object)).all(axis=1).to_numpy()
     matching = np.flatnonzero(same & bool(base))
     if len(matching):
         reference, named = int(matching[0]), "the run's own setting"
     keys = [name for name in map(str, design.columns) if not name.startswith("_")]
     settings = {key: design[key].iloc[best] for key in keys}
+    known = {key: design[key].iloc[reference] for key in keys}
     if np.isinf(np.median(chosen[best])):
-        text = f"{response.name}: at most half of the runs of any setting reach it."
+        text = f"{response.name}: at most half of the runs of any setting reach it, so that none is recommended."
         return Recommendation(response.name, best, settings, False, UNKNOWN, text)
     if best == reference:
-        text = f"{named} is the best of {len(design)}; nothing is to be changed"
+        text = f"use {_listed(settings)}: {named} is the best of {len(design)}, and nothing is to be changed"
         return Recommendation(response.name, best, settings, False, UNKNOWN, f"{response.name}: {text}.")
     test = paired(held_out[best], held_out[reference], rng)
     improves = (test["effect"] > 0) == runs.larger_is_better
     shown = bool(test["p"] <= ALPHA and improves and test["least"] <= ALPHA)
     recovered = _recovered(held_out[best], held_out[reference], response.best, rng)
-    words = _sentence(response, settings, named, test, improves, shown, recovered)
+    words = _sentence(response, (settings, known), named, test, improves, shown, recovered)
     return Recommendation(response.name, best, settings, shown, recovered, words)
 
 
@@ -72,35 +75,42 @@ def _recovered(
     return float(recovered_fraction(pair[0][None], pair[1][None])[0]), float(low), float(high)
 
 
+def _listed(settings: Mapping[str, Any]) -> str:
+    """The keys of a setting with their values."""
+    return ", ".join(
+        f"{key} = {value:.4g}" if isinstance(value, float) else f"{key} = {value}" for key, value in settings.items()
+    )
+
+
 def _sentence(
     response: Response,
-    settings: Mapping[str, Any],
+    settings: tuple[Mapping[str, Any], Mapping[str, Any]],
     named: str,
     test: dict[str, Any],
     improves: bool,
     shown: bool,
     recovered: tuple[float, float, float],
 ) -> str:
-    texts = {key: f"{value:.4g}" if isinstance(value, float) else str(value) for key, value in settings.items()}
-    what = ", ".join(f"{key} = {text}" for key, text in texts.items())
+    """Which of two settings to use, the best observed or the reference `named`, and why."""
+    best, reference = map(_listed, settings)
     half = f"{test['n']} seeds that did not choose it"
     if not test["n"]:
-        return f"{response.name}: {what} is the best observed; there is no other seed to test it with."
+        return f"{response.name}: use {best}, the best observed; there is no other seed to test it with."
     if not shown:
-        missing = pairs_needed(1)
-        why = (
-            f"; at least {2 * missing} seeds are needed"
-            if test["least"] > ALPHA
-            else ""
-            if improves
-            else ", and on those it is the worse one"
-        )
+        why = "" if improves else ", and on those it is the worse one"
+        if test["least"] > ALPHA:
+            why = f"; at least {2 * pairs_needed(1)} seeds are needed to show it"
+        if named == MIDDLE:  # one that ranks lower is no better advice
+            return (
+                f"{response.name}: use {best}, the best observed, or any other: the {half} do not show that it beats "
+                f"{named} ({reference}; p = {test['p']:.2g}){why}."
+            )
         return (
-            f"{response.name}: {what} is the best observed, but {half} do not show that it beats "
-            f"{named} (p = {test['p']:.2g}){why}."
+            f"{response.name}: use {reference}, {named}: {best} is the best observed, but the {half} do not show "
+            f"that it is better (p = {test['p']:.2g}){why}."
         )
     text = (
-        f"{response.name}: {what} beats {named} on {half} (p = {test['p']:.2g}, rank "
+        f"{response.name}: use {best}: it beats {named} ({reference}) on {half} (p = {test['p']:.2g}, rank "
         f"correlation {abs(test['effect']):.2f})"
     )
     if np.isnan(recovered[0]):
