@@ -67,8 +67,9 @@ class Smooth:
         """Scaled coordinates (n, size) of search vectors (n, variables)."""
         t = x[:, self.moving]
         low, high = np.where(self.log, self.low, 1.0), np.where(self.log, self.high, 2.0)
-        logs = np.log(np.where(self.log, t, 1.0) / low) / np.log(high / low)
-        return np.clip(np.where(self.log, logs, (t - self.low) / (self.high - self.low)), 0.0, 1.0)
+        span, width = np.log(high / low), self.high - self.low  # 0 where a process holds one tolerance
+        logs = np.log(np.where(self.log, t, 1.0) / low) / np.where(span > 0.0, span, 1.0)
+        return np.clip(np.where(self.log, logs, (t - self.low) / np.where(width > 0.0, width, 1.0)), 0.0, 1.0)
 
     def values(self, y: Array) -> tuple[Array, Array]:
         """Objectives (m,) and constraints (k,) at y (size,); asked twice, evaluated once."""

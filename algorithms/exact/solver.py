@@ -153,7 +153,13 @@ def _improved(run: Run, form: Form, x: Array) -> Array:
     depends on the way there. `x` is kept where nothing that keeps the limits is cheaper.
     """
     problem = run.problem
-    if form.exact or problem.objectives != ("cost",) or len(x) != 1 or problem.declaration.sampled:
+    if (
+        form.exact
+        or points_alone(form)
+        or problem.objectives != ("cost",)
+        or len(x) != 1
+        or problem.declaration.sampled
+    ):
         return x
     aside = Run(problem, Budget(), seed=0)
     branch = Branch(aside, x[0], scale_of(problem))
