@@ -107,7 +107,7 @@ class Conditioned:
         cells = cells_of(self.mechanisms[0].inputs[self.mechanisms[0].owner[at]])
         low, high = np.zeros(z.shape[1]), np.ones(z.shape[1])
         for mechanism in self.mechanisms:
-            if mechanism.sensitivities[at] == 0.0:
+            if not _depends(mechanism, at):
                 y = mechanism.values(t, z)[0]
                 high = np.where((y >= mechanism.lower) & (y <= mechanism.upper), high, 0.0)
                 continue
@@ -303,6 +303,13 @@ def _gradient(mechanism: Mechanism, t: Tolerances, z: Array) -> Array:
     slopes = mechanism.formula.gradient({name: x[name] for name in mechanism.formula.names})
     rows = [np.broadcast_to(slopes.get(name, np.asarray(0.0)), z.shape[1:]) for name in mechanism.names]
     return np.asarray(mechanism.gain * np.array(rows) * mechanism.scale[:, None])
+
+
+def _depends(mechanism: Mechanism, at: int) -> bool:
+    """Whether y depends on a piece, though its slope at the mid-limits may be 0."""
+    if mechanism.formula is None:
+        return bool(mechanism.sensitivities[at] != 0.0)
+    return mechanism.names[at] in mechanism.formula.names
 
 
 def _with(z: Array, at: int, value: Array | float) -> Array:

@@ -13,7 +13,11 @@ import pandas as pd
 import pytest
 
 import tolevo
+from tolevo.algorithms.exact.afresh import _tightened
+from tolevo.algorithms.exact.branch import Branch
+from tolevo.algorithms.run import Run
 from tolevo.algorithms.search import search
+from tolevo.algorithms.settings import Budget
 from tolevo.workflows.run.front import reported_front
 
 CASES = Path(__file__).parents[1] / "cases"
@@ -135,3 +139,14 @@ def test_joint_yield_of_two_requirements_in_both_orders() -> None:
         for way in (1, -1)
     ]
     assert costs[0] == pytest.approx(costs[1], rel=3e-3)
+
+
+def test_a_point_that_nothing_else_moves_within_its_limits_is_tightened_no_more_than_it_must_be() -> None:
+    problem = tolevo.read(case("search_sample/arc.toml")).plan().problem
+    run = Run(problem, Budget(), seed=0)
+    branch = Branch(run, 0.5 * (problem.xl + problem.xu), np.ones(1))
+    y = _tightened(run, branch, np.array([0.8, 0.9]))
+    assert y[0] / 0.8 == pytest.approx(y[1] / 0.9)
+    widths = [problem.outputs_of(problem.complete(branch.smooth.vectors(factor * y[None, :])))["variation"][0]
+              for factor in (1.0, 1.01)]  # fmt: skip
+    assert widths[0] <= 0.6 < widths[1]
