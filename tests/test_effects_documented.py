@@ -10,6 +10,7 @@ from tolevo.declarations import Output
 from tolevo.models.effects.effect import FAMILIES, Effect, EffectParameter, Target
 from tolevo.models.effects.measurements import target_from, target_of
 from tolevo.models.gear import RV_40E
+from tolevo.problems.rv_reducer.counterparts import COUNTERPARTS
 from tolevo.testing import COLUMNS
 
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "effects.md"
@@ -51,6 +52,13 @@ def test_every_effect_is_documented_as_it_is(name: str) -> None:
     lines = PAGE.read_text(encoding="utf-8").splitlines()
     assert row(name) in lines
     assert f"- `{name}`: {registry.load('effects', name).reference}" in lines
+
+
+@pytest.mark.source_tree
+@pytest.mark.parametrize("problem", ["rv_backlash", "rv_reducer"])
+def test_every_counterpart_in_a_reducer_is_documented(problem: str) -> None:
+    part = PAGE.read_text(encoding="utf-8").partition(f"| `{problem}` |")[2].partition("| `rv_")[0]
+    assert [name for name in COUNTERPARTS if f"`{name}`" not in part] == []
 
 
 @pytest.mark.source_tree

@@ -200,8 +200,8 @@ def test_every_statistic_of_the_closed_form_is_that_of_a_count(name: str) -> Non
         sums.append(summed)
     backlash = np.maximum(sums[0], 0.0) + sums[1]
     counts = {
-        "interference_probability": sums[0] < 0.0,
-        "yield_percent": 100.0 * (backlash <= problem.limit),
+        "interference_probability": np.asarray(sums[0] < 0.0, dtype=float),
+        "yield_percent": np.where(backlash <= problem.limit, 100.0, 0.0),
         "backlash_mean_arcmin": backlash,
     }
     for output, count in counts.items():

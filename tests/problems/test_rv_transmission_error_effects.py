@@ -168,7 +168,9 @@ def test_round_scatter_about_a_wave_is_a_rice_distribution() -> None:
     """Rice (1944): length of a round Gaussian vector about a fixed one."""
     found = problem(active("eccentric_error", cos_40_arcsec=24.0, sin_40_arcsec=7.0))
     back, sigma = np.linalg.pinv(found.influence.order_40), 8.0
-    radius = found._te(Residual(sigma * ARCSEC * back[None], np.zeros(1)), searching=False)[0]
+    radius = found._te(
+        Residual(np.asarray(sigma * ARCSEC * back[None], dtype=np.float64), np.zeros(1)), searching=False
+    )[0]
     expected = stats.rice.ppf(COVERAGE, 25.0 / sigma, scale=sigma)
     own = (radius - found.influence.base_amplitude) / ARCSEC
     assert own == pytest.approx(expected, rel=1e-3)

@@ -9,7 +9,7 @@ from functools import cached_property, partial
 import numpy as np
 from numpy.typing import NDArray
 
-from ....arrays import Array
+from ....arrays import Array, Single
 from .gradient import Slopes
 from .statistics import Involute, Statistic, deviation, mean, ordered_quantile, quantile, share_below, share_within
 from .turn import Turn
@@ -115,7 +115,7 @@ class Measures:
 
     # ---------------------------------------------------------------- interference
 
-    def _below(self, values: Array, limit: float, slope: Array) -> Statistic:
+    def _below(self, values: Array, limit: float, slope: Array | Single) -> Statistic:
         """P(values < limit), each integrated over the pin-circle radius, by which it grows with `slope`
         [arcmin/um]; both of shape (..., n).
         """
