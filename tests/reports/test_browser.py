@@ -340,7 +340,7 @@ def test_six_questions_are_answered_on_the_first_screen(worked: Watched, real: R
     assert "by the multiplier of the proven optimum" in slope
     tab.fill("[data-aim=variation]", "0.1")
     cheapest = real.front[real.front["variation"] <= 0.1]["cost"].idxmin()
-    assert worked.headline.startswith(f"Allocation {cheapest + 1} of")
+    assert worked.headline.startswith(f"Allocation {int(str(cheapest)) + 1} of")
     tab.fill("[data-aim=variation]", "")
     tab.fill("[data-grade]", "8")
     half = {"housing_t": 0.023, "shaft_t": 0.0195, "ring_t": 0.0165}  # half of IT8, ISO 286-1

@@ -44,7 +44,8 @@ def changes(
     for which none is left of the budget has no row.
     """
     whole, size = Accuracy.of(problem).reported(), len(problem.variables)
-    rows, used = [], 0
+    rows: list[dict[str, Any]] = []
+    used = 0
     for point, design in designs.items():
         every = list(_steps(problem, design, values))
         steps = _few(problem, every, int(np.clip(VALUES // size, FEW, MOST)))
