@@ -27,7 +27,8 @@ NEXT = (
 )
 CAPABILITY = (
     "Cp and Cpk of every measured characteristic with 95 % confidence limits, and the distribution "
-    "type of ISO 22514-2 as far as the tests show it. capability.csv has this table."
+    "type of ISO 22514-2 as far as the tests show it. Means are from the mid-limit; a characteristic with "
+    "one limit has no Cp, and its mean is from the nominal. capability.csv has this table."
 )
 CHARTED = (
     "Single values in the order in which the parts were made, with their mean and the control limits at 2.66 mean "

@@ -292,3 +292,16 @@ def test_the_drawing_of_a_run_with_processes_is_what_is_reviewed(tmp_path: Path)
     for name in ("housing", "cover", "spacer", "shaft"):
         assert rows[name][rows["part"].index("tolerance")] == f"{float(drawn[f'{name}_t']):g}"
     assert np.isfinite([float(row[-1]) for name, row in rows.items() if name != "part"]).all()
+
+
+def test_no_value_of_the_parts_is_lost_without_a_word(first: Path, tmp_path: Path) -> None:
+    """Text is a fault at its row, a missing value is counted, a column that no part has is named."""
+    values = [str(value) for value in np.random.default_rng(3).normal(0.0, 4.0, 20).round(2)]
+    for cell, words in (("12 um", "row 5, column ring [um]: must be a finite number, or empty"), ("n.i.O.", "")):
+        rows = [f"{value};{at * at}" for at, value in enumerate([*values[:3], cell, *values[4:]])]
+        (tmp_path / "made.csv").write_text("\n".join(["ring [um];rring", *rows]), encoding="utf-8")
+        done = CliRunner().invoke(app, ["review", str(first / "o"), str(tmp_path / "made.csv")])
+        assert done.exit_code == (2 if words else 0), done.output
+        assert words in done.output
+    assert "note: made.csv: 1 of 20 values of ring are missing, and left out" in done.output
+    assert "note: made.csv: not used: rring" in done.output
