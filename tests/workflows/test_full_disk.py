@@ -119,7 +119,7 @@ def test_before_the_run_nothing_is_changed(config: Path, whole: Path, tmp_path: 
     [
         (errno.ENOSPC, 2, "checkpoint.npz", "nothing had been saved before"),
         (errno.EDQUOT, 4, "checkpoint.npz", "the search as it was saved last is kept in {out}"),
-        (errno.EROFS, 8, "convergence.csv", "the search as it was saved last is kept in {out}"),
+        (errno.EROFS, 9, "convergence.csv", "the search as it was saved last is kept in {out}"),
     ],
 )
 def test_in_mid_run_it_says_what_is_kept_and_goes_on(
