@@ -203,7 +203,7 @@ def flange_units() -> np.ndarray:
     bore, boss = normal(rng, 40.0, 40.025), normal(rng, 39.975, 39.991)  # 40 H7, 40 g6
     u, v, w = rng.uniform(-1.0, 1.0, (3, UNITS))
     gap = edge - hole_x + u * (0.1 + (hole - 10.0) / 2) + v * (bore - boss) / 2 + w * (hole - pin) / 2
-    return (gap >= 19.4) & (gap <= 20.6)
+    return np.asarray((gap >= 19.4) & (gap <= 20.6))
 
 
 @pytest.mark.parametrize(
