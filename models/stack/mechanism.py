@@ -56,6 +56,11 @@ class Mechanism:
         return np.array(self.owner, dtype=np.int64)
 
     @property
+    def acting(self) -> NDArray[np.bool_]:
+        """Whether the requirement depends on each piece, shape (k,)."""
+        return np.asarray((self.sensitivities != 0.0) | np.isin(self.names, self.rough))
+
+    @property
     def bounded(self) -> bool:
         """Whether the requirement has a limit, so that it has a yield."""
         return bool(np.isfinite(self.lower) or np.isfinite(self.upper))

@@ -23,7 +23,7 @@ def mechanisms_of(
     candidates = [_mechanism(requirement, parts, correlation, faults) for requirement in requirements]
     mechanisms = tuple(mechanism for mechanism in candidates if mechanism is not None)
     if requirements[0].key and len(mechanisms) == len(requirements):
-        used = np.any([mechanism.sensitivities != 0.0 for mechanism in mechanisms], axis=0)
+        used = np.any([mechanism.acting for mechanism in mechanisms], axis=0)
         owners = mechanisms[0].owners
         faults += needless(parts, [bool(np.any(used[owners == at])) for at in range(len(parts))])
     return mechanisms

@@ -82,9 +82,9 @@ class Measured:
     @cached_property
     def shown(self) -> tuple[int, ...]:
         """The parts (places in `parts`) that it depends on: those with a contribution."""
-        slopes, owners = self.mechanism.sensitivities, self.mechanism.owners
+        acting, owners = self.mechanism.acting, self.mechanism.owners
         alone = not self.requirement.key
-        return tuple(at for at in range(len(self.parts)) if alone or np.any(slopes[owners == at]))
+        return tuple(at for at in range(len(self.parts)) if alone or np.any(acting[owners == at]))
 
     def contribution(self, at: int) -> str:
         """The name of the contribution of a part."""

@@ -203,7 +203,7 @@ def flange_units() -> np.ndarray:
     bore, boss = normal(rng, 40.0, 40.025), normal(rng, 39.975, 39.991)  # 40 H7, 40 g6
     u, v, w = rng.uniform(-1.0, 1.0, (3, UNITS))
     gap = edge - hole_x + u * (0.1 + (hole - 10.0) / 2) + v * (bore - boss) / 2 + w * (hole - pin) / 2
-    return (gap >= 19.4) & (gap <= 20.6)
+    return np.asarray((gap >= 19.4) & (gap <= 20.6))
 
 
 @pytest.mark.parametrize(
@@ -331,3 +331,35 @@ def test_what_first_order_cannot_give_is_refused_in_words(old: str, new: str, me
     with pytest.raises(InputError) as caught:
         read(tmp_path / "c.toml")
     assert message in str(caught.value)
+
+
+def test_a_part_of_which_only_a_formula_without_slope_knows_is_needed(tmp_path: Path) -> None:
+    """L moves nothing at tilt 0; the least cost of both requirements by scipy on the closed forms is 6.36494."""
+    text = RADIAL.format(method="monte_carlo", limit='"position.yield_percent" = 99.0\n"play.variation" = 0.2')
+    text = text.replace("[requirement]", "[[requirement]]").replace("radial offset", "position")
+    text += """
+[[requirement]]
+name = "play"
+unit = "mm"
+formula = "L*sin(tilt) + x - y"
+method = "worst_case"
+[[part]]
+name = "L"
+nominal = 50.0
+t_min = 0.1
+t_max = 1.0
+cost = { model = "reciprocal", a = 1.0, b = 0.1 }
+[[part]]
+name = "tilt"
+unit = "rad"
+nominal = 0.0
+t_min = 0.0005
+t_max = 0.01
+cost = { model = "reciprocal", a = 1.0, b = 0.001 }
+"""
+    (tmp_path / "c.toml").write_text(text, "utf-8")
+    problem = read(tmp_path / "c.toml").problem
+    assert isinstance(problem, Stack)
+    assert [measured.mechanism.rough for measured in problem.measured] == [("x", "y"), ("L",)]
+    found = search(problem, Exact(), Budget(), seed=0)
+    assert problem.outputs_of(problem.complete(found.x))["cost"].min() == pytest.approx(6.36494, rel=1e-4)
