@@ -14,7 +14,7 @@ import itertools
 import numpy as np
 
 from ...arrays import Array
-from ...errors import refuse
+from ...errors import Fault, raise_all
 from ...problems.interfaces import Accuracy
 from ...problems.tolerance_problem import ToleranceProblem
 from ..indicators import nondominated
@@ -79,18 +79,28 @@ def integer_sets(problem: ToleranceProblem) -> list[Array]:
 
     Raises InputError where there are more than `SETS`.
     """
-    choices = [
+    raise_all(integer_faults(problem))
+    return [np.array(values) for values in itertools.product(*_choices(problem))]
+
+
+def integer_faults(problem: ToleranceProblem) -> list[Fault]:
+    """A fault where there are more sets of integers than are enumerated."""
+    count = int(np.prod([float(len(choice)) for choice in _choices(problem)]))
+    if count <= SETS:
+        return []
+    text = (
+        f"exact enumerates at most {SETS} sets of integers for a problem without closed form, "
+        f"but this problem has {count}: use hybrid, or fix some of them"
+    )
+    return [Fault("algorithm.name", text)]
+
+
+def _choices(problem: ToleranceProblem) -> list[Array]:
+    """The values of every integer variable, and one value of every other."""
+    return [
         np.arange(np.ceil(low), np.floor(high) + 1.0) if v.integer else np.array([low])
         for v, low, high in zip(problem.free, problem.xl, problem.xu, strict=True)
     ]
-    count = int(np.prod([float(len(choice)) for choice in choices]))
-    if count > SETS:
-        text = (
-            f"exact enumerates at most {SETS} sets of integers for a problem without closed form, "
-            f"but this problem has {count}: use hybrid, or fix some of them"
-        )
-        raise refuse("algorithm.name", text)
-    return [np.array(values) for values in itertools.product(*choices)]
 
 
 def integer_moves(problem: ToleranceProblem, x: Array) -> list[Array]:

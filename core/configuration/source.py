@@ -24,7 +24,7 @@ TABLES = 10_000
 """Tables of a file at most."""
 DEPTH = 64
 """Parts of a dotted name at most."""
-LIST = 1000
+LIST = 2000
 """Tables of a list, keys of a table, and characters of a key, at most; a list of numbers or texts may be longer."""
 TEXT = 32_767
 """Characters of a text at most, as in a cell of a workbook."""

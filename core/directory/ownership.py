@@ -69,7 +69,6 @@ class Ownership:
         if not resume:
             if not overwrite and occupied(self.folder):
                 raise refuse("--out", OCCUPIED.format(self.folder))
-            raise_all(irregular(self.folder))
             return
         here = self.standing = standing(self.folder, apart)
         raise_all(here.faults)
@@ -185,6 +184,7 @@ def owned(
     empty and neither `resume` nor `overwrite` is given, or where its files do not belong together;
     RunError where a file cannot be written later on.
     """
+    raise_all(irregular(folder))
     made = [path for path in (folder, *folder.parents) if not path.exists()]
     try:
         lock = _taken(folder, command, shared and resume)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from os.path import lexists
 from pathlib import Path
 
 from ..errors import Fault
@@ -71,14 +72,16 @@ def standing(folder: Path, apart: Iterable[str] = ()) -> Standing:
 
 
 def irregular(folder: Path) -> list[Fault]:
-    """A fault for every name of a result in a directory that is a device, a pipe, or no file else."""
-    names = (LOCK, MANIFEST, UNFINISHED)
-    paths = [path for place in folders(folder) for path in place.iterdir()]
-    return [
-        Fault(str(path), f"{not_a_file(path)}: it is no file of a result; move it away, or name another directory")
-        for path in sorted(paths)
-        if (path.name in names or is_output_file(path.name)) and not (is_file(path) or is_folder(path))
-    ]
+    """A fault for every name of a result in a directory that is a device, a pipe, or another thing
+    than a file.
+    """
+    marks, faults = (LOCK, MANIFEST, UNFINISHED), []
+    for path in sorted(path for place in folders(folder) for path in place.iterdir()):
+        named = path.name in marks or is_output_file(path.name)
+        if named and not is_file(path) and lexists(path) and (why := not_a_file(path)):  # it may just have ended
+            text = f"{why.partition(';')[0]}, no file of a result; move it away, or name another directory"
+            faults.append(Fault(str(path), text))
+    return faults
 
 
 def not_whole(folder: Path) -> tuple[Fault, ...]:

@@ -9,6 +9,7 @@ from pathlib import Path
 import pandas as pd
 
 from .. import files
+from ..counts import is_forced
 from ..errors import Fault, InputError, raise_all, refuse
 from .aqdef.reading import SUFFIXES
 from .assembling import assembled
@@ -77,8 +78,9 @@ def _opened(path: Path, place: str, options: ReadOptions) -> tuple[Table | None,
             rows, dialect, bulk = rows_of_text(content, place, options)
         if not rows:
             raise refuse(place, EMPTY)
-        if (most := max(len(cells) for _, cells in rows)) > COLUMNS:
-            raise refuse(place, f"has {most} columns, {COLUMNS} are the most that are read: leave some out")
+        if (most := max(len(cells) for _, cells in rows)) > COLUMNS and not is_forced():
+            text = f"has {most} columns, {COLUMNS} are the most that are read: leave some out, or add --force"
+            raise refuse(place, text)
         return assembled(rows, dialect, place, options, bulk)
     except InputError as error:
         return None, list(error.faults)

@@ -1,5 +1,6 @@
 """Configurations: what they come to, and every fault at its place."""
 
+import time
 import tomllib
 from collections.abc import Callable
 from pathlib import Path
@@ -8,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import tolevo
 from tolevo import registry
 from tolevo.arrays import Array
 from tolevo.configuration import Configuration, read
@@ -424,3 +426,50 @@ def test_gde3_has_settings_of_its_own(read_text: Read) -> None:
     assert found.resolved["algorithm"]["mutation"] == {"low": 0.0, "high": 1.0}
     text = BASE + 'algorithm.name = "gde3"\nalgorithm.population = 3'
     assert faults_of(lambda: read_text(text)) == ["algorithm.population: must be at least 4, got 3"]
+
+
+PART = '[[part]]\nname = "p{}"\nnominal = 10.0\nt_min = 0.01\nt_max = 0.1\n'
+STACKED = 'problem = "stack"\nrequirement = { name = "g", unit = "mm", formula = "a - b" }\n'
+SIZES = {
+    "many parts": (STACKED + "".join(map(PART.format, range(20_000))), "c.toml: has about 20001 tables"),
+    "a list of parts": (STACKED + "".join(map(PART.format, range(3000))), "part: has 3000 entries, 2000 are the most"),
+    "many keys": (STACKED + "".join(f"k{at} = 1\n" for at in range(50_000)), "configuration: has 50002 keys"),
+    "a long text": (STACKED.replace("mm", "u" * 10**6), "requirement.unit: has 1000000 characters"),
+    "a long unit": (STACKED.replace("mm", "u" * 30_000), 'requirement.unit: "uuu'),
+    "a long key": (f"{STACKED}{'k' * 10**6} = 1\n", "configuration: has a key of more than 2000 characters"),
+    "a long name": (f"{STACKED}{'x.' * 30_000}a = 1\n", "c.toml: line 3: a name has more than 64 parts"),
+    "a long file": (f"{STACKED}# {'c' * 9_000_000}\n", "c.toml: has 8.58 MiB or more, and 8 MiB is the most"),
+    "a huge number": (f"{STACKED}seed = {'9' * 10**6}\n", "c.toml: is not valid TOML: Exceeds the limit"),
+    "deep": (f"{STACKED}limits.variation = {'[' * 10**5}\n", "c.toml: has about 50001 tables"),
+    "many names": (f"{STACKED}objectives.minimise = {['x'] * 10**5}\n", "objectives.minimise: has 100000 names"),
+}
+
+
+@pytest.mark.parametrize("case", SIZES)
+def test_a_configuration_has_stated_sizes_and_is_refused_at_once(case: str, tmp_path: Path) -> None:
+    text, said = SIZES[case]
+    (tmp_path / "c.toml").write_text(text)
+    begin = time.process_time()
+    with pytest.raises(InputError) as caught:
+        tolevo.check(tmp_path / "c.toml")
+    assert time.process_time() - begin < 2.0
+    lines = str(caught.value).replace(f"{tmp_path}/", "").splitlines()
+    assert any(line.startswith(said) for line in lines)
+    assert all(len(line) < 400 for line in lines)
+
+
+def test_a_fault_that_repeats_is_one_line(tmp_path: Path) -> None:
+    parts = "".join(map((PART + 'cost = {{ model = "reciprocal", a = 1.0, b = 0.1 }}\n').format, range(38)))
+    formula = " + ".join(f"p{at}" for at in range(38))
+    (tmp_path / "c.toml").write_text(STACKED.replace("a - b", formula) + parts.replace("0.01", "-0.01"))
+    with pytest.raises(InputError) as caught:
+        tolevo.check(tmp_path / "c.toml")
+    assert len(caught.value.faults) == 38
+    (line,) = str(caught.value).splitlines()
+    assert line.startswith("part[0].t_min, part[1].t_min, part[2].t_min and 35 other places: must be above 0")
+
+
+def test_a_file_of_claims_names_the_command_that_takes_it(tmp_path: Path) -> None:
+    (tmp_path / "c.toml").write_text('document = "d"\ntitle = "t"\n[[claim]]\nid = "a"\n')
+    with pytest.raises(InputError, match=r"^claim: makes this a file of claims: give it to `tolevo reproduce`"):
+        tolevo.check(tmp_path / "c.toml")

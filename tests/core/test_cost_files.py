@@ -298,3 +298,13 @@ def test_faults_of_a_set_up_are_placed(text: str, place: tuple[str, ...], tmp_pa
         read(written(tmp_path, text))
     places = [fault.place for fault in caught.value.faults]
     assert sorted(places) == sorted(place)
+
+
+@pytest.mark.parametrize("case", ["typo_unit", "long_unit"])
+def test_a_mistyped_unit_with_a_file_of_costs_is_the_only_fault(case: str) -> None:
+    with pytest.raises(InputError) as caught:
+        read(Path(__file__).parents[1] / "cases" / "unit_cost_file" / f"{case}.toml")
+    (fault,) = caught.value.faults
+    assert fault.place == "requirement.unit"
+    assert "is not a unit" in fault.message
+    assert len(fault.message) < 200

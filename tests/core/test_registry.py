@@ -4,9 +4,13 @@ import sys
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
 from tolevo import registry
+from tolevo.cli import app
 from tolevo.errors import InputError
+
+CASES = Path(__file__).parents[1] / "cases"
 
 ENTRIES = """[tolevo.effects]
 seeping = tolevo_fake.inner:Creep
@@ -104,3 +108,95 @@ def test_name_offered_twice(plugin: Path) -> None:
     assert registry.names("effects").count("seeping") == 1
     with pytest.raises(InputError, match=r"tolevo-fake 1.2 and tolevo-other 3"):
         registry.load("effects", "seeping")
+
+
+WRONG = """
+import os
+def function(*arguments, **options):
+    open(os.environ["MARK"], "a").write("called")
+class Alien:
+    __init__ = function
+class Meta(type):
+    __call__ = function
+class Metaclassed(metaclass=Meta):
+    pass
+class Object:
+    __call__ = __getattr__ = function
+instance = Object()
+number = 3
+"""
+NAMES = (
+    *("os:abort", "builtins:print", "builtins:int", "builtins:object.__subclasses__", "os:path", "sys:exit"),
+    *("tolevo_wrong:function", "tolevo_wrong:Alien", "tolevo_wrong:Metaclassed", "tolevo_wrong:instance"),
+    *("tolevo_wrong:instance.foo", "tolevo_wrong:number", "tolevo_wrong:nothing", "tolevo_no_such:X"),
+    *("tolevo_exits:X", "tolevo_odd:X", "tolevo_asserts:X", "tolevo_syntax:X", "collections.abc:Mapping"),
+    *("pymoo.algorithms.moo.nsga2:NSGA2", "pymoo.core.problem:Problem", "tolevo.models.costs.reciprocal:Reciprocal"),
+    *("tolevo.models.effects.effect:Effect", "tolevo.algorithms.settings:AlgorithmSettings", "a" * 4000 + ":X"),
+)
+STACK = """
+problem = "stack"
+algorithm.name = "NAME"
+requirement = { name = "g", unit = "mm", formula = "a - b" }
+[[part]]
+name = "a"
+nominal = 10.0
+t_min = 0.01
+t_max = 0.1
+cost = { model = "reciprocal", a = 1.0, b = 0.1 }
+[[part]]
+name = "b"
+nominal = 10.0
+tolerance = 0.1
+"""
+CLAIM = 'document = "d"\ntitle = "t"\n[[claim]]\nid = "a"\nplace = "p"\nquantity = "q"\nunit = "1"\nprinted = 1.0\n'
+PLACES = {
+    "algorithm.name": STACK,
+    "problem": 'problem = "NAME"\n',
+    "model": 'model = "NAME"\n',
+    "effect[0].name": 'model = "rv_transmission"\n[[effect]]\nname = "NAME"\nparameters = { a = 1.0 }\n',
+    "c.toml: claim[0] (a).reading[0].calculation": f'{CLAIM}[[claim.reading]]\ncalculation = "NAME"\nquantity = "x"\n',
+}
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_a_name_of_the_wrong_kind_is_a_fault_at_its_place_and_is_not_called(
+    place: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    texts = {"wrong": WRONG, "exits": "raise SystemExit(3)", "odd": "class E(BaseException): pass\nraise E",
+             "asserts": "assert False", "syntax": "def ("}  # fmt: skip
+    for name, text in texts.items():
+        (tmp_path / f"tolevo_{name}.py").write_text(text)
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setenv("MARK", str(tmp_path / "mark"))
+    monkeypatch.chdir(tmp_path)
+    command = ["reproduce", "c.toml", "--out", "o"] if "claim" in place else ["check", "c.toml"]
+    for name in NAMES:
+        (tmp_path / "c.toml").write_text(PLACES[place].replace("NAME", name))
+        result = CliRunner().invoke(app, command)
+        assert (name, result.exit_code) == (name, 2)
+        assert f"{place}: " in result.stderr, name
+        assert len(result.stderr) < 700
+    assert not (tmp_path / "mark").exists()
+    assert not (tmp_path / "o").exists()
+
+
+@pytest.mark.parametrize(
+    ("case", "place"),
+    [("algorithm_pymoo", "algorithm.name"), ("effect_os_abort", "effect[0].name"), ("model_pymoo", "model")],
+)
+def test_cases_of_wrong_names(case: str, place: str) -> None:
+    result = CliRunner().invoke(app, ["check", str(CASES / "names" / f"{case}.toml")])
+    assert result.exit_code == 2
+    assert result.stderr.startswith(f"{place}: ")
+
+
+def test_a_class_that_leaves_out_what_its_kind_states(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    text = "from tolevo.plugins import AlgorithmSettings, Effect\n"
+    text += "class Bare(Effect):\n    own_parameters = own_action = None\n"
+    text += "class Plain(AlgorithmSettings):\n    many_objectives = True\n    build = None\n"
+    (tmp_path / "tolevo_bare.py").write_text(text)
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.raises(InputError, match="does not state name, family, cause"):
+        registry.load("effects", "tolevo_bare:Bare")
+    with pytest.raises(InputError, match="must be a dataclass"):
+        registry.load("algorithms", "tolevo_bare:Plain")

@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from tolevo.streams import warn_in_a_line
+
 RUN = """
 problem = "stack"
 references = "none"
@@ -82,3 +84,13 @@ def test_a_full_disk_behind_stdout_is_an_error() -> None:
         ended = subprocess.run([*COMMAND, "list"], stdout=full, stderr=subprocess.PIPE, text=True)
     assert ended.returncode != 0
     assert "No space left on device" in ended.stderr
+
+
+def test_warnings_of_libraries_about_their_numbers_are_not_printed(capsys: pytest.CaptureFixture[str]) -> None:
+    from scipy.linalg import LinAlgWarning
+    from scipy.optimize import OptimizeWarning
+
+    for category in (RuntimeWarning, LinAlgWarning, OptimizeWarning):
+        warn_in_a_line("noise", category)
+    warn_in_a_line("torque beyond", UserWarning)
+    assert capsys.readouterr().err == "warning: torque beyond\n"
