@@ -153,7 +153,7 @@ class Corrected:
             if cost > than * DEARER and np.all(excess < FAR):
                 return None
             if best is not None and (
-                done + 1 >= ROUNDS or np.all(np.abs(excess[self._active(moved, t, ways)]) < CLOSE)
+                done + 1 >= ROUNDS or np.all(np.abs(excess[self._active(moved, t, ways, scale)]) < CLOSE)
             ):
                 break
             if done + 1 >= ROUNDS and np.any(excess >= FAR):
@@ -166,11 +166,11 @@ class Corrected:
             self._start = best.t
         return best
 
-    def _active(self, limit: Array, t: Array, ways: tuple[int, ...]) -> Flags:
+    def _active(self, limit: Array, t: Array, ways: tuple[int, ...], scale: Array) -> Flags:
         """Which limits (r,) hold an allocation back."""
         values, real = self._values(ways, t), np.isfinite(limit)
         level = np.where(real, limit, 0.0)
-        return np.asarray(real & (values >= level - 1e-6 * Combination(self.form, ways).sizes(limit)))
+        return np.asarray(real & (values >= level - 1e-6 * scale))
 
     def _values(self, ways: tuple[int, ...], t: Array) -> Array:
         """The form's values of an allocation, (r,)."""
