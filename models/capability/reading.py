@@ -119,17 +119,11 @@ def read_sample(
     if of_file is not None:
         file_nominal = float(converted(of_file, stated_unit, unit))
         nominal = file_nominal if nominal is None else nominal
-        if abs(file_nominal - nominal) > NEAR_NOMINAL * max(abs(nominal), 1.0):
-            other = f"is of a nominal of {file_nominal:g} {unit}, the part has {nominal:g} {unit}"
-            section.fault("file", f"{other}: another revision of the drawing?")
+        if not _is_nominal(section, unit, file_nominal, nominal):
             return None
     origin = _origin(values, nominal) + mid
     deviations = values - origin
-    limits: tuple[float | None, float | None] = (-made_to, made_to) if made_to else (None, None)
-    if single is not None:
-        limits = (single[1] - origin, None) if single[0] == "lower" else (None, single[1] - origin)
-    elif natural and made_to:
-        limits = (None, made_to) if natural < 0 else (-made_to, None)
+    limits = _limits(single, origin, made_to, natural)
     one_sided = (limits[0] is None) != (limits[1] is None)
     if one_sided and mean == "corrected":
         section.fault("mean", CORRECTED)
@@ -180,6 +174,26 @@ def _origin(values: Array, nominal: float | None) -> float:
     """What deviations from the nominal count from; `values` are sizes, or deviations already."""
     middle = float(np.median(values)) if len(values) else 0.0
     return 0.0 if nominal is None or abs(middle) < abs(middle - nominal) else nominal
+
+
+def _is_nominal(section: Section, unit: str, of_file: float, nominal: float) -> bool:
+    """Whether a file is of the nominal of the part; a fault is reported where it is not."""
+    same = abs(of_file - nominal) <= NEAR_NOMINAL * max(abs(nominal), 1.0)
+    if not same:
+        other = f"is of a nominal of {of_file:g} {unit}, the part has {nominal:g} {unit}"
+        section.fault("file", f"{other}: another revision of the drawing?")
+    return same
+
+
+def _limits(
+    single: tuple[str, float] | None, origin: float, made_to: float, natural: int
+) -> tuple[float | None, float | None]:
+    """The limits of deviations from `origin`; None where there is none, or a natural one."""
+    if single is not None:
+        return (single[1] - origin, None) if single[0] == "lower" else (None, single[1] - origin)
+    if not made_to:
+        return None, None
+    return None if natural < 0 else -made_to, None if natural > 0 else made_to
 
 
 def _single_limit(section: Section, stated_unit: str, unit: str) -> tuple[str, float] | None:
