@@ -24,6 +24,8 @@ NODES = 0.5 - 0.5 * np.cos(np.pi * np.arange(5) / 4.0)
 """Values of z_i at which a formula is evaluated, as fractions of the range of z_i."""
 CELLS, TAIL = 8192, 1e-8
 """Cells of a table of probabilities, and the probability beyond its ends."""
+REACH = 1e-4
+"""Probability beyond either end of a piece's reach, by which pieces are compared."""
 TRIED = 3
 """Pieces that are tried for a design at most."""
 CLOSE, SECANTS = 1e-8, 12
@@ -78,14 +80,15 @@ class Conditioned:
 
     @cached_property
     def _scales(self) -> Array:
-        """Standard deviation of each requirement by each piece (r, k), per unit of spread."""
-        moments = np.array([law.raw_moments(2) for law in self.mechanisms[0].inputs])
-        std = np.sqrt(np.maximum(moments[:, 2] - moments[:, 1] ** 2, 0.0))
+        """Reach of each requirement by each piece (r, k), per unit of spread: the piece of the longest
+        tails makes the tails of the sum.
+        """
+        ends = np.array([law.quantile(np.array([REACH, 1.0 - REACH])) for law in self.mechanisms[0].inputs])
         slopes = np.array([mechanism.sensitivities for mechanism in self.mechanisms])
-        return np.asarray(np.abs(slopes) * std[self.mechanisms[0].owners])
+        return np.asarray(np.abs(slopes) * 0.5 * np.ptp(ends, axis=1)[self.mechanisms[0].owners])
 
     def _shares(self, t: Tolerances) -> Array:
-        """Standard deviation of each requirement by each piece (r, k)."""
+        """Reach of each requirement by each piece (r, k)."""
         return np.asarray(self._scales * spread_of(t)[0][self.mechanisms[0].owners])
 
     def _tried(self, shares: Array) -> list[int]:

@@ -16,8 +16,9 @@ from .measured import Measured
 
 SEARCH_SAMPLES = 8192
 """Units of the yields and half-widths of a search; reported ones take `[propagation] samples`."""
-INTEGRATED = 8, 16
-"""Units of a count that one unit replaces, of which a piece is integrated, in a search and in a report."""
+INTEGRATED = 8, 4, 16
+"""Units of a count that one unit replaces, of which a piece is integrated: in a search,
+in a report of one point, and in that of a front."""
 UNDECIDED = 6.0
 """Standard errors about a limit within which a search takes the whole sample."""
 
@@ -110,7 +111,8 @@ class Yields:
         key = tuple(self.measured.index(measured) for measured in requirements), searching
         if key not in self._conditioned:
             units = min(SEARCH_SAMPLES, self.settings.propagation.samples) // INTEGRATED[0]
-            sample = self.drawn(units if searching else self.settings.propagation.samples // INTEGRATED[1])
+            per_unit = INTEGRATED[1 if len(self.settings.objectives) == 1 else 2]
+            sample = self.drawn(units if searching else self.settings.propagation.samples // per_unit)
             mechanisms = [measured.mechanism for measured in requirements]
             self._conditioned[key] = conditioned(mechanisms, sample)
         return self._conditioned[key]
