@@ -37,6 +37,7 @@ NOTES = "notes"
 """Key in `attrs` of returned frames: how the table was read, and notes for the user."""
 Tell = Callable[[str], None]
 Result = TypeVar("Result")
+Given = TypeVar("Given")
 
 
 def collected(compute: Callable[[], Result], faults: Sequence[Fault]) -> Result:
@@ -115,7 +116,7 @@ def folder_for(out: AnyPath | None) -> tuple[Path, Scratch | None]:
     return scratch.path / "result", scratch
 
 
-def at_hand(source: Source) -> Source:
+def at_hand(source: Given) -> Given | Path | Mapping[str, Any]:
     """The configuration, read at once where it comes through a pipe: that can be read but once."""
     return once_read(Path(source)) if isinstance(source, str | PathLike) else source
 

@@ -75,7 +75,7 @@ def irregular(folder: Path) -> list[Fault]:
     """A fault for every name of a result in a directory that is a device, a pipe, or another thing
     than a file.
     """
-    marks, faults = (LOCK, MANIFEST, UNFINISHED), []
+    marks, faults = (LOCK, MANIFEST, UNFINISHED), list[Fault]()
     for path in sorted(path for place in folders(folder) for path in place.iterdir()):
         named = path.name in marks or is_output_file(path.name)
         if named and not is_file(path) and lexists(path) and (why := not_a_file(path)):  # it may just have ended
