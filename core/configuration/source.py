@@ -151,7 +151,7 @@ def _measure(value: Any, place: str, faults: list[Fault]) -> None:
         entries = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
         for key, entry in entries:
             if isinstance(entry, str | dict | list):
-                name = f"[{key}]" if isinstance(value, list) else f".{key[:SHOWN]}" if place else key[:SHOWN]
+                name = f"[{key}]" if isinstance(value, list) else f".{str(key)[:SHOWN]}" if place else str(key)[:SHOWN]
                 _measure(entry, f"{place}{name}", faults)
         return
     if not is_forced():

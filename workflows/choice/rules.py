@@ -64,7 +64,7 @@ def _names() -> Iterator[str]:
     yield from (name for name in RULES if name not in FIRST)
 
 
-def _reason(error: Exception) -> str:
+def _reason(error: Exception | SystemExit) -> str:
     if isinstance(error, InputError):
         return "; ".join(fault.message for fault in error.faults)
     return f"{type(error).__name__}: {error}"
