@@ -35,7 +35,7 @@ class Section:
         self._results: dict[int, Arrays] = {}
         self._bytes = 0
         self._at = 0
-        self._inner: tuple[int, Section] | None = None
+        self._inner: tuple[int, int, Section] | None = None
 
     def begin(self) -> None:
         """Begin again with the first step."""
@@ -45,17 +45,18 @@ class Section:
         """The result of the next step."""
         at = self._at
         if at < len(self._checks) and self._checks[at] != check:
-            del self._checks[at:]
             self._results = {place: result for place, result in self._results.items() if place < at}
+            self._bytes = sum(array.nbytes for result in self._results.values() for array in result)
             self._inner = None
+            del self._checks[at:]
         self._at += 1
-        if at in self._results:
+        if at < len(self._checks) and at in self._results:
             return tuple(array.copy() for array in self._results[at])
-        if self._inner is None or self._inner[0] != at:
-            self._inner = at, Section(self._changed)
+        if self._inner is None or self._inner[:2] != (at, check):
+            self._inner = at, check, Section(self._changed)
         start = time.thread_time()
         try:
-            with recorded(self._inner[1]):
+            with recorded(self._inner[2]):
                 result = compute()
         except BaseException:
             self._at = at
@@ -64,7 +65,8 @@ class Section:
         if at == len(self._checks):
             self._checks.append(check)
         size = sum(array.nbytes for array in result)
-        if time.thread_time() - start >= LEAST and self._bytes + size <= MOST:
+        savable = all(array.dtype.kind in KINDS for array in result)
+        if savable and time.thread_time() - start >= LEAST and self._bytes + size <= MOST:
             self._bytes += size
             self._results[at] = tuple(np.array(array) for array in result)
             self._changed()
@@ -74,9 +76,9 @@ class Section:
         """Everything as arrays."""
         stored = [array for result in self._results.values() for array in result]
         inner = {}
-        if self._inner is not None and self._inner[1]._checks:
-            inner = {f"inner.{key}": value for key, value in self._inner[1].state().items()}
-            inner["inner"] = np.array(self._inner[0])
+        if self._inner is not None and self._inner[2]._checks:
+            inner = {f"inner.{key}": value for key, value in self._inner[2].state().items()}
+            inner["inner"] = np.array(self._inner[:2])
         shapes = [[KINDS.index(array.dtype.kind), array.ndim, *array.shape] for array in stored]
         return inner | {
             "checks": np.array(self._checks, dtype=np.int64),
@@ -103,8 +105,9 @@ class Section:
             self._results[place] = tuple(arrays)
         self._bytes = values.nbytes
         if "inner" in state:
-            self._inner = int(state["inner"]), Section(self._changed)
-            self._inner[1].restore(
+            at, check = state["inner"].tolist()
+            self._inner = at, check, Section(self._changed)
+            self._inner[2].restore(
                 {key.removeprefix("inner."): value for key, value in state.items() if key.startswith("inner.")}
             )
 

@@ -300,8 +300,8 @@ class Section:
         return None
 
 
-SHOWN = 80
-"""Characters of a value in a message at most."""
+CHANGED = 80
+"""Characters of a changed value in a message at most."""
 
 
 def flat(table: Mapping[str, Any], place: str = "") -> dict[str, Any]:
@@ -346,4 +346,4 @@ def _tables(value: Any) -> bool:
 def _shown(values: Mapping[str, Any], key: str) -> str:
     """A value as a message shows it, long ones by their beginning."""
     text = f'"{values[key]}"' if isinstance(values.get(key), str) else str(values.get(key, "unset"))
-    return text if len(text) <= SHOWN else f"{text[: SHOWN - 4]} ..."
+    return text if len(text) <= CHANGED else f"{text[: CHANGED - 4]} ..."

@@ -63,7 +63,7 @@ def _excess_afresh(run: Run, branch: Branch, y: Array, accepted: list[tuple[floa
     """Violations (constraints,) on fresh units; a point without any joins `accepted`."""
     x = branch.smooth.vectors(y[None, :])
     values, excess = run.problem.tested(x)
-    if not np.any(excess > 0.0):
+    if np.all(excess <= 0.0):
         accepted.append((float(values[0, 0]), x))
     return branch.smooth.constraints(excess[0])[0]
 

@@ -60,7 +60,7 @@ def secured(run: Run) -> None:
     if not len(x):
         return
     f, g = problem.tested(x)
-    broken = np.any(g > 0.0, axis=1)
+    broken = ~np.all(g <= 0.0, axis=1)
     if not np.all(broken) and not (sampled and (alone or np.any(broken))):
         return
     rows = np.flatnonzero(broken)

@@ -198,9 +198,9 @@ def _promise_rows(stack: Stack, gaussian: bool) -> list[Row]:
         spread = promised.quantile * np.sqrt(norms[0].even)
         doubts = [norm.surplus() for norm in norms] if assured else []
         wider = np.array([np.sqrt(over(norm.even, norms[0].even, 1.0)) for norm in norms])
-        sides = promised.sides
-        two_sided = len(sides) > 1
+        sides, names = promised.sides, ENDS
         if not np.any(linear.mean) and not _off_centre(promised.measured):
+            names = {1.0: "both limits" if len(sides) > 1 else ENDS[sides[0][0]]}
             sides = [(1.0, min(room for _, room in sides))]
         rows += [
             Row(
@@ -214,7 +214,7 @@ def _promise_rows(stack: Stack, gaussian: bool) -> list[Row]:
                 doubt=_least(doubts),
                 by_process=None if len(norms) == 1 else wider,
                 even_doubt=_alike(doubts),
-                limit=ENDS[side] if len(sides) > 1 or not two_sided else "both limits",
+                limit=names[side],
             )
             for side, room in sides
         ]

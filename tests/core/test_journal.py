@@ -101,3 +101,36 @@ def test_columns_keep_their_names() -> None:
             assert int(columns["a"]) == 9
             assert recalled_columns(("none",), dict) == {}
     assert calls == [3]
+
+
+def test_steps_within_an_interrupted_step_belong_to_its_inputs() -> None:
+    def outer(name: str, calls: list[int], fails: bool) -> tuple[np.ndarray, ...]:
+        (value, *_) = recalled((3,), lambda: worked(calls, 3))
+        if fails:
+            raise KeyboardInterrupt
+        return (np.array(int(value) + len(name)),)
+
+    section = Section()
+    with pytest.raises(KeyboardInterrupt), recorded(section):
+        recalled(("first",), lambda: outer("first", [], True))
+    for name, computed in (("first", 0), ("another", 1)):
+        again, calls = Section(), list[int]()
+        again.restore(section.state())
+        with recorded(again):
+            assert int(recalled((name,), lambda n=name, c=calls: outer(n, c, False))[0]) == 9 + len(name)  # type: ignore[misc]
+        assert len(calls) == computed
+
+
+def test_results_that_are_no_numbers_are_computed_again() -> None:
+    section = Section()
+    for _ in range(2):
+        with recorded(section):
+            until = time.thread_time() + 0.002
+
+            def texts(until: float = until) -> tuple[np.ndarray, ...]:
+                while time.thread_time() < until:
+                    pass
+                return (np.array(["a", None], dtype=object),)
+
+            assert recalled((1,), texts)[0].tolist() == ["a", None]
+        section.state()

@@ -224,3 +224,17 @@ def test_limits_kept_with_a_margin_may_cost_all_the_same() -> None:
     assert "every step breaks a limit (a, to IT9: variation 0.0505 instead of at most 0.045 mm" in answers["loosen"]
     answers = tolevo.run(base | {"limits": {"variation": 0.2}}).record.answers
     assert "and none adds to the cost: nothing in the ranges is cheaper" in answers["limits"]
+
+
+def test_what_a_search_missed_is_no_price_of_a_limit() -> None:
+    """No design reaches a variation of 0.5 mm; at 0.39 the least cost is 10.26 in place of 10 (a Lagrange multiplier)."""
+    parts = [{"name": name, "nominal": 10.0, "unit": "mm", "sensitivity": 1.0, "t_min": 0.01, "t_max": 0.2,
+              "cost": {"model": "reciprocal", "a": 0.0, "b": 1.0}} for name in ("a", "b")]  # fmt: skip
+    base = {"problem": "stack", "seed": 0, "objectives": {"minimise": ["cost"]}, "part": parts,
+            "requirement": {"unit": "mm", "nominal": 0.0, "method": "worst_case"},
+            "algorithm": {"name": "ga", "evaluations": 60, "population": 20}}  # fmt: skip
+    far = tolevo.run(base | {"limits": {"variation": 0.5}}).record.answers["limits"]
+    assert "and none adds to the cost" in far
+    near = tolevo.run(base | {"limits": {"variation": 0.39}}).record.answers["limits"]
+    assert (lower := re.search(r"without them the least cost would be ([\d.]+) lower", near))
+    assert float(lower[1]) == pytest.approx(4.0 / 0.39 - 10.0, rel=0.01)

@@ -92,13 +92,15 @@ def _broken(problem: ToleranceProblem, design: Array, outputs: Mapping[str, Arra
     broken = {}
     for limit in problem.limits:
         value = problem.values(design, outputs, limit.name)
-        if any(column[0] > 0.0 for column in limit.violations(value)):
+        if not limit.kept(value)[0]:
             broken[limit.name] = f"{words(limit.name)} {against(float(value[0]), limit)}"
     return broken
 
 
 def against(value: float, limit: Limit) -> str:
     """Like "0.1783 instead of at most 0.17 mm", with as many digits as show the difference."""
+    if np.isnan(value):
+        return "has no value"
     end, side = (limit.low, "least") if value < limit.low else (limit.high, "most")
     bound, digits = drawing_number(end), 4
     while digits < 12 and f"{value:.{digits}g}" == f"{end:.{digits}g}":

@@ -161,7 +161,7 @@ def _broken(problem: ToleranceProblem, design: Array) -> list[str]:
     sentences = []
     for limit in problem.limits:
         value = float(problem.values(design[None, :], outputs, limit.name)[0])
-        within = np.isnan(value) or limit.low <= value <= limit.high
+        within = np.isnan(value) or bool(limit.kept(np.array([value]))[0])
         if limit.name in of_promise or within:
             continue
         end = f"most {limit.high:g}" if value > limit.high else f"least {limit.low:g}"

@@ -189,13 +189,13 @@ class Sentences:
         none = ", and none adds to the cost"
         if self._cost <= self.floor + ALIKE * abs(self._cost):
             return f"{none}: nothing in the ranges is cheaper"
-        without = self._solved(dict.fromkeys(limits, Bound()))
-        if without is not None and self._cost - without <= EXACT / 100.0 * abs(self._cost):
+        within, without = self._solved({}), self._solved(dict.fromkeys(limits, Bound()))
+        if within is not None and without is not None and within - without <= EXACT / 100.0 * abs(within):
             return f"{none} (solved without them)"
         tried = self._tried()
         blocked = tried[(tried["breaks"] != "") & (tried["cost_change"] < 0.0)] if len(tried) else tried
-        if without is not None:
-            return f", but without them the least cost would be {self.money(self._cost - without)} lower"
+        if within is not None and without is not None:
+            return f", but without them the least cost would be {self.money(within - without)} lower"
         if len(blocked):
             step = blocked.sort_values("cost_change", kind="stable").iloc[0].to_dict()
             saved = self.money(-float(step["cost_change"]))

@@ -10,7 +10,7 @@ import pandas as pd
 from ...algorithms.exact.ascent import Ascent
 from ...algorithms.exact.bounds import reason, restricted, row_limits
 from ...algorithms.exact.choices import Optimum, least_cost
-from ...algorithms.exact.combination import Combination
+from ...algorithms.exact.combination import Combination, within
 from ...algorithms.exact.pieces import convex_pieces
 from ...algorithms.exact.programme import Programme
 from ...arrays import Array
@@ -49,7 +49,7 @@ def requirements_of(problem: ToleranceProblem, front: pd.DataFrame) -> tuple[pd.
     if not np.any(used):
         return None
     form, limits = convex_pieces(restricted(form, used)), limits[used]
-    optimum = least_cost(form, limits[None, :])
+    optimum = within(form, least_cost(form, loosened(limits)[None, :]), limits)
     if not np.isfinite(optimum.cost[0]):
         return None
     combination = Combination(form, tuple(optimum.chosen[0].tolist()))
@@ -59,7 +59,7 @@ def requirements_of(problem: ToleranceProblem, front: pd.DataFrame) -> tuple[pd.
 def _limits(problem: ToleranceProblem, form: Form, point: pd.Series) -> Array:
     """Limits (r,) of the form's requirements: the point's own objectives, and those of the run."""
     values = [float(point[name]) if name in problem.objectives else np.inf for name in form.outputs]
-    return loosened(np.minimum(values, row_limits(problem, form)))
+    return np.asarray(np.minimum(values, row_limits(problem, form)))
 
 
 def _table(problem: ToleranceProblem, limits: Array, optimum: Optimum, combination: Combination) -> pd.DataFrame:

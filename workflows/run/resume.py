@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import tomllib
+import zlib
 from collections.abc import Mapping
+from importlib.metadata import version
 from typing import Any
 
 import numpy as np
@@ -47,9 +49,13 @@ def opened(plan: RunPlan, place: Ownership, resume: bool) -> Checkpoint:
 
 
 def _model(problem: ToleranceProblem) -> Array:
-    """Values of the model at one design, by which a changed model is detected."""
-    values = problem.outputs_of(problem.complete(problem.xl[None, :]), searching=True)
-    return np.array([values[output.name][0] for output in problem.outputs], dtype=float)
+    """The version and values of the model at three designs, by which a changed model is detected."""
+    whole = np.array([variable.integer for variable in problem.free], dtype=bool)
+    middle = 0.5 * (problem.xl + problem.xu)
+    x = np.stack([problem.xl, np.where(whole, np.floor(middle), middle), problem.xu])
+    values = problem.outputs_of(problem.complete(x), searching=True)
+    columns = [np.asarray(values[output.name], dtype=float) for output in problem.outputs]
+    return np.concatenate([[float(zlib.crc32(version("tolevo").encode()))], *columns])
 
 
 def _changed(before: Array, now: Array) -> list[Fault]:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from ... import files
 from ...errors import Fault, InputError, raise_all, refuse
+from ...units import shortened
 from ..encoding import decoded
 from ..moments import moment
 from .parsing import Content, Raw
@@ -189,11 +190,6 @@ def _number(text: str, place: str, faults: list[Fault]) -> float | None:
         return number
     faults.append(Fault(place, f'must be a number, got "{shortened(text)}"'))
     return None
-
-
-def shortened(text: str) -> str:
-    """A text as a fault repeats it."""
-    return text if len(text) <= LONGEST else f"{text[:LONGEST]}..."
 
 
 def _read_integer(text: str, place: str, faults: list[Fault]) -> int | None:
