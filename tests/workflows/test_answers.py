@@ -227,7 +227,7 @@ def test_limits_kept_with_a_margin_may_cost_all_the_same() -> None:
 
 
 def test_what_a_search_missed_is_no_price_of_a_limit() -> None:
-    """No design reaches a variation of 0.5 mm; at 0.39 the least cost is 10.26 in place of 10 (a Lagrange multiplier)."""
+    """No design reaches a variation of 0.5 mm; at 0.39 the least cost is 10.26 in place of 10 (closed form)."""
     parts = [{"name": name, "nominal": 10.0, "unit": "mm", "sensitivity": 1.0, "t_min": 0.01, "t_max": 0.2,
               "cost": {"model": "reciprocal", "a": 0.0, "b": 1.0}} for name in ("a", "b")]  # fmt: skip
     base = {"problem": "stack", "seed": 0, "objectives": {"minimise": ["cost"]}, "part": parts,
