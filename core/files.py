@@ -183,7 +183,9 @@ def unwritable(path: Path, place: str, file: bool = False) -> list[Fault]:
     try:
         with tempfile.TemporaryFile(dir=existing) as probe:
             probe.write(b"\0" * PROBE)
-        return []
+        if not file or not is_file(path) or os.access(path, os.W_OK):
+            return []
+        return [Fault(place, f"{path} cannot be written: permission denied; change the permissions, or name another")]
     except OSError as error:
         reason, remedy = cause(error) or (error.strerror or "not writable", "")
         remedy = f"{remedy}, or " if remedy else ""
@@ -212,8 +214,6 @@ def _obstacle(path: Path, file: bool) -> str:
         return f"cannot be written: {name} is {_kind(mode)}, not a directory; name another"
     if file and not stat.S_ISREG(mode):
         return f"{name} is {_kind(mode)}, which is not replaced; name another file"
-    if file and not os.access(path, os.W_OK):
-        return f"{name} cannot be written: permission denied; change the permissions, or name another file"
     return ""
 
 

@@ -156,7 +156,7 @@ def test_a_single_file_says_its_path_and_keeps_what_was_there(config: Path, tmp_
     designs.write_text("a_t\n0.1\n", encoding="utf-8")
     out.write_text("older", encoding="utf-8")
     fill(errno.ENOSPC, 0)
-    failed = tolevo("evaluate", config, designs, "--out", out)
+    failed = tolevo("evaluate", config, designs, "--out", out, "--overwrite")
     assert failed.exit_code == 1
     assert f"failed: {out} cannot be written: the disk is full; what was there is kept" in (failed.stderr)
     assert out.read_text(encoding="utf-8") == "older"
