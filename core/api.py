@@ -120,7 +120,7 @@ def run(
     source = at_hand(source)
     where = executing(source, settings, workers, dask, faults)
     plan = collected(lambda: _with_problem(read(source, settings, algorithm=algorithm, seed=seed)), faults).plan()
-    collected(lambda: searchable(plan.problem), faults)
+    collected(lambda: searchable(plan.problem, plan.algorithm), faults)
     raise_all(faults)
     report_lines(tell, "warning", Checks.of(plan.problem).cautions())
     folder, scratch = folder_for(out)

@@ -30,10 +30,10 @@ sys.argv = ["tolevo", *{words!r}]
 {before}
 from tolevo.cli import main
 leave = os._exit
-def left(status=0):
+def ended(status=0):
     open({cpu!r}, "w").write(str(time.process_time()))
     leave(status)
-os._exit = left  # an interrupted command ends so
+os._exit = ended  # an interrupted command ends so
 try:
     main()
 finally:

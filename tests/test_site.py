@@ -43,7 +43,7 @@ REDUCED: dict[str, tuple[str, ...]] = {
     "gap batch.toml": BATCH,
     "gap tests/data/ur5/ur5.toml": ("settings.simulations=200", 'effects.consider=["delay"]'),
     "run configs/pose_accuracy.toml": EXACT,
-    "run configs/pose_accuracy_ga.toml": FEW,
+    "run configs/pose_accuracy_ga.toml": ("algorithm.population=40", "algorithm.generations=40"),
     "run configs/robot_arm": ARM,
     "run configs/robot_manipulator.toml": EXACT,
     "run configs/rv40e_least_cost.toml": REDUCER,

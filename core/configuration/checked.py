@@ -27,5 +27,6 @@ def checked(source: Source, overrides: Sequence[str] = ()) -> str:
     if configuration.problem is None:
         build_model(configuration)  # raises faults that only the physics of the model can detect
     else:
-        searchable(Accuracy.of(configuration.problem).coarser())  # whatever its size, in seconds
+        coarser = Accuracy.of(configuration.problem).coarser()  # whatever its size, in seconds
+        searchable(coarser, configuration.algorithm)
     return describe(configuration)

@@ -222,7 +222,7 @@ FAULTS = {
     "seed = -1": "seed: must be at least 0, got -1",
     "seed = true": "seed: must be a whole number, got true",
     "seed = 1.0": "seed: must be a whole number, got 1.0",
-    'references = "paper"': 'references: must be one of documents, none, got "paper"',
+    'references = "paper"': 'references: must be one of documents, ga, none, got "paper"',
     "parameters.arn_mm = 1": "parameters.arn_mm: is not a known key (did you mean `arm_mm`?)",
     'parameters.arm = "1 kg"': 'parameters.arm: must be a number or a string with a unit of mm, '
                                'got "1 kg"',

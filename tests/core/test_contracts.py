@@ -106,13 +106,13 @@ def test_names_that_are_none() -> None:
 def test_a_plugin_that_is_no_curve_stops_nothing_else(monkeypatch: pytest.MonkeyPatch) -> None:
     from tolevo import registry
 
-    real = registry.load
+    real = registry._member
 
-    def load(group: str, name: str) -> object:
-        return int if name == "table" else real(group, name)
+    def member(module: object, path: list[str]) -> object:
+        return int if path == ["Table"] else real(module, path)
 
-    monkeypatch.setattr(registry, "load", load)
-    with pytest.raises(InputError, match="is not a CostCurve"):
+    monkeypatch.setattr(registry, "_member", member)
+    with pytest.raises(InputError, match="must be a subclass of CostCurve"):
         CURVES["table"]
     assert set(CURVES.sound()) == set(CURVES) - {"table"}
     assert CURVES.name_of(Reciprocal) == "reciprocal"

@@ -281,7 +281,9 @@ def test_a_number_of_thousands_of_digits_is_a_fault(tmp_path: Path) -> None:
     status, said = check(path, f"seed = 0x{'f' * 5000}\n{RUN}", [])
     assert (status, said) == (2, "seed: must be below 1e300\n")
     status, said = check(path, RUN, [f"seed={'9' * 5000}"])
-    assert (status, said) == (2, 'seed: must be a whole number, got "' + "9" * 5000 + '"\n')
+    assert status == 2
+    assert said.startswith('seed: must be a whole number, got "999')
+    assert len(said) < 200
 
 
 def test_a_seed_may_be_large(tmp_path: Path) -> None:

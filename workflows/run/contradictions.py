@@ -6,10 +6,8 @@ import numpy as np
 
 from ...algorithms.exact.bounds import restricted, row_limits, upper_limit
 from ...algorithms.exact.choices import least_cost
-from ...algorithms.exact.epsilon import integer_faults
 from ...algorithms.exact.front import tightest
 from ...algorithms.exact.pieces import convex_pieces
-from ...algorithms.exact.solver import closed_form
 from ...arrays import Array
 from ...errors import Fault
 from ...models.stack import Law
@@ -30,7 +28,7 @@ def contradictions(problem: ToleranceProblem, algorithm: str) -> list[Fault]:
     Proven by the convex form: an upper limit on the cost against limits on requirements, and
     requirements against each other where their deviations compensate.
     """
-    faults = [*_below_half(problem), *_too_many_choices(problem)] if algorithm == "exact" else []
+    faults = _below_half(problem) if algorithm == "exact" else []
     form = Provable.of(problem).form() if problem.limits else None
     if form is None or form.also or len(problem.limits) < 2:
         return faults
@@ -45,12 +43,6 @@ def contradictions(problem: ToleranceProblem, algorithm: str) -> list[Fault]:
     if not keeps(bound, most):
         return faults + _too_expensive(form, limits, most, bound)
     return faults
-
-
-def _too_many_choices(problem: ToleranceProblem) -> list[Fault]:
-    """More sets of choices than `exact` solves one by one where there is no closed form."""
-    faults = integer_faults(problem)
-    return faults if faults and closed_form(problem) is None else []
 
 
 def _below_half(problem: ToleranceProblem) -> list[Fault]:

@@ -7,9 +7,10 @@ from dataclasses import replace
 import numpy as np
 
 from ...algorithms.exact.branch import Branch
-from ...algorithms.exact.epsilon import scale_of
+from ...algorithms.exact.epsilon import integer_faults, scale_of
+from ...algorithms.exact.solver import Exact, closed_form
 from ...algorithms.run import Run
-from ...algorithms.settings import Budget
+from ...algorithms.settings import AlgorithmSettings, Budget
 from ...arrays import Array
 from ...errors import Fault, raise_all
 from ...problems.interfaces import Checks, Differentiable
@@ -20,9 +21,16 @@ ATTEMPTS = 3
 """Searches for the least value, each from the result of the last."""
 
 
-def searchable(problem: ToleranceProblem) -> None:
+def searchable(problem: ToleranceProblem, algorithm: AlgorithmSettings | None = None) -> None:
     """Raises InputError with every reason why a problem cannot be searched as it is set."""
-    raise_all(Checks.of(problem).search_faults() or unreachable(problem))
+    many = _too_many_choices(problem) if isinstance(algorithm, Exact) else []
+    raise_all([*many, *(Checks.of(problem).search_faults() or unreachable(problem))])
+
+
+def _too_many_choices(problem: ToleranceProblem) -> list[Fault]:
+    """More sets of choices than `exact` solves one by one where there is no closed form."""
+    faults = integer_faults(problem)
+    return faults if faults and closed_form(problem) is None else []
 
 
 def unreachable(problem: ToleranceProblem) -> list[Fault]:

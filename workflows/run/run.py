@@ -72,7 +72,7 @@ def run(
     """
     if not plan.problem.free:
         raise refuse("problem", "every variable is fixed: there is nothing to optimise; use `tolevo evaluate`")
-    searchable(plan.problem)
+    searchable(plan.problem, plan.algorithm)
     with owned(out, "run", resume, overwrite) as place, pinned():
         return _run(plan, place, workers, progress, resume)
 
