@@ -27,7 +27,8 @@ UNDECIDED = 6.0
 class Yields:
     """The outputs (n,) at tolerances t (n, parts) that take a sample of units.
 
-    A search counts units; where it is `smooth`, and in a report, a piece is integrated.
+    A search counts units; where it is `smooth`, and in a report of one point, a piece is integrated. A
+    report takes whichever estimate of a yield has the smaller error.
     """
 
     measured: tuple[Measured, ...]
@@ -125,7 +126,8 @@ class Yields:
         if measured.distribution is not None:
             return {name: measured.distribution.half_width(t, coverage)}
         widths = np.full(len(t), np.nan)
-        if (estimate := self._estimate([measured], searching)) is not None:
+        counted = not searching and len(self.settings.objectives) > 1  # by all units, not by a sixteenth of them
+        if not counted and (estimate := self._estimate([measured], searching)) is not None:
             for at in range(len(t)):
                 width = estimate.half_width(t[at : at + 1], coverage)
                 widths[at] = np.nan if width is None else width
@@ -151,7 +153,10 @@ class Yields:
             for at in range(len(t)):
                 if (kept := integrated.within(t[at : at + 1])) is not None:
                     estimates[:, at] = 100.0 * kept.mean(), 100.0 * kept.std(ddof=1) / np.sqrt(len(kept))
-        if len(rest := np.flatnonzero(np.isnan(estimates[0]))):
+        missing = np.isnan(estimates[0])
+        if not searching:
+            missing |= estimates[1] > _error_of_count(estimates[0], self.settings.propagation.samples)
+        if len(rest := np.flatnonzero(missing)):
             estimates[:, rest] = self._counted(name, bounded, t[rest], searching)
         return dict(zip(names, estimates, strict=True))
 
@@ -190,3 +195,8 @@ class Yields:
         rng = np.random.default_rng(self.settings.seed)
         samples = min(most, self.settings.propagation.samples)
         return Sample.draw(self.measured[0].mechanism, samples, rng)
+
+
+def _error_of_count(percent: Array, units: int) -> Array:
+    """Standard error [percent] of a yield that is counted."""
+    return np.asarray(np.sqrt(np.maximum(percent * (100.0 - percent), 0.0) / units))
