@@ -64,7 +64,7 @@ LIMITED = "[limits]\nvariation = 0.3"
 
 @pytest.fixture(scope="module")
 def evolved(tmp_path_factory: pytest.TempPathFactory) -> tuple[pd.DataFrame, dict[str, object], Path]:
-    return run(config(tmp_path_factory.mktemp("run"), NSGA2, more=LIMITED))
+    return run(config(tmp_path_factory.mktemp("run"), NSGA2, more=f'references = "ga"\n{LIMITED}'))
 
 
 def test_bounds_are_those_of_lagrange(evolved: tuple[pd.DataFrame, dict[str, object], Path]) -> None:
