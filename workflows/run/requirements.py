@@ -53,6 +53,7 @@ def requirements_of(problem: ToleranceProblem, front: pd.DataFrame) -> tuple[pd.
     if not np.isfinite(optimum.cost[0]):
         return None
     combination = Combination(form, tuple(optimum.chosen[0].tolist()))
+    optimum = replace(optimum, cost=combination.cost(optimum.t))
     return _table(problem, limits, optimum, combination), _drivers(form, optimum, combination)
 
 
