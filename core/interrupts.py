@@ -113,7 +113,8 @@ def _end_processes() -> None:
         with suppress(Exception):
             child.kill()
     finalizers = getattr(sys.modules.get("multiprocessing.util"), "_finalizer_registry", {})
-    for finalizer in list(finalizers.values()) if locks is not None else ():
+    unlink = locks.SemLock._cleanup if locks is not None else None
+    for finalizer in list(finalizers.values()) if unlink is not None else ():
         with suppress(Exception):
-            if finalizer._callback is locks.SemLock._cleanup:
+            if finalizer._callback is unlink:
                 finalizer()

@@ -99,7 +99,8 @@ def fits(unit: str, to: str) -> bool:
 
     Raises ValueError where one of them is not known.
     """
-    dimension(unit), dimension(to)
+    for text in (unit, to):
+        dimension(text)
     try:
         _scale(unit, to)
     except UnitError:

@@ -97,10 +97,11 @@ class Order:
         """The table with every number that goes on a drawing as it is written there."""
         texts = self.table.copy()
         for name in set(SIZES) & set(texts):
-            texts[name] = [
+            written: list[object] = [
                 drawing_number(float(value)) if isinstance(value, Real) and _has_value(value) else value
                 for value in texts[name]
             ]
+            texts[name] = pd.Series(written, index=texts.index, dtype=object)
         return texts
 
     @property

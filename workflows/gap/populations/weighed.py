@@ -80,14 +80,16 @@ class Weighed:
         amount = change.best[0] if standing else change.free[0]
         ends = change.interval(float(chdtri(1, 1.0 - self.level)), standing)
         low, high = sorted(change.shown(end) for end in ends)
-        numbers = change.shown(amount), low, high, change.share(amount)
-        if not standing and abs(numbers[-1]) > OUT_OF_QUESTION:
-            numbers = (np.nan,) * 4
+        shown, share = change.shown(amount), change.share(amount)
+        if not standing and abs(share) > OUT_OF_QUESTION:
+            shown = low = high = share = np.nan
         return InputChange(
             change.name,
-            *numbers[:3],
+            shown,
+            low,
+            high,
             change.unit if change.source else unit,
-            numbers[-1],
+            share,
             self.behind(change),
             "" if standing else self._reason_for_exclusion(change),
             parts_of(change, amount) if standing else 0,
