@@ -68,6 +68,11 @@ class Limit:
         """Number of inequality constraints."""
         return int(np.isfinite(self.low)) + int(np.isfinite(self.high))
 
+    @property
+    def of_percentage(self) -> bool:
+        """Whether the output is a percentage."""
+        return self.unit in ("percent", "%")
+
     def _by(self, bound: float) -> float:
         return abs(bound) if bound != 0.0 else self.scale
 

@@ -104,7 +104,7 @@ def _farther(run: Run) -> Array:
     """The fraction by which limits (constraints,) are moved beyond what fresh units require."""
     fractions = []
     for limit in run.problem.limits:
-        tail = 100.0 - limit.low if limit.unit in ("percent", "%") else np.inf
+        tail = 100.0 - limit.low if limit.of_percentage else np.inf
         fraction = OF_TAIL * tail / limit.low if 0.0 < tail < limit.low else MARGIN
         fractions += [min(MARGIN, fraction)] * limit.count
     return np.array(fractions)

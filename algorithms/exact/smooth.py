@@ -131,7 +131,7 @@ def probits(g: Array, least: Array) -> tuple[Array, Array]:
 
 def _percentages(limit: Limit) -> list[float]:
     """The least percentage of each side of a limit, NaN where it is none."""
-    least = limit.low if limit.unit in ("percent", "%") and 0.0 < limit.low < 100.0 * (1.0 - SURE) else np.nan
+    least = limit.low if limit.of_percentage and 0.0 < limit.low < 100.0 * (1.0 - SURE) else np.nan
     return [end for side, end in ((limit.low, least), (limit.high, np.nan)) if np.isfinite(side)]
 
 
